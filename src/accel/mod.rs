@@ -1,0 +1,107 @@
+//! Acceleration structures: what every builder returns, and its checks. Knows nothing of devices.
+
+mod median;
+mod sah;
+mod stats;
+mod validate;
+
+pub use stats::TreeStats;
+pub use validate::check_tree;
+
+use crate::options::Build;
+use crate::shared::KdNode;
+use glam::Vec3;
+
+/// An axis-aligned box; empty when a low coordinate exceeds the high one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aabb {
+    /// Low corner.
+    pub low: Vec3,
+    /// High corner.
+    pub high: Vec3,
+}
+
+impl Aabb {
+    /// The box that contains nothing.
+    pub const EMPTY: Aabb = Aabb { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+
+    /// The smallest box around this one and `point`.
+    pub fn with_point(self, point: Vec3) -> Aabb {
+        Aabb { low: self.low.min(point), high: self.high.max(point) }
+    }
+
+    /// The smallest box around both.
+    pub fn union(self, other: Aabb) -> Aabb {
+        Aabb { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// The smallest box around a triangle.
+    pub fn of_triangle(vertices: &[Vec3; 3]) -> Aabb {
+        Aabb { low: vertices[0].min(vertices[1]).min(vertices[2]), high: vertices[0].max(vertices[1]).max(vertices[2]) }
+    }
+
+    /// Half the surface area (the SAH needs ratios only); 0 for an empty box.
+    pub fn half_area(self) -> f32 {
+        let extent = (self.high - self.low).max(Vec3::ZERO);
+        extent.x * extent.y + extent.y * extent.z + extent.z * extent.x
+    }
+}
+
+/// What a builder needs to know beside the triangles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BuildOptions {
+    /// A node with at most this many triangles is not split.
+    pub leaf_size: u32,
+    /// No leaf is deeper than this, the root counted as 0.
+    pub max_depth: u32,
+    /// Cost of one traversal step.
+    pub cost_traverse: f32,
+    /// Cost of one triangle test.
+    pub cost_intersect: f32,
+    /// Factor by which the cost of a split with an empty side is reduced, in 0..1 (0: not at all).
+    pub empty_bonus: f32,
+}
+
+impl BuildOptions {
+    /// The defaults for a tree of `triangle_count` triangles with `build`; `leaf_size` and `max_depth` override them.
+    pub fn new(build: Build, triangle_count: usize, leaf_size: Option<u32>, max_depth: Option<u32>) -> Self {
+        // Havran (2000, section 4.4): depth 8 + 1.3 log2 N.
+        let depth = 8.0 + 1.3 * (triangle_count.max(1) as f32).log2();
+        let default_leaf = match build {
+            Build::Sah => 1, // the cost decides
+            Build::Median => 8,
+        };
+        BuildOptions {
+            leaf_size: leaf_size.unwrap_or(default_leaf),
+            max_depth: max_depth.unwrap_or(depth as u32),
+            cost_traverse: 1.0,
+            cost_intersect: 1.0,
+            empty_bonus: 0.2,
+        }
+    }
+}
+
+/// A kd-tree over triangles.
+///
+/// Every point of every triangle lies in a leaf that refers to that triangle: a point on a split plane belongs to both
+/// sides, so a triangle that touches a plane from one side only may be listed on that side only, and one that lies in the
+/// plane is listed on at least one side. Traversals therefore must visit both sides of a plane that is hit exactly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KdTree {
+    /// Nodes in left pre-order; the root is node 0.
+    pub nodes: Vec<KdNode>,
+    /// Triangle numbers, a range for each leaf, ascending within a leaf.
+    pub references: Vec<u32>,
+    /// The box around all triangles.
+    pub bounds: Aabb,
+}
+
+/// Builds a kd-tree over the triangles `primitives` (indices into `vertices`; each finite and not of zero area).
+///
+/// An empty list gives a tree of one empty leaf.
+pub fn build_kd_tree(build: Build, vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
+    match build {
+        Build::Median => median::build(vertices, primitives, options),
+        Build::Sah => sah::build(vertices, primitives, options),
+    }
+}

@@ -1,0 +1,113 @@
+//! The one error type of the crate. Every variant names the file, option or device at fault and, where there is one, the remedy.
+
+use std::path::{Path, PathBuf};
+
+/// Shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Why raybrook could not do what it was asked to.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("cannot {action} '{}'", path.display())]
+    Io {
+        /// "read", "write", "create", …
+        action: &'static str,
+        /// The file at fault.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file was read, but what it holds is not usable.
+    #[error("{}{}: {message}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    Input {
+        /// The file at fault.
+        path: PathBuf,
+        /// The line at fault, counted from 1, where one is known.
+        line: Option<usize>,
+        /// What is wrong and what to do.
+        message: String,
+    },
+    /// A scene that was built in memory cannot be traced.
+    #[error("the scene cannot be traced: {0}")]
+    Scene(String),
+    /// An option has a value that cannot be used.
+    #[error("option {option}: {message}")]
+    Option {
+        /// The option as the user types it, such as `--max-depth`.
+        option: String,
+        /// What is wrong and what is possible.
+        message: String,
+    },
+    /// No device matches what was asked for, or there is none at all.
+    #[error("{0}")]
+    NoDevice(String),
+    /// An OpenCL call failed.
+    #[error("device '{device}': {call} failed: {code}{}", if hint.is_empty() { String::new() } else { format!(" ({hint})") })]
+    OpenCl {
+        /// The name of the device.
+        device: String,
+        /// The OpenCL call and what was asked of it.
+        call: String,
+        /// The decoded error, such as `CL_OUT_OF_RESOURCES (-5)`.
+        code: String,
+        /// The limit that was met or the remedy; may be empty.
+        hint: String,
+    },
+    /// The device's compiler refused the kernels.
+    #[error("device '{device}': the kernels do not build with '{options}':\n{log}")]
+    Build {
+        /// The name of the device.
+        device: String,
+        /// The build options.
+        options: String,
+        /// The compiler's log; it names the file and line under `cl/`.
+        log: String,
+    },
+    /// The device's memory cannot hold the scene.
+    #[error("device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; use --device reference or a smaller scene")]
+    TooLarge {
+        /// The name of the device.
+        device: String,
+        /// The buffer that does not fit.
+        what: String,
+        /// Its size.
+        needed_bytes: u64,
+        /// The OpenCL limit that it exceeds.
+        limit_name: &'static str,
+        /// The value of that limit.
+        limit_bytes: u64,
+    },
+    /// The work was interrupted (Ctrl-C).
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Error {
+    /// An [`Error::Io`] for `path`.
+    pub fn io(action: &'static str, path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Error::Io { action, path: path.as_ref().to_owned(), source }
+    }
+
+    /// An [`Error::Input`] for `path`, at `line` if it is known.
+    pub fn input(path: impl AsRef<Path>, line: impl Into<Option<usize>>, message: impl Into<String>) -> Self {
+        Error::Input { path: path.as_ref().to_owned(), line: line.into(), message: message.into() }
+    }
+
+    /// An [`Error::Option`] for `option`.
+    pub fn option(option: impl Into<String>, message: impl Into<String>) -> Self {
+        Error::Option { option: option.into(), message: message.into() }
+    }
+
+    /// The documented exit code of the binary for this error: 2 usage, 3 input, 4 device, 5 output, 130 interrupted.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Option { .. } => 2,
+            Error::Io { action: "read", .. } | Error::Input { .. } | Error::Scene(_) => 3,
+            Error::NoDevice(_) | Error::OpenCl { .. } | Error::Build { .. } | Error::TooLarge { .. } => 4,
+            Error::Io { .. } => 5,
+            Error::Interrupted => 130,
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! raybrook
+pub mod accel;
+pub mod error;
+pub mod layout;
+pub mod options;
+pub mod scene;
+pub mod shared;
+pub use error::{Error, Result};

@@ -1,0 +1,156 @@
+//! What can be chosen: structure, build, traversal, triangle test, and the numbers that go with them.
+//!
+//! The enums here are the one list of what exists: the CLI, the tests and the benches loop over `ALL`. Adding a variant means
+//! one kernel file, its twin in `reference/`, and one line here.
+
+use crate::error::{Error, Result};
+
+/// Defines an enum of methods: its `ALL`, `name` (as the user types it) and documentation.
+macro_rules! methods {
+    ($(#[$meta:meta])* pub enum $enum:ident ($option:literal) { $($(#[$variant_meta:meta])* $variant:ident = $name:literal,)+ }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum $enum { $($(#[$variant_meta])* $variant,)+ }
+
+        impl $enum {
+            /// Every variant, in the order of the documentation.
+            pub const ALL: &'static [$enum] = &[$($enum::$variant),+];
+
+            /// The name as the user types it.
+            pub fn name(self) -> &'static str {
+                match self { $($enum::$variant => $name),+ }
+            }
+        }
+
+        impl std::fmt::Display for $enum {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl std::str::FromStr for $enum {
+            type Err = Error;
+
+            fn from_str(text: &str) -> Result<Self> {
+                $enum::ALL.iter().copied().find(|m| m.name() == text).ok_or_else(|| {
+                    let names: Vec<_> = $enum::ALL.iter().map(|m| m.name()).collect();
+                    Error::option($option, format!("no '{text}'; possible: {}", names.join(", ")))
+                })
+            }
+        }
+    };
+}
+
+methods! {
+    /// The structure that rays are traced through.
+    pub enum Accel ("--accel") {
+        /// Every triangle is tested against every ray.
+        Brute = "brute",
+        /// A kd-tree.
+        Kd = "kd",
+    }
+}
+
+methods! {
+    /// How the kd-tree's planes are chosen.
+    pub enum Build ("--build") {
+        /// Axes in turn, plane between the two middle centroids (thesis, section 5.5.1).
+        Median = "median",
+        /// Surface area heuristic over sorted event lists (Wald and Havran 2006).
+        Sah = "sah",
+    }
+}
+
+methods! {
+    /// How a ray finds its way through the kd-tree.
+    pub enum Traversal ("--traversal") {
+        /// A full stack of far children.
+        Stack = "stack",
+    }
+}
+
+methods! {
+    /// The ray-triangle test.
+    pub enum Intersector ("--intersector") {
+        /// Two edges and one reciprocal (Möller and Trumbore 1997), two-sided, no epsilon.
+        MollerTrumbore = "moller-trumbore",
+        /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between neighbours.
+        Watertight = "watertight",
+    }
+}
+
+impl Intersector {
+    /// The function in `cl/intersect/` that does it.
+    pub fn cl_function(self) -> &'static str {
+        match self {
+            Intersector::MollerTrumbore => "intersect_moller_trumbore",
+            Intersector::Watertight => "intersect_watertight",
+        }
+    }
+}
+
+/// Which parts trace the rays, and the numbers of the build.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct TraceOptions {
+    /// The structure.
+    #[serde(serialize_with = "as_name")]
+    pub accel: Accel,
+    /// The kd-tree's build.
+    #[serde(serialize_with = "as_name")]
+    pub build: Build,
+    /// The kd-tree's traversal.
+    #[serde(serialize_with = "as_name")]
+    pub traversal: Traversal,
+    /// The ray-triangle test.
+    #[serde(serialize_with = "as_name")]
+    pub intersector: Intersector,
+    /// A node with at most this many triangles is not split; at least 1. `None`: the build's own default.
+    pub leaf_size: Option<u32>,
+    /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles).
+    pub max_depth: Option<u32>,
+}
+
+fn as_name<T: std::fmt::Display, S: serde::Serializer>(value: &T, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serializer.collect_str(value)
+}
+
+impl TraceOptions {
+    /// The deepest tree that a traversal stack is made for.
+    pub const MAX_DEPTH: u32 = 60;
+
+    /// The function in `cl/traverse/` that does it.
+    pub fn cl_traverse(&self) -> &'static str {
+        match (self.accel, self.traversal) {
+            (Accel::Brute, _) => "traverse_brute_force",
+            (Accel::Kd, Traversal::Stack) => "traverse_kd_stack",
+        }
+    }
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`Error::Option`] names the option that is out of its range.
+    pub fn validate(&self) -> Result<()> {
+        if self.leaf_size == Some(0) {
+            return Err(Error::option("--leaf-size", "must be at least 1"));
+        }
+        if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {
+            return Err(Error::option("--max-depth", format!("{depth} is over the limit of {}", Self::MAX_DEPTH)));
+        }
+        Ok(())
+    }
+}
+
+impl Default for TraceOptions {
+    fn default() -> Self {
+        TraceOptions {
+            accel: Accel::Kd,
+            build: Build::Sah,
+            traversal: Traversal::Stack,
+            intersector: Intersector::Watertight,
+            leaf_size: None,
+            max_depth: None,
+        }
+    }
+}

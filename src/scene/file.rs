@@ -1,0 +1,2 @@
+//! stub
+pub(super) fn load(_path: &std::path::Path) -> crate::Result<super::Scene> { todo!() }

@@ -1,0 +1,62 @@
+//! Light sources: all are points or directions, so shadows are hard.
+
+use glam::Vec3;
+
+/// How a point light's irradiance falls with distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Falloff {
+    /// Not at all (the thesis's and OBJ's habit): `intensity` arrives everywhere.
+    #[default]
+    None,
+    /// With the squared distance: `intensity` arrives at distance 1.
+    Quadratic,
+}
+
+/// What kind of light it is, with the data of that kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// Shines from `position` in all directions.
+    Point {
+        /// World units.
+        position: Vec3,
+    },
+    /// Shines along `direction` (from the light towards the scene) from infinitely far.
+    Directional {
+        /// Need not be of unit length; not zero.
+        direction: Vec3,
+    },
+    /// Shines from `position` in a cone around `direction`.
+    Spot {
+        /// World units.
+        position: Vec3,
+        /// Axis of the cone, away from the light; need not be of unit length; not zero.
+        direction: Vec3,
+        /// Full intensity within this angle from the axis, degrees.
+        inner_degrees: f32,
+        /// None beyond this angle from the axis, degrees; at least `inner_degrees`, below 90.
+        outer_degrees: f32,
+    },
+}
+
+/// A light source.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Light {
+    /// Kind and place.
+    pub kind: LightKind,
+    /// Colour and strength, linear RGB.
+    pub intensity: Vec3,
+    /// Fall of point and spot lights with distance.
+    pub falloff: Falloff,
+}
+
+impl Light {
+    /// A point light without falloff.
+    pub fn point(position: Vec3, intensity: Vec3) -> Light {
+        Light { kind: LightKind::Point { position }, intensity, falloff: Falloff::None }
+    }
+
+    /// A directional light that shines along `direction`.
+    pub fn directional(direction: Vec3, intensity: Vec3) -> Light {
+        Light { kind: LightKind::Directional { direction }, intensity, falloff: Falloff::None }
+    }
+}

@@ -1,0 +1,67 @@
+//! The material model: Blinn–Phong with mirror reflection and dielectric refraction (Whitted 1980).
+
+use super::TextureId;
+use glam::Vec3;
+
+/// Index of a material in its scene.
+pub type MaterialId = u32;
+
+/// How a surface answers light. All colours are linear RGB; 0..1 keeps energy.
+///
+/// A surface with `transmission` above zero is a dielectric: what it reflects and transmits is shared by Fresnel's
+/// equations, `mirror` is not used, and the local (ambient, diffuse, specular) light is what its `transmission` leaves over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    /// Name as the file gives it.
+    pub name: String,
+    /// Multiplies the scene's ambient light.
+    pub ambient: Vec3,
+    /// Lambert reflectance; multiplied by the texture where there is one.
+    pub diffuse: Vec3,
+    /// Texture of the diffuse (and ambient) colour.
+    pub diffuse_texture: Option<TextureId>,
+    /// Blinn–Phong highlight.
+    pub specular: Vec3,
+    /// Blinn–Phong exponent, 0..=[`Material::MAX_SHININESS`].
+    pub shininess: f32,
+    /// Mirror reflectance.
+    pub mirror: Vec3,
+    /// What passes through the surface; above zero the surface is transparent, refracts, and reflects by Fresnel.
+    pub transmission: Vec3,
+    /// Index of refraction relative to the outside, above 0. 1 lets rays pass straight.
+    pub ior: f32,
+    /// Light given off by the surface itself (seen by rays, does not light others).
+    pub emission: Vec3,
+}
+
+impl Material {
+    /// The largest Blinn–Phong exponent that the shading arithmetic is bounded for.
+    pub const MAX_SHININESS: f32 = 10_000.0;
+
+    /// A matt surface of colour `diffuse`.
+    pub fn matt(diffuse: Vec3) -> Material {
+        Material { diffuse, ambient: diffuse, ..Material::default() }
+    }
+
+    /// Whether light passes through it: a shadow ray goes on, tinted.
+    pub fn is_transparent(&self) -> bool {
+        self.transmission.max_element() > 0.0
+    }
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Material {
+            name: String::new(),
+            ambient: Vec3::splat(0.8),
+            diffuse: Vec3::splat(0.8),
+            diffuse_texture: None,
+            specular: Vec3::ZERO,
+            shininess: 0.0,
+            mirror: Vec3::ZERO,
+            transmission: Vec3::ZERO,
+            ior: 1.0,
+            emission: Vec3::ZERO,
+        }
+    }
+}

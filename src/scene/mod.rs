@@ -1,0 +1,150 @@
+//! Scenes: triangles with materials, lights and a camera, in world units. Usable alone: nothing here knows of
+//! acceleration structures, devices or pictures' pixels.
+//!
+//! A scene comes from a file ([`load`]) or from the OpenGL-style [`Builder`] (thesis, section 6.2.1).
+
+mod builder;
+mod camera;
+mod file;
+mod light;
+mod load;
+mod material;
+mod mtl;
+mod obj;
+mod obj_clean;
+mod solids;
+mod texture;
+mod triangulate;
+
+pub use builder::Builder;
+pub use camera::Camera;
+pub use light::{Falloff, Light, LightKind};
+pub use load::load;
+pub use material::{Material, MaterialId};
+pub use texture::{Texture, TextureId};
+
+use glam::{DVec3, Vec2, Vec3};
+
+/// Marks a triangle corner without its own normal or texture coordinates.
+pub const NO_INDEX: u32 = u32::MAX;
+
+/// One triangle: indices into the scene's arrays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Triangle {
+    /// Indices into [`Scene::positions`].
+    pub positions: [u32; 3],
+    /// Indices into [`Scene::normals`], or [`NO_INDEX`]: the corner then has the geometric normal.
+    pub normals: [u32; 3],
+    /// Indices into [`Scene::uvs`], or [`NO_INDEX`]: the corner then has (0, 0).
+    pub uvs: [u32; 3],
+    /// Index into [`Scene::materials`].
+    pub material: MaterialId,
+}
+
+/// What a ray that leaves the scene sees: a vertical gradient (equal colours: constant), linear RGB.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Background {
+    /// Colour straight down and at the horizon from below, linear RGB.
+    pub bottom: Vec3,
+    /// Colour straight up, linear RGB.
+    pub top: Vec3,
+}
+
+impl Default for Background {
+    fn default() -> Self {
+        Background { bottom: Vec3::splat(0.05), top: Vec3::splat(0.05) }
+    }
+}
+
+/// What a scene file says of the picture; command-line options override it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PictureDefaults {
+    /// Width and height in pixels.
+    pub size: Option<(u32, u32)>,
+    /// Samples per pixel.
+    pub samples: Option<u32>,
+    /// Longest chain of rays, the camera ray counted as 1.
+    pub depth: Option<u32>,
+}
+
+/// A scene in world units.
+///
+/// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated. Triangles that cannot
+/// be hit (NaN, infinite, zero area) stay in the list and keep their number; [`Scene::drop_reason`] tells them.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// Vertex positions, world units.
+    pub positions: Vec<Vec3>,
+    /// Vertex normals; need not be of unit length, a zero or non-finite one means "the geometric normal".
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, v upwards.
+    pub uvs: Vec<Vec2>,
+    /// The triangles, in primitive order.
+    pub triangles: Vec<Triangle>,
+    /// The materials; triangles refer to them by index.
+    pub materials: Vec<Material>,
+    /// The textures; materials refer to them by index.
+    pub textures: Vec<Texture>,
+    /// The lights; without any the renderer adds a key light (see [`Scene::key_light`]).
+    pub lights: Vec<Light>,
+    /// The camera; without one the renderer frames the scene (see [`Camera::framing`]).
+    pub camera: Option<Camera>,
+    /// What rays that miss everything see.
+    pub background: Background,
+    /// Light from everywhere, multiplied by [`Material::ambient`], linear RGB.
+    pub ambient: Vec3,
+    /// What the scene file says of the picture.
+    pub picture: PictureDefaults,
+    /// What was repaired, ignored or left out while loading; one sentence each, file named.
+    pub warnings: Vec<String>,
+}
+
+/// Why a triangle cannot be hit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DropReason {
+    /// A vertex is NaN or infinite.
+    NotFinite,
+    /// The three vertices lie on one line or in one point.
+    ZeroArea,
+}
+
+impl Scene {
+    /// The three vertices of primitive `primitive`.
+    pub fn vertices(&self, primitive: usize) -> [Vec3; 3] {
+        self.triangles[primitive].positions.map(|i| self.positions[i as usize])
+    }
+
+    /// Why primitive `primitive` can never be hit, or `None` for a proper triangle.
+    ///
+    /// The area is judged in f64, where the products of float32 differences are exact for vertices within 2^28 of each
+    /// other in magnitude, so that a thin but proper triangle is not lost.
+    pub fn drop_reason(&self, primitive: usize) -> Option<DropReason> {
+        let [a, b, c] = self.vertices(primitive);
+        if !(a.is_finite() && b.is_finite() && c.is_finite()) {
+            return Some(DropReason::NotFinite);
+        }
+        let (a, b, c): (DVec3, DVec3, DVec3) = (a.into(), b.into(), c.into());
+        ((b - a).cross(c - a) == DVec3::ZERO).then_some(DropReason::ZeroArea)
+    }
+
+    /// The primitives that can be hit, in order.
+    pub fn hittable(&self) -> Vec<u32> {
+        (0..self.triangles.len()).filter(|&i| self.drop_reason(i).is_none()).map(|i| i as u32).collect()
+    }
+
+    /// The smallest box around all triangles that can be hit: (min, max), or `None` when there is no such triangle.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let primitives = self.hittable();
+        let mut corners = primitives.iter().flat_map(|&i| self.vertices(i as usize));
+        let first = corners.next()?;
+        Some(corners.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
+    }
+
+    /// The light of a scene that has none: directional, from above the camera's left shoulder.
+    pub fn key_light(camera: &Camera) -> Light {
+        let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
+        let right = forward.cross(camera.up).normalize_or(Vec3::X);
+        let up = right.cross(forward);
+        Light::directional(forward * 0.8 - up * 0.6 + right * 0.45, Vec3::splat(0.9))
+    }
+}

@@ -1,0 +1,253 @@
+//! The structs and constants that host and kernels share. `cl/shared/types.cl` is generated from this file.
+//!
+//! All coordinates in these structs are in *tracing space*: world units times [`SceneParams::scale`], a power of two, so that
+//! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
+//! `t` is the same number in both spaces.
+
+use crate::layout::{Float4, StructLayout, device_struct};
+
+/// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
+pub const NO_PRIMITIVE: u32 = u32::MAX;
+
+/// `KdNode::flags` of a leaf; an inner node has its split axis 0, 1 or 2 there.
+pub const KD_LEAF: u32 = 3;
+
+/// `Light::kind` of a point light.
+pub const LIGHT_POINT: u32 = 0;
+/// `Light::kind` of a directional light.
+pub const LIGHT_DIRECTIONAL: u32 = 1;
+/// `Light::kind` of a spot light.
+pub const LIGHT_SPOT: u32 = 2;
+
+/// `Material::texture` of an untextured material.
+pub const NO_TEXTURE: u32 = u32::MAX;
+
+/// `PathCounter`: camera rays cast. The next ones follow the order of [`COUNTER_NAMES`].
+pub const COUNTERS: usize = 8;
+/// Names of the ray counters, in the kernels' order: kind and what happened.
+pub const COUNTER_NAMES: [&str; COUNTERS] = [
+    "CAMERA_CAST",
+    "CAMERA_HIT",
+    "SHADOW_CAST",
+    "SHADOW_HIT",
+    "REFLECTED_CAST",
+    "REFLECTED_HIT",
+    "REFRACTED_CAST",
+    "REFRACTED_HIT",
+];
+
+device_struct! {
+    /// One ray of a batch query.
+    pub struct TraceRay {
+        /// Origin in x, y, z (tracing space) and t_min in w.
+        pub origin_t_min: Float4,
+        /// Direction in x, y, z (any length) and t_max in w.
+        pub direction_t_max: Float4,
+    }
+}
+
+device_struct! {
+    /// The nearest intersection found.
+    pub struct Hit {
+        /// Distance in units of |direction|; infinity on a miss.
+        pub t: f32,
+        /// Barycentric weight of vertex 1.
+        pub u: f32,
+        /// Barycentric weight of vertex 2.
+        pub v: f32,
+        /// Triangle number in file order, NO_PRIMITIVE on a miss.
+        pub primitive: u32,
+    }
+}
+
+device_struct! {
+    /// A kd-tree node: inner {axis, left, right, split} or leaf {KD_LEAF, first, count, 0}; 16 bytes, read as one int4.
+    ///
+    /// ```text
+    /// flags: bits 0-1  split axis 0..2, or 3 = leaf; the rest 0
+    /// inner: left, right = node indices (left = own index + 1: pre-order); split = plane coordinate
+    /// leaf:  left = first entry in the reference array; right = number of entries; split = 0
+    /// ```
+    pub struct KdNode {
+        /// Split axis, or KD_LEAF.
+        pub flags: u32,
+        /// Inner: index of the child below the plane. Leaf: first reference.
+        pub left: u32,
+        /// Inner: index of the child above the plane. Leaf: number of references.
+        pub right: u32,
+        /// Inner: the plane's coordinate, tracing space.
+        pub split: f32,
+    }
+}
+
+device_struct! {
+    /// Shading data of one triangle, apart from its vertices so that traversal never reads it.
+    pub struct Shading {
+        /// Normal at vertex 0 in x, y, z (zero: use the geometric one) and texture u of vertex 0 in w.
+        pub normal0_u0: Float4,
+        /// Normal at vertex 1 and texture u of vertex 1.
+        pub normal1_u1: Float4,
+        /// Normal at vertex 2 and texture u of vertex 2.
+        pub normal2_u2: Float4,
+        /// Texture v of vertex 0.
+        pub v0: f32,
+        /// Texture v of vertex 1.
+        pub v1: f32,
+        /// Texture v of vertex 2.
+        pub v2: f32,
+        /// Index of the material.
+        pub material: u32,
+    }
+}
+
+device_struct! {
+    /// A material; colours are linear RGB.
+    pub struct Material {
+        /// Ambient colour times the scene's ambient light in x, y, z; w unused.
+        pub ambient: Float4,
+        /// Diffuse colour in x, y, z; w unused.
+        pub diffuse: Float4,
+        /// Specular colour in x, y, z and Blinn-Phong exponent in w.
+        pub specular_shininess: Float4,
+        /// Mirror reflectance in x, y, z; w unused.
+        pub mirror: Float4,
+        /// Transmission colour in x, y, z and index of refraction in w.
+        pub transmission_ior: Float4,
+        /// Emitted light in x, y, z; w unused.
+        pub emission: Float4,
+        /// Index of the diffuse texture, or NO_TEXTURE.
+        pub texture: u32,
+        /// 1 when light passes through (transmission above zero), else 0.
+        pub transparent: u32,
+        /// Unused.
+        pub pad0: u32,
+        /// Unused.
+        pub pad1: u32,
+    }
+}
+
+device_struct! {
+    /// A light source.
+    pub struct Light {
+        /// Position (point, spot) in x, y, z, tracing space; w unused.
+        pub position: Float4,
+        /// Unit direction the light shines along (directional, spot) in x, y, z; w unused.
+        pub direction: Float4,
+        /// Intensity, linear RGB; w unused.
+        pub intensity: Float4,
+        /// LIGHT_POINT, LIGHT_DIRECTIONAL or LIGHT_SPOT.
+        pub kind: u32,
+        /// 1 / scale^2 of the tracing space for a falloff with the squared distance, 0 for none.
+        pub quadratic: f32,
+        /// Spot: cosine of the angle within which intensity is full.
+        pub cos_inner: f32,
+        /// Spot: cosine of the angle beyond which there is none.
+        pub cos_outer: f32,
+    }
+}
+
+device_struct! {
+    /// Where a texture lies in the texel array.
+    pub struct TextureInfo {
+        /// Index of its first texel.
+        pub first: u32,
+        /// Texels a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Unused.
+        pub pad: u32,
+    }
+}
+
+device_struct! {
+    /// What the kernels need to know of the scene as a whole.
+    pub struct SceneParams {
+        /// Low corner of the box around all triangles in x, y, z, tracing space; w unused.
+        pub low: Float4,
+        /// High corner of that box; w unused.
+        pub high: Float4,
+        /// Background straight down, linear RGB; w unused.
+        pub background_bottom: Float4,
+        /// Background straight up; w unused.
+        pub background_top: Float4,
+        /// Number of triangles that can be hit = length of the brute-force reference list.
+        pub reference_count: u32,
+        /// Number of lights.
+        pub light_count: u32,
+        /// 1 when some material is transparent, so that shadow rays must look for the tint.
+        pub has_transparent: u32,
+        /// Tracing space = world units times this power of two.
+        pub scale: f32,
+    }
+}
+
+device_struct! {
+    /// What the render kernel needs to know of the picture.
+    pub struct RenderParams {
+        /// Camera position in x, y, z, tracing space; w unused.
+        pub eye: Float4,
+        /// Direction to the middle of the picture, length 1; w unused.
+        pub forward: Float4,
+        /// Half the picture's width at distance 1, to the right; w unused.
+        pub right: Float4,
+        /// Half the picture's height at distance 1, upwards; w unused.
+        pub up: Float4,
+        /// Pixels a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Samples per pixel.
+        pub sample_count: u32,
+        /// Longest chain of rays, the camera ray counted as 1.
+        pub max_depth: u32,
+        /// A secondary ray whose weight is below this in every channel is not cast.
+        pub kill_weight: f32,
+        /// 2 / width.
+        pub pixel_width: f32,
+        /// 2 / height.
+        pub pixel_height: f32,
+        /// 1 / sample_count.
+        pub sample_weight: f32,
+    }
+}
+
+/// Every shared struct, in the order in which `cl/shared/types.cl` defines them.
+pub const SHARED_STRUCTS: [StructLayout; 9] = [
+    TraceRay::LAYOUT,
+    Hit::LAYOUT,
+    KdNode::LAYOUT,
+    Shading::LAYOUT,
+    Material::LAYOUT,
+    Light::LAYOUT,
+    TextureInfo::LAYOUT,
+    SceneParams::LAYOUT,
+    RenderParams::LAYOUT,
+];
+
+/// The text of `cl/shared/types.cl`.
+pub fn types_cl() -> String {
+    let mut text = String::from(
+        "// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test layout`; do not edit.\n\
+         // The structs and constants that host and kernels share; documentation is in src/shared.rs.\n\n",
+    );
+    let constants = [
+        ("NO_PRIMITIVE", NO_PRIMITIVE),
+        ("KD_LEAF", KD_LEAF),
+        ("LIGHT_POINT", LIGHT_POINT),
+        ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
+        ("LIGHT_SPOT", LIGHT_SPOT),
+        ("NO_TEXTURE", NO_TEXTURE),
+        ("COUNTERS", COUNTERS as u32),
+    ];
+    for (name, value) in constants {
+        text += &format!("#define {name} {value}u\n");
+    }
+    for (index, name) in COUNTER_NAMES.iter().enumerate() {
+        text += &format!("#define COUNT_{name} {index}u\n");
+    }
+    for layout in SHARED_STRUCTS {
+        text += &format!("\n{}", layout.cl_typedef());
+    }
+    text
+}
