@@ -66,7 +66,9 @@ pub enum Error {
         log: String,
     },
     /// The device's memory cannot hold the scene.
-    #[error("device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; use --device reference or a smaller scene")]
+    #[error(
+        "device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; use --device reference or a smaller scene"
+    )]
     TooLarge {
         /// The name of the device.
         device: String,

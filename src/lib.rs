@@ -1,8 +1,88 @@
-//! raybrook
+//! raybrook: a ray tracer for triangle scenes, fast and right on any OpenCL device.
+//!
+//! It grew out of J. Dvořák, *Streaming Raytracer na GPU*, master's thesis, FIT VUT Brno 2008: a kd-tree, one mega-kernel, Whitted
+//! shading. Every kernel has a scalar twin in Rust that repeats its arithmetic operation for operation, so that hits and pictures
+//! can be compared bit for bit.
+//!
+//! # How data flows
+//!
+//! ```text
+//!  scene.toml, .obj ──load──▶ Scene ──build──▶ KdTree ──pack──▶ SceneBuffers ──▶ render kernel ──▶ Film ──▶ picture
+//!   (scene/load.rs)          (scene/)         (accel/)         (pack.rs)   │    (cl/, device/)  (film.rs)
+//!                                                                          │       ▲ -D TRAVERSE=… -D INTERSECT=…
+//!  rays.npz ───────────────▶ RayBatch ──────────────────────▶ TraceJob ────┤
+//!                            (rays.rs)                       (tracer.rs)   ▼
+//!                                               reference/ (the same algorithms, file for file, in f32) ──▶ compare.rs
+//! ```
+//!
+//! # Code map
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL and TOML loaders; usable alone |
+//! | [`accel`] | kd-tree builders, tree statistics, and the check of every invariant of a tree |
+//! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
+//! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |
+//! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch |
+//! | [`reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] |
+//! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
+//! | [`session`] | from a scene and a device to a tracer that is ready |
+//! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over |
+//! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/`, `kernels/` entry points |
+//!
+//! # Invariants
+//!
+//! * Nothing but [`device`] calls OpenCL; nothing but the binary prints, exits or reads arguments.
+//! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/shared/memory.cl`.
+//! * No recursion on the device; no built-in of free rounding (`dot`, `normalize`, `pow`, …) in `cl/`.
+//! * No absolute epsilon anywhere: bounds are derived, and live in `cl/shared/ray.cl`.
+//! * A hit does not depend on the order in which triangles are tested: at the same t the lower triangle number wins.
+//!
+//! # Example
+//!
+//! ```
+//! use raybrook::options::TraceOptions;
+//! use raybrook::pack::SceneBuffers;
+//! use raybrook::scene::{Builder, Material};
+//! use raybrook::session::{Picture, complete, open_tracer, render};
+//! use std::sync::Arc;
+//!
+//! # fn main() -> raybrook::Result<()> {
+//! let mut builder = Builder::new();
+//! builder.material(Material::matt([0.8, 0.2, 0.1].into()));
+//! builder.sphere(1.0, 32);
+//! let mut scene = builder.finish()?;
+//! complete(&mut scene, 4.0 / 3.0); // a camera that frames it, and light
+//!
+//! let options = TraceOptions::default();
+//! let buffers = Arc::new(SceneBuffers::new(&scene, &options)?);
+//! let picture = Picture { camera: scene.camera.unwrap(), size: (32, 24), samples: 1, depth: 4, kill_weight: None };
+//! let mut tracer = open_tracer(None, &buffers, &options, picture.depth, None)?; // None: the reference
+//! let result = render(tracer.as_mut(), &buffers, &picture, &|_| ())?;
+//! assert!(result.counts[1] > 100, "camera rays hit the sphere");
+//! # Ok(())
+//! # }
+//! ```
+
+#![warn(missing_docs)]
+
 pub mod accel;
+pub mod compare;
+pub mod device;
 pub mod error;
+pub mod film;
 pub mod layout;
+mod npz;
 pub mod options;
+pub mod output;
+pub mod pack;
+pub mod rays;
+pub mod reference;
 pub mod scene;
+pub mod session;
 pub mod shared;
+pub mod stats;
+pub mod tracer;
+
 pub use error::{Error, Result};

@@ -111,7 +111,10 @@ pub struct TraceOptions {
     pub max_depth: Option<u32>,
 }
 
-fn as_name<T: std::fmt::Display, S: serde::Serializer>(value: &T, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+fn as_name<T: std::fmt::Display, S: serde::Serializer>(
+    value: &T,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
     serializer.collect_str(value)
 }
 

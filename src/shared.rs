@@ -2,7 +2,7 @@
 //!
 //! All coordinates in these structs are in *tracing space*: world units times [`SceneParams::scale`], a power of two, so that
 //! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
-//! `t` is the same number in both spaces.
+//! Directions stay as they are, and with them t is scaled like the coordinates.
 
 use crate::layout::{Float4, StructLayout, device_struct};
 
@@ -22,7 +22,14 @@ pub const LIGHT_SPOT: u32 = 2;
 /// `Material::texture` of an untextured material.
 pub const NO_TEXTURE: u32 = u32::MAX;
 
-/// `PathCounter`: camera rays cast. The next ones follow the order of [`COUNTER_NAMES`].
+/// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.
+pub const TILE_SIDE: u32 = 8;
+/// The ray counters exist this many times on a device, so that work-items seldom meet at one.
+pub const COUNTER_SLOTS: u32 = 256;
+/// Transparent surfaces that one shadow ray passes before it counts as blocked.
+pub const MAX_SHADOW_LAYERS: u32 = 256;
+
+/// How many ray counters there are.
 pub const COUNTERS: usize = 8;
 /// Names of the ray counters, in the kernels' order: kind and what happened.
 pub const COUNTER_NAMES: [&str; COUNTERS] = [
@@ -238,6 +245,9 @@ pub fn types_cl() -> String {
         ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
         ("LIGHT_SPOT", LIGHT_SPOT),
         ("NO_TEXTURE", NO_TEXTURE),
+        ("TILE_SIDE", TILE_SIDE),
+        ("COUNTER_SLOTS", COUNTER_SLOTS),
+        ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
         ("COUNTERS", COUNTERS as u32),
     ];
     for (name, value) in constants {

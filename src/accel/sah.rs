@@ -1,3 +1,146 @@
-//! stub
-use super::*;
-pub(super) fn build(_v: &[[Vec3;3]], _p: &[u32], _o: &BuildOptions) -> KdTree { todo!() }
+//! kd-tree by the surface area heuristic in O(N log N).
+//!
+//! Wald and Havran, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", IEEE Symposium on
+//! Interactive Ray Tracing 2006. Every bound of a clipped triangle is a candidate plane ([`super::cost`]); a node is split
+//! while that is cheaper than a leaf. Large nodes sweep sorted event lists ([`super::events`]), small ones count
+//! ([`super::small`]); triangles are clipped to the cells they straddle ([`super::clip`]).
+//!
+//! Bad at: scenes that change with every frame (the median build is faster), and gains that need two splits, none of which
+//! pays alone: the choice is greedy.
+
+use super::clip::Reference;
+use super::cost::{Costs, Split};
+use super::events::{EventNode, MAX_REFERENCES};
+use super::small::{self, SmallNode};
+use super::subtree::{Cell, Subtree, ascending, growth_after};
+use super::{BuildOptions, KdTree};
+use crate::options::TraceOptions;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Nodes of at least this many references build their children side by side; smaller ones cost less than handing them over.
+const PARALLEL_REFERENCES: usize = 1024;
+
+/// Builds the tree; see [`super::build_kd_tree`].
+pub(super) fn build(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
+    build_with(vertices, primitives, options, small::CAPACITY)
+}
+
+/// As [`build`], with the largest number of references of the nodes that [`super::small`] builds.
+fn build_with(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions, small_count: usize) -> KdTree {
+    assert!(primitives.len() < MAX_REFERENCES, "more triangles than an event can number");
+    let builder = SahBuilder {
+        vertices,
+        costs: Costs::new(options),
+        leaf_size: options.leaf_size as usize,
+        max_depth: options.max_depth.min(TraceOptions::MAX_DEPTH),
+        small_count,
+    };
+    let cell = Cell::around(vertices, primitives);
+    let triangles = ascending(primitives);
+    let references = triangles.par_iter().map(|&triangle| Reference::whole(vertices, triangle)).collect();
+    let mut tree = Subtree::default();
+    builder.build_large(EventNode::new(references), &Place { cell, depth: 0, growth: 1.0 }, &mut tree);
+    tree.into_tree(&cell)
+}
+
+struct SahBuilder<'a> {
+    vertices: &'a [[Vec3; 3]],
+    costs: Costs,
+    leaf_size: usize,
+    max_depth: u32,
+    small_count: usize,
+}
+
+/// Where a node stands in the tree.
+#[derive(Clone, Copy)]
+struct Place {
+    cell: Cell,
+    depth: u32,
+    /// See [`super::subtree::MAX_GROWTH`].
+    growth: f64,
+}
+
+impl SahBuilder<'_> {
+    /// Appends a node that has event lists, and all below it.
+    fn build_large(&self, node: EventNode, place: &Place, tree: &mut Subtree) {
+        let count = node.references.len();
+        if count <= self.small_count {
+            return self.build_small(&SmallNode::new(&node.references), place, tree);
+        }
+        let best = || node.best_split(&place.cell, &self.costs);
+        let Some((split, left_place, right_place)) = self.worthwhile(count, place, best) else {
+            return tree.push_leaf(node.references.iter().map(|reference| reference.triangle));
+        };
+        let (left, right) = node.split(self.vertices, &place.cell, &split);
+        let node_index = tree.push_inner(split.axis, split.plane);
+        if count >= PARALLEL_REFERENCES {
+            let mut right_tree = Subtree::default();
+            rayon::join(
+                || self.build_large(left, &left_place, tree),
+                || self.build_large(right, &right_place, &mut right_tree),
+            );
+            tree.start_right(node_index);
+            tree.append(right_tree);
+        } else {
+            self.build_large(left, &left_place, tree);
+            tree.start_right(node_index);
+            self.build_large(right, &right_place, tree);
+        }
+    }
+
+    /// Appends a node of few references, and all below it.
+    fn build_small(&self, node: &SmallNode, place: &Place, tree: &mut Subtree) {
+        let best = || node.best_split(&place.cell, &self.costs);
+        let Some((split, left_place, right_place)) = self.worthwhile(node.triangles().len(), place, best) else {
+            return tree.push_leaf(node.triangles().iter().copied());
+        };
+        let (left, right) = node.split(self.vertices, &place.cell, &split);
+        let node_index = tree.push_inner(split.axis, split.plane);
+        self.build_small(&left, &left_place, tree);
+        tree.start_right(node_index);
+        self.build_small(&right, &right_place, tree);
+    }
+
+    /// The best split and its children's places, unless the node must be a leaf or is cheaper as one.
+    fn worthwhile(
+        &self,
+        count: usize,
+        place: &Place,
+        best_split: impl FnOnce() -> Option<Split>,
+    ) -> Option<(Split, Place, Place)> {
+        if count <= self.leaf_size || place.depth >= self.max_depth {
+            return None;
+        }
+        let split = best_split().filter(|split| split.cost < self.costs.leaf(count))?;
+        let growth = growth_after(place.growth, count, split.parts as usize)?;
+        let depth = place.depth + 1;
+        let (left, right) = place.cell.split(split.axis, split.plane);
+        Some((split, Place { cell: left, depth, growth }, Place { cell: right, depth, growth }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::Build;
+
+    #[test]
+    fn small_and_large_nodes_give_the_same_tree() {
+        // Oblique triangles, and every fourth one in a plane across an axis, at few different coordinates: many ties.
+        let vertices: Vec<[Vec3; 3]> = (0..600u32)
+            .map(|i| {
+                let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
+                let normal_axis = if i % 4 == 0 { 0.0 } else { 5.0 };
+                [at, at + Vec3::new(normal_axis, 9.0, 2.0), at + Vec3::new(0.0, (i % 7) as f32, -8.0)]
+            })
+            .collect();
+        let primitives: Vec<u32> = (0..vertices.len() as u32).collect();
+        let options = BuildOptions::new(Build::Sah, vertices.len(), None, None);
+        let default = build(&vertices, &primitives, &options);
+        for small_count in [0, 1, 7, small::CAPACITY - 1] {
+            let other = build_with(&vertices, &primitives, &options, small_count);
+            assert!(other == default, "small nodes of up to {small_count} change the tree");
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! The pinhole camera.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A pinhole camera that looks from `eye` towards `target`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,20 +16,32 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera that shows the whole box `low`..`high` from the front, a little from the right and above.
-    pub fn framing(low: Vec3, high: Vec3) -> Camera {
-        // Halves first: the extent of a scene near the largest float would overflow.
-        let center = low * 0.5 + high * 0.5;
-        let half = high * 0.5 - low * 0.5;
-        let scale = half.max_element().max(f32::MIN_POSITIVE);
-        let radius = (half / scale).length() * scale;
-        const DISTANCE_IN_RADII: f32 = 3.1; // the bounding sphere fits a 40 degree cone: 1/sin(20 deg) = 2.92, and a margin
-        let distance = if radius > f32::MIN_POSITIVE { DISTANCE_IN_RADII * radius } else { 1.0 };
+    /// A camera that shows all `points` from the front, a little from the right and above, in a picture of `aspect` = width /
+    /// height. Without points it looks at the origin.
+    pub fn framing(points: impl Iterator<Item = Vec3> + Clone, aspect: f32) -> Camera {
+        const FOV_DEGREES: f32 = 40.0;
+        const MARGIN: f64 = 1.06; // a little air around the model
+        let points = points.map(DVec3::from); // f64: the extent of a scene near the largest float overflows float32
+        let low = points.clone().reduce(DVec3::min).unwrap_or_default();
+        let high = points.clone().reduce(DVec3::max).unwrap_or_default();
+        let center = (low + high) / 2.0;
+
+        let back = DVec3::new(0.45, 0.35, 0.82).normalize();
+        let right = DVec3::Y.cross(back).normalize();
+        let up = back.cross(right);
+        let tan_y = (f64::from(FOV_DEGREES).to_radians() / 2.0).tan();
+        let tan_x = tan_y * f64::from(aspect);
+        // Every point must lie inside the pyramid of view: its distance aside is at most tan times its distance ahead.
+        let distance = points
+            .map(|p| p - center)
+            .map(|p| MARGIN * (p.dot(right).abs() / tan_x).max(p.dot(up).abs() / tan_y) + p.dot(back))
+            .fold(0.0, f64::max);
+        let distance = if distance > 0.0 { distance } else { 1.0 };
         Camera {
-            eye: center + Vec3::new(0.45, 0.35, 0.82).normalize() * distance,
-            target: center,
+            eye: (center + back * distance).as_vec3(),
+            target: center.as_vec3(),
             up: Vec3::Y,
-            fov_degrees: 40.0,
+            fov_degrees: FOV_DEGREES,
         }
     }
 }

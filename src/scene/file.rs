@@ -1,2 +1,4 @@
 //! stub
-pub(super) fn load(_path: &std::path::Path) -> crate::Result<super::Scene> { todo!() }
+pub(super) fn load(_path: &std::path::Path) -> crate::Result<super::Scene> {
+    todo!()
+}

@@ -13,6 +13,10 @@ pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("toml") => file::load(path),
         Some("obj") => obj::load(path),
-        _ => Err(Error::input(path, None, "not a known kind of scene; raybrook reads .toml scene files and Wavefront .obj")),
+        _ => Err(Error::input(
+            path,
+            None,
+            "not a known kind of scene; raybrook reads .toml scene files and Wavefront .obj",
+        )),
     }
 }

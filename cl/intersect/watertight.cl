@@ -1,0 +1,42 @@
+// Ray-triangle intersection by edge functions in a sheared space where the ray is the z axis.
+// Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013.
+//
+// Two triangles that share an edge compute the same sheared vertices, and each edge function's sign is exact for them (fma
+// difference of products; Woop redoes zeros in double instead), so no ray passes between neighbours. What remains is the
+// rounding of the sheared vertices themselves: near a silhouette, hit or miss and t are those of a triangle displaced by some
+// EPSILON times its distance. Costs a fifth more than Moller-Trumbore.
+
+// The components of v in an order that ends with `axis`; even permutations, so that the winding stays.
+float3 rotate_to_z(float3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
+
+bool intersect_watertight(const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, float* u, float* v) {
+    // The axis of the largest component of the direction becomes z, and x and y are sheared along it. These lines depend on
+    // the ray alone; compilers move them out of the loop over triangles.
+    const float3 size = abs3(ray->direction);
+    const uint axis = size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
+    const float3 direction = rotate_to_z(ray->direction, axis);
+    const float inv_z = 1.0f / direction.z;
+    const float shear_x = direction.x * inv_z;
+    const float shear_y = direction.y * inv_z;
+
+    const float3 a = rotate_to_z(p0 - ray->origin, axis);
+    const float3 b = rotate_to_z(p1 - ray->origin, axis);
+    const float3 c = rotate_to_z(p2 - ray->origin, axis);
+    const float ax = fma(-shear_x, a.z, a.x), ay = fma(-shear_y, a.z, a.y);
+    const float bx = fma(-shear_x, b.z, b.x), by = fma(-shear_y, b.z, b.y);
+    const float cx = fma(-shear_x, c.z, c.x), cy = fma(-shear_y, c.z, c.y);
+
+    const float weight0 = difference_of_products(cx, by, cy, bx);
+    const float weight1 = difference_of_products(ax, cy, ay, cx);
+    const float weight2 = difference_of_products(bx, ay, by, ax);
+    const bool all_positive = weight0 >= 0.0f && weight1 >= 0.0f && weight2 >= 0.0f;
+    const bool all_negative = weight0 <= 0.0f && weight1 <= 0.0f && weight2 <= 0.0f;
+    if (!(all_positive || all_negative)) return false;
+
+    const float det = weight0 + weight1 + weight2;
+    const float z_weighted = fma(weight0, a.z, fma(weight1, b.z, weight2 * c.z));
+    *t = z_weighted / (det * direction.z); // a triangle seen edge-on has det = 0: infinite or NaN, rejected
+    *u = weight1 / det;
+    *v = weight2 / det;
+    return is_finite(*t);
+}

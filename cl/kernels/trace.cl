@@ -1,0 +1,56 @@
+// Batch queries: one work-item traces one ray of the caller's.
+
+Ray batch_ray(__global const TraceRay* rays, uint index) {
+    const TraceRay query = rays[index];
+    return make_ray(query.origin_t_min.xyz, query.direction_t_max.xyz, query.origin_t_min.w, query.direction_t_max.w,
+                    NO_PRIMITIVE);
+}
+
+// In the caller's units of t; infinity on a miss stays infinity.
+Hit batch_hit(const Ray* ray, Hit hit) {
+    hit.t *= ray->t_scale;
+    return hit;
+}
+
+// The closest hit of each ray.
+__kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
+                            const uint first, const uint end) {
+    const uint index = first + (uint)get_global_id(0);
+    if (index >= end) return;
+    const Geometry geometry = MAKE_GEOMETRY;
+    const Ray ray = batch_ray(rays, index);
+    Hit hit;
+    TRAVERSE(&geometry, &ray, false, &hit);
+    hits[index] = batch_hit(&ray, hit);
+}
+
+// Some hit of each ray: whether there is one is the answer, which one depends on the structure.
+__kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
+                        const uint first, const uint end) {
+    const uint index = first + (uint)get_global_id(0);
+    if (index >= end) return;
+    const Geometry geometry = MAKE_GEOMETRY;
+    const Ray ray = batch_ray(rays, index);
+    Hit hit;
+    TRAVERSE(&geometry, &ray, true, &hit);
+    hits[index] = batch_hit(&ray, hit);
+}
+
+// The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A first
+// ray that missed has no second one.
+__kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict next_directions,
+                         __global const Hit* restrict hits, __global Hit* restrict next_hits, const uint first,
+                         const uint end) {
+    const uint index = first + (uint)get_global_id(0);
+    if (index >= end) return;
+    const Geometry geometry = MAKE_GEOMETRY;
+    const Hit from = hits[index];
+    Hit hit = no_hit();
+    if (from.primitive != NO_PRIMITIVE) {
+        const SurfacePoint point = surface_point(&geometry, &from);
+        const Ray ray = leave_surface(&point, next_directions[index].xyz, INFINITY);
+        TRAVERSE(&geometry, &ray, false, &hit);
+        hit = batch_hit(&ray, hit);
+    }
+    next_hits[index] = hit;
+}

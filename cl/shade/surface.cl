@@ -1,0 +1,61 @@
+// What a hit is: position, normals, texture coordinates, material.
+
+// A point on a triangle, as rays start from it.
+typedef struct {
+    float3 position; // computed from the weights u and v, not from t
+    float error;     // bound of the distance between position and the triangle's plane, on each axis
+    uint primitive;
+} SurfacePoint;
+
+typedef struct {
+    SurfacePoint point;
+    float3 geometric_normal; // unit, towards the side that the ray came from
+    float3 normal;           // unit, interpolated, on the same side as geometric_normal
+    float texture_u, texture_v;
+    uint material;
+    bool front; // the ray came from the side on which the vertices run counter-clockwise
+} Surface;
+
+// Where the hit lies: all that a ray needs to leave from there.
+SurfacePoint surface_point(const Geometry* geometry, const Hit* hit) {
+    const float3 p0 = LOAD_VERTEX(geometry, hit->primitive, 0);
+    const float3 p1 = LOAD_VERTEX(geometry, hit->primitive, 1);
+    const float3 p2 = LOAD_VERTEX(geometry, hit->primitive, 2);
+    SurfacePoint point;
+    point.position = point_on_triangle(p0, p1, p2, hit->u, hit->v);
+    point.error = point_error(p0, p1, p2);
+    point.primitive = hit->primitive;
+    return point;
+}
+
+Surface surface_at(const Geometry* geometry, __global const Shading* shading, const Ray* ray, const Hit* hit) {
+    const float3 p0 = LOAD_VERTEX(geometry, hit->primitive, 0);
+    const float3 p1 = LOAD_VERTEX(geometry, hit->primitive, 1);
+    const float3 p2 = LOAD_VERTEX(geometry, hit->primitive, 2);
+    const Shading at = shading[hit->primitive];
+    const float w = (1.0f - hit->u) - hit->v;
+
+    Surface surface;
+    surface.point = surface_point(geometry, hit);
+    surface.material = at.material;
+    const float3 outward = normalize3(cross3(p1 - p0, p2 - p0), -ray->direction);
+    surface.front = dot3(outward, ray->direction) < 0.0f;
+    surface.geometric_normal = surface.front ? outward : -outward;
+    const float3 interpolated = fma3(at.normal0_u0.xyz, w, fma3(at.normal1_u1.xyz, hit->u, at.normal2_u2.xyz * hit->v));
+    const float3 normal = normalize3(interpolated, surface.geometric_normal); // flat triangles store zero normals
+    surface.normal = dot3(normal, surface.geometric_normal) < 0.0f ? -normal : normal;
+
+    surface.texture_u = fma(at.normal0_u0.w, w, fma(at.normal1_u1.w, hit->u, at.normal2_u2.w * hit->v));
+    surface.texture_v = fma(at.v0, w, fma(at.v1, hit->u, at.v2 * hit->v));
+    return surface;
+}
+
+// A ray that leaves a surface. The triangle itself is skipped by its number; its neighbours are met too early by at most the
+// error of the position, along an axis on which the ray advances at least 1 per unit of t, plus the rounding of their own
+// vertices' differences from that position, no larger than EPSILON times the same coordinates: twice the error covers both
+// where the surface is met at more than a grazing angle.
+Ray leave_surface(const SurfacePoint* point, float3 direction, float t_far) {
+    Ray ray = make_ray(point->position, direction, 0.0f, t_far, point->primitive);
+    ray.t_near = max_or(ray.t_near, 2.0f * point->error); // stays infinite for a ray without direction
+    return ray;
+}

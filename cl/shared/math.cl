@@ -1,0 +1,116 @@
+// Vector arithmetic and elementary functions of fixed rounding.
+//
+// OpenCL leaves the rounding of dot(), cross(), normalize(), length(), mad(), pow(), exp() and log() to the implementation.
+// Everything here is built from +, -, *, fma (correctly rounded everywhere), / and sqrt (correctly rounded on the devices
+// where the host asks for it), floor and bit operations, in one written order, so that every device and the scalar twin in
+// src/reference/math.rs return the same bits.
+
+// a*b - c*d with an error of at most 1.5 ulp, and therefore with the right sign and an exact zero (short of underflow):
+// Kahan's method; error bound by Jeannerod, Louvet and Muller, "Further Analysis of Kahan's Algorithm for the Accurate
+// Computation of 2x2 Determinants", Mathematics of Computation 82, 2013.
+float difference_of_products(float a, float b, float c, float d) {
+    const float cd = c * d;
+    const float rounding = fma(-c, d, cd);
+    return fma(a, b, -cd) + rounding;
+}
+
+float dot3(float3 a, float3 b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
+
+float3 cross3(float3 a, float3 b) {
+    return (float3)(difference_of_products(a.y, b.z, a.z, b.y), difference_of_products(a.z, b.x, a.x, b.z),
+                    difference_of_products(a.x, b.y, a.y, b.x));
+}
+
+// a*s + b
+float3 fma3(float3 a, float s, float3 b) { return (float3)(fma(a.x, s, b.x), fma(a.y, s, b.y), fma(a.z, s, b.z)); }
+
+// max() and min() of OpenCL are undefined for NaN; these return b when a is NaN.
+float max_or(float a, float b) { return a > b ? a : b; }
+float min_or(float a, float b) { return a < b ? a : b; }
+
+float max_component(float3 v) { return max_or(v.x, max_or(v.y, v.z)); }
+float3 abs3(float3 v) { return (float3)(fabs(v.x), fabs(v.y), fabs(v.z)); }
+float clamp01(float x) { return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f; } // NaN becomes 0
+
+// True for numbers, false for NaN and infinities. By bits: isfinite() may be folded away under fast-math options.
+bool is_finite(float x) { return (as_uint(x) & 0x7f800000u) != 0x7f800000u; }
+bool is_finite3(float3 v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
+
+// The power of two that brings `magnitude` (normal, positive, below 2^126) into [1, 2); multiplying by it is exact.
+float power_of_two_scale(float magnitude) { return as_float((254u - (as_uint(magnitude) >> 23)) << 23); }
+
+#define SMALLEST_SCALED 1.0e-30f // below this a squared length would lose bits to underflow
+#define LARGEST_SCALED 1.0e18f   // above this a squared length would overflow
+#define LIFT 0x1p64f             // brings the smallest subnormal number into the normal range
+
+// v brought to a largest component in [1, 2) by an exact factor, which is multiplied into *scale. False when v is zero,
+// infinite or NaN.
+bool scale_to_unit(float3* v, float* scale) {
+    float magnitude = max_component(abs3(*v));
+    if (!(magnitude > 0.0f) || !is_finite3(*v)) return false;
+    if (magnitude < SMALLEST_SCALED) {
+        *v *= LIFT;
+        *scale *= LIFT;
+        magnitude *= LIFT;
+    }
+    if (magnitude > LARGEST_SCALED) {
+        *v *= 1.0f / LIFT;
+        *scale *= 1.0f / LIFT;
+        magnitude *= 1.0f / LIFT;
+    }
+    const float s = power_of_two_scale(magnitude);
+    *v *= s;
+    *scale *= s;
+    return true;
+}
+
+// v / |v|, or `otherwise` when v has no direction. Right for every length that a float3 can have.
+float3 normalize3(float3 v, float3 otherwise) {
+    float scale = 1.0f;
+    if (!scale_to_unit(&v, &scale)) return otherwise;
+    return v * (1.0f / sqrt(dot3(v, v)));
+}
+
+// log2 of a normal x > 0: x = m 2^e with m in (sqrt(1/2), sqrt(2)]; log2 m = 2/ln2 atanh((m-1)/(m+1)), whose series after
+// f^9 leaves 2e-10. Relative error below 4 eps.
+float log2_fixed(float x) {
+    const uint bits = as_uint(x);
+    float m = as_float((bits & 0x007fffffu) | 0x3f800000u);
+    int e = (int)(bits >> 23) - 127;
+    if (m > 1.41421356f) {
+        m *= 0.5f;
+        e += 1;
+    }
+    const float f = (m - 1.0f) / (m + 1.0f);
+    const float f2 = f * f;
+    float p = 0.32059889f;       // 2 / (9 ln 2)
+    p = fma(p, f2, 0.41219858f); // 2 / (7 ln 2)
+    p = fma(p, f2, 0.57707802f); // 2 / (5 ln 2)
+    p = fma(p, f2, 0.96179669f); // 2 / (3 ln 2)
+    p = fma(p, f2, 2.88539008f); // 2 / ln 2
+    return fma(p, f, (float)e);
+}
+
+// 2^x for x <= 0, 0 below -126. 2^x = 2^n 2^r with r in [-1/2, 1/2]; the Taylor series after r^7 leaves 6e-9.
+float exp2_fixed(float x) {
+    if (!(x >= -126.0f)) return 0.0f;
+    const float n = floor(x + 0.5f);
+    const float r = x - n;
+    float p = 1.52527338e-5f;         // ln2^7 / 5040
+    p = fma(p, r, 1.54035304e-4f);    // ln2^6 / 720
+    p = fma(p, r, 1.33335581e-3f);    // ln2^5 / 120
+    p = fma(p, r, 9.61812911e-3f);    // ln2^4 / 24
+    p = fma(p, r, 5.55041087e-2f);    // ln2^3 / 6
+    p = fma(p, r, 2.40226507e-1f);    // ln2^2 / 2
+    p = fma(p, r, 6.93147181e-1f);    // ln2
+    p = fma(p, r, 1.0f);
+    return p * as_float((uint)((int)n + 127) << 23);
+}
+
+// base^exponent for base in 0..1 and exponent >= 0. The relative error is that of the exponent's product, about
+// |exponent log2(base)| eps, so below 126 eps = 1e-5 where the result is not 0.
+float power_fixed(float base, float exponent) {
+    if (!(exponent > 0.0f) || base >= 1.0f) return 1.0f;
+    if (!(base >= 1.17549435e-38f)) return 0.0f;
+    return exp2_fixed(exponent * log2_fixed(base));
+}

@@ -1,0 +1,115 @@
+// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test layout`; do not edit.
+// The structs and constants that host and kernels share; documentation is in src/shared.rs.
+
+#define NO_PRIMITIVE 4294967295u
+#define KD_LEAF 3u
+#define LIGHT_POINT 0u
+#define LIGHT_DIRECTIONAL 1u
+#define LIGHT_SPOT 2u
+#define NO_TEXTURE 4294967295u
+#define TILE_SIDE 8u
+#define COUNTER_SLOTS 256u
+#define MAX_SHADOW_LAYERS 256u
+#define COUNTERS 8u
+#define COUNT_CAMERA_CAST 0u
+#define COUNT_CAMERA_HIT 1u
+#define COUNT_SHADOW_CAST 2u
+#define COUNT_SHADOW_HIT 3u
+#define COUNT_REFLECTED_CAST 4u
+#define COUNT_REFLECTED_HIT 5u
+#define COUNT_REFRACTED_CAST 6u
+#define COUNT_REFRACTED_HIT 7u
+
+// One ray of a batch query.
+typedef struct {
+    float4 origin_t_min; // Origin in x, y, z (tracing space) and t_min in w.
+    float4 direction_t_max; // Direction in x, y, z (any length) and t_max in w.
+} TraceRay;
+
+// The nearest intersection found.
+typedef struct {
+    float t; // Distance in units of |direction|; infinity on a miss.
+    float u; // Barycentric weight of vertex 1.
+    float v; // Barycentric weight of vertex 2.
+    uint primitive; // Triangle number in file order, NO_PRIMITIVE on a miss.
+} Hit;
+
+// A kd-tree node: inner {axis, left, right, split} or leaf {KD_LEAF, first, count, 0}; 16 bytes, read as one int4.
+typedef struct {
+    uint flags; // Split axis, or KD_LEAF.
+    uint left; // Inner: index of the child below the plane. Leaf: first reference.
+    uint right; // Inner: index of the child above the plane. Leaf: number of references.
+    float split; // Inner: the plane's coordinate, tracing space.
+} KdNode;
+
+// Shading data of one triangle, apart from its vertices so that traversal never reads it.
+typedef struct {
+    float4 normal0_u0; // Normal at vertex 0 in x, y, z (zero: use the geometric one) and texture u of vertex 0 in w.
+    float4 normal1_u1; // Normal at vertex 1 and texture u of vertex 1.
+    float4 normal2_u2; // Normal at vertex 2 and texture u of vertex 2.
+    float v0; // Texture v of vertex 0.
+    float v1; // Texture v of vertex 1.
+    float v2; // Texture v of vertex 2.
+    uint material; // Index of the material.
+} Shading;
+
+// A material; colours are linear RGB.
+typedef struct {
+    float4 ambient; // Ambient colour times the scene's ambient light in x, y, z; w unused.
+    float4 diffuse; // Diffuse colour in x, y, z; w unused.
+    float4 specular_shininess; // Specular colour in x, y, z and Blinn-Phong exponent in w.
+    float4 mirror; // Mirror reflectance in x, y, z; w unused.
+    float4 transmission_ior; // Transmission colour in x, y, z and index of refraction in w.
+    float4 emission; // Emitted light in x, y, z; w unused.
+    uint texture; // Index of the diffuse texture, or NO_TEXTURE.
+    uint transparent; // 1 when light passes through (transmission above zero), else 0.
+    uint pad0; // Unused.
+    uint pad1; // Unused.
+} Material;
+
+// A light source.
+typedef struct {
+    float4 position; // Position (point, spot) in x, y, z, tracing space; w unused.
+    float4 direction; // Unit direction the light shines along (directional, spot) in x, y, z; w unused.
+    float4 intensity; // Intensity, linear RGB; w unused.
+    uint kind; // LIGHT_POINT, LIGHT_DIRECTIONAL or LIGHT_SPOT.
+    float quadratic; // 1 / scale^2 of the tracing space for a falloff with the squared distance, 0 for none.
+    float cos_inner; // Spot: cosine of the angle within which intensity is full.
+    float cos_outer; // Spot: cosine of the angle beyond which there is none.
+} Light;
+
+// Where a texture lies in the texel array.
+typedef struct {
+    uint first; // Index of its first texel.
+    uint width; // Texels a row.
+    uint height; // Rows.
+    uint pad; // Unused.
+} TextureInfo;
+
+// What the kernels need to know of the scene as a whole.
+typedef struct {
+    float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w unused.
+    float4 high; // High corner of that box; w unused.
+    float4 background_bottom; // Background straight down, linear RGB; w unused.
+    float4 background_top; // Background straight up; w unused.
+    uint reference_count; // Number of triangles that can be hit = length of the brute-force reference list.
+    uint light_count; // Number of lights.
+    uint has_transparent; // 1 when some material is transparent, so that shadow rays must look for the tint.
+    float scale; // Tracing space = world units times this power of two.
+} SceneParams;
+
+// What the render kernel needs to know of the picture.
+typedef struct {
+    float4 eye; // Camera position in x, y, z, tracing space; w unused.
+    float4 forward; // Direction to the middle of the picture, length 1; w unused.
+    float4 right; // Half the picture's width at distance 1, to the right; w unused.
+    float4 up; // Half the picture's height at distance 1, upwards; w unused.
+    uint width; // Pixels a row.
+    uint height; // Rows.
+    uint sample_count; // Samples per pixel.
+    uint max_depth; // Longest chain of rays, the camera ray counted as 1.
+    float kill_weight; // A secondary ray whose weight is below this in every channel is not cast.
+    float pixel_width; // 2 / width.
+    float pixel_height; // 2 / height.
+    float sample_weight; // 1 / sample_count.
+} RenderParams;

@@ -1,0 +1,244 @@
+//! Large nodes of the surface area heuristic: sorted event lists.
+//!
+//! Wald and Havran, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", IEEE Symposium on
+//! Interactive Ray Tracing 2006, section 4.3. Events are sorted once, at the root. A split passes them on in order; only
+//! the triangles that straddle the plane get new events, which are sorted apart and merged in.
+//!
+//! Bad at: nodes of a few triangles, where lists cost more than they save ([`super::small`]).
+
+use super::clip::Reference;
+use super::cost::{Costs, Side, Split};
+use super::subtree::Cell;
+use glam::Vec3;
+
+/// Where a reference begins, lies or ends on an axis; sorted by position, and there ends before planar ones before starts.
+///
+/// ```text
+/// bits 63-32  position, as an integer in the order of the numbers
+/// bits 31-30  kind: END, PLANAR or START
+/// bits 29-0   number of the reference in its node
+/// ```
+type Event = u64;
+
+const END: u64 = 0;
+const PLANAR: u64 = 1;
+const START: u64 = 2;
+const KIND_SHIFT: u32 = 30;
+const REFERENCE_BITS: u64 = (1 << KIND_SHIFT) - 1;
+
+/// The most references that a node can have: what bits 29-0 of an event can number.
+pub(super) const MAX_REFERENCES: usize = 1 << KIND_SHIFT;
+
+const SIGN_BIT: u32 = 1 << 31;
+
+/// Maps float32 numbers to integers in the same order; -0 must not occur.
+fn ordered(x: f32) -> u64 {
+    let bits = x.to_bits();
+    u64::from(if bits & SIGN_BIT == 0 { bits | SIGN_BIT } else { !bits })
+}
+
+/// The position of an event.
+fn position(event: Event) -> f32 {
+    let ordered = (event >> 32) as u32;
+    f32::from_bits(if ordered & SIGN_BIT == 0 { !ordered } else { ordered ^ SIGN_BIT })
+}
+
+fn push_events(events: &mut Vec<Event>, axis: usize, reference: &Reference, number: usize) {
+    let (low, high) = (ordered(reference.low[axis]) << 32, ordered(reference.high[axis]) << 32);
+    if low == high {
+        events.push(low | PLANAR << KIND_SHIFT | number as u64);
+    } else {
+        events.push(low | START << KIND_SHIFT | number as u64);
+        events.push(high | END << KIND_SHIFT | number as u64);
+    }
+}
+
+/// A node with its references, ascending by triangle, and their events on each axis, sorted.
+#[derive(Debug)]
+pub(super) struct EventNode {
+    pub references: Vec<Reference>,
+    events: [Vec<Event>; 3],
+}
+
+impl EventNode {
+    /// The root node: sorts the events of all references.
+    pub fn new(references: Vec<Reference>) -> EventNode {
+        let sorted = |axis| {
+            let mut events = Vec::with_capacity(2 * references.len());
+            for (number, reference) in references.iter().enumerate() {
+                push_events(&mut events, axis, reference, number);
+            }
+            events.sort_unstable();
+            events
+        };
+        let (x, (y, z)) = rayon::join(|| sorted(0), || rayon::join(|| sorted(1), || sorted(2)));
+        EventNode { references, events: [x, y, z] }
+    }
+
+    /// The cheapest split: one sweep over the events of each axis (algorithm 2 of the paper).
+    pub fn best_split(&self, cell: &Cell, costs: &Costs) -> Option<Split> {
+        let mut best: Option<Split> = None;
+        for axis in 0..3 {
+            let Some(split) = self.best_split_on(axis, cell, costs) else {
+                continue;
+            };
+            if best.is_none_or(|best| split.is_better_than(&best)) {
+                best = Some(split);
+            }
+        }
+        best
+    }
+
+    fn best_split_on(&self, axis: usize, cell: &Cell, costs: &Costs) -> Option<Split> {
+        let plane_cost = costs.across(cell, axis)?;
+        let events = &self.events[axis];
+        let mut best: Option<Split> = None;
+        let (mut left, mut right) = (0, self.references.len() as u32);
+        let mut next = 0;
+        while next < events.len() {
+            let at = events[next] >> 32;
+            let plane = position(events[next]);
+            let mut kinds = [0; 3];
+            while next < events.len() && events[next] >> 32 == at {
+                kinds[(events[next] >> KIND_SHIFT & 3) as usize] += 1;
+                next += 1;
+            }
+            let planar = kinds[PLANAR as usize];
+            right -= kinds[END as usize] + planar;
+            if cell.is_split_by(axis, plane) {
+                let (cost, planar_left) = plane_cost.with_planar(plane, left, planar, right);
+                // Planes come in ascending order, so the first of equals is kept, as `is_better_than` demands.
+                if best.is_none_or(|best| cost < best.cost) {
+                    best = Some(Split { axis, plane, planar_left, parts: left + planar + right, cost });
+                }
+            }
+            left += kinds[START as usize] + planar;
+        }
+        best
+    }
+
+    /// The two sides of a split (section 4.3 of the paper), straddling references clipped to both.
+    pub fn split(self, vertices: &[[Vec3; 3]], cell: &Cell, split: &Split) -> (EventNode, EventNode) {
+        let count = self.references.len();
+        let mut left = Child::with_capacity(count);
+        let mut right = Child::with_capacity(count);
+        // For each reference its side and its number there, as an event holds them.
+        let mut places = Vec::with_capacity(count);
+
+        // Step 1: classify the references.
+        for reference in &self.references {
+            let side = split.side_of(reference.low[split.axis], reference.high[split.axis]);
+            let place = (side as u32) << KIND_SHIFT;
+            places.push(match side {
+                Side::Left => place | left.push(*reference) as u32,
+                Side::Right => place | right.push(*reference) as u32,
+                Side::Both => {
+                    // Step 2: make new references and events for those that straddle the plane.
+                    let (below, above) = reference.split(vertices, cell, split.axis, split.plane);
+                    left.push_new(below);
+                    right.push_new(above);
+                    place
+                }
+            });
+        }
+
+        // Step 3: pass the old events on in their order; step 4: merge the new ones in.
+        for (axis, events) in self.events.into_iter().enumerate() {
+            pass_on(&events, &places, &mut left.events[axis], &mut right.events[axis]);
+            left.merge_new(axis);
+            right.merge_new(axis);
+        }
+        (left.node(), right.node())
+    }
+}
+
+/// Distributes events without a branch on the side, which would be a coin toss on two of the three axes.
+fn pass_on(events: &[Event], places: &[u32], left: &mut Vec<Event>, right: &mut Vec<Event>) {
+    left.resize(events.len() + 1, 0);
+    right.resize(events.len() + 1, 0);
+    let (mut left_count, mut right_count) = (0, 0);
+    for &event in events {
+        let place = u64::from(places[(event & REFERENCE_BITS) as usize]);
+        let side = place >> KIND_SHIFT;
+        let renumbered = event & !REFERENCE_BITS | place & REFERENCE_BITS;
+        left[left_count] = renumbered;
+        right[right_count] = renumbered;
+        left_count += usize::from(side == Side::Left as u64);
+        right_count += usize::from(side == Side::Right as u64);
+    }
+    left.truncate(left_count);
+    right.truncate(right_count);
+}
+
+/// One side of a split while it is filled.
+struct Child {
+    references: Vec<Reference>,
+    events: [Vec<Event>; 3],
+    new_events: [Vec<Event>; 3],
+}
+
+impl Child {
+    fn with_capacity(count: usize) -> Child {
+        Child { references: Vec::with_capacity(count), events: Default::default(), new_events: Default::default() }
+    }
+
+    /// Adds a reference and tells its number.
+    fn push(&mut self, reference: Reference) -> usize {
+        self.references.push(reference);
+        self.references.len() - 1
+    }
+
+    /// Adds a reference that was clipped, if something of it is left, with new events.
+    fn push_new(&mut self, reference: Option<Reference>) {
+        if let Some(reference) = reference {
+            let number = self.push(reference);
+            for (axis, events) in self.new_events.iter_mut().enumerate() {
+                push_events(events, axis, &reference, number);
+            }
+        }
+    }
+
+    /// Merges the new events in from the back, in place.
+    fn merge_new(&mut self, axis: usize) {
+        let (events, new_events) = (&mut self.events[axis], &mut self.new_events[axis]);
+        new_events.sort_unstable();
+        let mut old_count = events.len();
+        events.resize(old_count + new_events.len(), 0);
+        for (new_count, &new_event) in new_events.iter().enumerate().rev() {
+            while old_count > 0 && events[old_count - 1] > new_event {
+                old_count -= 1;
+                events[old_count + new_count + 1] = events[old_count];
+            }
+            events[old_count + new_count] = new_event;
+        }
+    }
+
+    fn node(self) -> EventNode {
+        EventNode { references: self.references, events: self.events }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_keep_order_and_value() {
+        let numbers = [f32::MIN, -1e18, -1.0, -1e-40, 0.0, 1e-40, 1e-20, 1.0, 3e38];
+        for pair in numbers.windows(2) {
+            assert!(ordered(pair[0]) < ordered(pair[1]), "{pair:?}");
+        }
+        for x in numbers {
+            assert_eq!(position(ordered(x) << 32), x);
+        }
+    }
+
+    #[test]
+    fn merging_keeps_the_order() {
+        let mut child = Child::with_capacity(0);
+        child.events[0] = vec![2, 4, 6, 8];
+        child.new_events[0] = vec![9, 1, 5];
+        child.merge_new(0);
+        assert_eq!(child.events[0], [1, 2, 4, 5, 6, 8, 9]);
+    }
+}

@@ -1,0 +1,148 @@
+//! `raybrook check`: the device against the reference, in pictures and in hits.
+
+use super::progress::Bar;
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
+use raybrook::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
+use raybrook::film::check_output;
+use raybrook::output::{check_writable, write_json};
+use raybrook::pack::SceneBuffers;
+use raybrook::reference::ReferenceTracer;
+use raybrook::reference::render::camera_direction;
+use raybrook::session::{Picture, render};
+use raybrook::shared::{COUNTER_NAMES, TraceRay};
+use raybrook::tracer::{RenderResult, TraceJob, Tracer};
+use raybrook::{Error, Result};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Steps of 8-bit sRGB by which a pixel may differ. The twin repeats the kernels' arithmetic, so that a device of IEEE division
+/// and square root differs nowhere; one step is left for devices whose division is only good to 2.5 ulp.
+const TOLERATED_STEPS: u8 = 1;
+
+#[derive(clap::Args)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Picture of the differences [default: the scene's name with -difference.png, in this folder].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    picture: PictureArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Write the findings to a JSON file.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+}
+
+/// What a check found.
+#[derive(Serialize)]
+struct Findings {
+    device: String,
+    rays: u64,
+    rays_differ: bool,
+    hits: HitDifference,
+    picture: FilmDifference,
+    device_s: f64,
+    reference_s: f64,
+    passed: bool,
+}
+
+pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
+    let options = args.method.options()?;
+    let output = match &args.output {
+        Some(path) => path.clone(),
+        None => open::default_output(&args.scene.scene, "-difference.png")?,
+    };
+    check_output(&output, None)?;
+    args.stats.as_deref().map_or(Ok(()), check_writable)?;
+    let Some(device) = open::choose(&args.device, Talk { quiet: true, ..talk })? else {
+        let message =
+            "there is no OpenCL device to check against the reference; `raybrook devices` tells what is missing";
+        return Err(Error::NoDevice(message.into()));
+    };
+    let loaded = open::load(&args.scene.scene, args.picture.size, talk)?;
+    let picture = args.picture.picture(&loaded.scene);
+    let mut opened = open::open(&loaded, Some(&device), &args.device, options, picture.depth, talk)?;
+    let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
+
+    let rays = camera_rays(&opened.buffers, &picture);
+    let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+    let silent = |_: f64| ();
+    let device_hits = opened.tracer.trace(&job, &silent)?.hits;
+    let reference_hits = reference.trace(&job, &silent)?.hits;
+
+    let run_on = |tracer: &mut dyn Tracer, name: &str| {
+        let bar = Bar::new(name, talk);
+        let camera_rays = rays.len() as f64 * f64::from(picture.samples) / 1e6;
+        render(tracer, &opened.buffers, &picture, &|done| bar.update(done, camera_rays, "M camera rays"))
+    };
+    let on_device = run_on(opened.tracer.as_mut(), "device")?;
+    let on_reference = run_on(&mut reference, "reference")?;
+
+    let picture_difference = compare_films(&on_reference.film, &on_device.film);
+    let hits = compare_hits(&reference_hits, &device_hits);
+    let findings = Findings {
+        passed: hits.differing == 0 && picture_difference.largest_step <= TOLERATED_STEPS,
+        device: opened.stats.device.clone(),
+        rays: on_device.counts.iter().step_by(2).sum(),
+        rays_differ: on_device.counts != on_reference.counts,
+        device_s: on_device.kernel_s,
+        reference_s: on_reference.kernel_s,
+        picture: picture_difference,
+        hits,
+    };
+    difference_picture(&on_reference.film, &on_device.film).write(&output, None)?;
+    if let Some(path) = &args.stats {
+        write_json(path, &findings)?;
+    }
+    if !talk.quiet {
+        print_findings(&findings, &on_device, &on_reference, &output);
+    }
+    Ok(if findings.passed { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// One ray through the middle of each pixel.
+fn camera_rays(buffers: &SceneBuffers, picture: &Picture) -> Vec<TraceRay> {
+    let params = buffers.render_params(&picture.camera, picture.size, 1, 1, None);
+    let pixels = (0..params.height).flat_map(|y| (0..params.width).map(move |x| (x as f32 + 0.5, y as f32 + 0.5)));
+    pixels
+        .map(|(x, y)| TraceRay {
+            origin_t_min: params.eye,
+            direction_t_max: raybrook::layout::Float4::new(camera_direction(&params, x, y), f32::INFINITY),
+        })
+        .collect()
+}
+
+fn print_findings(findings: &Findings, device: &RenderResult, reference: &RenderResult, output: &std::path::Path) {
+    let Findings { hits, picture, .. } = findings;
+    println!("device       {}", findings.device);
+    println!("rays         {} on the device, {}", findings.rays, {
+        let sum: u64 = reference.counts.iter().step_by(2).sum();
+        format!("{sum} on the reference")
+    });
+    for (i, name) in COUNTER_NAMES.iter().enumerate().filter(|&(i, _)| device.counts[i] != reference.counts[i]) {
+        println!("             {name}: {} against {}", device.counts[i], reference.counts[i]);
+    }
+    println!(
+        "camera hits  {} of {} differ in some bit, {} in the triangle; t by up to {} ulp",
+        hits.differing, hits.rays, hits.differing_primitive, hits.largest_t_ulp
+    );
+    println!(
+        "pixels       {} of {} differ after 8-bit sRGB, by up to {} steps (tolerated: {TOLERATED_STEPS})",
+        picture.differing_pixels, picture.pixels, picture.largest_step
+    );
+    let flip = picture.flip_mean.map_or("not measured".to_owned(), |flip| format!("{flip:.6}"));
+    println!("difference   RMS {:.3e} (linear), FLIP {flip}", picture.rms);
+    println!(
+        "time         device {:.3} s, reference {:.3} s: ratio {:.2}",
+        findings.device_s,
+        findings.reference_s,
+        findings.reference_s / findings.device_s
+    );
+    println!("picture      {}", output.display());
+    println!("{}", if findings.passed { "passed" } else { "FAILED" });
+}

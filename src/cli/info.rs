@@ -1,0 +1,104 @@
+//! `raybrook info`.
+
+use super::{MethodArgs, SceneArgs, Talk, open};
+use raybrook::Result;
+use raybrook::accel::{KdTree, TreeStats};
+use raybrook::options::Accel;
+use raybrook::pack::SceneBuffers;
+use raybrook::scene::DropReason;
+use serde::Serialize;
+
+#[derive(clap::Args)]
+pub struct InfoArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is in a scene.
+#[derive(Serialize)]
+struct SceneInfo {
+    triangles: usize,
+    dropped_not_finite: usize,
+    dropped_zero_area: usize,
+    vertices: usize,
+    normals: usize,
+    texture_coordinates: usize,
+    materials: usize,
+    textures: usize,
+    texels: usize,
+    lights: usize,
+    low: [f32; 3],
+    high: [f32; 3],
+    load_s: f64,
+    build_s: f64,
+    device_bytes: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tree: Option<TreeStats>,
+}
+
+pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
+    let options = args.method.options()?;
+    let loaded = open::load(&args.scene.scene, None, talk)?;
+    let scene = &loaded.scene;
+    let buffers = SceneBuffers::new(scene, &options)?;
+    let reasons: Vec<_> = (0..scene.triangles.len()).filter_map(|i| scene.drop_reason(i)).collect();
+    let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
+    let (low, high) = scene.bounds().unwrap_or_default();
+    let info = SceneInfo {
+        triangles: scene.triangles.len(),
+        dropped_not_finite: dropped(DropReason::NotFinite),
+        dropped_zero_area: dropped(DropReason::ZeroArea),
+        vertices: scene.positions.len(),
+        normals: scene.normals.len(),
+        texture_coordinates: scene.uvs.len(),
+        materials: scene.materials.len(),
+        textures: scene.textures.len(),
+        texels: buffers.texels.len(),
+        lights: scene.lights.len(),
+        low: low.to_array(),
+        high: high.to_array(),
+        load_s: loaded.load_s,
+        build_s: buffers.build_s,
+        device_bytes: buffers.size_bytes(),
+        tree: (options.accel == Accel::Kd).then(|| {
+            let bounds = raybrook::accel::Aabb { low: buffers.params.low.xyz(), high: buffers.params.high.xyz() };
+            let tree = KdTree { nodes: buffers.nodes, references: buffers.references, bounds };
+            TreeStats::new(&tree, &buffers.build_options)
+        }),
+    };
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&info).expect("numbers and names serialise"));
+    } else {
+        print_info(&info);
+    }
+    Ok(())
+}
+
+/// The JSON's fields as lines, so that text and JSON cannot tell different things.
+fn print_info(info: &SceneInfo) {
+    fn print(prefix: &str, value: &serde_json::Value) {
+        match value {
+            serde_json::Value::Object(fields) => fields.iter().for_each(|(name, value)| {
+                print(
+                    &if prefix.is_empty() {
+                        name.replace('_', " ")
+                    } else {
+                        format!("{prefix} {}", name.replace('_', " "))
+                    },
+                    value,
+                );
+            }),
+            serde_json::Value::Array(values) => {
+                let values: Vec<_> = values.iter().map(ToString::to_string).collect();
+                println!("{prefix:32} {}", values.join("  "));
+            }
+            value => println!("{prefix:32} {value}"),
+        }
+    }
+    print("", &serde_json::to_value(info).expect("numbers and names serialise"));
+}

@@ -1,0 +1,173 @@
+//! The command line: what can be asked for, and its conversion to the library's types. Together with `main.rs` this is the only
+//! code that prints, reads arguments or decides exit codes.
+
+mod check;
+mod devices;
+mod info;
+mod open;
+mod progress;
+mod render;
+mod trace;
+
+use clap::{Args, Parser, Subcommand};
+use raybrook::Error;
+use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const AFTER_HELP: &str = "\
+Exit codes: 0 done; 1 `check` found a difference above its tolerance; 2 wrong option or argument; 3 the scene or another input is \
+missing or wrong; 4 no such device, or the device failed; 5 the output could not be written.
+
+Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels (default: \
+$XDG_CACHE_HOME/raybrook or ~/.cache/raybrook); NO_COLOR switches colours off.";
+
+/// Fast and right ray tracing of triangle scenes on any OpenCL device, checked against a scalar reference.
+#[derive(Parser)]
+#[command(version, about, after_help = AFTER_HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+/// How much to say.
+#[derive(Args, Clone, Copy)]
+struct Talk {
+    /// Say nothing but errors.
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Say more: device, times, every warning.
+    #[arg(short, long, global = true)]
+    verbose: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a scene to a picture.
+    Render(render::RenderArgs),
+    /// Trace a batch of rays from a NumPy .npz file.
+    Trace(trace::TraceArgs),
+    /// Render on a device and on the reference, and compare.
+    Check(check::CheckArgs),
+    /// Tell what is in a scene and how its tree turns out.
+    Info(info::InfoArgs),
+    /// List the OpenCL devices, or what is missing to have one.
+    Devices(devices::DevicesArgs),
+}
+
+/// What to trace with.
+#[derive(Args)]
+struct MethodArgs {
+    /// Structure: brute (every triangle) or kd (kd-tree).
+    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().accel)]
+    accel: Accel,
+    /// How the kd-tree is built: sah or median.
+    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().build)]
+    build: Build,
+    /// How rays walk through the kd-tree: stack.
+    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
+    traversal: Traversal,
+    /// Ray-triangle test: watertight or moller-trumbore.
+    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
+    intersector: Intersector,
+    /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median].
+    #[arg(long, value_name = "N")]
+    leaf_size: Option<u32>,
+    /// Make no leaf deeper than this; the root is 0 [default: 8 + 1.3 log2(triangles), at most 60].
+    #[arg(long, value_name = "N")]
+    max_depth: Option<u32>,
+}
+
+impl MethodArgs {
+    fn options(&self) -> Result<TraceOptions, Error> {
+        let options = TraceOptions {
+            accel: self.accel,
+            build: self.build,
+            traversal: self.traversal,
+            intersector: self.intersector,
+            leaf_size: self.leaf_size,
+            max_depth: self.max_depth,
+        };
+        options.validate().map(|()| options)
+    }
+}
+
+/// Where to trace.
+#[derive(Args)]
+struct DeviceArgs {
+    /// Device: its number or a part of its name (see `raybrook devices`), cpu, gpu, or reference
+    /// [default: the fastest GPU, else a CPU, else the reference].
+    #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
+    device: Option<String>,
+    /// Compile the kernels anew and keep nothing.
+    #[arg(long)]
+    no_cache: bool,
+}
+
+/// Overrides of what the scene says of its picture.
+#[derive(Args)]
+struct PictureArgs {
+    /// Width and height in pixels [default: the scene's, else 1024x768].
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Samples per pixel, in a fixed pattern [default: the scene's, else 1].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(raybrook::session::MAX_SAMPLES)))]
+    samples: Option<u32>,
+    /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(raybrook::session::MAX_RAY_DEPTH)))]
+    depth: Option<u32>,
+    /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel].
+    #[arg(long, value_name = "W", value_parser = parse_weight)]
+    kill_weight: Option<f32>,
+}
+
+/// Sides are limited so that the number of pixels fits any OpenCL device's counters.
+const MAX_SIDE: u32 = 65_535;
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parts {
+        Some((w, h)) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok((w, h)),
+        _ => Err(format!("expected WIDTHxHEIGHT with sides of 1 to {MAX_SIDE}, such as 1280x720")),
+    }
+}
+
+fn parse_weight(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(weight) if (0.0..=1.0).contains(&weight) => Ok(weight),
+        _ => Err("expected a number from 0 to 1".into()),
+    }
+}
+
+/// A scene to work on.
+#[derive(Args)]
+struct SceneArgs {
+    /// Scene: a .toml scene file (see scenes/README.md) or a Wavefront .obj.
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+}
+
+/// Parses the arguments and does what they ask.
+pub fn run() -> Result<ExitCode, Error> {
+    let cli = Cli::parse();
+    match cli.command {
+        Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
+        Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
+        Command::Check(args) => check::run(&args, cli.talk),
+        Command::Info(args) => info::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
+        Command::Devices(args) => devices::run(&args).map(|()| ExitCode::SUCCESS),
+    }
+}
+
+/// An error and what caused it, in one line.
+pub fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text += &format!(": {cause}");
+        next = cause.source();
+    }
+    text
+}

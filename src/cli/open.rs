@@ -1,0 +1,116 @@
+//! What every command that traces does first: load the scene, choose the device, build, compile, upload.
+
+use super::{DeviceArgs, Talk};
+use raybrook::device::{Cache, DeviceHandle, Selection, select};
+use raybrook::options::TraceOptions;
+use raybrook::pack::SceneBuffers;
+use raybrook::scene::{self, Scene};
+use raybrook::session::{complete, open_tracer};
+use raybrook::stats::RunStats;
+use raybrook::tracer::Tracer;
+use raybrook::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Warnings that are printed without `-v`; the rest are counted.
+const WARNINGS_SHOWN: usize = 10;
+
+/// A scene that is loaded and has a camera and light.
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// Seconds.
+    pub load_s: f64,
+}
+
+/// Size of a picture that neither the scene nor an option sizes.
+const DEFAULT_SIZE: (u32, u32) = (1024, 768);
+
+/// Loads a scene, prints its warnings, and gives it what it needs to be rendered: also a size, which `size` overrides.
+pub fn load(path: &Path, size: Option<(u32, u32)>, talk: Talk) -> Result<Loaded> {
+    let start = Instant::now();
+    let mut scene = scene::load(path)?;
+    if !talk.quiet {
+        let shown = if talk.verbose { scene.warnings.len() } else { WARNINGS_SHOWN };
+        for warning in scene.warnings.iter().take(shown) {
+            eprintln!("warning: {warning}");
+        }
+        if scene.warnings.len() > shown {
+            eprintln!("warning: {} more; -v shows them", scene.warnings.len() - shown);
+        }
+    }
+    let size = size.or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
+    scene.picture.size = Some(size);
+    complete(&mut scene, size.0 as f32 / size.1 as f32);
+    Ok(Loaded { scene, load_s: start.elapsed().as_secs_f64() })
+}
+
+/// A chosen device; `None` is the reference.
+pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
+    Ok(match select(args.device.as_deref())? {
+        Selection::OpenCl(device) => Some(device),
+        Selection::Reference { notice } => {
+            if let Some(notice) = notice.filter(|_| !talk.quiet) {
+                eprintln!("note: {notice}");
+            }
+            None
+        }
+    })
+}
+
+/// Everything that tracing needs, and what it took.
+pub struct Opened {
+    /// The packed scene.
+    pub buffers: Arc<SceneBuffers>,
+    /// Ready to trace.
+    pub tracer: Box<dyn Tracer>,
+    /// Filled in as far as it is known.
+    pub stats: RunStats,
+}
+
+/// Builds, compiles and uploads.
+pub fn open(
+    loaded: &Loaded,
+    device: Option<&DeviceHandle>,
+    args: &DeviceArgs,
+    options: TraceOptions,
+    depth: u32,
+    talk: Talk,
+) -> Result<Opened> {
+    let cache = if args.no_cache { None } else { Cache::open() };
+    let buffers = Arc::new(SceneBuffers::new(&loaded.scene, &options)?);
+    let tracer = open_tracer(device, &buffers, &options, depth, cache.as_ref())?;
+    if talk.verbose {
+        for note in tracer.notes() {
+            eprintln!("note: {note}");
+        }
+        eprintln!(
+            "{}: {} triangles, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",
+            tracer.device_name(),
+            loaded.scene.triangles.len(),
+            loaded.load_s,
+            buffers.build_s,
+            tracer.compile_s(),
+            tracer.upload_s()
+        );
+    }
+    let stats = RunStats {
+        device: tracer.device_name().to_owned(),
+        device_kind: device.map_or("reference", |d| d.info.kind.name()).to_owned(),
+        options,
+        load_s: Some(loaded.load_s),
+        build_s: Some(buffers.build_s),
+        compile_s: Some(tracer.compile_s()),
+        upload_s: Some(tracer.upload_s()),
+        triangle_count: loaded.scene.triangles.len() as u64,
+        ..RunStats::default()
+    };
+    Ok(Opened { buffers, tracer, stats })
+}
+
+/// `path` with the stem of `scene` and another ending, in the current folder.
+pub fn default_output(scene: &Path, ending: &str) -> Result<PathBuf> {
+    let stem = scene.file_stem().ok_or_else(|| Error::input(scene, None, "not the name of a file"))?;
+    Ok(PathBuf::from(format!("{}{ending}", stem.to_string_lossy())))
+}

@@ -1,0 +1,102 @@
+//! `raybrook render`.
+
+use super::progress::Bar;
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
+use raybrook::Result;
+use raybrook::film::{ImageFormat, check_output};
+use raybrook::output::check_writable;
+use raybrook::scene::Scene;
+use raybrook::session::{DEFAULT_DEPTH, Picture, render};
+use raybrook::stats::RayCounts;
+use std::path::PathBuf;
+use std::time::Instant;
+
+#[derive(clap::Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png, in this folder].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
+    #[arg(long, value_name = "BITS")]
+    bit_depth: Option<u8>,
+    #[command(flatten)]
+    picture: PictureArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Write device, options, ray counts and times to a JSON file.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+}
+
+impl PictureArgs {
+    /// The picture that the scene asks for, with what the options override. The scene is completed.
+    pub fn picture(&self, scene: &Scene) -> Picture {
+        Picture {
+            camera: scene.camera.expect("a completed scene has a camera"),
+            size: scene.picture.size.expect("a completed scene has a size"),
+            samples: self.samples.or(scene.picture.samples).unwrap_or(1),
+            depth: self.depth.or(scene.picture.depth).unwrap_or(DEFAULT_DEPTH),
+            kill_weight: self.kill_weight,
+        }
+    }
+}
+
+pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
+    let start = Instant::now();
+    let options = args.method.options()?;
+    let output = match &args.output {
+        Some(path) => path.clone(),
+        None => open::default_output(&args.scene.scene, ".png")?,
+    };
+    let format = ImageFormat::from_path(&output)?;
+    let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
+    check_output(&output, Some(format))?;
+    args.stats.as_deref().map_or(Ok(()), check_writable)?;
+    let device = open::choose(&args.device, talk)?;
+    let loaded = open::load(&args.scene.scene, args.picture.size, talk)?;
+    let picture = args.picture.picture(&loaded.scene);
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, picture.depth, talk)?;
+
+    let bar = Bar::new("render", talk);
+    let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples);
+    let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
+    let result = render(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
+    drop(bar);
+
+    let bad = result.film.non_finite();
+    if bad > 0 && !talk.quiet {
+        eprintln!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
+    }
+    result.film.write(&output, Some(format))?;
+
+    let stats = &mut opened.stats;
+    stats.rays = RayCounts::from_counters(&result.counts);
+    stats.kernel_s = vec![result.kernel_s];
+    stats.set_rate();
+    stats.read_s = Some(result.read_s);
+    stats.total_s = start.elapsed().as_secs_f64();
+    stats.width = Some(picture.size.0);
+    stats.height = Some(picture.size.1);
+    stats.samples = Some(picture.samples);
+    stats.depth = Some(picture.depth);
+    if let Some(path) = &args.stats {
+        stats.write(path)?;
+    }
+    if !talk.quiet {
+        println!(
+            "{}: {}x{}, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
+            output.display(),
+            picture.size.0,
+            picture.size.1,
+            stats.triangle_count,
+            stats.device,
+            stats.mrays_per_s.unwrap_or_default(),
+            stats.total_s
+        );
+    }
+    Ok(())
+}

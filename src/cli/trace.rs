@@ -1,0 +1,126 @@
+//! `raybrook trace`.
+
+use super::progress::Bar;
+use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open};
+use glam::Vec3;
+use raybrook::layout::Float4;
+use raybrook::output::check_writable;
+use raybrook::pack::SceneBuffers;
+use raybrook::rays::{HitBatch, RayBatch};
+use raybrook::shared::{Hit, TraceRay};
+use raybrook::stats::RayCount;
+use raybrook::tracer::{TraceJob, TraceResult, is_hit};
+use raybrook::{Error, Result};
+use std::path::PathBuf;
+use std::time::Instant;
+
+#[derive(clap::Args)]
+pub struct TraceArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Rays: arrays `origin` and `direction` float32 [n,3]; optional `t_min`, `t_max` float32 [n] (in units of |direction|) and
+    /// `next_direction` float32 [n,3].
+    #[arg(value_name = "RAYS.npz")]
+    rays: PathBuf,
+    /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`; with --any-hit `hit`; with next_direction
+    /// `next_t` and `next_primitive`.
+    #[arg(short, long, value_name = "HITS.npz")]
+    output: Option<PathBuf>,
+    /// Only find out whether each ray hits anything.
+    #[arg(long)]
+    any_hit: bool,
+    /// Trace the batch N times, for timing.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    repeat: u32,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// Write device, options and times to a JSON file.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+}
+
+/// The rays as the tracers take them.
+fn job_rays(batch: &RayBatch, buffers: &SceneBuffers) -> Vec<TraceRay> {
+    let limit = |values: &Option<Vec<f32>>, i: usize, default: f32| values.as_ref().map_or(default, |v| v[i]);
+    let rays = batch.origins.iter().zip(&batch.directions).enumerate();
+    rays.map(|(i, (&origin, &direction))| {
+        let (t_min, t_max) = (limit(&batch.t_min, i, 0.0), limit(&batch.t_max, i, f32::INFINITY));
+        buffers.trace_ray(Vec3::from(origin), Vec3::from(direction), t_min, t_max)
+    })
+    .collect()
+}
+
+/// The hits as NumPy users take them.
+fn hit_batch(result: &TraceResult, buffers: &SceneBuffers, any_hit: bool) -> HitBatch {
+    let world = |hits: &[Hit]| -> Vec<Hit> { hits.iter().map(|&hit| buffers.world_hit(hit)).collect() };
+    let times = |hits: &[Hit]| hits.iter().map(|hit| hit.t).collect();
+    let primitives = |hits: &[Hit]| hits.iter().map(|hit| hit.primitive as i32).collect(); // NO_PRIMITIVE becomes -1
+    let hits = world(&result.hits);
+    let next = result.next_hits.as_deref().map(world);
+    HitBatch {
+        t: times(&hits),
+        primitive: primitives(&hits),
+        u: hits.iter().map(|hit| hit.u).collect(),
+        v: hits.iter().map(|hit| hit.v).collect(),
+        hit: any_hit.then(|| hits.iter().map(|hit| u8::from(is_hit(hit))).collect()),
+        next_t: next.as_deref().map(times),
+        next_primitive: next.as_deref().map(primitives),
+    }
+}
+
+pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
+    let start = Instant::now();
+    let options = args.method.options()?;
+    for output in args.output.iter().chain(&args.stats) {
+        check_writable(output)?;
+    }
+    let device = open::choose(&args.device, talk)?;
+    let batch = RayBatch::read(&args.rays)?;
+    if args.any_hit && batch.next_directions.is_some() {
+        let message = "cannot be combined with the array 'next_direction': a second ray starts at the closest hit";
+        return Err(Error::option("--any-hit", message));
+    }
+    if talk.verbose && !batch.ignored.is_empty() {
+        eprintln!("note: {}: arrays that mean nothing here: {}", args.rays.display(), batch.ignored.join(", "));
+    }
+    let loaded = open::load(&args.scene.scene, None, talk)?;
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, 1, talk)?;
+
+    let rays = job_rays(&batch, &opened.buffers);
+    let next: Option<Vec<Float4>> =
+        batch.next_directions.as_ref().map(|all| all.iter().map(|&d| Float4::new(Vec3::from(d), 0.0)).collect());
+    let job = TraceJob { rays: &rays, next_directions: next.as_deref(), any_hit: args.any_hit, repeat: args.repeat };
+    let bar = Bar::new("trace", talk);
+    let million_rays = rays.len() as f64 * f64::from(args.repeat) / 1e6;
+    let result = opened.tracer.trace(&job, &|done| bar.update(done, million_rays, "M rays"))?;
+    drop(bar);
+
+    if let Some(output) = &args.output {
+        hit_batch(&result, &opened.buffers, args.any_hit).write(output)?;
+    }
+    let hits = result.hits.iter().filter(|hit| is_hit(hit)).count();
+    let stats = &mut opened.stats;
+    // The rays of a batch count as camera rays, whatever the caller makes of them.
+    stats.rays.camera = RayCount { cast: rays.len() as u64, hit: hits as u64 };
+    stats.kernel_s = result.kernel_s;
+    stats.set_rate();
+    stats.upload_s = stats.upload_s.map(|s| s + result.upload_s);
+    stats.read_s = Some(result.read_s);
+    stats.total_s = start.elapsed().as_secs_f64();
+    if let Some(path) = &args.stats {
+        stats.write(path)?;
+    }
+    if !talk.quiet {
+        println!(
+            "{} rays, {hits} hit, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
+            rays.len(),
+            stats.triangle_count,
+            stats.device,
+            stats.mrays_per_s.unwrap_or_default(),
+            stats.total_s
+        );
+    }
+    Ok(())
+}

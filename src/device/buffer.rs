@@ -1,0 +1,210 @@
+//! Typed buffers in the device's memory.
+
+use super::handle::Owned;
+use super::{DeviceContext, Event};
+use crate::error::{Error, Result};
+use bytemuck::Pod;
+use opencl3::command_queue::enqueue_write_buffer;
+use opencl3::error_codes::ClError;
+use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_ONLY, CL_MEM_READ_WRITE, ClMem};
+use opencl3::types::{CL_TRUE, cl_mem_flags};
+use std::marker::PhantomData;
+use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// OpenCL has no empty buffers: one without elements still takes this much, the widest element a kernel may point to.
+const MIN_BYTES: usize = 16;
+
+/// `len` elements of `T` in the device's memory.
+///
+/// Dropping it while a kernel that has it as an argument is alive or running is fine: the memory goes when the last user does.
+#[derive(Debug)]
+pub struct Buffer<T: Pod> {
+    memory: Arc<Memory>,
+    len: usize,
+    kind: PhantomData<T>,
+}
+
+/// The memory of one buffer, whatever its elements are; kernels hold it, too.
+#[derive(Debug)]
+pub(super) struct Memory {
+    pub raw: Owned<ClBuffer<u8>>,
+    bytes: usize,
+    what: String,
+    context: DeviceContext,
+}
+
+impl Drop for Memory {
+    fn drop(&mut self) {
+        self.context.0.allocated_bytes.fetch_sub(self.bytes as u64, Ordering::Relaxed);
+    }
+}
+
+impl Memory {
+    fn create(
+        context: &DeviceContext,
+        what: &str,
+        len: usize,
+        element_bytes: usize,
+        flags: cl_mem_flags,
+    ) -> Result<Self> {
+        let wanted = len.checked_mul(element_bytes).ok_or_else(|| too_large(context, what, u64::MAX))?;
+        let bytes = wanted.max(MIN_BYTES);
+        check_limits(context, what, bytes as u64)?;
+        // SAFETY: no host pointer is given.
+        let raw = unsafe { ClBuffer::<u8>::create(&context.0.context, flags, bytes, ptr::null_mut()) };
+        let raw = raw
+            .map(Owned::new)
+            .map_err(|e| context.error(&format!("clCreateBuffer of {bytes} bytes for {what}"), e))?;
+        context.0.allocated_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+        Ok(Memory { raw, bytes, what: what.to_owned(), context: context.clone() })
+    }
+}
+
+fn too_large(context: &DeviceContext, what: &str, needed_bytes: u64) -> Error {
+    Error::TooLarge {
+        device: context.info().name.clone(),
+        what: what.to_owned(),
+        needed_bytes,
+        limit_name: "CL_DEVICE_MAX_MEM_ALLOC_SIZE",
+        limit_bytes: context.info().max_alloc_bytes,
+    }
+}
+
+/// Drivers accept too much and fail at the first use, or swap: refuse what the device says it cannot hold. A limit of 0 is unknown.
+fn check_limits(context: &DeviceContext, what: &str, bytes: u64) -> Result<()> {
+    let info = context.info();
+    if bytes > info.max_alloc_bytes && info.max_alloc_bytes > 0 {
+        return Err(too_large(context, what, bytes));
+    }
+    let total = bytes.saturating_add(context.allocated_bytes());
+    if total > info.global_memory_bytes && info.global_memory_bytes > 0 {
+        return Err(Error::TooLarge {
+            device: info.name.clone(),
+            what: format!("{what} together with the other buffers"),
+            needed_bytes: total,
+            limit_name: "CL_DEVICE_GLOBAL_MEM_SIZE",
+            limit_bytes: info.global_memory_bytes,
+        });
+    }
+    Ok(())
+}
+
+impl<T: Pod> Buffer<T> {
+    /// A buffer that kernels only read, filled with `data`; `what` names it in errors. `data` may be empty.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] over the device's limits, [`Error::OpenCl`] when the driver refuses.
+    pub fn from_slice(context: &DeviceContext, what: &str, data: &[T]) -> Result<Self> {
+        let buffer = Self::create(context, what, data.len(), CL_MEM_READ_ONLY)?;
+        buffer.write(data)?;
+        Ok(buffer)
+    }
+
+    /// A buffer that kernels read and write, of `len` elements with unspecified values; `len` may be 0.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] over the device's limits, [`Error::OpenCl`] when the driver refuses.
+    pub fn empty(context: &DeviceContext, what: &str, len: usize) -> Result<Self> {
+        Self::create(context, what, len, CL_MEM_READ_WRITE)
+    }
+
+    /// Like [`Buffer::empty`], but filled with `data`.
+    ///
+    /// # Errors
+    /// See [`Buffer::empty`].
+    pub fn read_write(context: &DeviceContext, what: &str, data: &[T]) -> Result<Self> {
+        let buffer = Self::create(context, what, data.len(), CL_MEM_READ_WRITE)?;
+        buffer.write(data)?;
+        Ok(buffer)
+    }
+
+    fn create(context: &DeviceContext, what: &str, len: usize, flags: cl_mem_flags) -> Result<Self> {
+        let memory = Arc::new(Memory::create(context, what, len, size_of::<T>(), flags)?);
+        Ok(Buffer { memory, len, kind: PhantomData })
+    }
+
+    /// Number of elements.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are no elements.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    pub(super) fn memory(&self) -> &Arc<Memory> {
+        &self.memory
+    }
+
+    /// Overwrites the first elements with `data` and waits until that is done.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver fails, also by what was still running.
+    ///
+    /// # Panics
+    /// When `data` is longer than the buffer.
+    pub fn write(&self, data: &[T]) -> Result<()> {
+        assert!(
+            data.len() <= self.len,
+            "{} elements do not fit into the {} of {}",
+            data.len(),
+            self.len,
+            self.memory.what
+        );
+        if data.is_empty() {
+            return Ok(());
+        }
+        let Memory { raw, context, .. } = &*self.memory;
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        // The plain call: opencl3's method wants `&mut`, although the runtime does the writing.
+        // SAFETY: the call blocks, so `bytes` outlives the transfer, and it fits (asserted above).
+        let event = unsafe {
+            let (queue, data) = (context.0.queue.get(), bytes.as_ptr().cast_mut().cast());
+            enqueue_write_buffer(queue, raw.get(), CL_TRUE, 0, bytes.len(), data, 0, ptr::null())
+        };
+        let event = event.map(opencl3::event::Event::new).map_err(ClError);
+        self.done("clEnqueueWriteBuffer", event)
+    }
+
+    /// All elements, after every command before this one is done.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver fails, also by what was still running.
+    pub fn read(&self) -> Result<Vec<T>> {
+        let mut data = bytemuck::zeroed_vec(self.len);
+        self.read_into(0, &mut data)?;
+        Ok(data)
+    }
+
+    /// The elements from number `first` on, as many as `data` has room for.
+    ///
+    /// # Errors
+    /// See [`Buffer::read`].
+    ///
+    /// # Panics
+    /// When the range ends after the buffer.
+    pub fn read_into(&self, first: usize, data: &mut [T]) -> Result<()> {
+        let fits = first.checked_add(data.len()).is_some_and(|end| end <= self.len);
+        assert!(fits, "{} elements from {first} on are not in the {} of {}", data.len(), self.len, self.memory.what);
+        if data.is_empty() {
+            return Ok(());
+        }
+        let Memory { raw, context, .. } = &*self.memory;
+        let offset = first * size_of::<T>();
+        // SAFETY: the call blocks, so `data` outlives the transfer, and the range is inside the buffer (asserted above).
+        let event =
+            unsafe { context.0.queue.enqueue_read_buffer(raw, CL_TRUE, offset, bytemuck::cast_slice_mut(data), &[]) };
+        self.done("clEnqueueReadBuffer", event)
+    }
+
+    /// Looks at a finished transfer's status as well: some drivers return success from a blocking call that failed.
+    fn done(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<()> {
+        let Memory { context, what, .. } = &*self.memory;
+        let call = format!("{call} of {what}");
+        let event = event.map_err(|e| context.error(&call, e))?;
+        Event::new(context.clone(), call, event).check()
+    }
+}

@@ -1,0 +1,246 @@
+//! Kernels: arguments, launches, and how long they took.
+
+use super::buffer::{Buffer, Memory};
+use super::errors::{cl_error_with_hint, code_hint};
+use super::handle::Owned;
+use super::{DeviceContext, Program};
+use crate::error::{Error, Result};
+use bytemuck::Pod;
+use opencl3::error_codes::ClError;
+use opencl3::event::Event as ClEvent;
+use opencl3::kernel::{Kernel as ClKernel, set_kernel_arg};
+use opencl3::memory::ClMem;
+use std::ffi::c_void;
+use std::ptr;
+use std::sync::Arc;
+
+/// OpenCL's code for a work-group that does not fit.
+const INVALID_WORK_GROUP_SIZE: i32 = -54;
+/// OpenCL's code for kernel arguments that are not set.
+const INVALID_KERNEL_ARGS: i32 = -52;
+
+/// A kernel of a built program with its arguments.
+#[derive(Debug)]
+pub struct Kernel {
+    raw: Owned<ClKernel>,
+    name: String,
+    context: DeviceContext,
+    args: Vec<Slot>,
+}
+
+/// What an argument was set to; a kernel does not keep its buffers alive by itself.
+#[derive(Debug, Clone)]
+enum Slot {
+    Unset,
+    Value,
+    Buffer { _memory: Arc<Memory> },
+}
+
+/// What can be passed to a kernel: a `&Buffer`, `u32`, `i32`, `f32`, or [`KernelArg::NULL`] for a buffer that is not there.
+#[derive(Debug)]
+pub struct KernelArg<'a>(Passed<'a>);
+
+#[derive(Debug)]
+enum Passed<'a> {
+    Buffer(&'a Arc<Memory>),
+    Word([u8; 4]),
+    Null,
+}
+
+impl KernelArg<'_> {
+    /// A null pointer, for a buffer that the chosen variant does not have.
+    pub const NULL: KernelArg<'static> = KernelArg(Passed::Null);
+}
+
+impl<'a, T: Pod> From<&'a Buffer<T>> for KernelArg<'a> {
+    fn from(buffer: &'a Buffer<T>) -> Self {
+        KernelArg(Passed::Buffer(buffer.memory()))
+    }
+}
+
+impl From<u32> for KernelArg<'_> {
+    fn from(value: u32) -> Self {
+        KernelArg(Passed::Word(value.to_ne_bytes()))
+    }
+}
+
+impl From<i32> for KernelArg<'_> {
+    fn from(value: i32) -> Self {
+        KernelArg(Passed::Word(value.to_ne_bytes()))
+    }
+}
+
+impl From<f32> for KernelArg<'_> {
+    fn from(value: f32) -> Self {
+        KernelArg(Passed::Word(value.to_ne_bytes()))
+    }
+}
+
+impl Kernel {
+    pub(super) fn create(program: &Program, name: &str) -> Result<Self> {
+        let context = program.context().clone();
+        let fail = |call: &str, error| context.error(&format!("{call} '{name}'"), error);
+        let raw = ClKernel::create(program.raw(), name).map(Owned::new).map_err(|e| fail("clCreateKernel", e))?;
+        let count = raw.num_args().map_err(|e| fail("clGetKernelInfo of", e))?;
+        Ok(Kernel { raw, name: name.to_owned(), args: vec![Slot::Unset; count as usize], context })
+    }
+
+    /// The kernel's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How many arguments it takes.
+    pub fn arg_count(&self) -> usize {
+        self.args.len()
+    }
+
+    /// Sets argument number `index`, counted from 0. The kernel keeps a buffer's memory alive until it is set anew.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the kernel has no such argument or the driver finds that the value does not fit it.
+    pub fn set_arg<'a>(&mut self, index: usize, value: impl Into<KernelArg<'a>>) -> Result<()> {
+        const INVALID_ARG_INDEX: i32 = -49;
+        let call = || format!("clSetKernelArg {index} of '{}'", self.name);
+        if index >= self.args.len() {
+            let hint =
+                format!("the kernel has {} arguments; this is a bug in raybrook, please report it", self.args.len());
+            return Err(cl_error_with_hint(&self.context.info().name, &call(), INVALID_ARG_INDEX, hint));
+        }
+        let value = value.into();
+        let (bytes, slot): (&[u8], _) = match &value.0 {
+            Passed::Buffer(memory) => {
+                (&(memory.raw.get() as usize).to_ne_bytes(), Slot::Buffer { _memory: Arc::clone(memory) })
+            }
+            Passed::Word(word) => (word, Slot::Value),
+            Passed::Null => (&0_usize.to_ne_bytes(), Slot::Value),
+        };
+        // SAFETY: the driver copies `bytes` before it returns and checks index and size against the kernel's signature; a
+        // buffer's memory lives as long as the slot that is filled below.
+        let result =
+            unsafe { set_kernel_arg(self.raw.get(), index as u32, bytes.len(), bytes.as_ptr().cast::<c_void>()) };
+        result.map_err(|code| self.context.error(&call(), ClError(code)))?;
+        self.args[index] = slot;
+        Ok(())
+    }
+
+    /// Starts `global` work items (1 to 3 dimensions) in work-groups of `local`, or of the driver's choice.
+    ///
+    /// Returns at once; [`Event::wait`] tells when it is done. No work items at all is an event that is already over.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when an argument was not set, the work-group does not fit, or the driver refuses otherwise.
+    ///
+    /// # Panics
+    /// When `global` has not 1 to 3 dimensions or `local` has another number of them.
+    pub fn launch(&self, global: &[usize], local: Option<&[usize]>) -> Result<Event> {
+        assert!((1..=3).contains(&global.len()), "work items have 1 to 3 dimensions, not {}", global.len());
+        assert!(local.is_none_or(|l| l.len() == global.len()), "work-groups have as many dimensions as work items");
+        let call =
+            format!("clEnqueueNDRangeKernel of '{}' with {global:?} work items in groups of {local:?}", self.name);
+        let device = &self.context.info().name;
+        if let Some(unset) = self.args.iter().position(|slot| matches!(slot, Slot::Unset)) {
+            let hint = format!("argument {unset} was never set; this is a bug in raybrook, please report it");
+            return Err(cl_error_with_hint(device, &call, INVALID_KERNEL_ARGS, hint));
+        }
+        if global.contains(&0) {
+            return Ok(Event { raw: None, call, context: self.context.clone() });
+        }
+        let local_sizes = local.map_or(ptr::null(), <[usize]>::as_ptr);
+        // SAFETY: all arguments are set and alive, both size arrays have as many elements as there are dimensions.
+        let event = unsafe {
+            let (raw, dimensions) = (self.raw.get(), global.len() as u32);
+            self.context.0.queue.enqueue_nd_range_kernel(
+                raw,
+                dimensions,
+                ptr::null(),
+                global.as_ptr(),
+                local_sizes,
+                &[],
+            )
+        };
+        let event = event.map_err(|e| match (e.0, self.max_work_group_size()) {
+            (INVALID_WORK_GROUP_SIZE, Ok(limit)) => {
+                let hint = format!("{}: at most {limit} items, and a divisor of the work items", code_hint(e.0));
+                cl_error_with_hint(device, &call, e.0, hint)
+            }
+            _ => self.context.error(&call, e),
+        })?;
+        // Without this some drivers do not start before somebody waits, and the host's work would not overlap.
+        self.context.0.queue.flush().map_err(|e| self.context.error(&call, e))?;
+        Ok(Event::new(self.context.clone(), call, event))
+    }
+
+    /// `CL_KERNEL_WORK_GROUP_SIZE`: the most work items in a work-group of this kernel.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver does not tell.
+    pub fn max_work_group_size(&self) -> Result<usize> {
+        self.raw
+            .get_work_group_size(self.context.0.device.id())
+            .map_err(|e| self.info_error("CL_KERNEL_WORK_GROUP_SIZE", e))
+    }
+
+    /// `CL_KERNEL_PREFERRED_WORK_GROUP_SIZE_MULTIPLE`: warp, wavefront or vector width.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver does not tell.
+    pub fn preferred_work_group_multiple(&self) -> Result<usize> {
+        let multiple = self.raw.get_work_group_size_multiple(self.context.0.device.id());
+        multiple.map_err(|e| self.info_error("CL_KERNEL_PREFERRED_WORK_GROUP_SIZE_MULTIPLE", e))
+    }
+
+    /// `CL_KERNEL_PRIVATE_MEM_SIZE`: bytes of private memory of one work item, as far as the driver counts them.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver does not tell.
+    pub fn private_memory_bytes(&self) -> Result<u64> {
+        self.raw
+            .get_private_mem_size(self.context.0.device.id())
+            .map_err(|e| self.info_error("CL_KERNEL_PRIVATE_MEM_SIZE", e))
+    }
+
+    fn info_error(&self, query: &str, error: ClError) -> Error {
+        self.context.error(&format!("{query} of '{}'", self.name), error)
+    }
+}
+
+/// A command that was started.
+#[derive(Debug)]
+#[must_use = "a launch that is not waited for may fail unseen"]
+pub struct Event {
+    raw: Option<Owned<ClEvent>>,
+    call: String,
+    context: DeviceContext,
+}
+
+impl Event {
+    pub(super) fn new(context: DeviceContext, call: String, event: ClEvent) -> Self {
+        Event { raw: Some(Owned::new(event)), call, context }
+    }
+
+    /// Waits until the command is done; the seconds that it ran on the device, by the device's own clock.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the command failed; drivers report here what went wrong inside a kernel.
+    pub fn wait(&self) -> Result<f64> {
+        let Some(event) = &self.raw else { return Ok(0.0) };
+        // Its code only says that some event failed: the event's own status, asked for next, says why.
+        let waited = event.wait();
+        self.check()?;
+        waited.map_err(|e| self.context.error(&self.call, e))?;
+        let times = event.profiling_command_start().and_then(|start| Ok((start, event.profiling_command_end()?)));
+        let (start_ns, end_ns) =
+            times.map_err(|e| self.context.error(&format!("clGetEventProfilingInfo after {}", self.call), e))?;
+        const SECONDS_PER_NS: f64 = 1e-9;
+        Ok(end_ns.saturating_sub(start_ns) as f64 * SECONDS_PER_NS)
+    }
+
+    /// The error that the command ended with, if it did.
+    pub(super) fn check(&self) -> Result<()> {
+        let Some(event) = &self.raw else { return Ok(()) };
+        let status = event.command_execution_status().map_err(|e| self.context.error(&self.call, e))?.0;
+        // 0 to 3 are complete, running, submitted and queued.
+        if status < 0 { Err(self.context.error(&self.call, ClError(status))) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,315 @@
+//! Every OpenCL device of this computer, with what matters to a tracer.
+
+use super::diagnosis::Diagnosis;
+use super::errors::cl_error;
+use super::lock_runtime;
+use crate::error::Result;
+use opencl3::command_queue::CL_QUEUE_PROFILING_ENABLE;
+use opencl3::device::{
+    CL_DEVICE_TYPE_ACCELERATOR, CL_DEVICE_TYPE_ALL, CL_DEVICE_TYPE_CPU, CL_DEVICE_TYPE_GPU, CL_EXEC_KERNEL,
+    CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT, CL_FP_DENORM, CL_FP_FMA, CL_FP_INF_NAN, CL_FP_ROUND_TO_NEAREST, Device,
+};
+use opencl3::platform::{Platform, get_platforms};
+use serde::Serialize;
+use std::fmt;
+
+/// What a device is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum DeviceKind {
+    /// A graphics processor.
+    Gpu,
+    /// The host's processor.
+    Cpu,
+    /// Something else that computes, such as an FPGA.
+    Accelerator,
+    /// None of these, or several at once, as a simulator may be.
+    Other,
+}
+
+impl DeviceKind {
+    /// The name as the user types it.
+    pub fn name(self) -> &'static str {
+        match self {
+            DeviceKind::Gpu => "gpu",
+            DeviceKind::Cpu => "cpu",
+            DeviceKind::Accelerator => "accelerator",
+            DeviceKind::Other => "other",
+        }
+    }
+
+    fn from_bits(bits: u64) -> Self {
+        const KINDS: u64 = CL_DEVICE_TYPE_GPU | CL_DEVICE_TYPE_CPU | CL_DEVICE_TYPE_ACCELERATOR;
+        // Only one: Oclgrind, a simulator, claims to be all three, and must not be taken for the fastest GPU.
+        match bits & KINDS {
+            CL_DEVICE_TYPE_GPU => DeviceKind::Gpu,
+            CL_DEVICE_TYPE_CPU => DeviceKind::Cpu,
+            CL_DEVICE_TYPE_ACCELERATOR => DeviceKind::Accelerator,
+            _ => DeviceKind::Other,
+        }
+    }
+}
+
+impl fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// What a device says about itself. A number that the driver does not tell is 0, a text is empty.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DeviceInfo {
+    /// Number on this computer, counted from 0 through all platforms in the order of their names; `--device` takes it.
+    pub index: usize,
+    /// Name of the driver, such as `Portable Computing Language`.
+    pub platform_name: String,
+    /// Version of the driver, such as `OpenCL 3.0 PoCL 3.1`.
+    pub platform_version: String,
+    /// Name of the device.
+    pub name: String,
+    /// What it is.
+    pub kind: DeviceKind,
+    /// Who made it.
+    pub vendor: String,
+    /// Version of the driver's device part.
+    pub driver_version: String,
+    /// Newest OpenCL C, such as `OpenCL C 1.2`.
+    pub opencl_c_version: String,
+    /// Compute units: cores of a CPU, multiprocessors of a GPU.
+    pub compute_units: u32,
+    /// Highest clock, MHz.
+    pub clock_mhz: u32,
+    /// Memory, bytes.
+    pub global_memory_bytes: u64,
+    /// Largest single buffer, bytes.
+    pub max_alloc_bytes: u64,
+    /// Largest constant buffer, bytes.
+    pub constant_memory_bytes: u64,
+    /// Local memory of a work-group, bytes.
+    pub local_memory_bytes: u64,
+    /// Most work items in a work-group.
+    pub max_work_group_size: usize,
+    /// It computes in `double`.
+    pub fp64: bool,
+    /// It reads images.
+    pub images: bool,
+    /// Most texels of an image made from a buffer.
+    pub image1d_buffer_max_texels: usize,
+    /// Widest 2D image, texels.
+    pub image2d_max_width: usize,
+    /// Highest 2D image, texels.
+    pub image2d_max_height: usize,
+    /// It has sub-groups.
+    pub subgroups: bool,
+    /// `float` division and square root can be rounded correctly, so that pictures agree with the reference to the last bit.
+    pub correctly_rounded_divide_sqrt: bool,
+    /// `float` keeps numbers too small for full precision.
+    pub denormals: bool,
+    /// `fma` on `float` is fast.
+    pub fast_fma: bool,
+    /// The lowest byte comes first.
+    pub little_endian: bool,
+    /// Step of the clock that times kernels, nanoseconds.
+    pub profiling_timer_resolution_ns: usize,
+    /// Why raybrook cannot use it; `None` if it can.
+    pub unusable: Option<String>,
+}
+
+impl DeviceInfo {
+    /// Whether raybrook can use the device.
+    pub fn is_usable(&self) -> bool {
+        self.unusable.is_none()
+    }
+}
+
+/// A device and the OpenCL objects to open it with.
+#[derive(Debug, Clone)]
+pub struct DeviceHandle {
+    /// What the device says about itself.
+    pub info: DeviceInfo,
+    pub(super) device: Device,
+}
+
+/// What there is on this computer.
+#[derive(Debug, Clone, Default)]
+pub struct DeviceList {
+    /// Every device, usable or not; a device's place is its index.
+    pub devices: Vec<DeviceHandle>,
+    /// Drivers that were found but offer no device.
+    pub empty_platforms: Vec<String>,
+    /// What is missing, and how to mend it.
+    pub diagnosis: Diagnosis,
+}
+
+impl DeviceList {
+    /// What each device says about itself.
+    pub fn infos(&self) -> impl Iterator<Item = &DeviceInfo> {
+        self.devices.iter().map(|d| &d.info)
+    }
+}
+
+/// Every platform's devices. A computer without any is no error: [`DeviceList::diagnosis`] tells what is missing.
+///
+/// # Errors
+/// [`crate::Error::OpenCl`] when the loader fails in an unexpected way.
+pub fn list_devices() -> Result<DeviceList> {
+    let _lock = lock_runtime();
+    let mut list = DeviceList::default();
+    let mut platforms = match get_platforms() {
+        Ok(platforms) => platforms,
+        Err(error) if error.0 == super::errors::NO_LOADER => {
+            list.diagnosis = Diagnosis::of_missing_loader();
+            return Ok(list);
+        }
+        Err(error) if error.0 == super::errors::NO_PLATFORM => Vec::new(),
+        Err(error) => return Err(cl_error("none yet", "clGetPlatformIDs", error)),
+    };
+
+    // Loaders read the drivers in the folder's order or by their own preference: sort for indices that stay the same.
+    platforms.sort_by_cached_key(|p| p.name().unwrap_or_default());
+    for platform in &platforms {
+        // A driver whose device list fails (PoCL without its libraries, say) must not hide the others.
+        let devices = platform.get_devices(CL_DEVICE_TYPE_ALL).unwrap_or_default();
+        if devices.is_empty() {
+            list.empty_platforms.push(platform.name().unwrap_or_default().trim().to_owned());
+        }
+        for id in devices {
+            let device = Device::new(id);
+            let info = query(list.devices.len(), platform, &device);
+            list.devices.push(DeviceHandle { info, device });
+        }
+    }
+    list.diagnosis = Diagnosis::of_this_computer(&list);
+    Ok(list)
+}
+
+fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
+    let text = |value: opencl3::Result<String>| value.unwrap_or_default().trim().to_owned();
+    let single = device.single_fp_config().unwrap_or(0);
+    let images = device.image_support().unwrap_or(false);
+    let image_size = |value: opencl3::Result<usize>| if images { value.unwrap_or(0) } else { 0 };
+    let extensions = text(device.extensions());
+    let has = |name: &str| extensions.split_whitespace().any(|e| e == name);
+    DeviceInfo {
+        index,
+        platform_name: text(platform.name()),
+        platform_version: text(platform.version()),
+        name: text(device.name()),
+        kind: DeviceKind::from_bits(device.dev_type().unwrap_or(0)),
+        vendor: text(device.vendor()),
+        driver_version: text(device.driver_version()),
+        opencl_c_version: text(device.opencl_c_version()),
+        compute_units: device.max_compute_units().unwrap_or(0),
+        clock_mhz: device.max_clock_frequency().unwrap_or(0),
+        global_memory_bytes: device.global_mem_size().unwrap_or(0),
+        max_alloc_bytes: device.max_mem_alloc_size().unwrap_or(0),
+        constant_memory_bytes: device.max_constant_buffer_size().unwrap_or(0),
+        local_memory_bytes: device.local_mem_size().unwrap_or(0),
+        max_work_group_size: device.max_work_group_size().unwrap_or(0),
+        fp64: device.double_fp_config().unwrap_or(0) != 0,
+        images,
+        image1d_buffer_max_texels: image_size(device.image_max_buffer_size()),
+        image2d_max_width: image_size(device.image2d_max_width()),
+        image2d_max_height: image_size(device.image2d_max_height()),
+        subgroups: has("cl_khr_subgroups") || has("cl_intel_subgroups") || device.max_num_sub_groups().unwrap_or(0) > 0,
+        correctly_rounded_divide_sqrt: single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT != 0,
+        denormals: single & CL_FP_DENORM != 0,
+        fast_fma: single & CL_FP_FMA != 0,
+        little_endian: device.endian_little().unwrap_or(false),
+        profiling_timer_resolution_ns: device.profiling_timer_resolution().unwrap_or(0),
+        unusable: reason_against(device).map(str::to_owned),
+    }
+}
+
+/// The first thing that the kernels or the timings need and the device lacks.
+fn reason_against(device: &Device) -> Option<&'static str> {
+    let single = device.single_fp_config().unwrap_or(0);
+    let needs = [
+        (device.available(), "the driver says that it is not available"),
+        (device.compiler_available(), "its driver has no compiler"),
+        (device.endian_little(), "it is big endian"),
+        (device.execution_capabilities().map(|bits| bits & CL_EXEC_KERNEL != 0), "it runs no kernels"),
+        (
+            device.queue_on_host_properties().map(|bits| bits & CL_QUEUE_PROFILING_ENABLE != 0),
+            "it cannot time its commands",
+        ),
+        (device.opencl_c_version().map(|version| is_at_least_1_2(&version)), "it lacks OpenCL C 1.2"),
+        (
+            Ok(single & CL_FP_INF_NAN != 0 && single & CL_FP_ROUND_TO_NEAREST != 0),
+            "its arithmetic lacks infinities or rounding to nearest",
+        ),
+    ];
+    needs.into_iter().find(|(fulfilled, _)| !matches!(fulfilled, Ok(true))).map(|(_, reason)| reason)
+}
+
+/// Whether `version`, such as `OpenCL C 3.0 vendor's words`, is 1.2 or newer.
+fn is_at_least_1_2(version: &str) -> bool {
+    let number = version.trim().strip_prefix("OpenCL C ").and_then(|rest| rest.split_whitespace().next());
+    let mut parts = number.unwrap_or_default().split('.').map(|part| part.parse::<u32>().unwrap_or(0));
+    (parts.next(), parts.next()) >= (Some(1), Some(2))
+}
+
+/// A device for tests that need no OpenCL.
+#[cfg(test)]
+pub(super) fn sample_info() -> DeviceInfo {
+    const GIB: u64 = 1 << 30;
+    DeviceInfo {
+        index: 0,
+        platform_name: "Sample platform".to_owned(),
+        platform_version: "OpenCL 3.0".to_owned(),
+        name: "Sample device".to_owned(),
+        kind: DeviceKind::Gpu,
+        vendor: "Sample vendor".to_owned(),
+        driver_version: "1.0".to_owned(),
+        opencl_c_version: "OpenCL C 1.2".to_owned(),
+        compute_units: 8,
+        clock_mhz: 1500,
+        global_memory_bytes: 8 * GIB,
+        max_alloc_bytes: 2 * GIB,
+        constant_memory_bytes: 65_536,
+        local_memory_bytes: 32_768,
+        max_work_group_size: 1024,
+        fp64: true,
+        images: true,
+        image1d_buffer_max_texels: 65_536,
+        image2d_max_width: 16_384,
+        image2d_max_height: 16_384,
+        subgroups: false,
+        correctly_rounded_divide_sqrt: true,
+        denormals: true,
+        fast_fma: true,
+        little_endian: true,
+        profiling_timer_resolution_ns: 1,
+        unusable: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_compared_as_numbers() {
+        for (version, expected) in [
+            ("OpenCL C 1.2 PoCL", true),
+            ("OpenCL C 1.2", true),
+            ("OpenCL C 3.0 ", true),
+            ("OpenCL C 10.0", true),
+            ("OpenCL C 1.1", false),
+            ("OpenCL C 1.0 old", false),
+            ("", false),
+            ("nonsense", false),
+        ] {
+            assert_eq!(is_at_least_1_2(version), expected, "'{version}'");
+        }
+    }
+
+    #[test]
+    fn a_kind_ignores_the_default_bit() {
+        assert_eq!(DeviceKind::from_bits(1 | CL_DEVICE_TYPE_CPU), DeviceKind::Cpu);
+        assert_eq!(DeviceKind::from_bits(1 | CL_DEVICE_TYPE_GPU), DeviceKind::Gpu);
+        assert_eq!(DeviceKind::from_bits(1), DeviceKind::Other);
+        assert_eq!(DeviceKind::from_bits(CL_DEVICE_TYPE_CPU | CL_DEVICE_TYPE_GPU), DeviceKind::Other);
+    }
+}

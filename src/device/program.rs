@@ -1,0 +1,188 @@
+//! Builds programs, from source or from a cached binary.
+//!
+//! Arithmetic must be the same on every device, so nothing here ever asks for relaxed mathematics.
+
+use super::cache::{Cache, CacheKey};
+use super::errors::BUILD_FAILURE;
+use super::handle::Owned;
+use super::{DeviceContext, DeviceInfo, Kernel, ProgramSource};
+use crate::error::{Error, Result};
+use opencl3::error_codes::ClError;
+use opencl3::program::Program as ClProgram;
+use std::fmt;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What is passed to the device's compiler apart from the source.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CompileOptions {
+    defines: Vec<(String, String)>,
+}
+
+impl CompileOptions {
+    /// No definitions.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds `-D name=value`. Neither may contain white space: drivers split the options at it.
+    ///
+    /// # Panics
+    /// When one does.
+    #[must_use]
+    pub fn define(mut self, name: &str, value: impl fmt::Display) -> Self {
+        let value = value.to_string();
+        assert!(
+            !name.contains(char::is_whitespace) && !value.contains(char::is_whitespace),
+            "white space in -D {name}={value}"
+        );
+        self.defines.push((name.to_owned(), value));
+        self
+    }
+
+    /// The options for a device, as the compiler gets them.
+    pub fn text(&self, device: &DeviceInfo) -> String {
+        let mut text = String::from("-cl-std=CL1.2");
+        // Without it a division may be off by 2.5 units in the last place. Not every compiler knows the option.
+        if device.correctly_rounded_divide_sqrt {
+            text += " -cl-fp32-correctly-rounded-divide-sqrt";
+        }
+        for (name, value) in &self.defines {
+            text += &format!(" -D {name}={value}");
+        }
+        text
+    }
+}
+
+/// A program that is ready to run on the device it was built for. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Program {
+    raw: Arc<Owned<ClProgram>>,
+    context: DeviceContext,
+}
+
+impl Program {
+    /// A kernel of the program, with no argument set yet.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when there is none of that name.
+    pub fn kernel(&self, name: &str) -> Result<Kernel> {
+        Kernel::create(self, name)
+    }
+
+    pub(super) fn context(&self) -> &DeviceContext {
+        &self.context
+    }
+
+    pub(super) fn raw(&self) -> &ClProgram {
+        &self.raw
+    }
+}
+
+/// A built program and how it came about.
+#[derive(Debug, Clone)]
+pub struct Built {
+    /// The program.
+    pub program: Program,
+    /// Seconds that the driver took, from source or from the binary, without writing the cache.
+    pub compile_s: f64,
+    /// Whether the binary came from the cache.
+    pub from_cache: bool,
+    /// What the compiler said although it succeeded, places mapped to files; often empty.
+    pub log: String,
+    /// What went wrong with the cache, for `-v`. The program is fine all the same.
+    pub notes: Vec<String>,
+}
+
+/// Builds `source` for the device of `context`; takes the binary from `cache`, or puts it there, if there is one.
+///
+/// # Errors
+/// [`Error::Build`] with the compiler's log, [`Error::OpenCl`] when the driver fails otherwise.
+pub fn build(
+    context: &DeviceContext,
+    source: &ProgramSource,
+    options: &CompileOptions,
+    cache: Option<&Cache>,
+) -> Result<Built> {
+    let options = options.text(context.info());
+    let key = CacheKey::new(source.text(), &options, context.info());
+    let mut notes = Vec::new();
+    if let Some(cache) = cache {
+        match cache.load(&key) {
+            Ok(None) => {}
+            Ok(Some(binary)) => {
+                let start = Instant::now();
+                match build_binary(context, &binary, &options) {
+                    Ok(raw) => return Ok(Built::new(context, raw, start, true, String::new(), notes)),
+                    Err(error) => notes.push(cache.discard(&key, &format!("the driver refused the binary: {error}"))),
+                }
+            }
+            Err(damage) => notes.push(cache.discard(&key, &damage)),
+        }
+    }
+
+    let start = Instant::now();
+    let (raw, log) = build_source(context, source, &options)?;
+    let built = Built::new(context, raw, start, false, log, notes);
+    Ok(match cache {
+        Some(cache) => built.stored(cache, &key),
+        None => built,
+    })
+}
+
+impl Built {
+    fn new(
+        context: &DeviceContext,
+        raw: Owned<ClProgram>,
+        start: Instant,
+        from_cache: bool,
+        log: String,
+        notes: Vec<String>,
+    ) -> Self {
+        let program = Program { raw: Arc::new(raw), context: context.clone() };
+        Built { program, compile_s: start.elapsed().as_secs_f64(), from_cache, log, notes }
+    }
+
+    /// Puts the binary into the cache; a failure is only a note.
+    fn stored(mut self, cache: &Cache, key: &CacheKey) -> Self {
+        let problem = match self.program.raw.get_binaries() {
+            Ok(binaries) => match binaries.first() {
+                Some(binary) if !binary.is_empty() => cache.store(key, binary).err(),
+                _ => Some("the driver gives no binary".to_owned()),
+            },
+            Err(error) => Some(format!("the driver gives no binary: {error}")),
+        };
+        self.notes.extend(problem.map(|p| format!("the built kernels are not cached: {p}")));
+        self
+    }
+}
+
+fn build_binary(
+    context: &DeviceContext,
+    binary: &[u8],
+    options: &str,
+) -> std::result::Result<Owned<ClProgram>, ClError> {
+    let device = context.0.device.id();
+    // SAFETY: the context has this one device; the cache's checksum says that the driver wrote exactly these bytes.
+    let program = unsafe { ClProgram::create_from_binary(&context.0.context, &[device], &[binary]) };
+    let mut program = program.map(Owned::new)?;
+    program.build(&[device], options)?;
+    Ok(program)
+}
+
+fn build_source(context: &DeviceContext, source: &ProgramSource, options: &str) -> Result<(Owned<ClProgram>, String)> {
+    let device = context.0.device.id();
+    let program = ClProgram::create_from_source(&context.0.context, source.text()).map(Owned::new);
+    let mut program = program.map_err(|e| context.error("clCreateProgramWithSource", e))?;
+    let result = program.build(&[device], options);
+    let log = program.get_build_log(device).unwrap_or_default();
+    let log = source.map_log(log.trim());
+    match result {
+        Ok(()) => Ok((program, log)),
+        // Some drivers use other codes than CL_BUILD_PROGRAM_FAILURE for errors in the source; a log tells more than any code.
+        Err(error) if error.0 == BUILD_FAILURE || !log.is_empty() => {
+            Err(Error::Build { device: context.info().name.clone(), options: options.to_owned(), log })
+        }
+        Err(error) => Err(context.error(&format!("clBuildProgram with '{options}'"), error)),
+    }
+}

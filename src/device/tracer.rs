@@ -1,0 +1,289 @@
+//! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
+
+use super::{
+    Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, ProgramSource, build,
+};
+use crate::error::Result;
+use crate::film::Film;
+use crate::layout::Float4;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::shared::{
+    COUNTER_SLOTS, COUNTERS, Hit, KdNode, Light, Material, RenderParams, SceneParams, Shading, TILE_SIDE, TextureInfo,
+};
+use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
+use std::time::Instant;
+
+/// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
+const LAUNCH_S: f64 = 0.15;
+/// The first launch of a kernel, whose speed is not known yet, takes this part of the work, but no fewer items than below.
+const FIRST_PART: usize = 16;
+/// Items that keep the largest GPU busy for a moment: 132 multiprocessors of 2,048 threads are 270,336.
+const FIRST_ITEMS: usize = 1 << 18;
+
+/// How many work-items a launch may have, learnt from the launches before.
+#[derive(Debug, Default)]
+struct LaunchPlan {
+    seconds_per_item: Option<f64>,
+}
+
+impl LaunchPlan {
+    /// Items of the next launch when `left` of `total` remain; a multiple of `multiple` unless it is the last.
+    fn next(&self, left: usize, total: usize, multiple: usize, kind: DeviceKind) -> usize {
+        let items = match self.seconds_per_item {
+            Some(seconds) => (LAUNCH_S / seconds.max(1e-12)) as usize,
+            None if kind == DeviceKind::Gpu => (total / FIRST_PART).max(FIRST_ITEMS),
+            None => total / FIRST_PART,
+        };
+        let items = items.max(1).next_multiple_of(multiple);
+        // A rest of less than half a launch goes along: its own launch would leave units idle twice.
+        if items + items / 2 >= left { left } else { items }
+    }
+
+    fn learn(&mut self, items: usize, seconds: f64) {
+        if items > 0 {
+            self.seconds_per_item = Some(seconds / items as f64);
+        }
+    }
+}
+
+/// The scene's arrays on the device.
+struct DeviceScene {
+    nodes: Buffer<KdNode>,
+    references: Buffer<u32>,
+    vertices: Buffer<Float4>,
+    params: Buffer<SceneParams>,
+    shading: Buffer<Shading>,
+    materials: Buffer<Material>,
+    lights: Buffer<Light>,
+    textures: Buffer<TextureInfo>,
+    texels: Buffer<u32>,
+    srgb_to_linear: Buffer<f32>,
+}
+
+/// A tracer on an OpenCL device.
+pub struct OpenClTracer {
+    context: DeviceContext,
+    scene: DeviceScene,
+    render: Kernel,
+    trace_closest: Kernel,
+    trace_any: Kernel,
+    trace_next: Kernel,
+    render_plan: LaunchPlan,
+    trace_plan: LaunchPlan,
+    work_group: usize,
+    compile_s: f64,
+    upload_s: f64,
+    notes: Vec<String>,
+}
+
+/// Passes arguments to a kernel one after the other.
+struct Arguments<'a> {
+    kernel: &'a mut Kernel,
+    next: usize,
+}
+
+impl<'k> Arguments<'k> {
+    fn of(kernel: &'k mut Kernel) -> Self {
+        Arguments { kernel, next: 0 }
+    }
+
+    fn set<'a>(mut self, value: impl Into<KernelArg<'a>>) -> Result<Self> {
+        self.kernel.set_arg(self.next, value)?;
+        self.next += 1;
+        Ok(self)
+    }
+}
+
+impl OpenClTracer {
+    /// Compiles the kernels for `options` (or loads them from `cache`) and sends the scene to the device.
+    ///
+    /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
+    ///
+    /// # Errors
+    /// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory.
+    pub fn new(
+        device: &DeviceHandle,
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        max_depth: u32,
+        cache: Option<&Cache>,
+    ) -> Result<Self> {
+        let context = DeviceContext::open(device)?;
+        // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
+        // and 8 bound both.
+        let compile_options = CompileOptions::new()
+            .define("TRAVERSE", options.cl_traverse())
+            .define("INTERSECT", options.intersector.cl_function())
+            .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
+            .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
+        let built = build(&context, &ProgramSource::kernels(), &compile_options, cache)?;
+
+        let start = Instant::now();
+        let scene = DeviceScene {
+            nodes: Buffer::from_slice(&context, "nodes", &buffers.nodes)?,
+            references: Buffer::from_slice(&context, "references", &buffers.references)?,
+            vertices: Buffer::from_slice(&context, "vertices", &buffers.vertices)?,
+            params: Buffer::from_slice(&context, "scene parameters", &[buffers.params])?,
+            shading: Buffer::from_slice(&context, "shading data", &buffers.shading)?,
+            materials: Buffer::from_slice(&context, "materials", &buffers.materials)?,
+            lights: Buffer::from_slice(&context, "lights", &buffers.lights)?,
+            textures: Buffer::from_slice(&context, "textures", &buffers.textures)?,
+            texels: Buffer::from_slice(&context, "texels", &buffers.texels)?,
+            srgb_to_linear: Buffer::from_slice(&context, "sRGB table", &buffers.srgb_to_linear)?,
+        };
+        context.finish()?;
+        // CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
+        let work_group = if context.info().kind == DeviceKind::Gpu { 64 } else { 16 };
+        Ok(OpenClTracer {
+            render: built.program.kernel("render")?,
+            trace_closest: built.program.kernel("trace_closest")?,
+            trace_any: built.program.kernel("trace_any")?,
+            trace_next: built.program.kernel("trace_next")?,
+            render_plan: LaunchPlan::default(),
+            trace_plan: LaunchPlan::default(),
+            work_group: work_group.min(context.info().max_work_group_size.max(1)),
+            compile_s: built.compile_s,
+            upload_s: start.elapsed().as_secs_f64(),
+            notes: built.notes,
+            scene,
+            context,
+        })
+    }
+
+    fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
+        Arguments::of(kernel).set(&scene.nodes)?.set(&scene.references)?.set(&scene.vertices)?.set(&scene.params)
+    }
+
+    /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,
+    /// counted in units of `unit` items. Returns seconds of device time.
+    fn launch(
+        kernel: &mut Kernel,
+        plan: &mut LaunchPlan,
+        (total, unit, work_group): (usize, usize, usize),
+        kind: DeviceKind,
+        mut progress: impl FnMut(usize),
+    ) -> Result<f64> {
+        let bounds = kernel.arg_count() - 2;
+        let mut seconds = 0.0;
+        let mut first = 0;
+        while first < total {
+            let items = plan.next(total - first, total, unit.max(work_group), kind);
+            kernel.set_arg(bounds, (first / unit) as u32)?;
+            kernel.set_arg(bounds + 1, (first + items).div_ceil(unit) as u32)?;
+            let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
+            let launch_s = event.wait()?;
+            plan.learn(items, launch_s);
+            seconds += launch_s;
+            first += items;
+            progress(items);
+        }
+        Ok(seconds)
+    }
+}
+
+impl Tracer for OpenClTracer {
+    fn device_name(&self) -> &str {
+        &self.context.info().name
+    }
+
+    fn compile_s(&self) -> f64 {
+        self.compile_s
+    }
+
+    fn upload_s(&self) -> f64 {
+        self.upload_s
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
+        let kind = self.context.info().kind;
+        let total = job.rays.len();
+        let start = Instant::now();
+        let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
+        let hits = Buffer::<Hit>::empty(&self.context, "hits", total)?;
+        let directions = Buffer::from_slice(&self.context, "next directions", job.next_directions.unwrap_or_default())?;
+        let next_hits = Buffer::<Hit>::empty(&self.context, "next hits", job.next_directions.map_or(0, <[_]>::len))?;
+        self.context.finish()?;
+        let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
+
+        let first_kernel = if job.any_hit { &mut self.trace_any } else { &mut self.trace_closest };
+        Self::geometry_arguments(&self.scene, first_kernel)?.set(&rays)?.set(&hits)?;
+        Self::geometry_arguments(&self.scene, &mut self.trace_next)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+        let mut done = 0;
+        let work = (total * job.repeat as usize).max(1) as f64;
+        for _ in 0..job.repeat {
+            let shape = (total, 1, self.work_group);
+            let mut seconds = Self::launch(first_kernel, &mut self.trace_plan, shape, kind, |items| {
+                done += items;
+                progress(done as f64 / work);
+            })?;
+            if job.next_directions.is_some() {
+                seconds += Self::launch(&mut self.trace_next, &mut self.trace_plan, shape, kind, |_| ())?;
+            }
+            result.kernel_s.push(seconds);
+        }
+
+        let start = Instant::now();
+        result.hits = hits.read()?;
+        result.next_hits = job.next_directions.map(|_| next_hits.read()).transpose()?;
+        result.read_s = start.elapsed().as_secs_f64();
+        Ok(result)
+    }
+
+    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+        let kind = self.context.info().kind;
+        let pixel_count = params.width as usize * params.height as usize;
+        let render_params = Buffer::from_slice(&self.context, "picture parameters", &[*params])?;
+        let sample_buffer = Buffer::from_slice(&self.context, "samples", samples)?;
+        let film = Buffer::<Float4>::empty(&self.context, "picture", pixel_count)?;
+        let counters = Buffer::<u32>::read_write(&self.context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?;
+        let scene = &self.scene;
+        Self::geometry_arguments(scene, &mut self.render)?
+            .set(&scene.shading)?
+            .set(&scene.materials)?
+            .set(&scene.lights)?
+            .set(&scene.textures)?
+            .set(&scene.texels)?
+            .set(&scene.srgb_to_linear)?
+            .set(&render_params)?
+            .set(&sample_buffer)?
+            .set(&film)?
+            .set(&counters)?;
+
+        let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
+        let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
+        let items = tiles * tile_items;
+        let mut counts = [0; COUNTERS];
+        let mut done = 0;
+        let mut failed = None;
+        let shape = (items, tile_items, self.work_group);
+        let kernel_s = Self::launch(&mut self.render, &mut self.render_plan, shape, kind, |launched| {
+            done += launched;
+            progress(done as f64 / items as f64);
+            // After every launch, because a 32-bit counter could overflow over a whole picture.
+            failed = failed.take().or(take_counts(&counters, &mut counts).err());
+        })?;
+        if let Some(error) = failed {
+            return Err(error);
+        }
+
+        let start = Instant::now();
+        let pixels = film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
+        let film = Film { width: params.width, height: params.height, pixels };
+        Ok(RenderResult { film, counts, kernel_s, read_s: start.elapsed().as_secs_f64() })
+    }
+}
+
+/// Adds the device's counters to `counts` and clears them.
+fn take_counts(counters: &Buffer<u32>, counts: &mut [u64; COUNTERS]) -> Result<()> {
+    for slot in counters.read()?.chunks_exact(COUNTERS) {
+        for (count, &value) in counts.iter_mut().zip(slot) {
+            *count += u64::from(value);
+        }
+    }
+    counters.write(&[0; COUNTER_SLOTS as usize * COUNTERS])
+}

@@ -1,0 +1,347 @@
+//! The picture: linear radiance in memory, PNG, OpenEXR or PFM on disk.
+//!
+//! PNG holds display values by the sRGB transfer curve (IEC 61966-2-1, amendment 1, 2003: the exact two-piece curve, in f64,
+//! rounded to nearest) and says so in an `sRGB` chunk; there is no tone mapping: radiance 1 is white and what is above it
+//! clips. OpenEXR and PFM hold the radiance itself, every bit of it.
+
+use std::io;
+use std::path::Path;
+
+use exr::image::write::WritableImage;
+use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::output::{Output, check_writable, write_atomically};
+
+/// A rendered picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Film {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width` x `height` pixels, linear RGB radiance, top row first. Nothing keeps a value from being negative or not finite.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+/// A file format for pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ImageFormat {
+    /// PNG with 8 bits a channel, sRGB.
+    Png8,
+    /// PNG with 16 bits a channel, sRGB.
+    Png16,
+    /// OpenEXR with 32-bit float channels R, G and B, linear, losslessly compressed.
+    Exr,
+    /// Portable float map, 32-bit float, linear, little-endian.
+    Pfm,
+}
+
+impl ImageFormat {
+    /// The format that the extension of `path` stands for, in either case; PNG has 8 bits unless
+    /// [`ImageFormat::with_bit_depth`] changes it.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for another extension, or none.
+    pub fn from_path(path: &Path) -> Result<Self> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        match extension.as_deref() {
+            Some("png") => Ok(ImageFormat::Png8),
+            Some("exr") => Ok(ImageFormat::Exr),
+            Some("pfm") => Ok(ImageFormat::Pfm),
+            _ => {
+                let message = format!("the name '{}' must end in .png, .exr or .pfm", path.display());
+                Err(Error::option("-o", message))
+            }
+        }
+    }
+
+    /// The same kind of file with `bits` bits a channel.
+    ///
+    /// # Errors
+    /// [`Error::Option`] unless `bits` is 8 or 16 for PNG, 32 for OpenEXR and PFM.
+    pub fn with_bit_depth(self, bits: u8) -> Result<Self> {
+        use ImageFormat::*;
+        match (self, bits) {
+            (Png8 | Png16, 8) => Ok(Png8),
+            (Png8 | Png16, 16) => Ok(Png16),
+            (Exr | Pfm, 32) => Ok(self),
+            (Png8 | Png16, _) => Err(Error::option("--bit-depth", format!("{bits} is not possible; .png has 8 or 16"))),
+            (Exr | Pfm, _) => {
+                Err(Error::option("--bit-depth", format!("{bits} is not possible; .exr and .pfm have 32")))
+            }
+        }
+    }
+}
+
+/// Checks that a picture can be written to `path`, so that a long render is not lost over a mistyped name.
+///
+/// # Errors
+/// As [`ImageFormat::from_path`] unless `format` is given, and as [`check_writable`].
+pub fn check_output(path: &Path, format: Option<ImageFormat>) -> Result<()> {
+    if format.is_none() {
+        ImageFormat::from_path(path)?;
+    }
+    check_writable(path)
+}
+
+/// The sRGB curve: linear light in 0..=1 to a display value in 0..=1.
+pub fn srgb_from_linear(linear: f64) -> f64 {
+    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The inverse of [`srgb_from_linear`], with the standard's own threshold for this direction.
+pub fn linear_from_srgb(display: f64) -> f64 {
+    if display <= 0.04045 { display / 12.92 } else { ((display + 0.055) / 1.055).powf(2.4) }
+}
+
+/// One channel as a display value in 0..=`max`: NaN, infinities and negative values are 0, what is above 1 is `max`.
+fn quantise(linear: f32, max: f64) -> u16 {
+    let clamped = if linear.is_finite() { f64::from(linear.clamp(0.0, 1.0)) } else { 0.0 };
+    // In range for any `max` up to u16::MAX: the curve maps 0..=1 to 0..=1.
+    (srgb_from_linear(clamped) * max).round() as u16
+}
+
+impl Film {
+    /// A black film.
+    pub fn black(width: u32, height: u32) -> Self {
+        Film { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
+    }
+
+    /// The number of pixels with a channel that is NaN or infinite; PNG shows such a channel as 0.
+    pub fn non_finite(&self) -> usize {
+        self.pixels.iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
+    }
+
+    /// The picture as 8-bit sRGB. A channel that is NaN, infinite or negative becomes 0, one above 1 becomes 255.
+    pub fn to_srgb8(&self) -> Vec<[u8; 3]> {
+        self.pixels.par_iter().map(|pixel| pixel.map(|c| quantise(c, 255.0) as u8)).collect()
+    }
+
+    /// The picture as 16-bit sRGB, with the rules of [`Film::to_srgb8`].
+    pub fn to_srgb16(&self) -> Vec<[u16; 3]> {
+        self.pixels.par_iter().map(|pixel| pixel.map(|c| quantise(c, 65535.0))).collect()
+    }
+
+    /// Writes the picture in `format`, or in the one that the extension of `path` stands for.
+    ///
+    /// PNG shows negative and non-finite channels as 0 and clips at 1; ask [`Film::non_finite`] and tell the user. OpenEXR
+    /// and PFM keep every value as it is. The file appears when it is complete (see [`crate::output`]).
+    ///
+    /// # Errors
+    /// As [`check_output`]; [`Error::Io`] with action "write" when writing fails or the film has no pixels or not
+    /// `width` x `height` of them.
+    pub fn write(&self, path: impl AsRef<Path>, format: Option<ImageFormat>) -> Result<()> {
+        let path = path.as_ref();
+        let format = format.map_or_else(|| ImageFormat::from_path(path), Ok)?;
+        let pixel_count = u64::from(self.width) * u64::from(self.height);
+        if pixel_count == 0 || pixel_count != self.pixels.len() as u64 {
+            let message =
+                format!("a film of {} x {} cannot hold {} pixels", self.width, self.height, self.pixels.len());
+            return Err(Error::io("write", path, io::Error::new(io::ErrorKind::InvalidInput, message)));
+        }
+        write_atomically(path, |out| match format {
+            ImageFormat::Png8 => self.write_png(out, png::BitDepth::Eight, self.to_srgb8().as_flattened()),
+            ImageFormat::Png16 => {
+                let big_endian: Vec<u8> =
+                    self.to_srgb16().as_flattened().iter().flat_map(|c| c.to_be_bytes()).collect();
+                self.write_png(out, png::BitDepth::Sixteen, &big_endian)
+            }
+            ImageFormat::Exr => self.write_exr(out),
+            ImageFormat::Pfm => self.write_pfm(out),
+        })
+    }
+
+    fn write_png(&self, out: &mut dyn Output, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {
+        let mut encoder = png::Encoder::new(out, self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(depth);
+        // Perceptual is what the PNG specification suggests for pictures whose author states no intent.
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        Ok(writer.finish()?)
+    }
+
+    fn write_exr(&self, out: &mut dyn Output) -> io::Result<()> {
+        let size = (self.width as usize, self.height as usize);
+        let channels = SpecificChannels::rgb(|Vec2(x, y): Vec2<usize>| {
+            let [red, green, blue] = self.pixels[y * size.0 + x];
+            (red, green, blue)
+        });
+        // ZIP in blocks of 16 rows is the compression that every reader knows.
+        let image = Image::from_encoded_channels(size, Encoding::SMALL_LOSSLESS, channels);
+        image.write().to_buffered(out).map_err(|e| match e {
+            exr::error::Error::Io(source) => source,
+            other => io::Error::other(other),
+        })
+    }
+
+    /// Paul Debevec's portable float map: a text header, then the rows from the bottom up; a negative scale means little-endian.
+    fn write_pfm(&self, out: &mut dyn Output) -> io::Result<()> {
+        write!(out, "PF\n{} {}\n-1.0\n", self.width, self.height)?;
+        for row in self.pixels.chunks_exact(self.width as usize).rev() {
+            let bytes: Vec<u8> = row.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
+            out.write_all(&bytes)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::prelude::{ReadChannels, ReadLayers};
+    use std::fs;
+
+    /// A 3 x 2 film with values below, in and above the displayable range.
+    fn sample() -> Film {
+        let pixels =
+            vec![[0.0, 0.5, 1.0], [-1.0, 2.0, 1e-3], [0.0031308, 0.2, 0.9], [1e-30, 3.4e38, 0.1], [0.7; 3], [0.25; 3]];
+        Film { width: 3, height: 2, pixels }
+    }
+
+    fn written(film: &Film, name: &str, format: Option<ImageFormat>) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        film.write(&path, format).unwrap();
+        fs::read(path).unwrap()
+    }
+
+    fn decoded_png(bytes: &[u8]) -> (png::Info<'static>, Vec<u8>) {
+        let mut reader = png::Decoder::new(io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        (reader.info().clone(), pixels)
+    }
+
+    #[test]
+    fn the_curve_has_the_published_values() {
+        // 8-bit codes of linear greys: 18 % grey is 118, half is 188, 0.0031308 lies where the pieces meet.
+        for (linear, code) in
+            [(0.0, 0), (0.18, 118), (0.5, 188), (0.0031308, 10), (0.21404, 127), (0.21405, 128), (1.0, 255)]
+        {
+            assert_eq!(quantise(linear, 255.0), code, "{linear}");
+        }
+        assert_eq!(quantise(0.5, 65535.0), 48192);
+        assert!((srgb_from_linear(0.0031308) - 0.04045).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_display_value_survives_the_way_to_linear_and_back() {
+        for code in 0..=u16::MAX {
+            let linear = linear_from_srgb(f64::from(code) / 65535.0);
+            assert_eq!(quantise(linear as f32, 65535.0), code);
+        }
+        for code in 0..=255_u8 {
+            assert_eq!(quantise(linear_from_srgb(f64::from(code) / 255.0) as f32, 255.0), u16::from(code));
+        }
+    }
+
+    #[test]
+    fn a_brighter_pixel_is_never_darker_on_screen() {
+        let codes: Vec<u16> = (0..=40_000).map(|i| quantise(i as f32 / 40_000.0, 65535.0)).collect();
+        assert!(codes.is_sorted());
+    }
+
+    #[test]
+    fn values_that_no_screen_shows_are_counted_and_shown_as_documented() {
+        let pixels = vec![[f32::NAN, 0.5, 2.0], [f32::INFINITY, f32::NEG_INFINITY, -0.5], [1.0; 3]];
+        let film = Film { width: 3, height: 1, pixels };
+        assert_eq!(film.non_finite(), 2);
+        assert_eq!(film.to_srgb8(), [[0, 188, 255], [0, 0, 0], [255; 3]]);
+        assert_eq!(film.to_srgb16()[0], [0, 48192, 65535]);
+    }
+
+    #[test]
+    fn png_holds_the_display_values_and_says_srgb() {
+        for (name, format, depth) in [
+            ("a.png", None, png::BitDepth::Eight),
+            ("b.PNG", None, png::BitDepth::Eight),
+            ("c.png", Some(ImageFormat::Png16), png::BitDepth::Sixteen),
+        ] {
+            let film = sample();
+            let (info, bytes) = decoded_png(&written(&film, name, format));
+            assert_eq!((info.width, info.height), (3, 2));
+            assert_eq!(info.srgb, Some(png::SrgbRenderingIntent::Perceptual));
+            assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, depth));
+            match depth {
+                png::BitDepth::Eight => assert_eq!(bytes, film.to_srgb8().as_flattened()),
+                _ => {
+                    let values: Vec<u16> = bytes.chunks(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect();
+                    assert_eq!(values, film.to_srgb16().as_flattened());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn exr_holds_every_bit() {
+        let mut film = sample();
+        film.pixels[4] = [f32::INFINITY, -0.0, f32::NAN];
+        let bytes = written(&film, "a.exr", None);
+        let image = exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .rgb_channels(
+                |size, _| (size.0, vec![[0.0_f32; 3]; size.0 * size.1]),
+                |(width, pixels), at, (r, g, b): (f32, f32, f32)| pixels[at.1 * *width + at.0] = [r, g, b],
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(io::Cursor::new(bytes))
+            .unwrap();
+        let (width, pixels) = image.layer_data.channel_data.pixels;
+        let bits = |p: &[[f32; 3]]| p.as_flattened().iter().map(|c| c.to_bits()).collect::<Vec<_>>();
+        assert_eq!((width, bits(&pixels)), (3, bits(&film.pixels)));
+    }
+
+    #[test]
+    fn pfm_is_byte_for_byte_what_the_format_says() {
+        let film = Film { width: 1, height: 2, pixels: vec![[1.0, 2.0, 3.0], [4.0, 5.0, -6.0]] };
+        let mut expected = b"PF\n1 2\n-1.0\n".to_vec();
+        for value in [4.0_f32, 5.0, -6.0, 1.0, 2.0, 3.0] {
+            expected.extend(value.to_le_bytes());
+        }
+        assert_eq!(written(&film, "a.pfm", None), expected);
+    }
+
+    #[test]
+    fn wrong_names_are_refused_before_and_after() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.jpg", "png", "a.", ".png", "a"] {
+            let path = folder.path().join(name);
+            for error in [check_output(&path, None).unwrap_err(), sample().write(&path, None).unwrap_err()] {
+                assert!(matches!(&error, Error::Option { option, .. } if option == "-o"), "{name}: {error:?}");
+                assert_eq!(error.exit_code(), 2);
+            }
+        }
+        assert_eq!(check_output(&folder.path().join("no/a.png"), None).unwrap_err().exit_code(), 5);
+        check_output(&folder.path().join("a.pfm"), None).unwrap();
+        check_output(&folder.path().join("a"), Some(ImageFormat::Png8)).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn bit_depths_fit_their_format() {
+        assert_eq!(ImageFormat::Png8.with_bit_depth(16).unwrap(), ImageFormat::Png16);
+        assert_eq!(ImageFormat::Png16.with_bit_depth(8).unwrap(), ImageFormat::Png8);
+        assert_eq!(ImageFormat::Exr.with_bit_depth(32).unwrap(), ImageFormat::Exr);
+        assert!(ImageFormat::Exr.with_bit_depth(16).is_err());
+        assert!(ImageFormat::Png8.with_bit_depth(10).is_err());
+    }
+
+    #[test]
+    fn a_film_of_the_wrong_size_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        for (width, height, count) in [(2, 2, 3), (0, 0, 0), (u32::MAX, u32::MAX, 1)] {
+            let film = Film { width, height, pixels: vec![[0.0; 3]; count] };
+            for name in ["a.png", "a.exr", "a.pfm"] {
+                assert_eq!(film.write(folder.path().join(name), None).unwrap_err().exit_code(), 5);
+            }
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

@@ -1,0 +1,281 @@
+//! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
+
+use crate::accel::{BuildOptions, build_kd_tree};
+use crate::error::{Error, Result};
+use crate::layout::Float4;
+use crate::options::{Accel, TraceOptions};
+use crate::scene::{self, Camera, Falloff, LightKind, Scene};
+use crate::shared::{
+    KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
+    SceneParams, Shading, TextureInfo,
+};
+use glam::{DVec3, Vec3};
+use std::time::Instant;
+
+/// A scene ready to be traced, in tracing space (see [`crate::shared`]).
+#[derive(Debug, Clone)]
+pub struct SceneBuffers {
+    /// What the kernels need to know of the scene as a whole.
+    pub params: SceneParams,
+    /// kd-tree nodes in left pre-order; one unused leaf for brute force.
+    pub nodes: Vec<KdNode>,
+    /// Triangle numbers: the leaves' ranges; for brute force every triangle that can be hit.
+    pub references: Vec<u32>,
+    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit.
+    pub vertices: Vec<Float4>,
+    /// One for each triangle.
+    pub shading: Vec<Shading>,
+    /// The materials.
+    pub materials: Vec<Material>,
+    /// The lights.
+    pub lights: Vec<Light>,
+    /// Where each texture lies in `texels`.
+    pub textures: Vec<TextureInfo>,
+    /// Texels of all textures: R in bits 0-7, G 8-15, B 16-23, A 24-31; sRGB.
+    pub texels: Vec<u32>,
+    /// Linear value of each 8-bit sRGB code.
+    pub srgb_to_linear: Vec<f32>,
+    /// Largest radiance that one surface can send along a ray from the lights, per unit of weight; infinite when there is no bound.
+    pub brightest: f32,
+    /// What the tree was built with.
+    pub build_options: BuildOptions,
+    /// Seconds the structure took to build.
+    pub build_s: f64,
+}
+
+/// Tracing space has its largest coordinate in [2^20, 2^21): products of three coordinates of a scene, and of triangles a
+/// billion times smaller than it, stay far from both ends of float32. Being relative to the scene, it also makes every result
+/// independent of the scene's unit when that changes by a power of two.
+const LARGEST_COORDINATE_EXPONENT: i32 = 20;
+
+/// The power of two that takes `bounds` to tracing space.
+fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
+    let largest = low.abs().max(high.abs()).max_element();
+    if largest == 0.0 {
+        return 1.0;
+    }
+    let exponent = f64::from(largest).log2().floor() as i32;
+    // 2^127 and 2^-126 are the outermost normal powers of two.
+    2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-126, 127))
+}
+
+impl SceneBuffers {
+    /// Builds the structure that `options` asks for and packs everything.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when an array outgrows 32-bit indices; [`Error::Option`] when the options are out of range.
+    pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
+        options.validate()?;
+        // Without a triangle that can be hit every ray misses; any box will do.
+        let (low, high) = scene.bounds().unwrap_or_default();
+        let scale = tracing_scale(low, high);
+        let primitives = scene.hittable();
+        let mut triangles = vec![[Vec3::ZERO; 3]; scene.triangles.len()];
+        for &i in &primitives {
+            triangles[i as usize] = scene.vertices(i as usize).map(|p| p * scale);
+        }
+
+        let start = Instant::now();
+        let build_options = BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth);
+        let (nodes, references) = match options.accel {
+            Accel::Brute => {
+                let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
+                (vec![leaf], primitives)
+            }
+            Accel::Kd => {
+                let tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                (tree.nodes, tree.references)
+            }
+        };
+        let build_s = start.elapsed().as_secs_f64();
+
+        let (textures, texels) = pack_textures(scene)?;
+        Ok(SceneBuffers {
+            params: SceneParams {
+                low: Float4::new(low * scale, 0.0),
+                high: Float4::new(high * scale, 0.0),
+                background_bottom: Float4::new(scene.background.bottom, 0.0),
+                background_top: Float4::new(scene.background.top, 0.0),
+                reference_count: references.len() as u32,
+                light_count: scene.lights.len() as u32,
+                has_transparent: u32::from(scene.materials.iter().any(scene::Material::is_transparent)),
+                scale,
+            },
+            nodes,
+            references,
+            vertices: triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
+            shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
+            materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
+            lights: scene.lights.iter().map(|l| pack_light(l, scale)).collect(),
+            textures,
+            texels,
+            srgb_to_linear: (0..=255u32)
+                .map(|code| crate::film::linear_from_srgb(f64::from(code) / 255.0) as f32)
+                .collect(),
+            brightest: brightest(scene),
+            build_options,
+            build_s,
+        })
+    }
+
+    /// Bytes of the arrays, as a device holds them.
+    pub fn size_bytes(&self) -> usize {
+        size_of_val(&self.nodes[..])
+            + size_of_val(&self.references[..])
+            + size_of_val(&self.vertices[..])
+            + size_of_val(&self.shading[..])
+            + size_of_val(&self.materials[..])
+            + size_of_val(&self.lights[..])
+            + size_of_val(&self.textures[..])
+            + size_of_val(&self.texels[..])
+    }
+
+    /// The picture's parameters for `camera`.
+    ///
+    /// `kill_weight`: secondary rays of less weight are not cast; `None` chooses the largest weight that cannot change an 8-bit
+    /// sRGB pixel (half a step at black, where steps are smallest) however bright the scene is.
+    pub fn render_params(
+        &self,
+        camera: &Camera,
+        (width, height): (u32, u32),
+        sample_count: u32,
+        max_depth: u32,
+        kill_weight: Option<f32>,
+    ) -> RenderParams {
+        const HALF_STEP_AT_BLACK: f32 = 0.5 / 255.0 / 12.92; // 12.92: slope of the sRGB curve at black
+        let eye: DVec3 = camera.eye.into();
+        let forward = (DVec3::from(camera.target) - eye).normalize_or(DVec3::NEG_Z);
+        let right = forward.cross(camera.up.into()).normalize_or(forward.any_orthonormal_vector());
+        let up = right.cross(forward);
+        let half_height = (f64::from(camera.fov_degrees).to_radians() / 2.0).tan();
+        let half_width = half_height * f64::from(width) / f64::from(height);
+        RenderParams {
+            eye: Float4::new(camera.eye * self.params.scale, 0.0),
+            forward: Float4::new(forward.as_vec3(), 0.0),
+            right: Float4::new((right * half_width).as_vec3(), 0.0),
+            up: Float4::new((up * half_height).as_vec3(), 0.0),
+            width,
+            height,
+            sample_count,
+            max_depth,
+            kill_weight: kill_weight.unwrap_or(HALF_STEP_AT_BLACK / self.brightest.max(1.0)),
+            pixel_width: 2.0 / width as f32,
+            pixel_height: 2.0 / height as f32,
+            sample_weight: 1.0 / sample_count as f32,
+        }
+    }
+}
+
+/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre.
+pub fn sample_positions(count: u32) -> Vec<[f32; 2]> {
+    (0..count)
+        .map(|i| {
+            let x = (f64::from(i) + 0.5) / f64::from(count);
+            let y = f64::from(i.reverse_bits()) / 2f64.powi(32) + 0.5 / f64::from(count.next_power_of_two());
+            [x as f32, y as f32]
+        })
+        .collect()
+}
+
+fn pack_shading(scene: &Scene, primitive: usize) -> Shading {
+    let triangle = &scene.triangles[primitive];
+    let normal = |corner: usize| {
+        let n = scene.normals.get(triangle.normals[corner] as usize).copied().unwrap_or(Vec3::ZERO);
+        // Unit length, so that interpolation weighs the corners alike; f64 because a float's square may leave float's range.
+        DVec3::from(n).try_normalize().map_or(Vec3::ZERO, DVec3::as_vec3)
+    };
+    let uv = |corner: usize| scene.uvs.get(triangle.uvs[corner] as usize).copied().unwrap_or_default();
+    let mut normals = [normal(0), normal(1), normal(2)];
+    if normals.contains(&Vec3::ZERO) {
+        normals = [Vec3::ZERO; 3]; // a corner without a normal: the whole triangle is flat
+    }
+    let uvs = [uv(0), uv(1), uv(2)];
+    Shading {
+        normal0_u0: Float4::new(normals[0], uvs[0].x),
+        normal1_u1: Float4::new(normals[1], uvs[1].x),
+        normal2_u2: Float4::new(normals[2], uvs[2].x),
+        v0: uvs[0].y,
+        v1: uvs[1].y,
+        v2: uvs[2].y,
+        material: triangle.material,
+    }
+}
+
+fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
+    Material {
+        ambient: Float4::new(material.ambient * ambient, 0.0),
+        diffuse: Float4::new(material.diffuse, 0.0),
+        specular_shininess: Float4::new(
+            material.specular,
+            material.shininess.clamp(0.0, scene::Material::MAX_SHININESS),
+        ),
+        mirror: Float4::new(material.mirror, 0.0),
+        transmission_ior: Float4::new(material.transmission, material.ior),
+        emission: Float4::new(material.emission, 0.0),
+        texture: material.diffuse_texture.unwrap_or(NO_TEXTURE),
+        transparent: u32::from(material.is_transparent()),
+        pad0: 0,
+        pad1: 0,
+    }
+}
+
+fn pack_light(light: &scene::Light, scale: f32) -> Light {
+    let unit = |v: Vec3| DVec3::from(v).normalize_or(DVec3::NEG_Y).as_vec3();
+    let mut packed = Light {
+        intensity: Float4::new(light.intensity, 0.0),
+        quadratic: match light.falloff {
+            Falloff::None => 0.0,
+            Falloff::Quadratic => 1.0 / (scale * scale),
+        },
+        ..Light::default()
+    };
+    match light.kind {
+        LightKind::Point { position } => {
+            packed.kind = LIGHT_POINT;
+            packed.position = Float4::new(position * scale, 0.0);
+        }
+        LightKind::Directional { direction } => {
+            packed.kind = LIGHT_DIRECTIONAL;
+            packed.direction = Float4::new(unit(direction), 0.0);
+        }
+        LightKind::Spot { position, direction, inner_degrees, outer_degrees } => {
+            packed.kind = LIGHT_SPOT;
+            packed.position = Float4::new(position * scale, 0.0);
+            packed.direction = Float4::new(unit(direction), 0.0);
+            packed.cos_outer = outer_degrees.to_radians().cos();
+            // A hard edge is the steepest ramp that float32 can hold.
+            packed.cos_inner = inner_degrees.to_radians().cos().max(packed.cos_outer.next_up());
+        }
+    }
+    packed
+}
+
+fn pack_textures(scene: &Scene) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
+    let mut texels = Vec::new();
+    let mut textures = Vec::new();
+    for texture in &scene.textures {
+        let first = u32::try_from(texels.len())
+            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", texture.name)))?;
+        textures.push(TextureInfo { first, width: texture.width, height: texture.height, pad: 0 });
+        texels.extend(texture.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
+    }
+    Ok((textures, texels))
+}
+
+/// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.
+fn brightest(scene: &Scene) -> f32 {
+    let mut lights = Vec3::ZERO;
+    for light in &scene.lights {
+        if light.falloff == Falloff::Quadratic {
+            return f32::INFINITY;
+        }
+        lights += light.intensity;
+    }
+    let background = scene.background.bottom.max(scene.background.top);
+    let surfaces = scene
+        .materials
+        .iter()
+        .map(|m| m.ambient * scene.ambient + m.emission + (m.diffuse + m.specular) * lights)
+        .fold(background, Vec3::max);
+    surfaces.max_element()
+}

@@ -1,0 +1,134 @@
+//! Batches of rays from, and of hits to, NumPy `.npz` files.
+//!
+//! | array | shape | |
+//! |---|---|---|
+//! | `origin` | `[n, 3]` | world units |
+//! | `direction` | `[n, 3]` | any length: t counts in it |
+//! | `t_min`, `t_max` | `[n]` | optional interval of t |
+//! | `next_direction` | `[n, 3]` | optional: a second ray from each hit |
+//!
+//! The arrays are float32. float64, big-endian numbers and Fortran order are converted: a double rounds to the nearest float,
+//! and one beyond the floats' range becomes an infinity. Values are not judged here; tracing says what NaN or zero means.
+//!
+//! Bad at: batches that do not fit in memory, which are read and written whole.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::npz::{NpyArray, NpzFile, write_npz};
+
+/// Names of the arrays that a batch may have.
+const ARRAY_NAMES: [&str; 5] = ["origin", "direction", "t_min", "t_max", "next_direction"];
+
+/// Rays to be traced; all arrays have the same length.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RayBatch {
+    /// Where each ray starts, world units.
+    pub origins: Vec<[f32; 3]>,
+    /// Where it goes, any length.
+    pub directions: Vec<[f32; 3]>,
+    /// Hits nearer than this do not count; in units of |direction|.
+    pub t_min: Option<Vec<f32>>,
+    /// Hits farther than this do not count; in units of |direction|.
+    pub t_max: Option<Vec<f32>>,
+    /// Direction of a second ray that starts at each hit.
+    pub next_directions: Option<Vec<[f32; 3]>>,
+    /// Names of arrays in the file that mean nothing here, so that a misspelt one can be told to the user.
+    pub ignored: Vec<String>,
+}
+
+impl RayBatch {
+    /// Reads an `.npz` file as `numpy.savez` and `numpy.savez_compressed` write it. No rays at all are fine.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is no `.npz` file, is damaged, lacks `origin` or
+    /// `direction`, or has an array of another type, shape or length than described above.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut file = NpzFile::open(path)?;
+        let names = file.names().to_vec();
+        let missing = |name: &str| {
+            let found =
+                if names.is_empty() { "it is empty".to_owned() } else { format!("it has {}", names.join(", ")) };
+            Error::input(path, None, format!("there is no array '{name}' (float32, [n, 3]); {found}"))
+        };
+        let batch = RayBatch {
+            origins: file.read_rows("origin")?.ok_or_else(|| missing("origin"))?,
+            directions: file.read_rows("direction")?.ok_or_else(|| missing("direction"))?,
+            t_min: file.read_rows::<1>("t_min")?.map(Vec::into_flattened),
+            t_max: file.read_rows::<1>("t_max")?.map(Vec::into_flattened),
+            next_directions: file.read_rows("next_direction")?,
+            ignored: names.iter().filter(|n| !ARRAY_NAMES.contains(&n.as_str())).cloned().collect(),
+        };
+        let count = batch.len();
+        let lengths = [
+            ("direction", Some(batch.directions.len())),
+            ("t_min", batch.t_min.as_ref().map(Vec::len)),
+            ("t_max", batch.t_max.as_ref().map(Vec::len)),
+            ("next_direction", batch.next_directions.as_ref().map(Vec::len)),
+        ];
+        for (name, length) in lengths {
+            if let Some(length) = length.filter(|&l| l != count) {
+                let message = format!("array 'origin' has {count} rays, but '{name}' has {length}");
+                return Err(Error::input(path, None, message));
+            }
+        }
+        Ok(batch)
+    }
+
+    /// The number of rays.
+    pub fn len(&self) -> usize {
+        self.origins.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.origins.is_empty()
+    }
+}
+
+/// What rays met; every array has one entry per ray.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct HitBatch {
+    /// Distance in units of |direction|; infinity on a miss.
+    pub t: Vec<f32>,
+    /// Triangle number in file order; -1 on a miss.
+    pub primitive: Vec<i32>,
+    /// Barycentric weight of vertex 1.
+    pub u: Vec<f32>,
+    /// Barycentric weight of vertex 2.
+    pub v: Vec<f32>,
+    /// Whether anything was hit, 0 or 1; written as uint8 (`.astype(bool)` makes a mask).
+    pub hit: Option<Vec<u8>>,
+    /// `t` of the second ray.
+    pub next_t: Option<Vec<f32>>,
+    /// `primitive` of the second ray.
+    pub next_primitive: Option<Vec<i32>>,
+}
+
+impl HitBatch {
+    /// Writes an `.npz` file with arrays named like the fields: `t`, `u`, `v`, `next_t` float32, `primitive`,
+    /// `next_primitive` int32, `hit` uint8; absent ones are left out. The file appears when it is complete.
+    ///
+    /// # Errors
+    /// As [`crate::output::write_atomically`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let mut arrays =
+            vec![floats("t", &self.t), ints("primitive", &self.primitive), floats("u", &self.u), floats("v", &self.v)];
+        arrays.extend(self.hit.iter().map(|m| NpyArray { name: "hit", type_code: "u1", len: m.len(), bytes: m }));
+        arrays.extend(self.next_t.iter().map(|t| floats("next_t", t)));
+        arrays.extend(self.next_primitive.iter().map(|p| ints("next_primitive", p)));
+        write_npz(path.as_ref(), &arrays)
+    }
+}
+
+fn floats<'a>(name: &'static str, numbers: &'a [f32]) -> NpyArray<'a> {
+    NpyArray { name, type_code: "f4", len: numbers.len(), bytes: bytemuck::cast_slice(numbers) }
+}
+
+fn ints<'a>(name: &'static str, numbers: &'a [i32]) -> NpyArray<'a> {
+    NpyArray { name, type_code: "i4", len: numbers.len(), bytes: bytemuck::cast_slice(numbers) }
+}
+
+#[cfg(test)]
+mod tests;

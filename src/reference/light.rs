@@ -1,0 +1,66 @@
+//! Twin of `cl/shade/light.cl`: direct light. The reasons are there.
+
+use super::math::{clamp01, dot3, fma3, is_finite3, max_component, normalize3, power_fixed};
+use super::surface::Surface;
+use crate::shared::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, Material};
+use glam::Vec3;
+
+/// A light as seen from a point.
+#[derive(Debug, Clone, Copy)]
+pub struct LightSample {
+    /// The light is at `to_light * t_far`.
+    pub to_light: Vec3,
+    /// `to_light`, unit.
+    pub direction: Vec3,
+    /// What arrives if nothing is in the way.
+    pub radiance: Vec3,
+    /// 1, or infinity for a directional light.
+    pub t_far: f32,
+}
+
+/// The light as seen from `position`.
+#[inline(always)]
+pub fn sample_light(light: &Light, position: Vec3) -> LightSample {
+    let mut radiance = light.intensity.xyz();
+    if light.kind == LIGHT_DIRECTIONAL {
+        let to_light = -light.direction.xyz();
+        return LightSample { to_light, direction: to_light, radiance, t_far: f32::INFINITY };
+    }
+    let to_light = light.position.xyz() - position;
+    let direction = normalize3(to_light, Vec3::ZERO);
+    if light.quadratic > 0.0 {
+        radiance *= 1.0 / (dot3(to_light, to_light) * light.quadratic);
+    }
+    if light.kind == LIGHT_SPOT {
+        let cosine = -dot3(direction, light.direction.xyz());
+        let edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
+        radiance *= edge * edge * (3.0 - 2.0 * edge);
+    }
+    if !is_finite3(radiance) {
+        radiance = Vec3::ZERO;
+    }
+    LightSample { to_light, direction, radiance, t_far: 1.0 }
+}
+
+/// Light sent towards `-view_direction` for a light that is not in shadow.
+#[inline(always)]
+pub fn blinn_phong(
+    surface: &Surface,
+    material: &Material,
+    diffuse: Vec3,
+    view_direction: Vec3,
+    sample: &LightSample,
+) -> Vec3 {
+    let cosine = dot3(surface.normal, sample.direction);
+    if !(cosine > 0.0 && dot3(surface.geometric_normal, sample.direction) > 0.0) {
+        return Vec3::ZERO;
+    }
+    let mut reflected = diffuse * cosine;
+    let specular = material.specular_shininess.xyz();
+    if max_component(specular) > 0.0 {
+        let halfway = normalize3(sample.direction - view_direction, surface.normal);
+        let highlight = power_fixed(clamp01(dot3(surface.normal, halfway)), material.specular_shininess.w);
+        reflected = fma3(specular, highlight, reflected);
+    }
+    reflected * sample.radiance
+}

@@ -1,0 +1,171 @@
+//! The scalar reference tracer: the same algorithms as the kernels, file for file, in plain Rust.
+//!
+//! The f32 twin repeats every operation of the kernels in their order (`mul_add` for `fma`), so that hits and pictures agree bit
+//! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: brute force in f64, against which accuracy is
+//! measured.
+
+pub mod intersect;
+pub mod light;
+pub mod math;
+pub mod oracle;
+pub mod ray;
+pub mod render;
+pub mod surface;
+pub mod texture;
+pub mod traverse;
+pub mod whitted;
+
+use crate::error::Result;
+use crate::film::Film;
+use crate::layout::Float4;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
+use ray::Ray;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+use surface::{leave_surface, surface_point};
+use traverse::{NO_HIT, traverse};
+
+/// Rays that one task traces: long enough to hide the scheduler, short enough to share out evenly.
+const CHUNK: usize = 4096;
+
+/// The reference tracer over one scene, on all cores.
+pub struct ReferenceTracer {
+    buffers: Arc<SceneBuffers>,
+    options: TraceOptions,
+}
+
+impl ReferenceTracer {
+    /// A tracer of `buffers`, which were built with `options`.
+    pub fn new(buffers: Arc<SceneBuffers>, options: TraceOptions) -> Self {
+        ReferenceTracer { buffers, options }
+    }
+}
+
+/// Compiles a function twice and calls the copy that the processor is fit for. Without this every `mul_add` on x86-64 is a call
+/// into the C library, some five times slower than the instruction; the bits are the same.
+macro_rules! with_fma {
+    ($(#[$meta:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) $body:block) => {
+        $(#[$meta])*
+        fn $name($($argument: $kind),*) {
+            #[inline(always)]
+            fn portable($($argument: $kind),*) $body
+
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2,fma")]
+                fn with_fma($($argument: $kind),*) {
+                    portable($($argument),*)
+                }
+                if std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma") {
+                    // SAFETY: the processor was just found to have both features.
+                    return unsafe { with_fma($($argument),*) };
+                }
+            }
+            portable($($argument),*)
+        }
+    };
+}
+
+with_fma! {
+    /// Renders one row of pixels.
+    fn render_row(
+        tracer: &ReferenceTracer,
+        params: &RenderParams,
+        samples: &[[f32; 2]],
+        y: u32,
+        row: &mut [[f32; 3]],
+        counts: &mut [u64; COUNTERS],
+    ) {
+        render::render_row(&tracer.buffers, &tracer.options, params, samples, y, row, counts)
+    }
+}
+
+with_fma! {
+    /// Traces some rays.
+    fn trace_chunk(tracer: &ReferenceTracer, rays: &[TraceRay], any_hit: bool, hits: &mut [Hit]) {
+        for (query, hit) in rays.iter().zip(hits) {
+            let (origin, direction) = (query.origin_t_min, query.direction_t_max);
+            let ray = Ray::new(origin.xyz(), direction.xyz(), origin.w, direction.w, NO_PRIMITIVE);
+            *hit = traverse(&tracer.buffers, &tracer.options, &ray, any_hit);
+            hit.t *= ray.t_scale;
+        }
+    }
+}
+
+with_fma! {
+    /// Traces the second rays of some hits.
+    fn trace_next_chunk(tracer: &ReferenceTracer, directions: &[Float4], hits: &[Hit], next_hits: &mut [Hit]) {
+        for ((direction, from), hit) in directions.iter().zip(hits).zip(next_hits) {
+            *hit = NO_HIT;
+            if is_hit(from) {
+                let point = surface_point(&tracer.buffers, from);
+                let ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
+                *hit = traverse(&tracer.buffers, &tracer.options, &ray, false);
+                hit.t *= ray.t_scale;
+            }
+        }
+    }
+}
+
+impl Tracer for ReferenceTracer {
+    fn device_name(&self) -> &str {
+        "reference"
+    }
+
+    fn compile_s(&self) -> f64 {
+        0.0
+    }
+
+    fn upload_s(&self) -> f64 {
+        0.0
+    }
+
+    fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
+        let mut result = TraceResult { hits: vec![NO_HIT; job.rays.len()], ..TraceResult::default() };
+        let mut next_hits = vec![NO_HIT; job.next_directions.map_or(0, <[_]>::len)];
+        let done = AtomicUsize::new(0);
+        let total = job.rays.len() * job.repeat as usize;
+        for _ in 0..job.repeat {
+            let start = Instant::now();
+            result.hits.par_chunks_mut(CHUNK).zip(job.rays.par_chunks(CHUNK)).for_each(|(hits, rays)| {
+                trace_chunk(self, rays, job.any_hit, hits);
+                progress((done.fetch_add(rays.len(), Ordering::Relaxed) + rays.len()) as f64 / total as f64);
+            });
+            if let Some(directions) = job.next_directions {
+                let hits = result.hits.par_chunks(CHUNK);
+                next_hits
+                    .par_chunks_mut(CHUNK)
+                    .zip(directions.par_chunks(CHUNK))
+                    .zip(hits)
+                    .for_each(|((next_hits, directions), hits)| trace_next_chunk(self, directions, hits, next_hits));
+            }
+            result.kernel_s.push(start.elapsed().as_secs_f64());
+        }
+        result.next_hits = job.next_directions.map(|_| next_hits);
+        Ok(result)
+    }
+
+    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+        let start = Instant::now();
+        let width = params.width as usize;
+        let mut pixels = vec![[0.0; 3]; width * params.height as usize];
+        let done = AtomicUsize::new(0);
+        let counts = pixels
+            .par_chunks_mut(width)
+            .enumerate()
+            .map(|(y, row)| {
+                let mut counts = [0; COUNTERS];
+                render_row(self, params, samples, y as u32, row, &mut counts);
+                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
+                counts
+            })
+            .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        let film = Film { width: params.width, height: params.height, pixels };
+        Ok(RenderResult { film, counts, kernel_s: start.elapsed().as_secs_f64(), read_s: 0.0 })
+    }
+}

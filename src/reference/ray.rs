@@ -1,0 +1,110 @@
+//! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there.
+
+use super::math::{abs3, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
+use crate::shared::Hit;
+use glam::Vec3;
+
+/// The largest relative error of one rounding.
+pub const EPSILON: f32 = 1.0 / 16_777_216.0;
+const WIDEN_UP: f32 = 1.0 + 6.0 * EPSILON;
+const WIDEN_DOWN: f32 = 1.0 - 6.0 * EPSILON;
+
+/// A ray ready for traversal.
+#[derive(Debug, Clone, Copy)]
+pub struct Ray {
+    /// Tracing space.
+    pub origin: Vec3,
+    /// Largest component in [1, 2).
+    pub direction: Vec3,
+    /// Component-wise reciprocal.
+    pub inv_direction: Vec3,
+    /// Start of the closed interval.
+    pub t_near: f32,
+    /// End of the closed interval.
+    pub t_far: f32,
+    /// Factor from the ray's t to the caller's.
+    pub t_scale: f32,
+    /// Triangle that is never hit.
+    pub skip: u32,
+}
+
+#[inline(always)]
+fn reciprocal_or_nan(x: f32) -> f32 {
+    let r = 1.0 / x;
+    if x != 0.0 && !r.is_finite() { f32::NAN } else { r }
+}
+
+impl Ray {
+    /// A ray with NaN or infinite parts or without direction misses everything.
+    #[inline(always)]
+    pub fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32, skip: u32) -> Ray {
+        let scaled = scale_to_unit(direction);
+        let (direction, t_scale) = scaled.unwrap_or((direction, 1.0));
+        let sound = scaled.is_some() && is_finite3(origin) && t_near <= t_far;
+        let direction = direction + Vec3::ZERO; // -0 becomes +0
+        Ray {
+            origin,
+            direction,
+            inv_direction: Vec3::new(
+                reciprocal_or_nan(direction.x),
+                reciprocal_or_nan(direction.y),
+                reciprocal_or_nan(direction.z),
+            ),
+            t_near: if sound { t_near / t_scale } else { f32::INFINITY },
+            t_far: if sound { min_or(t_far / t_scale, f32::MAX) } else { f32::NEG_INFINITY },
+            t_scale,
+            skip,
+        }
+    }
+
+    /// The part of the ray inside the box, or `None`.
+    #[inline(always)]
+    pub fn clip_to_box(&self, low: Vec3, high: Vec3) -> Option<(f32, f32)> {
+        let (mut t_near, mut t_far) = (self.t_near, self.t_far);
+        for axis in 0..3 {
+            let t_low = (low[axis] - self.origin[axis]) * self.inv_direction[axis];
+            let t_high = (high[axis] - self.origin[axis]) * self.inv_direction[axis];
+            let ascending = self.inv_direction[axis] >= 0.0;
+            let t_enter = widen_down(if ascending { t_low } else { t_high });
+            let t_leave = widen_up(if ascending { t_high } else { t_low });
+            if t_enter > t_near {
+                t_near = t_enter;
+            }
+            if t_leave < t_far {
+                t_far = t_leave;
+            }
+        }
+        (t_near <= t_far).then_some((t_near, t_far))
+    }
+
+    /// Whether a hit at `t` on `primitive` is inside the limits and nearer than `hit`.
+    #[inline(always)]
+    pub fn is_nearer(&self, hit: &Hit, t: f32, primitive: u32) -> bool {
+        t >= self.t_near && t <= self.t_far && (t < hit.t || (t == hit.t && primitive < hit.primitive))
+    }
+}
+
+/// `t` rounded up by more than its error.
+#[inline(always)]
+pub fn widen_up(t: f32) -> f32 {
+    t * if t > 0.0 { WIDEN_UP } else { WIDEN_DOWN }
+}
+
+/// `t` rounded down by more than its error.
+#[inline(always)]
+pub fn widen_down(t: f32) -> f32 {
+    t * if t > 0.0 { WIDEN_DOWN } else { WIDEN_UP }
+}
+
+/// The point with weights `u` and `v` of vertices 1 and 2.
+#[inline(always)]
+pub fn point_on_triangle([p0, p1, p2]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
+    fma3(p0, (1.0 - u) - v, fma3(p1, u, p2 * v))
+}
+
+/// Bound of that point's distance from the triangle's plane, on each axis.
+#[inline(always)]
+pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
+    let largest = max_or(max_component(abs3(p0)), max_or(max_component(abs3(p1)), max_component(abs3(p2))));
+    6.0 * EPSILON * largest
+}

@@ -1,0 +1,148 @@
+//! Twin of `cl/kernels/render.cl`: the colour of one pixel. The reasons are there.
+
+use super::light::{LightSample, blinn_phong, sample_light};
+use super::math::{fma3, max_component, normalize3};
+use super::ray::Ray;
+use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_point};
+use super::texture::sample_texture;
+use super::traverse::traverse;
+use super::whitted::{PendingRay, RayKind, push_secondary_rays};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::shared::{COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams};
+use glam::Vec3;
+
+/// What every step needs: the scene, how to trace it, and where to count.
+struct Pixel<'a> {
+    buffers: &'a SceneBuffers,
+    options: &'a TraceOptions,
+    params: &'a RenderParams,
+    counts: [u32; COUNTERS],
+    stack: Vec<PendingRay>,
+}
+
+impl Pixel<'_> {
+    #[inline(always)]
+    fn count(&mut self, kind: RayKind, hit: bool) {
+        self.counts[kind as usize] += 1;
+        self.counts[kind as usize + 1] += u32::from(hit);
+    }
+
+    #[inline(always)]
+    fn light_visibility(&mut self, from: &SurfacePoint, sample: &LightSample) -> Vec3 {
+        let mut ray = leave_surface(from, sample.to_light, sample.t_far);
+        if self.buffers.params.has_transparent == 0 {
+            let blocked = traverse(self.buffers, self.options, &ray, true).primitive != NO_PRIMITIVE;
+            self.count(RayKind::Shadow, blocked);
+            return Vec3::splat(if blocked { 0.0 } else { 1.0 });
+        }
+        let mut tint = Vec3::ONE;
+        for _ in 0..MAX_SHADOW_LAYERS {
+            let hit = traverse(self.buffers, self.options, &ray, false);
+            if hit.primitive == NO_PRIMITIVE {
+                self.count(RayKind::Shadow, false);
+                return tint;
+            }
+            let material = &self.buffers.materials[self.buffers.shading[hit.primitive as usize].material as usize];
+            if material.transparent == 0 {
+                break;
+            }
+            tint *= material.transmission_ior.xyz();
+            let point = surface_point(self.buffers, &hit);
+            let direction =
+                if sample.t_far == 1.0 { from.position + sample.to_light - point.position } else { sample.to_light };
+            ray = leave_surface(&point, direction, sample.t_far);
+        }
+        self.count(RayKind::Shadow, true);
+        Vec3::ZERO
+    }
+
+    #[inline(always)]
+    fn local_light(&mut self, surface: &Surface, material: &Material, view_direction: Vec3) -> Vec3 {
+        let mut diffuse = material.diffuse.xyz();
+        let mut radiance = material.ambient.xyz();
+        if material.texture != NO_TEXTURE {
+            let colour = sample_texture(self.buffers, material.texture, surface.texture_uv);
+            diffuse *= colour;
+            radiance *= colour;
+        }
+        radiance += material.emission.xyz();
+        for light in &self.buffers.lights {
+            let sample = sample_light(light, surface.point.position);
+            let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample);
+            if max_component(reflected) > 0.0 {
+                radiance += reflected * self.light_visibility(&surface.point, &sample);
+            }
+        }
+        radiance
+    }
+
+    #[inline(always)]
+    fn radiance_along(&mut self, camera_ray: Ray) -> Vec3 {
+        let mut radiance = Vec3::ZERO;
+        self.stack.clear();
+        self.stack.push(PendingRay { ray: camera_ray, weight: Vec3::ONE, depth: 1, kind: RayKind::Camera });
+        while let Some(pending) = self.stack.pop() {
+            let direction = normalize3(pending.ray.direction, Vec3::ZERO);
+            let hit = traverse(self.buffers, self.options, &pending.ray, false);
+            self.count(pending.kind, hit.primitive != NO_PRIMITIVE);
+            if hit.primitive == NO_PRIMITIVE {
+                radiance += pending.weight * background(self.buffers, direction);
+                continue;
+            }
+            let surface = surface_at(self.buffers, &pending.ray, &hit);
+            let material = &self.buffers.materials[surface.material as usize];
+            radiance += pending.weight * self.local_light(&surface, material, direction);
+            if pending.depth < self.params.max_depth {
+                let kill_weight = self.params.kill_weight;
+                push_secondary_rays(&surface, material, &pending, direction, kill_weight, &mut self.stack);
+            }
+        }
+        radiance
+    }
+}
+
+#[inline(always)]
+fn background(buffers: &SceneBuffers, direction: Vec3) -> Vec3 {
+    let bottom = buffers.params.background_bottom.xyz();
+    let height = 0.5f32.mul_add(direction.y, 0.5);
+    fma3(buffers.params.background_top.xyz() - bottom, height, bottom)
+}
+
+/// Camera ray through the point (x, y) of the picture, in pixels from its upper left corner.
+#[inline(always)]
+pub fn camera_ray(params: &RenderParams, x: f32, y: f32) -> Ray {
+    Ray::new(params.eye.xyz(), camera_direction(params, x, y), 0.0, f32::INFINITY, NO_PRIMITIVE)
+}
+
+/// Direction of that ray; its component along the view is 1.
+#[inline(always)]
+pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
+    let right = x.mul_add(params.pixel_width, -1.0);
+    let up = (-y).mul_add(params.pixel_height, 1.0);
+    fma3(params.right.xyz(), right, fma3(params.up.xyz(), up, params.forward.xyz()))
+}
+
+/// Renders pixels `0..row.len()` of row `y` and adds to `counts` what rays that took.
+#[inline(always)]
+pub fn render_row(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    params: &RenderParams,
+    samples: &[[f32; 2]],
+    y: u32,
+    row: &mut [[f32; 3]],
+    counts: &mut [u64; COUNTERS],
+) {
+    for (x, out) in row.iter_mut().enumerate() {
+        let mut pixel = Pixel { buffers, options, params, counts: [0; COUNTERS], stack: Vec::new() };
+        let mut sum = Vec3::ZERO;
+        for [sample_x, sample_y] in samples {
+            sum += pixel.radiance_along(camera_ray(params, x as f32 + sample_x, y as f32 + sample_y));
+        }
+        *out = (sum * params.sample_weight).to_array();
+        for (total, count) in counts.iter_mut().zip(pixel.counts) {
+            *total += u64::from(count);
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
+
+use super::math::{cross3, dot3, fma3, max_or, normalize3};
+use super::ray::{Ray, point_error, point_on_triangle};
+use super::traverse::vertices;
+use crate::pack::SceneBuffers;
+use crate::shared::Hit;
+use glam::Vec3;
+
+/// A point on a triangle, as rays start from it.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfacePoint {
+    /// Tracing space.
+    pub position: Vec3,
+    /// Bound of its distance from the triangle's plane, on each axis.
+    pub error: f32,
+    /// The triangle.
+    pub primitive: u32,
+}
+
+/// A hit with all that shading needs.
+#[derive(Debug, Clone, Copy)]
+pub struct Surface {
+    /// Where it is.
+    pub point: SurfacePoint,
+    /// Unit, towards the side the ray came from.
+    pub geometric_normal: Vec3,
+    /// Unit, interpolated, on the same side.
+    pub normal: Vec3,
+    /// Texture coordinates.
+    pub texture_uv: [f32; 2],
+    /// Index of the material.
+    pub material: u32,
+    /// The ray came from the side on which the vertices run counter-clockwise.
+    pub front: bool,
+}
+
+/// Where a hit lies.
+#[inline(always)]
+pub fn surface_point(buffers: &SceneBuffers, hit: &Hit) -> SurfacePoint {
+    let triangle = vertices(buffers, hit.primitive);
+    SurfacePoint {
+        position: point_on_triangle(triangle, hit.u, hit.v),
+        error: point_error(triangle),
+        primitive: hit.primitive,
+    }
+}
+
+/// What a hit is.
+#[inline(always)]
+pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
+    let [p0, p1, p2] = vertices(buffers, hit.primitive);
+    let at = &buffers.shading[hit.primitive as usize];
+    let w = (1.0 - hit.u) - hit.v;
+    let outward = normalize3(cross3(p1 - p0, p2 - p0), -ray.direction);
+    let front = dot3(outward, ray.direction) < 0.0;
+    let geometric_normal = if front { outward } else { -outward };
+    let interpolated = fma3(at.normal0_u0.xyz(), w, fma3(at.normal1_u1.xyz(), hit.u, at.normal2_u2.xyz() * hit.v));
+    let normal = normalize3(interpolated, geometric_normal);
+    Surface {
+        point: surface_point(buffers, hit),
+        geometric_normal,
+        normal: if dot3(normal, geometric_normal) < 0.0 { -normal } else { normal },
+        texture_uv: [
+            at.normal0_u0.w.mul_add(w, at.normal1_u1.w.mul_add(hit.u, at.normal2_u2.w * hit.v)),
+            at.v0.mul_add(w, at.v1.mul_add(hit.u, at.v2 * hit.v)),
+        ],
+        material: at.material,
+        front,
+    }
+}
+
+/// A ray that leaves a surface.
+#[inline(always)]
+pub fn leave_surface(point: &SurfacePoint, direction: Vec3, t_far: f32) -> Ray {
+    let mut ray = Ray::new(point.position, direction, 0.0, t_far, point.primitive);
+    ray.t_near = max_or(ray.t_near, 2.0 * point.error);
+    ray
+}

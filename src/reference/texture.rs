@@ -1,0 +1,44 @@
+//! Twin of `cl/shade/texture.cl`: bilinear sRGB textures. The reasons are there.
+
+use super::math::fma3;
+use crate::pack::SceneBuffers;
+use glam::Vec3;
+
+#[inline(always)]
+fn wrap_texel(t: f32, size: u32) -> (u32, u32, f32) {
+    let wrapped = if t.is_finite() { t - t.floor() } else { 0.0 };
+    let x = wrapped.mul_add(size as f32, -0.5);
+    let floor_x = x.floor();
+    let index = floor_x as i32;
+    let last = size as i32 - 1;
+    let low = if index < 0 {
+        last
+    } else if index > last {
+        0
+    } else {
+        index
+    };
+    (low as u32, if low == last { 0 } else { low as u32 + 1 }, x - floor_x)
+}
+
+#[inline(always)]
+fn texel(buffers: &SceneBuffers, index: u32) -> Vec3 {
+    let rgba = buffers.texels[index as usize];
+    let linear = |shift: u32| buffers.srgb_to_linear[(rgba >> shift & 255) as usize];
+    Vec3::new(linear(0), linear(8), linear(16))
+}
+
+/// Linear RGB of texture number `texture` at (u, v).
+#[inline(always)]
+pub fn sample_texture(buffers: &SceneBuffers, texture: u32, [u, v]: [f32; 2]) -> Vec3 {
+    let info = &buffers.textures[texture as usize];
+    let (left, right, weight_x) = wrap_texel(u, info.width);
+    let (top, bottom, weight_y) = wrap_texel(-v, info.height);
+    let row0 = info.first + top * info.width;
+    let row1 = info.first + bottom * info.width;
+    let (c00, c01) = (texel(buffers, row0 + left), texel(buffers, row0 + right));
+    let (c10, c11) = (texel(buffers, row1 + left), texel(buffers, row1 + right));
+    let upper = fma3(c01 - c00, weight_x, c00);
+    let lower = fma3(c11 - c10, weight_x, c10);
+    fma3(lower - upper, weight_y, upper)
+}

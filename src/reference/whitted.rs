@@ -1,0 +1,102 @@
+//! Twin of `cl/shade/whitted.cl`: reflection and refraction. The reasons are there.
+
+use super::math::{clamp01, dot3, fma3, max_component};
+use super::ray::Ray;
+use super::surface::{Surface, leave_surface};
+use crate::shared::Material;
+use glam::Vec3;
+
+#[inline(always)]
+/// The mirrored direction.
+pub fn reflect_direction(surface: &Surface, direction: Vec3) -> Vec3 {
+    let mirrored = |normal: Vec3| fma3(normal, -2.0 * dot3(normal, direction), direction);
+    let reflected = mirrored(surface.normal);
+    if dot3(reflected, surface.geometric_normal) > 0.0 { reflected } else { mirrored(surface.geometric_normal) }
+}
+
+/// What becomes of a ray at a dielectric surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refraction {
+    /// 1: total reflection.
+    pub reflectance: f32,
+    /// Direction of the refracted ray.
+    pub direction: Vec3,
+}
+
+/// Snell's law and Fresnel's reflectance.
+#[inline(always)]
+pub fn refract_direction(surface: &Surface, direction: Vec3, eta: f32) -> Refraction {
+    let cos_in = clamp01(-dot3(surface.normal, direction));
+    let sin2_out = eta * eta * (-cos_in).mul_add(cos_in, 1.0);
+    if !(sin2_out < 1.0) {
+        return Refraction { reflectance: 1.0, direction };
+    }
+    if eta == 1.0 {
+        return Refraction { reflectance: 0.0, direction };
+    }
+    let cos_out = (1.0 - sin2_out).sqrt();
+    let s = eta.mul_add(cos_in, -cos_out) / eta.mul_add(cos_in, cos_out);
+    let p = eta.mul_add(cos_out, -cos_in) / eta.mul_add(cos_out, cos_in);
+    let reflectance = 0.5 * s.mul_add(s, p * p);
+    let refracted = fma3(direction, eta, surface.normal * eta.mul_add(cos_in, -cos_out));
+    Refraction {
+        reflectance: if reflectance < 1.0 { reflectance } else { 1.0 },
+        direction: if dot3(refracted, surface.geometric_normal) < 0.0 { refracted } else { direction },
+    }
+}
+
+/// What a ray is for; the values index the counters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum RayKind {
+    /// From the eye.
+    Camera = 0,
+    /// Towards a light.
+    Shadow = 2,
+    /// Mirrored.
+    Reflected = 4,
+    /// Refracted.
+    Refracted = 6,
+}
+
+/// A ray that waits to be traced.
+#[derive(Debug, Clone, Copy)]
+pub struct PendingRay {
+    /// The ray.
+    pub ray: Ray,
+    /// What a unit of its radiance adds to the pixel.
+    pub weight: Vec3,
+    /// 1 for a camera ray.
+    pub depth: u32,
+    /// What it is for.
+    pub kind: RayKind,
+}
+
+/// Puts the rays that leave the surface on the stack of pending ones.
+#[inline(always)]
+pub fn push_secondary_rays(
+    surface: &Surface,
+    material: &Material,
+    pending: &PendingRay,
+    direction: Vec3,
+    kill_weight: f32,
+    stack: &mut Vec<PendingRay>,
+) {
+    let mut push = |weight: Vec3, direction: Vec3, kind: RayKind| {
+        let ray = leave_surface(&surface.point, direction, f32::INFINITY);
+        stack.push(PendingRay { ray, weight, depth: pending.depth + 1, kind });
+    };
+    let mut reflected_weight = pending.weight * material.mirror.xyz();
+    if material.transparent != 0 {
+        let ior = material.transmission_ior.w;
+        let refraction = refract_direction(surface, direction, if surface.front { 1.0 / ior } else { ior });
+        reflected_weight = pending.weight * refraction.reflectance;
+        let weight = pending.weight * material.transmission_ior.xyz() * (1.0 - refraction.reflectance);
+        if max_component(weight) > kill_weight {
+            push(weight, refraction.direction, RayKind::Refracted);
+        }
+    }
+    if max_component(reflected_weight) > kill_weight {
+        push(reflected_weight, reflect_direction(surface, direction), RayKind::Reflected);
+    }
+}

@@ -1,0 +1,85 @@
+//! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
+
+use crate::device::{Cache, DeviceHandle, OpenClTracer};
+use crate::error::Result;
+use crate::options::TraceOptions;
+use crate::pack::{SceneBuffers, sample_positions};
+use crate::reference::ReferenceTracer;
+use crate::scene::{Camera, Scene};
+use crate::tracer::{Progress, RenderResult, Tracer};
+use glam::Vec3;
+use std::sync::Arc;
+
+/// Longest chain of rays unless something else is asked for, the camera ray counted as 1.
+pub const DEFAULT_DEPTH: u32 = 8;
+/// The longest chain that may be asked for: the stack of pending rays lies in private memory.
+pub const MAX_RAY_DEPTH: u32 = 64;
+/// The most samples per pixel that may be asked for.
+pub const MAX_SAMPLES: u32 = 65_536;
+/// Ambient light that is added together with the key light.
+const KEY_AMBIENT: f32 = 0.15;
+
+/// Opens a tracer of `buffers`, which were built with `options`: on `device`, or the reference when there is none.
+///
+/// # Errors
+/// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory.
+pub fn open_tracer(
+    device: Option<&DeviceHandle>,
+    buffers: &Arc<SceneBuffers>,
+    options: &TraceOptions,
+    max_depth: u32,
+    cache: Option<&Cache>,
+) -> Result<Box<dyn Tracer>> {
+    Ok(match device {
+        Some(device) => Box::new(OpenClTracer::new(device, buffers, options, max_depth, cache)?),
+        None => Box::new(ReferenceTracer::new(buffers.clone(), *options)),
+    })
+}
+
+/// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and a key light
+/// with a little ambient light when it has no lamp of its own.
+pub fn complete(scene: &mut Scene, aspect: f32) {
+    let camera = scene.camera.unwrap_or_else(|| {
+        let primitives = scene.hittable();
+        Camera::framing(primitives.iter().flat_map(|&i| scene.vertices(i as usize)), aspect)
+    });
+    scene.camera = Some(camera);
+    if scene.lights.is_empty() {
+        scene.lights.push(Scene::key_light(&camera));
+        scene.ambient = scene.ambient.max(Vec3::splat(KEY_AMBIENT));
+        // Files often say "no ambient light" where their own lights would have lit every side; without those it is darkness.
+        for material in scene.materials.iter_mut().filter(|m| m.ambient == Vec3::ZERO) {
+            material.ambient = material.diffuse;
+        }
+    }
+}
+
+/// A picture to render.
+#[derive(Debug, Clone, Copy)]
+pub struct Picture {
+    /// Where from.
+    pub camera: Camera,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Longest chain of rays, the camera ray counted as 1.
+    pub depth: u32,
+    /// Weight below which secondary rays are not cast; `None`: where they cannot change an 8-bit pixel.
+    pub kill_weight: Option<f32>,
+}
+
+/// Renders a picture of the scene that `tracer` was opened with.
+///
+/// # Errors
+/// The device failed or cannot hold the picture.
+pub fn render(
+    tracer: &mut dyn Tracer,
+    buffers: &SceneBuffers,
+    picture: &Picture,
+    progress: Progress,
+) -> Result<RenderResult> {
+    let params =
+        buffers.render_params(&picture.camera, picture.size, picture.samples, picture.depth, picture.kill_weight);
+    tracer.render(&params, &sample_positions(picture.samples), progress)
+}

@@ -1,0 +1,184 @@
+//! What one run did and how long it took, for `--stats FILE.json`.
+//!
+//! Times are wall-clock seconds by the host, except `kernel_s`, which the device's own event timers give.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::options::TraceOptions;
+use crate::output::write_json;
+use crate::shared::COUNTERS;
+
+/// Rays of one kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct RayCount {
+    /// How many were cast.
+    pub cast: u64,
+    /// How many of them hit a triangle.
+    pub hit: u64,
+}
+
+/// Rays by what they were cast for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct RayCounts {
+    /// From the camera, or the rays of a batch.
+    pub camera: RayCount,
+    /// Towards a light; a hit is an obstacle.
+    pub shadow: RayCount,
+    /// Off a mirror.
+    pub reflected: RayCount,
+    /// Through a transparent surface.
+    pub refracted: RayCount,
+}
+
+impl RayCounts {
+    /// From the kernels' counters, in the order of [`crate::shared::COUNTER_NAMES`].
+    pub fn from_counters(counters: &[u64; COUNTERS]) -> Self {
+        let count = |first: usize| RayCount { cast: counters[first], hit: counters[first + 1] };
+        RayCounts { camera: count(0), shadow: count(2), reflected: count(4), refracted: count(6) }
+    }
+
+    /// All rays cast.
+    pub fn total_cast(&self) -> u64 {
+        self.camera.cast + self.shadow.cast + self.reflected.cast + self.refracted.cast
+    }
+}
+
+/// One run. What does not apply to it is `None` and left out of the file.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct RunStats {
+    /// The device's name.
+    pub device: String,
+    /// "cpu", "gpu", "reference", ...
+    pub device_kind: String,
+    /// The methods and numbers as used.
+    pub options: TraceOptions,
+    /// Triangles of the scene.
+    pub triangle_count: u64,
+    /// Render: pixels a row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub width: Option<u32>,
+    /// Render: rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height: Option<u32>,
+    /// Render: samples per pixel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<u32>,
+    /// Render: longest chain of rays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth: Option<u32>,
+    /// Rays of one repeat.
+    pub rays: RayCounts,
+    /// Reading the scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load_s: Option<f64>,
+    /// Building the structure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub build_s: Option<f64>,
+    /// Compiling the kernels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compile_s: Option<f64>,
+    /// Copying the scene to the device.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub upload_s: Option<f64>,
+    /// Running the kernel, one entry per repeat.
+    pub kernel_s: Vec<f64>,
+    /// Copying the result back.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub read_s: Option<f64>,
+    /// From the start of the program to the end of its output.
+    pub total_s: f64,
+    /// Million rays a second: see [`RunStats::set_rate`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mrays_per_s: Option<f64>,
+}
+
+impl RunStats {
+    /// Sets `mrays_per_s`: all rays cast in one repeat by the median of `kernel_s`, or `None` without a time above zero.
+    pub fn set_rate(&mut self) {
+        self.mrays_per_s =
+            median(&self.kernel_s).filter(|&s| s > 0.0).map(|s| self.rays.total_cast() as f64 / s * 1e-6);
+    }
+
+    /// Writes the run as JSON that people can read, too.
+    ///
+    /// # Errors
+    /// As [`write_json`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_json(path.as_ref(), self)
+    }
+}
+
+/// The middle value, or the mean of the two; `None` of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len() / 2;
+    match sorted.len() {
+        0 => None,
+        n if n % 2 == 1 => Some(sorted[middle]),
+        _ => Some((sorted[middle - 1] + sorted[middle]) / 2.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shared::COUNTER_NAMES;
+    use serde_json::Value;
+
+    fn written(stats: &RunStats) -> Value {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("stats.json");
+        stats.write(&path).unwrap();
+        serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn counters_land_where_their_names_say() {
+        let counters = std::array::from_fn(|i| i as u64 + 10);
+        let json = serde_json::to_value(RayCounts::from_counters(&counters)).unwrap();
+        for (index, name) in COUNTER_NAMES.iter().enumerate() {
+            let pointer = format!("/{}", name.to_lowercase().replace('_', "/"));
+            assert_eq!(json.pointer(&pointer), Some(&Value::from(counters[index])), "{name}");
+        }
+        assert_eq!(RayCounts::from_counters(&counters).total_cast(), 10 + 12 + 14 + 16);
+    }
+
+    #[test]
+    fn what_does_not_apply_is_left_out() {
+        let json =
+            written(&RunStats { device: "a \"quoted\" name".into(), kernel_s: vec![0.5], ..RunStats::default() });
+        let keys: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
+        assert_eq!(keys, ["device", "device_kind", "kernel_s", "options", "rays", "total_s", "triangle_count"]);
+        assert_eq!(json["device"], "a \"quoted\" name");
+        assert_eq!(json["options"]["accel"], "kd");
+        assert_eq!(json["kernel_s"][0], 0.5);
+    }
+
+    #[test]
+    fn what_applies_is_there() {
+        let mut stats =
+            RunStats { kernel_s: vec![0.1, 4.0, 0.2], width: Some(3), load_s: Some(1.5), ..RunStats::default() };
+        stats.rays.camera = RayCount { cast: 300_000, hit: 7 };
+        stats.rays.shadow.cast = 100_000;
+        stats.set_rate();
+        let json = written(&stats);
+        assert_eq!(json["mrays_per_s"], 2.0);
+        assert_eq!(json["width"], 3);
+        assert_eq!(json["load_s"], 1.5);
+        assert_eq!(json["rays"]["camera"]["hit"], 7);
+    }
+
+    #[test]
+    fn a_rate_needs_a_time() {
+        for times in [vec![], vec![0.0]] {
+            let mut stats = RunStats { kernel_s: times, ..RunStats::default() };
+            stats.set_rate();
+            assert_eq!(stats.mrays_per_s, None);
+        }
+        assert_eq!(median(&[1.0, 2.0, 9.0, 4.0]), Some(3.0));
+    }
+}

@@ -1,0 +1,102 @@
+//! The one interface of everything that traces rays: OpenCL devices and the scalar reference (thesis, section 6.2.2).
+
+use crate::error::Result;
+use crate::film::Film;
+use crate::layout::Float4;
+use crate::pack::SceneBuffers;
+use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use glam::Vec3;
+
+/// A batch of rays to trace. All coordinates and distances are in tracing space: see [`SceneBuffers::trace_ray`].
+#[derive(Debug, Clone, Copy)]
+pub struct TraceJob<'a> {
+    /// The rays.
+    pub rays: &'a [TraceRay],
+    /// Directions (x, y, z; w unused) of second rays that start where the first ones hit; as many as rays. Only with closest hits.
+    pub next_directions: Option<&'a [Float4]>,
+    /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer.
+    pub any_hit: bool,
+    /// How often to trace the batch, for timing; at least 1.
+    pub repeat: u32,
+}
+
+/// What became of a batch.
+#[derive(Debug, Clone, Default)]
+pub struct TraceResult {
+    /// One for each ray; t in units of |direction| in tracing space (see [`SceneBuffers::world_hit`]).
+    pub hits: Vec<Hit>,
+    /// The second rays' hits, if they were asked for.
+    pub next_hits: Option<Vec<Hit>>,
+    /// Seconds of device time of each repeat, transfers left out; second rays included.
+    pub kernel_s: Vec<f64>,
+    /// Seconds that it took to send the rays.
+    pub upload_s: f64,
+    /// Seconds that it took to fetch the hits.
+    pub read_s: f64,
+}
+
+/// A rendered picture and what it took.
+#[derive(Debug, Clone)]
+pub struct RenderResult {
+    /// Linear radiance.
+    pub film: Film,
+    /// Rays by [`crate::shared::COUNTER_NAMES`].
+    pub counts: [u64; COUNTERS],
+    /// Seconds of device time, transfers left out.
+    pub kernel_s: f64,
+    /// Seconds that it took to fetch the picture.
+    pub read_s: f64,
+}
+
+/// Called from time to time with the part of the work that is done, 0..=1.
+pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
+
+/// Something that traces rays through one scene.
+pub trait Tracer {
+    /// The device's name.
+    fn device_name(&self) -> &str;
+
+    /// Seconds that compiling (or loading) the kernels took.
+    fn compile_s(&self) -> f64;
+
+    /// Seconds that sending the scene took.
+    fn upload_s(&self) -> f64;
+
+    /// What a curious user should know, such as a kernel cache that cannot be used; one sentence each.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
+
+    /// Traces a batch of rays.
+    ///
+    /// # Errors
+    /// The device failed or cannot hold the batch.
+    fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult>;
+
+    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them.
+    ///
+    /// # Errors
+    /// The device failed or cannot hold the picture.
+    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult>;
+}
+
+impl SceneBuffers {
+    /// A ray in world units as the tracers take it.
+    pub fn trace_ray(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
+        let scale = self.params.scale;
+        TraceRay {
+            origin_t_min: Float4::new(origin * scale, t_min * scale),
+            direction_t_max: Float4::new(direction, t_max * scale),
+        }
+    }
+
+    /// A hit in world units: t in units of |direction|. Exact, because the scale is a power of two.
+    pub fn world_hit(&self, hit: Hit) -> Hit {
+        Hit { t: hit.t / self.params.scale, ..hit }
+    }
+}
+
+/// Whether a ray hit something.
+pub fn is_hit(hit: &Hit) -> bool {
+    hit.primitive != NO_PRIMITIVE
+}

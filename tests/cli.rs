@@ -1,0 +1,227 @@
+//! The program from outside: exit codes, messages, files.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs `raybrook` with its own kernel cache, on the reference unless the arguments say otherwise.
+fn raybrook(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_raybrook"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("RAYBROOK_CACHE_DIR", folder.join("cache"))
+        .env_remove("RAYBROOK_DEVICE")
+        .output()
+        .unwrap()
+}
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("one.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    folder
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Fails unless the program ended with `code` and said every one of `words`.
+fn assert_fails(output: &Output, code: i32, words: &[&str]) {
+    let said = stderr(output);
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    for word in words {
+        assert!(said.contains(word), "'{word}' is missing in: {said}");
+    }
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+fn wrong_input_ends_with_the_documented_code() {
+    let folder = folder();
+    let at = folder.path();
+    std::fs::write(at.join("empty.obj"), "").unwrap();
+    std::fs::write(at.join("bad.obj"), "v 0 0 0\nv 1 0 0\nf 1 2 9\n").unwrap();
+    std::fs::write(at.join("bad.toml"), "[image]\nwidht = 3\n").unwrap();
+    std::fs::write(at.join("text.npz"), "no zip").unwrap();
+    let cases: &[(&[&str], i32, &[&str])] = &[
+        (&["render", "missing.obj"], 3, &["missing.obj"]),
+        (&["render", "empty.obj"], 3, &["empty.obj"]),
+        (&["render", "bad.obj"], 3, &["bad.obj:3"]),
+        (&["render", "bad.toml"], 3, &["bad.toml:2", "widht", "width"]),
+        (&["render", "one.stl"], 3, &["one.stl", ".obj"]),
+        (&["render", "."], 3, &["."]),
+        (&["render", "one.obj", "-o", "x.gif"], 2, &["x.gif", ".png"]),
+        (&["render", "one.obj", "-o", "no/such/folder/x.png"], 5, &["no/such/folder/x.png"]),
+        (&["render", "one.obj", "--stats", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
+        (&["render", "one.obj", "--size", "0x5"], 2, &["--size", "0x5"]),
+        (&["render", "one.obj", "--samples", "0"], 2, &["--samples"]),
+        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd"]),
+        (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
+        (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
+        (&["render", "one.obj", "--bit-depth", "12"], 2, &["--bit-depth", "12"]),
+        (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
+        (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
+        (&["trace", "one.obj", "text.npz"], 3, &["text.npz"]),
+        (&["paint"], 2, &["paint"]),
+        (&[], 2, &["render", "trace", "check", "info", "devices"]),
+    ];
+    for (arguments, code, words) in cases {
+        assert_fails(&raybrook(at, arguments), *code, words);
+    }
+    assert!(!at.join("one.png").exists(), "a failed run must not leave a picture");
+}
+
+#[test]
+fn render_writes_every_format_and_stats() {
+    let folder = folder();
+    let at = folder.path();
+    for (name, arguments, magic) in [
+        ("one.png", &[][..], &b"\x89PNG"[..]),
+        ("deep.png", &["-o", "deep.png", "--bit-depth", "16"], b"\x89PNG"),
+        ("one.exr", &["-o", "one.exr"], b"\x76\x2f\x31\x01"),
+        ("one.pfm", &["-o", "one.pfm"], b"PF\n"),
+    ] {
+        let fixed = ["render", "one.obj", "--device", "reference", "--size", "20x10", "--stats", "stats.json"];
+        let output = raybrook(at, &[&fixed, arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(std::fs::read(at.join(name)).unwrap().starts_with(magic), "{name}");
+    }
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["rays"]["camera"]["cast"], 200);
+    let hit = stats["rays"]["camera"]["hit"].as_u64().unwrap();
+    assert!((15..160).contains(&hit), "{hit}");
+    // The key light shines on the triangle, and nothing is in the way.
+    assert_eq!(stats["rays"]["shadow"]["cast"], hit);
+    assert_eq!(stats["rays"]["shadow"]["hit"], 0);
+    assert_eq!(stats["options"]["accel"], "kd");
+    assert_eq!((&stats["width"], &stats["height"]), (&20.into(), &10.into()));
+    for time in ["load_s", "build_s", "total_s"] {
+        assert!(stats[time].as_f64().unwrap() > 0.0, "{time}");
+    }
+    let left: Vec<_> = std::fs::read_dir(at).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().contains("tmp")), "{left:?}");
+}
+
+#[test]
+fn quiet_is_quiet_and_without_opencl_the_reference_says_so() {
+    let folder = folder();
+    let at = folder.path();
+    let output = raybrook(at, &["-q", "render", "one.obj", "--device", "reference", "--size", "8x8"]);
+    assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty(), "{output:?}");
+
+    let output = Command::new(env!("CARGO_BIN_EXE_raybrook"))
+        .args(["render", "one.obj", "--size", "8x8"])
+        .current_dir(at)
+        .env("OCL_ICD_VENDORS", at)
+        .env_remove("RAYBROOK_DEVICE")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let said = stderr(&output);
+    assert!(said.contains("reference") && said.contains("pocl-opencl-icd"), "{said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+}
+
+#[test]
+fn info_and_devices_print_json() {
+    let folder = folder();
+    let info = raybrook(folder.path(), &["info", "one.obj", "--json"]);
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(info["triangles"], 1);
+    assert_eq!(info["dropped_zero_area"], 0);
+    assert_eq!(info["high"], serde_json::json!([1.0, 1.0, 0.0]));
+    assert!(info["tree"]["nodes"].as_u64().unwrap() >= 1);
+    let text = raybrook(folder.path(), &["info", "one.obj"]);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("triangles"));
+
+    let devices = raybrook(folder.path(), &["devices", "--json"]);
+    let devices: serde_json::Value = serde_json::from_slice(&devices.stdout).unwrap();
+    assert!(devices["devices"].is_array());
+}
+
+#[test]
+fn trace_answers_a_batch() {
+    let folder = folder();
+    let at = folder.path();
+    // A hit, a miss, one cut off by t_max; directions of another length than 1.
+    write_npz(
+        &at.join("rays.npz"),
+        &[
+            ("origin", 3, &[0.25, 0.25, 1.0, 5.0, 5.0, 1.0, 0.25, 0.25, 1.0]),
+            ("direction", 3, &[0.0, 0.0, -2.0, 0.0, 0.0, -2.0, 0.0, 0.0, -2.0]),
+            ("t_max", 1, &[9.0, 9.0, 0.25]),
+        ],
+    );
+    let arguments = [
+        "trace",
+        "one.obj",
+        "rays.npz",
+        "-o",
+        "hits.npz",
+        "--device",
+        "reference",
+        "--repeat",
+        "3",
+        "--stats",
+        "s.json",
+    ];
+    let output = raybrook(at, &arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(
+        read_npz(&at.join("hits.npz"), "t"),
+        [0.5f32.to_bits(), f32::INFINITY.to_bits(), f32::INFINITY.to_bits()]
+    );
+    assert_eq!(read_npz(&at.join("hits.npz"), "primitive"), [0, u32::MAX, u32::MAX]);
+    assert_eq!(read_npz(&at.join("hits.npz"), "u")[0], 0.25f32.to_bits());
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
+    assert_eq!(stats["kernel_s"].as_array().unwrap().len(), 3);
+    assert_eq!((&stats["rays"]["camera"]["cast"], &stats["rays"]["camera"]["hit"]), (&3.into(), &1.into()));
+}
+
+#[test]
+fn check_compares_device_and_reference() {
+    let folder = folder();
+    if raybrook(folder.path(), &["info", "one.obj", "-q"]).status.code() != Some(0) {
+        panic!("info failed");
+    }
+    let output = raybrook(folder.path(), &["check", "one.obj", "--size", "40x30", "--device", "cpu"]);
+    if output.status.code() == Some(4) && std::env::var_os("RAYBROOK_REQUIRE_DEVICE").is_none() {
+        eprintln!("SKIPPED, no device: {}", stderr(&output));
+        return;
+    }
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{said}{}", stderr(&output));
+    assert!(said.contains("0 of 1200 differ in some bit") && said.contains("passed"), "{said}");
+    assert!(folder.path().join("one-difference.png").exists());
+}
+
+/// Writes float32 arrays as `np.savez` does; `columns` 1 makes a vector.
+fn write_npz(path: &Path, arrays: &[(&str, usize, &[f32])]) {
+    use std::io::Write;
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
+    let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (name, columns, values) in arrays {
+        let rows = values.len() / columns;
+        let shape = if *columns == 1 { format!("({rows},)") } else { format!("({rows}, {columns})") };
+        let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+        while !(header.len() + 11).is_multiple_of(64) {
+            header.push(' ');
+        }
+        header.push('\n');
+        zip.start_file(format!("{name}.npy"), stored).unwrap();
+        zip.write_all(b"\x93NUMPY\x01\x00").unwrap();
+        zip.write_all(&(header.len() as u16).to_le_bytes()).unwrap();
+        zip.write_all(header.as_bytes()).unwrap();
+        zip.write_all(bytemuck::cast_slice(values)).unwrap();
+    }
+    zip.finish().unwrap();
+}
+
+/// The 32-bit words of an array.
+fn read_npz(path: &Path, name: &str) -> Vec<u32> {
+    use std::io::Read;
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let mut bytes = Vec::new();
+    zip.by_name(&format!("{name}.npy")).unwrap().read_to_end(&mut bytes).unwrap();
+    let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[header..].chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect()
+}

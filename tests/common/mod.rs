@@ -1,0 +1,108 @@
+//! What several test files need: a device, deterministic random numbers, small scenes, and the shared models.
+#![allow(dead_code)] // every test file uses another part
+
+use glam::Vec3;
+use raybrook::device::{DeviceHandle, Selection, select};
+use raybrook::scene::{Material, NO_INDEX, Scene, Triangle};
+use std::path::{Path, PathBuf};
+
+/// Seed of every random sequence; printed by the tests that fail.
+pub const SEED: u64 = 20_081_121;
+
+/// The device to test on: `RAYBROOK_DEVICE`, else a CPU. `None`, with the reason printed, when there is none; where
+/// `RAYBROOK_REQUIRE_DEVICE` is set that is a failure.
+pub fn device() -> Option<DeviceHandle> {
+    let spec = std::env::var("RAYBROOK_DEVICE").ok();
+    let reason = match select(Some(spec.as_deref().unwrap_or("cpu"))) {
+        Ok(Selection::OpenCl(device)) => return Some(device),
+        Ok(_) => "no OpenCL device chosen".to_owned(),
+        Err(error) => error.to_string(),
+    };
+    assert!(std::env::var_os("RAYBROOK_REQUIRE_DEVICE").is_none(), "{reason}");
+    eprintln!("SKIPPED, no device: {reason}");
+    None
+}
+
+/// A path under the shared models, or `None`, with the reason printed, where they are not.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED, there is no {}", path.display());
+    None
+}
+
+/// SplitMix64 (Steele, Lea and Flood 2014): small, seedable, good enough for test data.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In 0..1.
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / 16_777_216.0
+    }
+
+    /// In -1..1.
+    pub fn signed(&mut self) -> f32 {
+        2.0 * self.unit() - 1.0
+    }
+
+    pub fn vec3(&mut self) -> Vec3 {
+        Vec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// Any float32 bit pattern: NaN, infinities and subnormal numbers among them.
+    pub fn any_float(&mut self) -> f32 {
+        f32::from_bits(self.bits() as u32)
+    }
+}
+
+/// A scene of the given triangles and one matt material.
+pub fn scene_of(triangles: &[[Vec3; 3]]) -> Scene {
+    Scene {
+        positions: triangles.iter().flatten().copied().collect(),
+        triangles: (0..triangles.len() as u32)
+            .map(|i| Triangle {
+                positions: [3 * i, 3 * i + 1, 3 * i + 2],
+                normals: [NO_INDEX; 3],
+                uvs: [NO_INDEX; 3],
+                material: 0,
+            })
+            .collect(),
+        materials: vec![Material::default()],
+        ..Scene::default()
+    }
+}
+
+/// `count` random triangles of about `size` in the cube -1..1.
+pub fn soup(count: usize, size: f32, random: &mut Random) -> Vec<[Vec3; 3]> {
+    (0..count)
+        .map(|_| {
+            let center = random.vec3();
+            [(); 3].map(|()| center + random.vec3() * size)
+        })
+        .collect()
+}
+
+/// A wavy sheet of 2 n^2 triangles that share edges and vertices.
+pub fn sheet(n: usize) -> Vec<[Vec3; 3]> {
+    let point = |x: usize, y: usize| {
+        let (x, y) = (2.0 * x as f32 / n as f32 - 1.0, 2.0 * y as f32 / n as f32 - 1.0);
+        Vec3::new(x, y, 0.2 * (5.0 * x).sin() * (4.0 * y).cos())
+    };
+    let cells = (0..n).flat_map(|y| (0..n).map(move |x| (x, y)));
+    cells
+        .flat_map(|(x, y)| {
+            let [a, b, c, d] = [point(x, y), point(x + 1, y), point(x + 1, y + 1), point(x, y + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect()
+}

@@ -1,0 +1,356 @@
+//! Every function of `cl/` on a device against its twin in Rust, bit for bit, each reached through a small test kernel; and the
+//! shared structs' layout as the device sees it. Run a second time under Oclgrind by `./test`.
+
+mod common;
+
+use common::{Random, SEED, device};
+use glam::Vec3;
+use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
+use raybrook::layout::Float4;
+use raybrook::options::Intersector;
+use raybrook::reference::intersect::intersect;
+use raybrook::reference::math;
+use raybrook::reference::ray::{Ray, widen_down, widen_up};
+use raybrook::reference::surface::{Surface, SurfacePoint};
+use raybrook::reference::whitted::refract_direction;
+use raybrook::shared::{NO_PRIMITIVE, SHARED_STRUCTS};
+use std::fmt::Write;
+
+/// Work-items of most tests; few, because Oclgrind interprets them.
+const ITEMS: usize = 512;
+/// Written behind every output and still there afterwards.
+const CANARY: f32 = -12345.0;
+const CANARIES: usize = 16;
+
+/// Runs `body`, OpenCL statements that read `in[0..inputs]` and write `out[0..outputs]`, once for each group of `inputs` numbers.
+fn run(device: &raybrook::device::DeviceHandle, body: &str, inputs: usize, outputs: usize, data: &[f32]) -> Vec<f32> {
+    let kernel = format!(
+        "__kernel void probe(__global const float* restrict data, __global float* restrict results) {{\n\
+         const size_t item = get_global_id(0);\n\
+         __global const float* in = data + item * {inputs};\n__global float* out = results + item * {outputs};\n{body}\n}}\n"
+    );
+    let context = DeviceContext::open(device).unwrap();
+    let source = ProgramSource::new(KERNEL_FILES.iter().copied().chain([("tests/probe.cl", kernel.as_str())]));
+    let options =
+        CompileOptions::new().define("TRAVERSE", "traverse_kd_stack").define("INTERSECT", "intersect_watertight");
+    let program = build(&context, &source, &options, None).unwrap().program;
+    let items = data.len() / inputs;
+    let mut results = vec![CANARY; items * outputs + CANARIES];
+    let input = Buffer::from_slice(&context, "input", data).unwrap();
+    let output = Buffer::read_write(&context, "output", &results).unwrap();
+    let mut kernel = program.kernel("probe").unwrap();
+    kernel.set_arg(0, &input).unwrap();
+    kernel.set_arg(1, &output).unwrap();
+    kernel.launch(&[items], None).unwrap().wait().unwrap();
+    results = output.read().unwrap();
+    assert!(results[items * outputs..].iter().all(|&x| x == CANARY), "the kernel wrote behind its output");
+    results.truncate(items * outputs);
+    results
+}
+
+/// Compares device and twin bit for bit (any NaN equals any NaN).
+fn assert_same_bits(name: &str, inputs: usize, data: &[f32], got: &[f32], expected: &[f32]) {
+    assert_eq!(got.len(), expected.len(), "{name}");
+    let outputs = got.len() / (data.len() / inputs);
+    let same = |a: f32, b: f32| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+    let wrong: Vec<_> = (0..got.len()).filter(|&i| !same(got[i], expected[i])).collect();
+    if let Some(&i) = wrong.first() {
+        let item = i / outputs;
+        panic!(
+            "{name}: {} of {} numbers differ; first: item {item}, output {}: device {:e}, twin {:e}, inputs {:?} (seed {SEED})",
+            wrong.len(),
+            got.len(),
+            i % outputs,
+            got[i],
+            expected[i],
+            &data[item * inputs..(item + 1) * inputs]
+        );
+    }
+}
+
+/// One function: how the device calls it, and its twin.
+struct Case {
+    name: &'static str,
+    body: &'static str,
+    inputs: usize,
+    outputs: usize,
+    input: fn(&mut Random) -> f32,
+    twin: fn(&[f32]) -> Vec<f32>,
+}
+
+fn v3(data: &[f32]) -> Vec3 {
+    Vec3::new(data[0], data[1], data[2])
+}
+
+fn flag(b: bool) -> f32 {
+    if b { 1.0 } else { 0.0 }
+}
+
+fn ray_of(data: &[f32]) -> Ray {
+    Ray::new(v3(data), v3(&data[3..]), data[6], data[7], NO_PRIMITIVE)
+}
+
+/// Mostly ordinary numbers, some zeros, repeated values and, one in sixteen, any bit pattern.
+fn mixed(random: &mut Random) -> f32 {
+    match random.bits() % 16 {
+        0 => random.any_float(),
+        1 => 0.0,
+        2 => -0.0,
+        3 => 1.0,
+        _ => random.signed(),
+    }
+}
+
+const MAKE_RAY: &str = "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);";
+
+const CASES: &[Case] = &[
+    Case {
+        name: "difference_of_products",
+        body: "out[0] = difference_of_products(in[0], in[1], in[2], in[3]);",
+        inputs: 4,
+        outputs: 1,
+        input: mixed,
+        twin: |x| vec![math::difference_of_products(x[0], x[1], x[2], x[3])],
+    },
+    Case {
+        name: "dot3, cross3, fma3",
+        body: "float3 a = vload3(0, in), b = vload3(1, in); out[0] = dot3(a, b); vstore3(cross3(a, b), 0, out + 1);\
+               vstore3(fma3(a, in[6], b), 0, out + 4);",
+        inputs: 7,
+        outputs: 7,
+        input: mixed,
+        twin: |x| {
+            let (a, b) = (v3(x), v3(&x[3..]));
+            let mut out = vec![math::dot3(a, b)];
+            out.extend(math::cross3(a, b).to_array());
+            out.extend(math::fma3(a, x[6], b).to_array());
+            out
+        },
+    },
+    Case {
+        name: "max_or, min_or, max_component, clamp01, is_finite3",
+        body: "float3 a = vload3(0, in); out[0] = max_or(in[0], in[1]); out[1] = min_or(in[0], in[1]);\
+               out[2] = max_component(abs3(a)); out[3] = clamp01(in[0] * 2.0f); out[4] = is_finite3(a) ? 1.0f : 0.0f;",
+        inputs: 3,
+        outputs: 5,
+        input: mixed,
+        twin: |x| {
+            vec![
+                math::max_or(x[0], x[1]),
+                math::min_or(x[0], x[1]),
+                math::max_component(math::abs3(v3(x))),
+                math::clamp01(x[0] * 2.0),
+                flag(math::is_finite3(v3(x))),
+            ]
+        },
+    },
+    Case {
+        name: "scale_to_unit, normalize3",
+        body: "float3 v = vload3(0, in); float scale = 1.0f; out[0] = scale_to_unit(&v, &scale) ? scale : 0.0f;\
+               vstore3(normalize3(vload3(0, in), (float3)(7.0f)), 0, out + 1);",
+        inputs: 3,
+        outputs: 4,
+        // Every magnitude, but all three alike, so that none hides the others.
+        input: |random| if random.bits().is_multiple_of(3) { random.any_float() } else { mixed(random) },
+        twin: |x| {
+            let mut out = vec![math::scale_to_unit(v3(x)).map_or(0.0, |(_, scale)| scale)];
+            out.extend(math::normalize3(v3(x), Vec3::splat(7.0)).to_array());
+            out
+        },
+    },
+    Case {
+        name: "log2_fixed, exp2_fixed, power_fixed",
+        body: "float x = fabs(in[0]); out[0] = power_fixed(x, fabs(in[1]) * 100.0f); out[1] = exp2_fixed(fabs(in[1]) * -130.0f);\
+               out[2] = x >= FLT_MIN && x <= 1.0f ? log2_fixed(x) : 0.0f;",
+        inputs: 2,
+        outputs: 3,
+        input: mixed,
+        twin: |x| {
+            let base = x[0].abs();
+            let log = if (f32::MIN_POSITIVE..=1.0).contains(&base) { math::log2_fixed(base) } else { 0.0 };
+            vec![math::power_fixed(base, x[1].abs() * 100.0), math::exp2_fixed(x[1].abs() * -130.0), log]
+        },
+    },
+    Case {
+        name: "widen_up, widen_down",
+        body: "out[0] = widen_up(in[0]); out[1] = widen_down(in[0]);",
+        inputs: 1,
+        outputs: 2,
+        input: |random| random.any_float(),
+        twin: |x| vec![widen_up(x[0]), widen_down(x[0])],
+    },
+];
+
+#[test]
+fn functions_equal_their_twins() {
+    let Some(device) = device() else { return };
+    for case in CASES {
+        let mut random = Random(SEED);
+        let data: Vec<f32> = (0..ITEMS * case.inputs).map(|_| (case.input)(&mut random)).collect();
+        let got = run(&device, case.body, case.inputs, case.outputs, &data);
+        let expected: Vec<f32> = data.chunks_exact(case.inputs).flat_map(case.twin).collect();
+        assert_same_bits(case.name, case.inputs, &data, &got, &expected);
+    }
+}
+
+#[test]
+fn rays_equal_their_twins() {
+    let Some(device) = device() else { return };
+    let body = format!(
+        "{MAKE_RAY} vstore3(ray.direction, 0, out); vstore3(ray.inv_direction, 0, out + 3);\
+         out[6] = ray.t_near; out[7] = ray.t_far; out[8] = ray.t_scale; float t_near, t_far;\
+         float3 low = vload3(0, in + 8), high = low + fabs(vload3(0, in + 11));\
+         bool inside = clip_to_box(&ray, low, high, &t_near, &t_far); out[9] = inside ? 1.0f : 0.0f;\
+         out[10] = inside ? t_near : 0.0f; out[11] = inside ? t_far : 0.0f;"
+    );
+    let mut random = Random(SEED);
+    let data: Vec<f32> = (0..ITEMS * 14).map(|_| mixed(&mut random)).collect();
+    let expected: Vec<f32> = data
+        .chunks_exact(14)
+        .flat_map(|x| {
+            let ray = ray_of(x);
+            let low = v3(&x[8..]);
+            let inside = ray.clip_to_box(low, low + v3(&x[11..]).abs());
+            let (t_near, t_far) = inside.unwrap_or((0.0, 0.0));
+            let mut out = [ray.direction.to_array(), ray.inv_direction.to_array()].concat();
+            out.extend([ray.t_near, ray.t_far, ray.t_scale, flag(inside.is_some()), t_near, t_far]);
+            out
+        })
+        .collect();
+    assert_same_bits("make_ray, clip_to_box", 14, &data, &run(&device, &body, 14, 12, &data), &expected);
+}
+
+#[test]
+fn intersectors_equal_their_twins() {
+    let Some(device) = device() else { return };
+    for &intersector in Intersector::ALL {
+        let body = format!(
+            "{MAKE_RAY} float t, u, v; bool hit = {}(&ray, vload3(0, in + 8), vload3(0, in + 11), vload3(0, in + 14), &t, &u, &v);\
+             out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
+            intersector.cl_function()
+        );
+        let mut random = Random(SEED);
+        let mut data = Vec::new();
+        for i in 0..4 * ITEMS {
+            let triangle = [(); 3].map(|()| random.vec3());
+            let origin = 3.0 * random.vec3();
+            // Half the rays aim at the triangle, a quarter at its edges and vertices, the rest anywhere.
+            let (a, b) = (random.unit(), random.unit());
+            let (u, v) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+            let target = match i % 8 {
+                0..4 => triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v,
+                4 => triangle[0].lerp(triangle[1], u),
+                5 => triangle[i / 8 % 3],
+                _ => 2.0 * random.vec3(),
+            };
+            data.extend(origin.to_array());
+            data.extend((target - origin).to_array());
+            data.extend([0.0, f32::INFINITY]);
+            data.extend(triangle.iter().flat_map(|p| p.to_array()));
+        }
+        let mut hits = 0;
+        let expected: Vec<f32> = data
+            .chunks_exact(17)
+            .flat_map(|x| {
+                let found = intersect(intersector, &ray_of(x), [v3(&x[8..]), v3(&x[11..]), v3(&x[14..])]);
+                hits += usize::from(found.is_some());
+                found.map_or([0.0; 4], |f| [1.0, f.t, f.u, f.v])
+            })
+            .collect();
+        assert!(hits > 2 * ITEMS, "{intersector}: only {hits} hits");
+        assert_same_bits(intersector.name(), 17, &data, &run(&device, &body, 17, 4, &data), &expected);
+    }
+}
+
+#[test]
+fn refraction_equals_its_twin() {
+    let Some(device) = device() else { return };
+    let body = "Surface surface; surface.normal = normalize3(vload3(0, in), (float3)(0.0f, 0.0f, 1.0f));\
+                surface.geometric_normal = surface.normal;\
+                float3 d = normalize3(vload3(1, in), (float3)(1.0f, 0.0f, 0.0f));\
+                d = dot3(d, surface.normal) > 0.0f ? -d : d;\
+                Refraction r = refract_direction(&surface, d, 1.0f + in[6] * 0.5f);\
+                out[0] = r.reflectance; vstore3(r.direction, 0, out + 1); vstore3(reflect_direction(&surface, d), 0, out + 4);";
+    let mut random = Random(SEED);
+    let data: Vec<f32> = (0..ITEMS * 7).map(|_| random.signed()).collect();
+    let expected: Vec<f32> = data
+        .chunks_exact(7)
+        .flat_map(|x| {
+            let normal = math::normalize3(v3(x), Vec3::Z);
+            let direction = math::normalize3(v3(&x[3..]), Vec3::X);
+            let direction = if math::dot3(direction, normal) > 0.0 { -direction } else { direction };
+            let surface = surface_with(normal);
+            let refraction = refract_direction(&surface, direction, 1.0 + x[6] * 0.5);
+            assert!((0.0..=1.0).contains(&refraction.reflectance));
+            let reflected = raybrook::reference::whitted::reflect_direction(&surface, direction);
+            let mut out = vec![refraction.reflectance];
+            out.extend(refraction.direction.to_array());
+            out.extend(reflected.to_array());
+            out
+        })
+        .collect();
+    assert_same_bits("refract_direction", 7, &data, &run(&device, body, 7, 7, &data), &expected);
+}
+
+fn surface_with(normal: Vec3) -> Surface {
+    Surface {
+        point: SurfacePoint { position: Vec3::ZERO, error: 0.0, primitive: 0 },
+        geometric_normal: normal,
+        normal,
+        texture_uv: [0.0; 2],
+        material: 0,
+        front: true,
+    }
+}
+
+/// The stated errors of the elementary functions, against f64. The bounds are those of the comments in `cl/shared/math.cl`.
+#[test]
+fn elementary_functions_keep_their_bounds() {
+    const EPSILON: f64 = 1.0 / 16_777_216.0;
+    let mut random = Random(SEED);
+    let (mut log_error, mut power_error) = (0f64, 0f64);
+    for _ in 0..1_000_000 {
+        let x = random.unit().powi(3).max(1e-30);
+        let exact = f64::from(x).log2();
+        if x < 1.0 {
+            log_error = log_error.max((f64::from(math::log2_fixed(x)) - exact).abs() / exact.abs());
+        }
+        let exponent = random.unit() * 500.0;
+        let power = f64::from(x).powf(exponent.into());
+        if power > 1e-37 && x < 1.0 {
+            power_error = power_error.max((f64::from(math::power_fixed(x, exponent)) - power).abs() / power);
+        }
+    }
+    println!("worst relative errors: log2 {:.2} eps, power {:.1} eps", log_error / EPSILON, power_error / EPSILON);
+    assert!(log_error <= 4.0 * EPSILON, "log2_fixed is off by {} eps", log_error / EPSILON);
+    // The error of log2 (4 eps) and of the product (1 eps) times the exponent's size, ln 2 * 126, and the polynomial's own.
+    assert!(
+        power_error <= (5.0 * 126.0 * 0.6931 + 4.0) * EPSILON,
+        "power_fixed is off by {} eps",
+        power_error / EPSILON
+    );
+}
+
+#[test]
+fn structs_have_the_same_layout_on_the_device() {
+    let Some(device) = device() else { return };
+    let mut body = String::new();
+    let mut expected = Vec::new();
+    for layout in SHARED_STRUCTS {
+        writeln!(body, "out[{}] = (float)sizeof({});", expected.len(), layout.name).unwrap();
+        expected.push(layout.size_bytes as f32);
+        for field in layout.fields {
+            let name = layout.name;
+            writeln!(
+                body,
+                "{{ {name} probe; out[{}] = (float)((char*)&probe.{} - (char*)&probe); }}",
+                expected.len(),
+                field.name
+            )
+            .unwrap();
+            expected.push(field.offset_bytes as f32);
+        }
+    }
+    assert_eq!(run(&device, &body, 1, expected.len(), &[0.0]), expected);
+    assert_eq!(size_of::<Float4>(), 16);
+}
