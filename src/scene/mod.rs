@@ -5,10 +5,12 @@
 
 mod builder;
 mod camera;
+mod check;
 mod file;
 mod light;
 mod load;
 mod material;
+mod mesh;
 mod mtl;
 mod obj;
 mod obj_clean;
@@ -16,11 +18,12 @@ mod solids;
 mod texture;
 mod triangulate;
 
-pub use builder::Builder;
+pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
 pub use material::{Material, MaterialId};
+pub use solids::MAX_SEGMENTS;
 pub use texture::{Texture, TextureId};
 
 use glam::{DVec3, Vec2, Vec3};

@@ -15,3 +15,8 @@ pub struct Texture {
     /// `width * height` texels of R, G, B, A in 8-bit sRGB (A linear, not used), top row first.
     pub rgba: Vec<[u8; 4]>,
 }
+
+/// Reads the picture `name` in `folder` (stub).
+pub(super) fn load_texture(_folder: &std::path::Path, _name: &str) -> std::result::Result<Texture, String> {
+    Err("textures cannot be read yet".into())
+}

@@ -1,0 +1,110 @@
+//! The rules that cameras, lights and materials obey, in one place: the builder and the scene files both ask here.
+//!
+//! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
+
+use super::{Camera, Light, LightKind, Material};
+use glam::{DVec3, Vec3};
+
+/// What is wrong with which value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Fault {
+    /// The key of the value in a scene file, such as `fov`.
+    pub key: &'static str,
+    /// What is wrong with it; follows the key in a sentence.
+    pub message: String,
+}
+
+/// The sine of the angle between `up` and the view below which the camera's right vector is mostly rounding error: each
+/// component of the float32 cross product of unit vectors is off by up to 3 eps/2 < 2^-22, a quarter of this.
+const PARALLEL_SINE: f64 = 1.0 / (1u32 << 20) as f64;
+
+/// What is wrong with `camera`, if anything.
+pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
+    let view =
+        finite("eye", camera.eye).or(finite("target", camera.target)).or(finite("up", camera.up)).or(nonzero("up", camera.up));
+    if view.is_some() {
+        return view;
+    }
+    let forward = camera.target.as_dvec3() - camera.eye.as_dvec3();
+    if forward == DVec3::ZERO {
+        return fault("target", "is the eye's own place: the camera looks nowhere");
+    }
+    if forward.normalize().cross(camera.up.as_dvec3().normalize()).length() < PARALLEL_SINE {
+        return fault("up", "is parallel to the view from eye to target; choose another");
+    }
+    let fov = camera.fov_degrees;
+    // The comparison is written so that NaN fails it.
+    if !(fov > 0.0 && fov < 180.0) {
+        return fault("fov", format!("is {fov}; it must lie between 0 and 180 degrees, both excluded"));
+    }
+    None
+}
+
+/// What is wrong with `light`, if anything.
+pub(super) fn light_fault(light: &Light) -> Option<Fault> {
+    let place = match light.kind {
+        LightKind::Point { position } => finite("position", position),
+        LightKind::Directional { direction } => nonzero("direction", direction),
+        LightKind::Spot { position, direction, inner_degrees: inner, outer_degrees: outer } => {
+            finite("position", position).or(nonzero("direction", direction)).or_else(|| cone_fault(inner, outer))
+        }
+    };
+    place.or_else(|| at_least_zero("intensity", light.intensity))
+}
+
+/// What is wrong with a spot light's angles.
+fn cone_fault(inner: f32, outer: f32) -> Option<Fault> {
+    if !(outer > 0.0 && outer < 90.0) {
+        return fault("outer", format!("is {outer}; it must lie between 0 and 90 degrees, both excluded"));
+    }
+    if !(inner >= 0.0 && inner <= outer) {
+        return fault("inner", format!("is {inner}; it must lie between 0 and outer = {outer} degrees"));
+    }
+    None
+}
+
+/// What is wrong with `material`, if anything.
+pub(super) fn material_fault(material: &Material) -> Option<Fault> {
+    let colours = at_least_zero("ambient", material.ambient)
+        .or_else(|| at_least_zero("diffuse", material.diffuse))
+        .or_else(|| at_least_zero("specular", material.specular))
+        .or_else(|| at_least_zero("emission", material.emission))
+        // Above 1 a chain of rays would gain light at every bounce.
+        .or_else(|| zero_to_one("mirror", material.mirror))
+        .or_else(|| zero_to_one("transmission", material.transmission));
+    if colours.is_some() {
+        return colours;
+    }
+    let (shininess, ior) = (material.shininess, material.ior);
+    if !(0.0..=Material::MAX_SHININESS).contains(&shininess) {
+        return fault("shininess", format!("is {shininess}; it must lie between 0 and {}", Material::MAX_SHININESS));
+    }
+    if !(ior > 0.0 && ior.is_finite()) {
+        return fault("ior", format!("is {ior}; it must be finite and above 0"));
+    }
+    None
+}
+
+fn fault(key: &'static str, message: impl Into<String>) -> Option<Fault> {
+    Some(Fault { key, message: message.into() })
+}
+
+fn finite(key: &'static str, v: Vec3) -> Option<Fault> {
+    if v.is_finite() { None } else { fault(key, format!("is {v}; it must be finite")) }
+}
+
+fn nonzero(key: &'static str, v: Vec3) -> Option<Fault> {
+    finite(key, v).or_else(|| if v == Vec3::ZERO { fault(key, "is zero: it has no direction") } else { None })
+}
+
+fn at_least_zero(key: &'static str, colour: Vec3) -> Option<Fault> {
+    finite(key, colour).or_else(|| {
+        if colour.min_element() < 0.0 { fault(key, format!("is {colour}; no component may be negative")) } else { None }
+    })
+}
+
+fn zero_to_one(key: &'static str, colour: Vec3) -> Option<Fault> {
+    at_least_zero(key, colour).or_else(|| {
+        if colour.max_element() > 1.0 { fault(key, format!("is {colour}; no component may be above 1")) } else { None }
+    })
+}
