@@ -87,6 +87,11 @@ impl Builder {
         self
     }
 
+    /// Takes back the first fault so far, for a caller that can tell where it comes from.
+    pub(super) fn take_fault(&mut self) -> Option<String> {
+        if self.faults.is_empty() { None } else { Some(self.faults.remove(0)) }
+    }
+
     // ---- current material --------------------------------------------------------------------------------------------
 
     /// Makes `material` the current one, and adds it unless the scene has an equal one.
@@ -114,10 +119,20 @@ impl Builder {
         self
     }
 
-    /// Adds a texture for [`Material::diffuse_texture`] and tells its number.
+    /// Makes the default material, a matt grey, the current one again.
+    pub fn reset_material(&mut self) -> &mut Self {
+        self.material = None;
+        self
+    }
+
+    /// Adds a texture for [`Material::diffuse_texture`], unless the scene has an equal one, and tells its number.
     pub fn add_texture(&mut self, texture: Texture) -> TextureId {
-        self.scene.textures.push(texture);
-        (self.scene.textures.len() - 1) as TextureId
+        let textures = &mut self.scene.textures;
+        let id = textures.iter().position(|t| *t == texture).unwrap_or_else(|| {
+            textures.push(texture);
+            textures.len() - 1
+        });
+        id as TextureId
     }
 
     /// Multiplies the texture coordinates of everything that follows: 4 repeats a texture four times. Persists, and is not
@@ -303,10 +318,9 @@ impl Builder {
         self.scene.warnings.extend_from_slice(&other.warnings);
         let mut own_material: Vec<MaterialId> = Vec::new();
         if material.is_none() {
-            let first_texture = self.scene.textures.len() as TextureId;
-            self.scene.textures.extend_from_slice(&other.textures);
+            let textures: Vec<TextureId> = other.textures.iter().map(|t| self.add_texture(t.clone())).collect();
             for m in &other.materials {
-                let diffuse_texture = m.diffuse_texture.map(|t| t + first_texture);
+                let diffuse_texture = m.diffuse_texture.map(|t| textures[t as usize]);
                 own_material.push(self.add_material(Material { diffuse_texture, ..m.clone() }));
             }
         }

@@ -1,4 +1,271 @@
-//! stub
-pub(super) fn load(_path: &std::path::Path) -> crate::Result<super::Scene> {
-    todo!()
+//! TOML scene files: picture, camera, lights, materials and objects in one text. `scenes/README.md` documents every key.
+//!
+//! A scene file is as untrusted as any input: it can name only files in its own folder and below, its size and the fineness
+//! of its solids are bounded, and every fault is an error that names file, line and key.
+
+mod object;
+mod table;
+
+use super::check::{camera_fault, light_fault, material_fault};
+use super::texture::load_texture;
+use super::{Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Scene, TextureId};
+use crate::error::{Error, Result};
+use glam::Vec3;
+use std::collections::HashMap;
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+use table::{Source, Table};
+use toml::de::{DeTable, DeValue};
+
+/// The largest scene file, bytes: some 100,000 objects, far more than anyone writes.
+const MAX_FILE_BYTES: u64 = 16 << 20;
+
+/// The largest side of a picture, pixels.
+const MAX_SIDE: u32 = 65_535;
+/// The most samples per pixel.
+const MAX_SAMPLES: u32 = 65_536;
+/// The longest chain of rays.
+const MAX_DEPTH: u32 = 256;
+
+/// What is known while a scene file is read.
+struct Reader<'a> {
+    source: Source<'a>,
+    /// The scene file's folder.
+    folder: &'a Path,
+    builder: Builder,
+    materials: HashMap<&'a str, MaterialId>,
+    textures: HashMap<String, TextureId>,
+    /// Object files that were read, so that ten objects of one file read it once.
+    files: HashMap<PathBuf, Scene>,
+}
+
+/// Loads the scene file `path`.
+pub(super) fn load(path: &Path) -> Result<Scene> {
+    let text = read_text(path)?;
+    let source = Source { path, text: &text };
+    let root = DeTable::parse(&text).map_err(|e| {
+        let message = format!("not valid TOML: {}", e.message());
+        e.span().map_or_else(|| Error::input(path, None, message.clone()), |span| source.error(span.start, message.clone()))
+    })?;
+    // The parent of a bare file name is "", which no system call takes for the current folder.
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (materials, textures, files) = (HashMap::new(), HashMap::new(), HashMap::new());
+    let mut reader = Reader { source, folder, builder: Builder::new(), materials, textures, files };
+
+    const KEYS: [&str; 6] = ["image", "camera", "trace", "light", "material", "object"];
+    let root = Table::root(source, root.get_ref()).allow("a scene file", &KEYS)?;
+    reader.read_picture(&root)?;
+    reader.read_camera(&root)?;
+    reader.read_lights(&root)?;
+    reader.read_materials(&root)?;
+    reader.read_objects(&root)?;
+    reader.builder.finish().map_err(|e| Error::input(path, None, e.to_string()))
+}
+
+fn read_text(path: &Path) -> Result<String> {
+    let read = |path: &Path| {
+        let mut bytes = Vec::new();
+        std::fs::File::open(path)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    let bytes: Vec<u8> = read(path).map_err(|e| Error::io("read", path, e))?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(Error::input(path, None, format!("is larger than {MAX_FILE_BYTES} bytes; this is no scene file")));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::input(path, line, "is not UTF-8 text")
+    })
+}
+
+impl<'a> Reader<'a> {
+    /// `[image]` and `[trace]`.
+    fn read_picture(&mut self, root: &Table<'a>) -> Result<()> {
+        let mut picture = PictureDefaults::default();
+        if let Some(value) = root.get("image") {
+            let image = Table::of(self.source, "[image]", value)?.allow("[image]", &["width", "height", "samples"])?;
+            picture.size = match (image.whole("width", 1..=MAX_SIDE)?, image.whole("height", 1..=MAX_SIDE)?) {
+                (None, None) => None,
+                (width, height) => Some((image.required("width", width)?, image.required("height", height)?)),
+            };
+            picture.samples = image.whole("samples", 1..=MAX_SAMPLES)?;
+        }
+        if let Some(value) = root.get("trace") {
+            let trace = Table::of(self.source, "[trace]", value)?.allow("[trace]", &["depth", "ambient", "background"])?;
+            picture.depth = trace.whole("depth", 1..=MAX_DEPTH)?;
+            self.builder.ambient(trace.colour("ambient")?.unwrap_or(Vec3::ZERO));
+            if let Some(background) = self.read_background(&trace)? {
+                self.builder.background(background);
+            }
+        }
+        self.builder.picture(picture);
+        Ok(())
+    }
+
+    /// One colour, or a table of two.
+    fn read_background(&self, trace: &Table<'a>) -> Result<Option<Background>> {
+        match trace.get("background") {
+            Some(value) if matches!(value.get_ref(), DeValue::Table(_)) => {
+                let name = "[trace] background";
+                let gradient = Table::of(self.source, name, value)?.allow(name, &["bottom", "top"])?;
+                let bottom = gradient.required("bottom", gradient.colour("bottom")?)?;
+                let top = gradient.required("top", gradient.colour("top")?)?;
+                Ok(Some(Background { bottom, top }))
+            }
+            _ => Ok(trace.colour("background")?.map(|colour| Background { bottom: colour, top: colour })),
+        }
+    }
+
+    fn read_camera(&mut self, root: &Table<'a>) -> Result<()> {
+        let Some(value) = root.get("camera") else { return Ok(()) };
+        let table = Table::of(self.source, "[camera]", value)?.allow("[camera]", &["eye", "target", "up", "fov"])?;
+        const FOV: f32 = 40.0; // degrees; as Camera::framing has it
+        let camera = Camera {
+            eye: table.required("eye", table.vector("eye")?)?,
+            target: table.required("target", table.vector("target")?)?,
+            up: table.vector("up")?.unwrap_or(Vec3::Y),
+            fov_degrees: table.number("fov")?.unwrap_or(FOV),
+        };
+        // Without "up" the default one can still be at fault: the view is then what must change.
+        table.check(camera_fault(&camera), "target")?;
+        self.builder.camera(camera);
+        Ok(())
+    }
+
+    fn read_lights(&mut self, root: &Table<'a>) -> Result<()> {
+        for value in self.array_of_tables(root, "light")? {
+            let table = Table::of(self.source, "[[light]]", value)?;
+            let (light, alias) = read_light(&table)?;
+            table.check(light_fault(&light), alias)?;
+            self.builder.light(light);
+        }
+        Ok(())
+    }
+
+    /// The elements of `[[key]]`.
+    fn array_of_tables(&self, root: &Table<'a>, key: &str) -> Result<Vec<&'a toml::Spanned<DeValue<'a>>>> {
+        let Some(value) = root.get(key) else { return Ok(Vec::new()) };
+        let array = value.get_ref().as_array().ok_or_else(|| {
+            self.source.error(value.span().start, format!("there can be several of {key}: write [[{key}]], not [{key}]"))
+        })?;
+        Ok(array.iter().collect())
+    }
+
+    fn read_materials(&mut self, root: &Table<'a>) -> Result<()> {
+        let Some(value) = root.get("material") else { return Ok(()) };
+        let materials = Table::of(self.source, "[material]", value)?;
+        for (name, value) in materials.entries() {
+            let title = format!("[material.{name}]");
+            let material = self.read_material(name, &title, value)?;
+            self.materials.insert(name, self.builder.add_material(material));
+        }
+        Ok(())
+    }
+
+    fn read_material(&mut self, name: &'a str, title: &str, value: &'a toml::Spanned<DeValue<'a>>) -> Result<Material> {
+        const KEYS: [&str; 9] =
+            ["ambient", "diffuse", "texture", "specular", "shininess", "mirror", "transmission", "ior", "emission"];
+        let table = Table::of(self.source, title, value)?.allow(title, &KEYS)?;
+        let diffuse_texture = match table.text("texture")? {
+            Some(file) => Some(self.texture(&table, file)?),
+            None => None,
+        };
+        // A texture is shown as it is; without one, the same grey as Material::default().
+        let diffuse = table.colour("diffuse")?.unwrap_or(if diffuse_texture.is_some() { Vec3::ONE } else { Vec3::splat(0.8) });
+        let default = Material { ior: DEFAULT_IOR, shininess: DEFAULT_SHININESS, ..Material::default() };
+        let material = Material {
+            name: name.to_owned(),
+            ambient: table.colour("ambient")?.unwrap_or(diffuse),
+            diffuse,
+            diffuse_texture,
+            specular: table.colour("specular")?.unwrap_or(default.specular),
+            shininess: table.number("shininess")?.unwrap_or(default.shininess),
+            mirror: table.colour("mirror")?.unwrap_or(default.mirror),
+            transmission: table.colour("transmission")?.unwrap_or(default.transmission),
+            ior: table.number("ior")?.unwrap_or(default.ior),
+            emission: table.colour("emission")?.unwrap_or(default.emission),
+        };
+        table.check(material_fault(&material), "")?;
+        Ok(material)
+    }
+
+    fn texture(&mut self, table: &Table, file: &str) -> Result<TextureId> {
+        if let Some(&id) = self.textures.get(file) {
+            return Ok(id);
+        }
+        self.inside_folder(table, "texture", file)?;
+        let texture = load_texture(self.folder, file).map_err(|e| table.error("texture", format!("'{file}': {e}")))?;
+        let id = self.builder.add_texture(texture);
+        self.textures.insert(file.to_owned(), id);
+        Ok(id)
+    }
+
+    /// The path of `file`, which `key` of `table` names: in the scene file's folder or below, and there.
+    fn inside_folder(&self, table: &Table, key: &str, file: &str) -> Result<PathBuf> {
+        let leaves = || table.error(key, format!("'{file}' leads out of the scene file's folder; keep what it names beside it"));
+        // First by its letters alone, so that nothing outside is so much as looked for.
+        let mut level = 0;
+        for component in Path::new(file).components() {
+            level += match component {
+                Component::Normal(_) => 1,
+                Component::CurDir => 0,
+                Component::ParentDir => -1,
+                Component::RootDir | Component::Prefix(_) => return Err(leaves()),
+            };
+            if level < 0 {
+                return Err(leaves());
+            }
+        }
+        // Then for real: a link can lead anywhere.
+        let canonical = |path: &Path| path.canonicalize().map_err(|e| table.error(key, format!("'{file}' cannot be read: {e}")));
+        let path = self.folder.join(file);
+        if !canonical(&path)?.starts_with(canonical(self.folder)?) {
+            return Err(leaves());
+        }
+        Ok(path)
+    }
+}
+
+/// The index of refraction of a transparent material whose file does not tell: glass.
+const DEFAULT_IOR: f32 = 1.5;
+/// The Blinn–Phong exponent of a material whose file does not tell; without `specular` it is of no consequence.
+const DEFAULT_SHININESS: f32 = 50.0;
+
+/// A light, and the key that stands for its direction.
+fn read_light(table: &Table) -> Result<(Light, &'static str)> {
+    const KINDS: [&str; 3] = ["point", "directional", "spot"];
+    const POINT: &[&str] = &["kind", "position", "intensity", "color", "falloff"];
+    const DIRECTIONAL: &[&str] = &["kind", "position", "direction", "target", "intensity", "color"];
+    const SPOT: &[&str] = &["kind", "position", "direction", "target", "intensity", "color", "falloff", "inner", "outer"];
+    let kind = table.required("kind", table.choice("kind", &KINDS)?)?;
+    let table = table.allow(&format!("a {} light", KINDS[kind]), [POINT, DIRECTIONAL, SPOT][kind])?;
+
+    let position = || table.required("position", table.vector("position")?);
+    let kind = match kind {
+        0 => LightKind::Point { position: position()? },
+        1 => LightKind::Directional { direction: read_direction(&table)? },
+        _ => {
+            const OUTER: f32 = 30.0; // degrees
+            const INNER_SHARE: f32 = 0.8; // of the outer angle: a soft rim
+            let outer_degrees = table.number("outer")?.unwrap_or(OUTER);
+            let inner_degrees = table.number("inner")?.unwrap_or(INNER_SHARE * outer_degrees);
+            LightKind::Spot { position: position()?, direction: read_direction(&table)?, inner_degrees, outer_degrees }
+        }
+    };
+    let intensity = table.colour("intensity")?.unwrap_or(Vec3::ONE) * table.colour("color")?.unwrap_or(Vec3::ONE);
+    let falloff = match table.choice("falloff", &["none", "quadratic"])? {
+        Some(1) => Falloff::Quadratic,
+        _ => Falloff::None,
+    };
+    Ok((Light { kind, intensity, falloff }, if table.has("target") { "target" } else { "direction" }))
+}
+
+/// Where a light shines: along `direction`, or from `position` to `target`.
+fn read_direction(table: &Table) -> Result<Vec3> {
+    match (table.vector("direction")?, table.vector("target")?) {
+        (Some(direction), None) => Ok(direction),
+        (None, Some(target)) => Ok(target - table.required("position", table.vector("position")?)?),
+        (Some(_), Some(_)) => Err(table.error("target", "and direction say the same twice; keep one")),
+        (None, None) => Err(table.error_here("needs a direction or a target")),
+    }
 }

@@ -7,6 +7,7 @@ mod builder;
 mod camera;
 mod check;
 mod file;
+mod height;
 mod light;
 mod load;
 mod material;

@@ -1,0 +1,197 @@
+//! The `[[object]]` tables of scene files: what they show, of which material, and where.
+
+use super::Reader;
+use super::table::{Table, suggestion};
+use crate::error::Result;
+use crate::scene::texture::load_texture;
+use crate::scene::{MAX_SEGMENTS, MaterialId, height, obj};
+use glam::{Vec2, Vec3};
+use std::collections::hash_map::Entry;
+use toml::de::DeValue;
+
+/// The keys that every object has.
+const COMMON_KEYS: [&str; 6] = ["file", "solid", "material", "translate", "rotate", "scale"];
+
+/// The solids and the keys of each.
+const SOLIDS: [(&str, &[&str]); 8] = [
+    ("sphere", &["radius", "segments", "uv-scale"]),
+    ("box", &["size", "uv-scale"]),
+    ("cylinder", &["radius", "height", "segments", "caps", "uv-scale"]),
+    ("cone", &["radius", "top-radius", "height", "segments", "caps", "uv-scale"]),
+    ("disc", &["radius", "inner-radius", "segments", "uv-scale"]),
+    ("quad", &["origin", "edge-u", "edge-v", "segments", "uv-scale"]),
+    ("torus", &["major-radius", "minor-radius", "segments", "sides", "uv-scale"]),
+    ("height-field", &["size", "picture", "height", "formula", "amplitude", "frequency", "seed", "segments", "uv-scale"]),
+];
+
+/// Segments around a solid whose file does not tell: at this many a sphere of 500 pixels shows no corners.
+const SEGMENTS: u32 = 64;
+/// Segments along each side of a height field.
+const FIELD_SEGMENTS: u32 = 128;
+
+impl<'a> Reader<'a> {
+    pub(super) fn read_objects(&mut self, root: &Table<'a>) -> Result<()> {
+        for value in self.array_of_tables(root, "object")? {
+            let table = Table::of(self.source, "[[object]]", value)?;
+            self.builder.push();
+            match (table.text("file")?, table.choice("solid", &SOLIDS.map(|(name, _)| name))?) {
+                (Some(file), None) => {
+                    let table = table.allow("an object from a file", &COMMON_KEYS)?;
+                    self.place(&table)?;
+                    self.add_file(&table, file)?;
+                }
+                (None, Some(solid)) => {
+                    let (name, keys) = SOLIDS[solid];
+                    let keys = [&COMMON_KEYS, keys].concat();
+                    let table = table.allow(&format!("the solid {name}"), &keys)?;
+                    self.place(&table)?;
+                    self.add_solid(&table, name)?;
+                }
+                (Some(_), Some(_)) => return Err(table.error("solid", "and file are both given; an object is one of them")),
+                (None, None) => {
+                    // With neither, a misspelt "solid" is the likeliest reason.
+                    let keys = SOLIDS.iter().fold(COMMON_KEYS.to_vec(), |all, (_, keys)| [all, keys.to_vec()].concat());
+                    return Err(table.allow("an object", &keys)?.error_here("needs a file or a solid"));
+                }
+            }
+            if let Some(fault) = self.builder.take_fault() {
+                return Err(table.error_here(format!("cannot be built: {fault}")));
+            }
+            self.builder.pop();
+        }
+        Ok(())
+    }
+
+    /// Scales, then rotates, then moves what follows.
+    fn place(&mut self, table: &Table) -> Result<()> {
+        if let Some(offset) = table.vector("translate")? {
+            self.builder.translate(offset);
+        }
+        self.rotate(table)?;
+        if let Some(factors) = table.vector_or_number("scale")? {
+            if factors.to_array().contains(&0.0) {
+                return Err(table.error("scale", "is 0 along an axis, which flattens the object to nothing"));
+            }
+            self.builder.scale(factors);
+        }
+        Ok(())
+    }
+
+    /// Angles about x, then y, then z, or a table of axis and angle.
+    fn rotate(&mut self, table: &Table) -> Result<()> {
+        match table.get("rotate") {
+            Some(value) if matches!(value.get_ref(), DeValue::Table(_)) => {
+                let name = "[[object]] rotate";
+                let turn = Table::of(self.source, name, value)?.allow(name, &["axis", "degrees"])?;
+                let axis = turn.required("axis", turn.vector("axis")?)?;
+                if axis == Vec3::ZERO {
+                    return Err(turn.error("axis", "is zero: it has no direction"));
+                }
+                let degrees = turn.required("degrees", turn.number("degrees")?)?;
+                self.builder.rotate(axis, degrees);
+            }
+            _ => {
+                let Some(angles) = table.vector("rotate")? else { return Ok(()) };
+                // The last call acts first.
+                self.builder.rotate(Vec3::Z, angles.z).rotate(Vec3::Y, angles.y).rotate(Vec3::X, angles.x);
+            }
+        }
+        Ok(())
+    }
+
+    /// The material that `table` names.
+    fn object_material(&self, table: &Table) -> Result<Option<MaterialId>> {
+        let Some(name) = table.text("material")? else { return Ok(None) };
+        self.materials.get(name).copied().map(Some).ok_or_else(|| {
+            // In a fixed order: the map has none.
+            let mut names: Vec<&str> = self.materials.keys().copied().collect();
+            names.sort_unstable();
+            table.error("material", format!("'{name}' is not defined; {}", suggestion(name, names.into_iter())))
+        })
+    }
+
+    fn add_file(&mut self, table: &Table, file: &str) -> Result<()> {
+        let material = self.object_material(table)?;
+        let path = self.inside_folder(table, "file", file)?;
+        if path.extension().and_then(|e| e.to_str()).is_none_or(|e| !e.eq_ignore_ascii_case("obj")) {
+            return Err(table.error("file", format!("'{file}' is not a Wavefront .obj")));
+        }
+        let scene = match self.files.entry(path) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let scene = obj::load(new.key())?;
+                new.insert(scene)
+            }
+        };
+        self.builder.add_scene(scene, material);
+        // Told once, however many objects show the file.
+        scene.warnings.clear();
+        Ok(())
+    }
+
+    fn add_solid(&mut self, table: &Table, name: &str) -> Result<()> {
+        match self.object_material(table)? {
+            Some(id) => self.builder.use_material(id),
+            None => self.builder.reset_material(),
+        };
+        self.builder.uv_scale(table.numbers::<2>("uv-scale")?.map_or(Vec2::ONE, Vec2::from));
+        let positive = |key: &str, default: f32| Ok(table.positive(key)?.unwrap_or(default));
+        let number = |key: &str, default: f32| Ok(table.number(key)?.unwrap_or(default));
+        let vector = |key: &str, default: Vec3| Ok(table.vector(key)?.unwrap_or(default));
+        let segments = |key: &str, least: u32, default: u32| Ok(table.whole(key, least..=MAX_SEGMENTS)?.unwrap_or(default));
+        let builder = &mut self.builder;
+        match name {
+            "sphere" => builder.sphere(positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?),
+            "box" => builder.cuboid(table.vector_or_number("size")?.unwrap_or(Vec3::ONE)),
+            "cylinder" | "cone" => {
+                let radius = positive("radius", 1.0)?;
+                let top = if name == "cylinder" { radius } else { number("top-radius", 0.0)? };
+                let caps = table.boolean("caps")?.unwrap_or(true);
+                builder.frustum(radius, top, positive("height", 1.0)?, segments("segments", 3, SEGMENTS)?, caps)
+            }
+            "disc" => builder.disc(number("inner-radius", 0.0)?, positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?),
+            "quad" => {
+                let origin = vector("origin", Vec3::new(-0.5, 0.0, 0.5))?;
+                let (u, v) = (vector("edge-u", Vec3::X)?, vector("edge-v", Vec3::NEG_Z)?);
+                builder.quad(origin, u, v, segments("segments", 1, 1)?)
+            }
+            "torus" => {
+                let (major, minor) = (positive("major-radius", 1.0)?, positive("minor-radius", 0.25)?);
+                builder.torus(major, minor, segments("segments", 3, SEGMENTS)?, segments("sides", 3, SEGMENTS / 2)?)
+            }
+            _ => return self.add_height_field(table),
+        };
+        Ok(())
+    }
+
+    fn add_height_field(&mut self, table: &Table) -> Result<()> {
+        let [width, depth] = table.numbers::<2>("size")?.unwrap_or([1.0; 2]);
+        if width <= 0.0 || depth <= 0.0 {
+            return Err(table.error("size", "must be above 0 along both sides"));
+        }
+        let own_segments = table.whole("segments", 1..=MAX_SEGMENTS)?;
+        let formula = table.choice("formula", &height::FORMULAS)?;
+        self.builder.scale(Vec3::new(width, 1.0, depth));
+        if let Some(file) = table.text("picture")? {
+            if let Some(key) = ["formula", "amplitude", "frequency", "seed"].into_iter().find(|key| table.has(key)) {
+                return Err(table.error(key, "does not go with a picture; heights come from one or the other"));
+            }
+            self.inside_folder(table, "picture", file)?;
+            let picture = load_texture(self.folder, file).map_err(|e| table.error("picture", format!("'{file}': {e}")))?;
+            let side = |texels: u32| own_segments.unwrap_or((texels.max(2) - 1).min(MAX_SEGMENTS));
+            let heights = height::from_picture(&picture, table.number("height")?.unwrap_or(1.0));
+            self.builder.height_field(side(picture.width), side(picture.height), heights);
+            return Ok(());
+        }
+        let formula = table.required("formula", formula)?;
+        if table.has("height") {
+            return Err(table.error("height", "goes with a picture; a formula has an amplitude"));
+        }
+        let amplitude = table.number("amplitude")?.unwrap_or(0.1);
+        let frequency = table.positive("frequency")?.unwrap_or(4.0);
+        let seed = table.whole("seed", 0..=u32::MAX)?.unwrap_or(0);
+        let segments = own_segments.unwrap_or(FIELD_SEGMENTS);
+        self.builder.height_field(segments, segments, height::formula(formula, amplitude, frequency, seed));
+        Ok(())
+    }
+}
