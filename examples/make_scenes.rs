@@ -48,7 +48,13 @@ type Point = [f64; 3];
 
 /// A surface as an OBJ text: a grid of points with normals; texture coordinates run from 0 to 1 along both.
 /// `wraps`: the last column, or row, is the first one again.
-fn grid_obj(title: &str, columns: usize, rows: usize, wraps: [bool; 2], point: impl Fn(f64, f64) -> (Point, Point)) -> String {
+fn grid_obj(
+    title: &str,
+    columns: usize,
+    rows: usize,
+    wraps: [bool; 2],
+    point: impl Fn(f64, f64) -> (Point, Point),
+) -> String {
     let mut text = format!("# {title}\n# Made by examples/make_scenes.rs. MIT OR Apache-2.0.\n");
     let (width, height) = (columns + usize::from(!wraps[0]), rows + usize::from(!wraps[1]));
     let share = |i: usize, n: usize| i as f64 / n as f64;
@@ -91,7 +97,8 @@ fn knot() -> String {
     const TUBE: f64 = 0.5;
     grid_obj("Trefoil knot, outside counter-clockwise", 240, 24, [true; 2], |u, v| {
         let (t, w) = (u * TAU, v * TAU);
-        let (ring, ring_slope) = ([(2.0 * t).cos(), (2.0 * t).sin(), 0.0], [-2.0 * (2.0 * t).sin(), 2.0 * (2.0 * t).cos(), 0.0]);
+        let (ring, ring_slope) =
+            ([(2.0 * t).cos(), (2.0 * t).sin(), 0.0], [-2.0 * (2.0 * t).sin(), 2.0 * (2.0 * t).cos(), 0.0]);
         let (sin, cos) = (3.0 * t).sin_cos();
         // The tube's middle is 2 ring + normal; normal and tangent are perpendicular, so that with their cross product they
         // make a frame that closes after one turn.
@@ -215,8 +222,11 @@ fn add_sphere(text: &mut String, center: Point, radius: f64, axis: Point, level:
     let other = cross(axis, side);
     for child in 0..9 {
         // Six around the equator, three above, turned by half a step.
-        let (tilt, turn) =
-            if child < 6 { (PI / 2.0, TAU * child as f64 / 6.0) } else { (PI / 5.0, TAU * (child as f64 + 0.25) / 3.0) };
+        let (tilt, turn) = if child < 6 {
+            (PI / 2.0, TAU * child as f64 / 6.0)
+        } else {
+            (PI / 5.0, TAU * (child as f64 + 0.25) / 3.0)
+        };
         let across = add(scaled(side, turn.cos()), scaled(other, turn.sin()));
         let away = add(scaled(axis, tilt.cos()), scaled(across, tilt.sin()));
         add_sphere(text, add(center, scaled(away, radius * 4.0 / 3.0)), radius / 3.0, away, level + 1);
@@ -283,7 +293,8 @@ shininess = 60
 
 /// A whole number, scrambled: the finaliser of MurmurHash3 (Appleby 2011), as a value in 0..1.
 fn random(x: i64, y: i64, seed: u32) -> f64 {
-    let mut h = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ seed.wrapping_mul(0xc2b2_ae3d);
+    let mut h =
+        (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ seed.wrapping_mul(0xc2b2_ae3d);
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
     f64::from(h ^ (h >> 16)) / f64::from(u32::MAX)
@@ -294,7 +305,9 @@ fn noise(x: f64, y: f64, period: [i64; 2], seed: u32) -> f64 {
     let (column, row) = (x.floor(), y.floor());
     let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
     let (s, t) = (smooth(x - column), smooth(y - row));
-    let value = |i: i64, j: i64| random((column as i64 + i).rem_euclid(period[0]), (row as i64 + j).rem_euclid(period[1]), seed);
+    let value = |i: i64, j: i64| {
+        random((column as i64 + i).rem_euclid(period[0]), (row as i64 + j).rem_euclid(period[1]), seed)
+    };
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
     mix(mix(value(0, 0), value(1, 0), s), mix(value(0, 1), value(1, 1), s), t)
 }
@@ -302,8 +315,8 @@ fn noise(x: f64, y: f64, period: [i64; 2], seed: u32) -> f64 {
 /// A picture of `side`² pixels from a function of the pixel's place, 0..1 from the left and from the top.
 fn picture(side: u32, colour: impl Fn(f64, f64) -> [f64; 3]) -> Picture {
     let place = |i: u32| (f64::from(i) + 0.5) / f64::from(side);
-    let pixels =
-        (0..side * side).map(|i| colour(place(i % side), place(i / side)).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
+    let pixels = (0..side * side)
+        .map(|i| colour(place(i % side), place(i / side)).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
     Picture { side, rgb: pixels.collect() }
 }
 
@@ -338,7 +351,8 @@ fn tiles() -> Picture {
         if u.min(v) < GROUT || u.max(v) > 1.0 - GROUT {
             return [0.62, 0.6, 0.57];
         }
-        let shade = 0.93 + 0.07 * random(column as i64, row as i64, 3) + 0.05 * (noise(x * 16.0, y * 16.0, [16, 16], 4) - 0.5);
+        let shade =
+            0.93 + 0.07 * random(column as i64, row as i64, 3) + 0.05 * (noise(x * 16.0, y * 16.0, [16, 16], 4) - 0.5);
         let colour = if (column + row) % 2.0 == 0.0 { [0.9, 0.88, 0.82] } else { [0.22, 0.4, 0.5] };
         colour.map(|c| c * shade)
     })

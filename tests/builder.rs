@@ -123,11 +123,18 @@ fn solids_are_closed_and_face_outwards() {
             // in each of three directions; coordinates are below 4, whose half ulp is 2^-23.
             let tolerance = 3.0 * area(&scene) * 2.0f64.powi(-23);
             let found = signed_volume(&scene);
-            assert!((found - volume(n)).abs() <= tolerance, "{what}: volume {found}, expected {} +- {tolerance}", volume(n));
+            assert!(
+                (found - volume(n)).abs() <= tolerance,
+                "{what}: volume {found}, expected {} +- {tolerance}",
+                volume(n)
+            );
             // An inscribed n-gon lacks 1 - sin(x)/x < x²/6 of its circle, x = 2 pi/n; a solid at most two such in a row, and for
             // the sphere's halved number of rings four times as much in the other direction.
             let lacking = 5.0 * (2.0 * PI / f64::from(n)).powi(2) / 6.0;
-            assert!(found <= ideal + tolerance && found >= ideal * (1.0 - lacking) - tolerance, "{what}: {found} of {ideal}");
+            assert!(
+                found <= ideal + tolerance && found >= ideal * (1.0 - lacking) - tolerance,
+                "{what}: {found} of {ideal}"
+            );
         }
     }
 }
@@ -251,8 +258,13 @@ fn mirrored_and_skewed_solids_still_face_outwards() {
     let skew = Affine3A::from_mat3(
         Mat3A::from_cols(Vec3A::new(1.0, 0.5, 0.0), Vec3A::new(0.0, 2.0, 1.0), Vec3A::new(-0.5, 0.0, 3.0)).into(),
     );
-    let mirrors =
-        [Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, -2.0, 3.0), Vec3::new(-1.0, -1.0, 1.0), Vec3::splat(-0.5), Vec3::ONE];
+    let mirrors = [
+        Vec3::new(-1.0, 1.0, 1.0),
+        Vec3::new(1.0, -2.0, 3.0),
+        Vec3::new(-1.0, -1.0, 1.0),
+        Vec3::splat(-0.5),
+        Vec3::ONE,
+    ];
     for (name, add, _, volume, _) in CLOSED {
         for mirror in mirrors {
             let what = format!("{name} scaled by {mirror}");
@@ -285,7 +297,11 @@ fn normals_go_with_the_inverse_transpose() {
             &[[0, 1, 2]],
         );
     });
-    assert!((scene.normals[0] - Vec3::new(-1.0, 2.0, 0.0).normalize()).length() < 2.0 * f32::EPSILON, "{}", scene.normals[0]);
+    assert!(
+        (scene.normals[0] - Vec3::new(-1.0, 2.0, 0.0).normalize()).length() < 2.0 * f32::EPSILON,
+        "{}",
+        scene.normals[0]
+    );
 }
 
 #[test]
@@ -434,11 +450,15 @@ fn faults_are_told_by_finish() {
         ("not below the major", |b| _ = b.torus(1.0, 1.0, 8, 8)),
         ("not finite", |b| _ = b.height_field(2, 2, |x, _| 1.0 / x)),
         ("camera: fov", |b| _ = b.camera(Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 180.0 })),
-        ("camera: up", |b| _ = b.camera(Camera { eye: Vec3::Y * 9.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 })),
+        ("camera: up", |b| {
+            _ = b.camera(Camera { eye: Vec3::Y * 9.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 })
+        }),
         ("camera: target", |b| _ = b.camera(Camera { eye: Vec3::Y, target: Vec3::Y, up: Vec3::Y, fov_degrees: 40.0 })),
         ("light 0: direction", |b| _ = b.light(Light::directional(Vec3::ZERO, Vec3::ONE))),
         ("light 0: intensity", |b| _ = b.light(Light::point(Vec3::ZERO, Vec3::NEG_X))),
-        ("there is no texture number 0", |b| _ = b.material(Material { diffuse_texture: Some(0), ..Material::default() })),
+        ("there is no texture number 0", |b| {
+            _ = b.material(Material { diffuse_texture: Some(0), ..Material::default() })
+        }),
         ("mirror", |b| _ = b.material(Material { mirror: Vec3::splat(1.5), ..Material::default() })),
         ("shininess", |b| _ = b.material(Material { shininess: f32::NAN, ..Material::default() })),
         ("ior", |b| _ = b.material(Material { ior: 0.0, ..Material::default() })),

@@ -6,7 +6,8 @@
 use super::check::{camera_fault, light_fault, material_fault};
 use super::mesh::{Corner, Mesh, sin_cos_degrees};
 use super::{
-    Background, Camera, Light, LightKind, Material, MaterialId, NO_INDEX, PictureDefaults, Scene, Texture, TextureId, Triangle,
+    Background, Camera, Light, LightKind, Material, MaterialId, NO_INDEX, PictureDefaults, Scene, Texture, TextureId,
+    Triangle,
 };
 use crate::error::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
@@ -186,7 +187,8 @@ impl Builder {
         };
         // Rodrigues' formula instead of a quaternion: quarter turns about the coordinate axes are then exact.
         let (sin, cos) = sin_cos_degrees(f64::from(degrees));
-        let cross = DMat3::from_cols(DVec3::new(0.0, a.z, -a.y), DVec3::new(-a.z, 0.0, a.x), DVec3::new(a.y, -a.x, 0.0));
+        let cross =
+            DMat3::from_cols(DVec3::new(0.0, a.z, -a.y), DVec3::new(-a.z, 0.0, a.x), DVec3::new(a.y, -a.x, 0.0));
         let outer = DMat3::from_cols(a * a.x, a * a.y, a * a.z);
         self.multiply("rotate", DAffine3::from_mat3(DMat3::IDENTITY * cos + cross * sin + outer * (1.0 - cos)))
     }
@@ -214,7 +216,8 @@ impl Builder {
         if self.pending.is_some() {
             return self.fail("begin: the last one was not ended");
         }
-        self.pending = Some(Pending { primitive, mesh: Mesh::default(), corners: Vec::new(), normal: NO_INDEX, uv: NO_INDEX });
+        self.pending =
+            Some(Pending { primitive, mesh: Mesh::default(), corners: Vec::new(), normal: NO_INDEX, uv: NO_INDEX });
         self
     }
 
@@ -262,7 +265,8 @@ impl Builder {
             Primitive::Triangles => corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
             Primitive::Fan => corners[1..].windows(2).map(|c| [corners[0], c[0], c[1]]).collect(),
             Primitive::Strip => {
-                let turned = |(i, c): (usize, &[Corner])| if i % 2 == 0 { [c[0], c[1], c[2]] } else { [c[1], c[0], c[2]] };
+                let turned =
+                    |(i, c): (usize, &[Corner])| if i % 2 == 0 { [c[0], c[1], c[2]] } else { [c[1], c[0], c[2]] };
                 corners.windows(3).enumerate().map(turned).collect()
             }
         };
@@ -324,7 +328,8 @@ impl Builder {
                 own_material.push(self.add_material(Material { diffuse_texture, ..m.clone() }));
             }
         }
-        let corners = |t: &Triangle| [0, 1, 2].map(|k| Corner { position: t.positions[k], normal: t.normals[k], uv: t.uvs[k] });
+        let corners =
+            |t: &Triangle| [0, 1, 2].map(|k| Corner { position: t.positions[k], normal: t.normals[k], uv: t.uvs[k] });
         let mesh = Mesh {
             positions: other.positions.iter().map(|p| p.as_dvec3()).collect(),
             normals: other.normals.iter().map(|n| n.as_dvec3()).collect(),
@@ -354,7 +359,8 @@ impl Builder {
         let sign = m.determinant().signum();
         // Normals go with the inverse transpose. The matrix of cofactors is that times the determinant, and the length does
         // not matter; only the sign does, for mirrors.
-        let normal_matrix = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * sign;
+        let normal_matrix =
+            DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * sign;
         for &p in &mesh.positions {
             let position = self.transform.transform_point3(p).as_vec3();
             if p.is_finite() && !position.is_finite() {
@@ -390,9 +396,12 @@ impl Builder {
         let kind = match light.kind {
             LightKind::Point { position } => LightKind::Point { position: point(position) },
             LightKind::Directional { direction } => LightKind::Directional { direction: vector(direction) },
-            LightKind::Spot { position, direction, inner_degrees, outer_degrees } => {
-                LightKind::Spot { position: point(position), direction: vector(direction), inner_degrees, outer_degrees }
-            }
+            LightKind::Spot { position, direction, inner_degrees, outer_degrees } => LightKind::Spot {
+                position: point(position),
+                direction: vector(direction),
+                inner_degrees,
+                outer_degrees,
+            },
         };
         self.scene.lights.push(Light { kind, ..light });
         self

@@ -20,8 +20,10 @@ const PARALLEL_SINE: f64 = 1.0 / (1u32 << 20) as f64;
 
 /// What is wrong with `camera`, if anything.
 pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
-    let view =
-        finite("eye", camera.eye).or(finite("target", camera.target)).or(finite("up", camera.up)).or(nonzero("up", camera.up));
+    let view = finite("eye", camera.eye)
+        .or(finite("target", camera.target))
+        .or(finite("up", camera.up))
+        .or(nonzero("up", camera.up));
     if view.is_some() {
         return view;
     }

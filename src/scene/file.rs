@@ -8,7 +8,9 @@ mod table;
 
 use super::check::{camera_fault, light_fault, material_fault};
 use super::texture::load_texture;
-use super::{Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Scene, TextureId};
+use super::{
+    Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Scene, TextureId,
+};
 use crate::error::{Error, Result};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -45,7 +47,8 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
     let source = Source { path, text: &text };
     let root = DeTable::parse(&text).map_err(|e| {
         let message = format!("not valid TOML: {}", e.message());
-        e.span().map_or_else(|| Error::input(path, None, message.clone()), |span| source.error(span.start, message.clone()))
+        e.span()
+            .map_or_else(|| Error::input(path, None, message.clone()), |span| source.error(span.start, message.clone()))
     })?;
     // The parent of a bare file name is "", which no system call takes for the current folder.
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -91,7 +94,8 @@ impl<'a> Reader<'a> {
             picture.samples = image.whole("samples", 1..=MAX_SAMPLES)?;
         }
         if let Some(value) = root.get("trace") {
-            let trace = Table::of(self.source, "[trace]", value)?.allow("[trace]", &["depth", "ambient", "background"])?;
+            let trace =
+                Table::of(self.source, "[trace]", value)?.allow("[trace]", &["depth", "ambient", "background"])?;
             picture.depth = trace.whole("depth", 1..=MAX_DEPTH)?;
             self.builder.ambient(trace.colour("ambient")?.unwrap_or(Vec3::ZERO));
             if let Some(background) = self.read_background(&trace)? {
@@ -146,7 +150,8 @@ impl<'a> Reader<'a> {
     fn array_of_tables(&self, root: &Table<'a>, key: &str) -> Result<Vec<&'a toml::Spanned<DeValue<'a>>>> {
         let Some(value) = root.get(key) else { return Ok(Vec::new()) };
         let array = value.get_ref().as_array().ok_or_else(|| {
-            self.source.error(value.span().start, format!("there can be several of {key}: write [[{key}]], not [{key}]"))
+            self.source
+                .error(value.span().start, format!("there can be several of {key}: write [[{key}]], not [{key}]"))
         })?;
         Ok(array.iter().collect())
     }
@@ -171,7 +176,8 @@ impl<'a> Reader<'a> {
             None => None,
         };
         // A texture is shown as it is; without one, the same grey as Material::default().
-        let diffuse = table.colour("diffuse")?.unwrap_or(if diffuse_texture.is_some() { Vec3::ONE } else { Vec3::splat(0.8) });
+        let diffuse =
+            table.colour("diffuse")?.unwrap_or(if diffuse_texture.is_some() { Vec3::ONE } else { Vec3::splat(0.8) });
         let default = Material { ior: DEFAULT_IOR, shininess: DEFAULT_SHININESS, ..Material::default() };
         let material = Material {
             name: name.to_owned(),
@@ -202,7 +208,8 @@ impl<'a> Reader<'a> {
 
     /// The path of `file`, which `key` of `table` names: in the scene file's folder or below, and there.
     fn inside_folder(&self, table: &Table, key: &str, file: &str) -> Result<PathBuf> {
-        let leaves = || table.error(key, format!("'{file}' leads out of the scene file's folder; keep what it names beside it"));
+        let leaves =
+            || table.error(key, format!("'{file}' leads out of the scene file's folder; keep what it names beside it"));
         // First by its letters alone, so that nothing outside is so much as looked for.
         let mut level = 0;
         for component in Path::new(file).components() {
@@ -217,7 +224,8 @@ impl<'a> Reader<'a> {
             }
         }
         // Then for real: a link can lead anywhere.
-        let canonical = |path: &Path| path.canonicalize().map_err(|e| table.error(key, format!("'{file}' cannot be read: {e}")));
+        let canonical =
+            |path: &Path| path.canonicalize().map_err(|e| table.error(key, format!("'{file}' cannot be read: {e}")));
         let path = self.folder.join(file);
         if !canonical(&path)?.starts_with(canonical(self.folder)?) {
             return Err(leaves());
@@ -236,7 +244,8 @@ fn read_light(table: &Table) -> Result<(Light, &'static str)> {
     const KINDS: [&str; 3] = ["point", "directional", "spot"];
     const POINT: &[&str] = &["kind", "position", "intensity", "color", "falloff"];
     const DIRECTIONAL: &[&str] = &["kind", "position", "direction", "target", "intensity", "color"];
-    const SPOT: &[&str] = &["kind", "position", "direction", "target", "intensity", "color", "falloff", "inner", "outer"];
+    const SPOT: &[&str] =
+        &["kind", "position", "direction", "target", "intensity", "color", "falloff", "inner", "outer"];
     let kind = table.required("kind", table.choice("kind", &KINDS)?)?;
     let table = table.allow(&format!("a {} light", KINDS[kind]), [POINT, DIRECTIONAL, SPOT][kind])?;
 

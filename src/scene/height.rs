@@ -40,9 +40,11 @@ pub(super) fn from_picture(picture: &Texture, height: f32) -> impl Fn(f32, f32) 
             (low, (low + 1).min(last), at - low as f32)
         };
         let ((left, right, s), (top, bottom, t)) = (along(x, last_column), along(z, last_row));
-        let texel = |column: u32, row: u32| f32::from(picture.rgba[row as usize * picture.width as usize + column as usize][0]);
+        let texel =
+            |column: u32, row: u32| f32::from(picture.rgba[row as usize * picture.width as usize + column as usize][0]);
         let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
-        height / 255.0 * mix(mix(texel(left, top), texel(right, top), s), mix(texel(left, bottom), texel(right, bottom), s), t)
+        height / 255.0
+            * mix(mix(texel(left, top), texel(right, top), s), mix(texel(left, bottom), texel(right, bottom), s), t)
     }
 }
 
@@ -68,7 +70,9 @@ fn value_noise(x: f32, z: f32, seed: u32) -> f32 {
 
 /// A random value in -1..1 of a grid point: the finaliser of MurmurHash3 (Appleby 2011), the same everywhere.
 fn random(column: i32, row: i32, seed: u32) -> f32 {
-    let mut h = (column as u32).wrapping_mul(0x9e37_79b1) ^ (row as u32).wrapping_mul(0x85eb_ca77) ^ seed.wrapping_mul(0xc2b2_ae3d);
+    let mut h = (column as u32).wrapping_mul(0x9e37_79b1)
+        ^ (row as u32).wrapping_mul(0x85eb_ca77)
+        ^ seed.wrapping_mul(0xc2b2_ae3d);
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
     h ^= h >> 16;
@@ -83,7 +87,8 @@ mod tests {
     fn formulas_stay_within_the_amplitude() {
         for (i, name) in FORMULAS.iter().enumerate() {
             let height = formula(i, 2.0, 3.0, 7);
-            let heights: Vec<f32> = (0..10_000).map(|k| height((k % 100) as f32 / 99.0 - 0.5, (k / 100) as f32 / 99.0 - 0.5)).collect();
+            let heights: Vec<f32> =
+                (0..10_000).map(|k| height((k % 100) as f32 / 99.0 - 0.5, (k / 100) as f32 / 99.0 - 0.5)).collect();
             assert!(heights.iter().all(|h| h.abs() <= 2.0), "{name}");
             assert!(heights.iter().any(|h| h.abs() > 0.7), "{name} is nearly flat");
         }
@@ -95,7 +100,9 @@ mod tests {
         let rgba = [0u8, 51, 102, 153, 204, 255].map(|v| [v, 9, 9, 255]).to_vec();
         let picture = Texture { name: String::new(), width: 3, height: 2, rgba };
         let height = from_picture(&picture, 10.0);
-        for (x, z, expected) in [(-0.5, -0.5, 0.0), (0.0, -0.5, 2.0), (0.5, -0.5, 4.0), (-0.5, 0.5, 6.0), (0.5, 0.5, 10.0), (0.0, 0.0, 5.0)] {
+        for (x, z, expected) in
+            [(-0.5, -0.5, 0.0), (0.0, -0.5, 2.0), (0.5, -0.5, 4.0), (-0.5, 0.5, 6.0), (0.5, 0.5, 10.0), (0.0, 0.0, 5.0)]
+        {
             assert!((height(x, z) - expected).abs() < 1e-5, "at {x}, {z}: {}", height(x, z));
         }
         let dot = Texture { name: String::new(), width: 1, height: 1, rgba: vec![[255; 4]] };

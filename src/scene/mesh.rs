@@ -128,7 +128,8 @@ mod tests {
 
     #[test]
     fn quarter_turns_are_exact() {
-        for (degrees, expected) in [(0.0, (0.0, 1.0)), (450.0, (1.0, 0.0)), (-180.0, (0.0, -1.0)), (270.0, (-1.0, 0.0))] {
+        for (degrees, expected) in [(0.0, (0.0, 1.0)), (450.0, (1.0, 0.0)), (-180.0, (0.0, -1.0)), (270.0, (-1.0, 0.0))]
+        {
             assert_eq!(sin_cos_degrees(degrees), expected, "{degrees} degrees");
         }
         let (s, c) = sin_cos_degrees(30.0);
@@ -139,8 +140,8 @@ mod tests {
     fn smooth_normals_do_not_depend_on_the_diagonal() {
         // The corner of a cube, its three faces split so that 1 or 2 triangles of a face meet there.
         let mut mesh = Mesh::default();
-        let [o, x, y, z, xy, xz, yz] =
-            [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]].map(|[a, b, c]| {
+        let [o, x, y, z, xy, xz, yz] = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]]
+            .map(|[a, b, c]| {
                 let position = mesh.add_position(DVec3::new(f64::from(a), f64::from(b), f64::from(c)));
                 Corner { position, normal: NO_INDEX, uv: NO_INDEX }
             });

@@ -43,7 +43,8 @@ impl Builder {
             let (sin, cos) = sin_cos_degrees(180.0 * f64::from(j) / f64::from(rings));
             around(i, segments) * sin - DVec3::Y * cos
         };
-        let add_point = |mesh: &mut Mesh, direction: DVec3| (mesh.add_position(direction * radius), mesh.add_normal(direction));
+        let add_point =
+            |mesh: &mut Mesh, direction: DVec3| (mesh.add_position(direction * radius), mesh.add_normal(direction));
         let south = add_point(&mut mesh, DVec3::NEG_Y);
         let north = add_point(&mut mesh, DVec3::Y);
         let points: Vec<_> = (1..rings)
@@ -82,7 +83,10 @@ impl Builder {
     /// A box of the given size (all above 0) around the origin, 12 triangles. Every face has the whole texture, upright on the
     /// sides.
     pub fn cuboid(&mut self, size: Vec3) -> &mut Self {
-        if !(self.positive("box: size", size.x) & self.positive("box: size", size.y) & self.positive("box: size", size.z)) {
+        if !(self.positive("box: size", size.x)
+            & self.positive("box: size", size.y)
+            & self.positive("box: size", size.z))
+        {
             return self;
         }
         let mut mesh = Mesh::default();
@@ -112,11 +116,20 @@ impl Builder {
 
     /// A cylinder or cone, whole or cut off, that stands on the origin: one of the radii may be 0. With `caps` it is closed.
     /// The side has the texture once around it; a cap has the disc that fits into the texture.
-    pub fn frustum(&mut self, bottom_radius: f32, top_radius: f32, height: f32, segments: u32, caps: bool) -> &mut Self {
+    pub fn frustum(
+        &mut self,
+        bottom_radius: f32,
+        top_radius: f32,
+        height: f32,
+        segments: u32,
+        caps: bool,
+    ) -> &mut Self {
         let radii_fit = self.not_negative("cylinder or cone: radius", bottom_radius)
             & self.not_negative("cylinder or cone: radius", top_radius)
             & self.positive("cylinder or cone: the larger radius", bottom_radius.max(top_radius));
-        if !(radii_fit & self.positive("cylinder or cone: height", height) & self.fine("cylinder or cone: segments", segments, 3))
+        if !(radii_fit
+            & self.positive("cylinder or cone: height", height)
+            & self.fine("cylinder or cone: segments", segments, 3))
         {
             return self;
         }
@@ -152,8 +165,9 @@ impl Builder {
             return self.fail(format!("disc: the inner radius {inner_radius} leaves nothing of radius {radius}"));
         }
         let mut mesh = Mesh::default();
-        let mut ring =
-            |radius: f64| -> Vec<u32> { (0..segments).map(|i| mesh.add_position(around(i, segments) * radius)).collect() };
+        let mut ring = |radius: f64| -> Vec<u32> {
+            (0..segments).map(|i| mesh.add_position(around(i, segments) * radius)).collect()
+        };
         let outer = ring(f64::from(radius));
         if inner_radius == 0.0 {
             add_cap(&mut mesh, &outer, 0.0, true);
@@ -197,12 +211,14 @@ impl Builder {
     /// A ring torus around the y axis: the middle of its tube, of radius `minor_radius`, is `major_radius` away from the axis.
     /// `segments` around the axis times `sides` around the tube times 2 triangles.
     pub fn torus(&mut self, major_radius: f32, minor_radius: f32, segments: u32, sides: u32) -> &mut Self {
-        let radii_fit = self.positive("torus: major radius", major_radius) & self.positive("torus: minor radius", minor_radius);
+        let radii_fit =
+            self.positive("torus: major radius", major_radius) & self.positive("torus: minor radius", minor_radius);
         if !(radii_fit & self.fine("torus: segments", segments, 3) & self.fine("torus: sides", sides, 3)) {
             return self;
         }
         if minor_radius >= major_radius {
-            return self.fail(format!("torus: the minor radius {minor_radius} is not below the major radius {major_radius}"));
+            return self
+                .fail(format!("torus: the minor radius {minor_radius} is not below the major radius {major_radius}"));
         }
         let (major, minor) = (f64::from(major_radius), f64::from(minor_radius));
         let mut mesh = Mesh::default();
@@ -238,7 +254,9 @@ impl Builder {
     }
 
     fn not_negative(&mut self, what: &str, value: f32) -> bool {
-        self.require(value >= 0.0 && value.is_finite(), || format!("{what} is {value}; it must be finite and not negative"))
+        self.require(value >= 0.0 && value.is_finite(), || {
+            format!("{what} is {value}; it must be finite and not negative")
+        })
     }
 
     fn fine(&mut self, what: &str, count: u32, least: u32) -> bool {

@@ -21,7 +21,10 @@ const SOLIDS: [(&str, &[&str]); 8] = [
     ("disc", &["radius", "inner-radius", "segments", "uv-scale"]),
     ("quad", &["origin", "edge-u", "edge-v", "segments", "uv-scale"]),
     ("torus", &["major-radius", "minor-radius", "segments", "sides", "uv-scale"]),
-    ("height-field", &["size", "picture", "height", "formula", "amplitude", "frequency", "seed", "segments", "uv-scale"]),
+    (
+        "height-field",
+        &["size", "picture", "height", "formula", "amplitude", "frequency", "seed", "segments", "uv-scale"],
+    ),
 ];
 
 /// Segments around a solid whose file does not tell: at this many a sphere of 500 pixels shows no corners.
@@ -47,7 +50,9 @@ impl<'a> Reader<'a> {
                     self.place(&table)?;
                     self.add_solid(&table, name)?;
                 }
-                (Some(_), Some(_)) => return Err(table.error("solid", "and file are both given; an object is one of them")),
+                (Some(_), Some(_)) => {
+                    return Err(table.error("solid", "and file are both given; an object is one of them"));
+                }
                 (None, None) => {
                     // With neither, a misspelt "solid" is the likeliest reason.
                     let keys = SOLIDS.iter().fold(COMMON_KEYS.to_vec(), |all, (_, keys)| [all, keys.to_vec()].concat());
@@ -138,7 +143,8 @@ impl<'a> Reader<'a> {
         let positive = |key: &str, default: f32| Ok(table.positive(key)?.unwrap_or(default));
         let number = |key: &str, default: f32| Ok(table.number(key)?.unwrap_or(default));
         let vector = |key: &str, default: Vec3| Ok(table.vector(key)?.unwrap_or(default));
-        let segments = |key: &str, least: u32, default: u32| Ok(table.whole(key, least..=MAX_SEGMENTS)?.unwrap_or(default));
+        let segments =
+            |key: &str, least: u32, default: u32| Ok(table.whole(key, least..=MAX_SEGMENTS)?.unwrap_or(default));
         let builder = &mut self.builder;
         match name {
             "sphere" => builder.sphere(positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?),
@@ -149,7 +155,9 @@ impl<'a> Reader<'a> {
                 let caps = table.boolean("caps")?.unwrap_or(true);
                 builder.frustum(radius, top, positive("height", 1.0)?, segments("segments", 3, SEGMENTS)?, caps)
             }
-            "disc" => builder.disc(number("inner-radius", 0.0)?, positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?),
+            "disc" => {
+                builder.disc(number("inner-radius", 0.0)?, positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?)
+            }
             "quad" => {
                 let origin = vector("origin", Vec3::new(-0.5, 0.0, 0.5))?;
                 let (u, v) = (vector("edge-u", Vec3::X)?, vector("edge-v", Vec3::NEG_Z)?);
@@ -177,7 +185,8 @@ impl<'a> Reader<'a> {
                 return Err(table.error(key, "does not go with a picture; heights come from one or the other"));
             }
             self.inside_folder(table, "picture", file)?;
-            let picture = load_texture(self.folder, file).map_err(|e| table.error("picture", format!("'{file}': {e}")))?;
+            let picture =
+                load_texture(self.folder, file).map_err(|e| table.error("picture", format!("'{file}': {e}")))?;
             let side = |texels: u32| own_segments.unwrap_or((texels.max(2) - 1).min(MAX_SEGMENTS));
             let heights = height::from_picture(&picture, table.number("height")?.unwrap_or(1.0));
             self.builder.height_field(side(picture.width), side(picture.height), heights);

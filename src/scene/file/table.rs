@@ -56,7 +56,8 @@ impl<'a> Table<'a> {
     /// Refuses keys that are not in `known`; `whose` says what has only these.
     pub fn allow(self, whose: &str, known: &[&str]) -> Result<Self> {
         // The first in the file, not in the map's order: mistakes are mended from the top.
-        let unknown = self.entries.keys().filter(|k| !known.contains(&k.get_ref().as_ref())).min_by_key(|k| k.span().start);
+        let unknown =
+            self.entries.keys().filter(|k| !known.contains(&k.get_ref().as_ref())).min_by_key(|k| k.span().start);
         match unknown {
             None => Ok(self),
             Some(key) => {
@@ -143,7 +144,9 @@ impl<'a> Table<'a> {
         let number = u32::from_str_radix(integer.as_str().trim_start_matches('+'), integer.radix()).ok();
         match number.filter(|n| range.contains(n)) {
             Some(number) => Ok(Some(number)),
-            None => Err(self.error(key, format!("is {integer}; it must lie between {} and {}", range.start(), range.end()))),
+            None => {
+                Err(self.error(key, format!("is {integer}; it must lie between {} and {}", range.start(), range.end())))
+            }
         }
     }
 
@@ -162,7 +165,9 @@ impl<'a> Table<'a> {
 
     /// An array of `N` numbers.
     pub fn numbers<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
-        self.get(key).map(|value| self.numbers_in(key, value.get_ref(), &format!("an array of {N} numbers"))).transpose()
+        self.get(key)
+            .map(|value| self.numbers_in(key, value.get_ref(), &format!("an array of {N} numbers")))
+            .transpose()
     }
 
     /// A vector: an array of three numbers.
@@ -184,7 +189,10 @@ impl<'a> Table<'a> {
         let Some(value) = self.get(key) else { return Ok(None) };
         let colour = match value.get_ref() {
             DeValue::String(text) => from_hex(text).ok_or_else(|| {
-                self.error(key, format!("is '{text}'; a colour as text has the form \"#rrggbb\" with hexadecimal digits"))
+                self.error(
+                    key,
+                    format!("is '{text}'; a colour as text has the form \"#rrggbb\" with hexadecimal digits"),
+                )
             })?,
             number @ (DeValue::Integer(_) | DeValue::Float(_)) => Vec3::splat(self.number_in(key, number)?),
             other => self.numbers_in(key, other, "a colour: [red, green, blue], a number or \"#rrggbb\"")?.into(),
@@ -243,10 +251,15 @@ fn kind_of(value: &DeValue) -> &'static str {
 /// "did you mean 'x'?" when something in `known` is near, or all of `known`.
 pub(super) fn suggestion<'k>(name: &str, known: impl Iterator<Item = &'k str> + Clone) -> String {
     let lower = name.to_lowercase();
-    let nearest = known.clone().map(|k| (strsim::osa_distance(&lower, &k.to_lowercase()), k)).min_by_key(|&(distance, _)| distance);
+    let nearest = known
+        .clone()
+        .map(|k| (strsim::osa_distance(&lower, &k.to_lowercase()), k))
+        .min_by_key(|&(distance, _)| distance);
     match nearest {
         // Up to a third of the letters wrong is a slip; "colour" for "color" is 1 of 5.
-        Some((distance, nearest)) if distance <= 1 + nearest.chars().count() / 3 => format!("did you mean '{nearest}'?"),
+        Some((distance, nearest)) if distance <= 1 + nearest.chars().count() / 3 => {
+            format!("did you mean '{nearest}'?")
+        }
         Some(_) => format!("possible: {}", known.collect::<Vec<_>>().join(", ")),
         None => "there is none".into(),
     }
