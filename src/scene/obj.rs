@@ -1,4 +1,170 @@
-//! stub
-pub(super) fn load(_path: &std::path::Path) -> crate::Result<super::Scene> {
-    todo!()
+//! Loads Wavefront OBJ files.
+//!
+//! Format: Wavefront, "Advanced Visualizer" manual, appendix B1 (Object Files). The text is checked and cleaned by
+//! [`super::obj_clean`], parsed by the `tobj` crate, and its polygons are split by [`super::triangulate`]; materials come
+//! from [`super::mtl`].
+//!
+//! Bad at: memory. A file is read whole, and while it is turned into a scene takes about five times its size.
+
+use super::mtl::Library;
+use super::obj_clean::{Cleaner, Survey, Tally, quote};
+use super::triangulate::Triangulator;
+use super::{DropReason, NO_INDEX, Scene, Triangle};
+use crate::error::{Error, Result};
+use glam::{Vec2, Vec3};
+use std::io::Read;
+use std::path::Path;
+
+/// The largest OBJ file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex takes at least
+/// 8 bytes of text, a triangle of a polygon 2.
+const MAX_FILE_BYTES: u64 = 1 << 30;
+
+/// How much of a file is searched for NUL bytes before all of it is read.
+const HEAD_BYTES: usize = 1024;
+
+/// Loads the OBJ file at `path`: a scene without lights and camera. Only files in its folder and below are opened.
+pub(super) fn load(path: &Path) -> Result<Scene> {
+    let text = read_text(path)?;
+    let survey = Survey::new(&text);
+    if survey.faces == 0 {
+        return Err(Error::input(path, None, "has no faces (lines that begin with 'f'); is it a Wavefront OBJ file?"));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let root = folder.canonicalize().map_err(|e| Error::io("read", folder, e))?;
+    let mut library = Library::new(path, root);
+    survey.ignored.report(path, &mut library.warnings);
+    for (line, names) in &survey.libraries {
+        library.read_libraries(*line, names);
+    }
+
+    let models = parse(path, &text, &survey, &mut library)?;
+    drop(text);
+    let mut scene = Scene::default();
+    let mut triangulator = Triangulator::new();
+    for model in models {
+        let material = model.name.parse().map_err(|_| Error::input(path, None, "the parser lost a group's name"))?;
+        append_mesh(&mut scene, &model.mesh, material, &mut triangulator);
+    }
+    if scene.triangles.is_empty() {
+        return Err(Error::input(path, None, "has no face of three or more corners"));
+    }
+    warn_of_dropped(path, &scene, &mut library);
+    scene.materials = library.materials;
+    scene.textures = library.textures;
+    scene.warnings = library.warnings.into_vec();
+    Ok(scene)
+}
+
+/// Reads a regular file that may be OBJ text.
+fn read_text(path: &Path) -> Result<Vec<u8>> {
+    let unreadable = |e| Error::io("read", path, e);
+    let metadata = path.metadata().map_err(unreadable)?;
+    // Before opening: a pipe would block, a device may have no end.
+    if !metadata.is_file() {
+        return Err(Error::input(path, None, "is not a regular file"));
+    }
+    if metadata.len() > MAX_FILE_BYTES {
+        let message = format!("is larger than {} MiB, the most that is read; split it", MAX_FILE_BYTES >> 20);
+        return Err(Error::input(path, None, message));
+    }
+    let mut file = std::fs::File::open(path).map_err(unreadable)?;
+    let mut text = Vec::new();
+    (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut text).map_err(unreadable)?;
+    if text.starts_with(b"\xff\xfe") || text.starts_with(b"\xfe\xff") {
+        return Err(Error::input(path, 1, "is UTF-16 text; save it as UTF-8"));
+    }
+    if text.contains(&0) {
+        return Err(Error::input(path, None, "is not text (it has NUL bytes); raybrook reads the text form of OBJ"));
+    }
+    text.reserve_exact(metadata.len() as usize);
+    file.take(MAX_FILE_BYTES).read_to_end(&mut text).map_err(unreadable)?;
+    Ok(text)
+}
+
+/// Parses the cleaned text: one model for each run of faces of one material, in file order, named by the material's number.
+fn parse(path: &Path, text: &[u8], survey: &Survey, library: &mut Library) -> Result<Vec<tobj::Model>> {
+    let mut cleaner = Cleaner::new(text, survey, library);
+    let options = tobj::LoadOptions::default(); // neither triangulated, nor with a single index
+    let loaded = tobj::load_obj_buf(&mut cleaner, &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    let (line, fault) = (cleaner.line, cleaner.fault.take());
+    let (short_faces, dangling) = (cleaner.short_faces, cleaner.dangling);
+    match loaded {
+        Ok((mut models, _)) => {
+            warn_of_lines(path, short_faces, "faces with fewer than three corners ignored", library);
+            warn_of_lines(path, dangling, "texture or normal indices that refer to nothing ignored", library);
+            models.retain(|m| !m.mesh.indices.is_empty());
+            Ok(models)
+        }
+        Err(error) => {
+            let message = fault.unwrap_or_else(|| explain(error, text, line));
+            Err(Error::input(path, line, message))
+        }
+    }
+}
+
+/// Why `tobj` refused a line of the cleaned text: all it still has to check is numbers.
+fn explain(error: tobj::LoadError, text: &[u8], line: usize) -> String {
+    let statement =
+        super::obj_clean::Lines::new(text).find(|(number, _)| *number == line).map(|(_, s)| s).unwrap_or_default();
+    let comma = if statement.contains(&b',') { "; decimals take a point, not a comma" } else { "" };
+    format!("{error}: '{}' is not made of numbers{comma}", quote(statement.trim_ascii()))
+}
+
+/// Adds one group of faces, its polygons split into triangles, to `scene`.
+fn append_mesh(scene: &mut Scene, mesh: &tobj::Mesh, material: u32, triangulator: &mut Triangulator) {
+    let [first_position, first_normal, first_uv] =
+        [scene.positions.len(), scene.normals.len(), scene.uvs.len()].map(|count| count as u32);
+    scene.positions.extend(mesh.positions.chunks_exact(3).map(Vec3::from_slice));
+    scene.normals.extend(mesh.normals.chunks_exact(3).map(Vec3::from_slice));
+    scene.uvs.extend(mesh.texcoords.chunks_exact(2).map(Vec2::from_slice));
+
+    // The extra normal and texture coordinate of corners without one are NaN; those of the file that are NaN are no use.
+    let finite_normal =
+        |index: u32, normals: &[Vec3]| if normals[index as usize].is_finite() { index } else { NO_INDEX };
+    let finite_uv = |index: u32, uvs: &[Vec2]| if uvs[index as usize].is_finite() { index } else { NO_INDEX };
+    let mut polygon = Vec::new();
+    let mut first = 0;
+    let triangles_only = mesh.indices.len() / 3 * usize::from(mesh.face_arities.is_empty());
+    for corners in mesh.face_arities.iter().map(|&n| n as usize).chain(std::iter::repeat_n(3, triangles_only)) {
+        let positions = &mesh.indices[first..first + corners];
+        let normals = mesh.normal_indices.get(first..first + corners);
+        let uvs = mesh.texcoord_indices.get(first..first + corners);
+        first += corners;
+        polygon.clear();
+        polygon.extend(positions.iter().map(|&i| scene.positions[(first_position + i) as usize]));
+        for triangle in triangulator.split(&polygon) {
+            let triangle = triangle.map(|corner| corner as usize);
+            scene.triangles.push(Triangle {
+                positions: triangle.map(|i| first_position + positions[i]),
+                normals: triangle
+                    .map(|i| normals.map_or(NO_INDEX, |n| finite_normal(first_normal + n[i], &scene.normals))),
+                uvs: triangle.map(|i| uvs.map_or(NO_INDEX, |u| finite_uv(first_uv + u[i], &scene.uvs))),
+                material,
+            });
+        }
+    }
+}
+
+fn warn_of_lines(path: &Path, tally: Tally, what: &str, library: &mut Library) {
+    if tally.count > 0 {
+        library.warnings.add(path, tally.first, format!("{what}: {}, this is the first", tally.count));
+    }
+}
+
+/// One warning for each reason why triangles cannot be hit.
+fn warn_of_dropped(path: &Path, scene: &Scene, library: &mut Library) {
+    let (mut not_finite, mut zero_area) = (Tally::default(), Tally::default());
+    for primitive in 0..scene.triangles.len() {
+        match scene.drop_reason(primitive) {
+            Some(DropReason::NotFinite) => not_finite.note(primitive),
+            Some(DropReason::ZeroArea) => zero_area.note(primitive),
+            None => {}
+        }
+    }
+    for (tally, what) in [(not_finite, "with NaN or infinite vertices"), (zero_area, "without area")] {
+        if tally.count > 0 {
+            let message = format!("triangles {what} left out: {}, the first is number {}", tally.count, tally.first);
+            library.warnings.add(path, None, message);
+        }
+    }
 }

@@ -1,4 +1,12 @@
 //! Textures: 8-bit sRGB pictures. Decoding is bounded in size, memory and kind.
+//!
+//! PNG, JPEG, BMP and TGA, decoded by the `image` crate. Samples of 16 bits keep the upper 8, which is what a picture of 8
+//! bits shows. Colour profiles and EXIF orientation are not read.
+
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 
 /// Index of a texture in its scene.
 pub type TextureId = u32;
@@ -16,7 +24,84 @@ pub struct Texture {
     pub rgba: Vec<[u8; 4]>,
 }
 
-/// Reads the picture `name` in `folder` (stub).
-pub(super) fn load_texture(_folder: &std::path::Path, _name: &str) -> std::result::Result<Texture, String> {
-    Err("textures cannot be read yet".into())
+/// The longest side of a texture in texels: the largest 2D image that common devices accept.
+const MAX_SIDE: u32 = 16_384;
+
+/// The most memory that one texture takes while it is loaded: the file (JPEG and TGA are read whole), the decoded samples
+/// and the texels. 4096 x 4096 RGBA takes 128 MiB; no file may take more than 200 MB.
+const MAX_BYTES: u64 = 160 << 20;
+
+/// Loads the texture `name`, relative to `folder`; nothing outside `folder` is opened.
+///
+/// # Errors
+/// One clause for a warning, without the name: not found, outside, not a regular file, too large, not a picture.
+#[allow(dead_code)] // for textures that a scene file names itself
+pub(super) fn load_texture(folder: &Path, name: &str) -> Result<Texture, String> {
+    let root = folder.canonicalize().map_err(|e| format!("its folder cannot be found: {e}"))?;
+    decode(&find_inside(&root, &root, name)?, name)
+}
+
+/// The canonical path of the regular file `name`, relative to `folder`, if it lies inside `root`, which is canonical.
+///
+/// Symbolic links are followed before the comparison, so that a link out of `root` is refused as well.
+pub(super) fn find_inside(root: &Path, folder: &Path, name: &str) -> Result<PathBuf, String> {
+    let path = folder.join(name.replace('\\', "/")).canonicalize().map_err(|e| format!("cannot be opened: {e}"))?;
+    if !path.starts_with(root) {
+        return Err("lies outside the scene's folder and is not opened".to_owned());
+    }
+    // Devices may be endless and a pipe blocks on opening.
+    if path.metadata().is_ok_and(|m| m.is_file()) { Ok(path) } else { Err("is not a regular file".to_owned()) }
+}
+
+/// Decodes the picture at `path`; `name` is for messages.
+pub(super) fn decode(path: &Path, name: &str) -> Result<Texture, String> {
+    let unreadable = |e: std::io::Error| format!("cannot be read: {e}");
+    let file = File::open(path).map_err(unreadable)?;
+    let file_bytes = file.metadata().map_err(unreadable)?.len();
+    let too_large = |bytes: u64| format!("needs {} MiB to load; the most is {} MiB", bytes >> 20, MAX_BYTES >> 20);
+    if file_bytes > MAX_BYTES {
+        return Err(too_large(file_bytes));
+    }
+    let mut reader = ImageReader::new(BufReader::new(file));
+    if let Ok(format) = ImageFormat::from_path(path) {
+        reader.set_format(format); // for TGA, which has no signature
+    }
+    let mut reader = reader.with_guessed_format().map_err(unreadable)?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_alloc = Some(MAX_BYTES);
+    reader.limits(limits);
+
+    // Everything so far came from the header; refuse a small file that unpacks to a large picture before it does.
+    let decoder = reader.into_decoder().map_err(|e| format!("cannot be decoded: {e}"))?;
+    let (width, height) = decoder.dimensions();
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+        return Err(format!("has {width} x {height} texels; each side must lie between 1 and {MAX_SIDE}"));
+    }
+    let texel_bytes = u64::from(width) * u64::from(height) * size_of::<[u8; 4]>() as u64;
+    let bytes = file_bytes.saturating_add(decoder.total_bytes()).saturating_add(texel_bytes);
+    if bytes > MAX_BYTES {
+        return Err(too_large(bytes));
+    }
+    let picture = DynamicImage::from_decoder(decoder).map_err(|e| format!("cannot be decoded: {e}"))?;
+    Ok(Texture { name: name.to_owned(), width, height, rgba: texels(picture) })
+}
+
+/// The texels of a picture; the common kinds without a second copy of all of it.
+fn texels(picture: DynamicImage) -> Vec<[u8; 4]> {
+    match picture {
+        DynamicImage::ImageRgb8(rgb) => rgb.pixels().map(|p| [p[0], p[1], p[2], u8::MAX]).collect(),
+        DynamicImage::ImageLuma8(gray) => gray.pixels().map(|p| [p[0], p[0], p[0], u8::MAX]).collect(),
+        DynamicImage::ImageRgb16(rgb) => {
+            rgb.pixels().map(|p| [upper(p[0]), upper(p[1]), upper(p[2]), u8::MAX]).collect()
+        }
+        DynamicImage::ImageRgba16(rgba) => rgba.pixels().map(|p| p.0.map(upper)).collect(),
+        other => other.into_rgba8().pixels().map(|p| p.0).collect(),
+    }
+}
+
+/// The nearest 8-bit sample.
+fn upper(sample: u16) -> u8 {
+    ((u32::from(sample) * 255 + 32_767) / 65_535) as u8
 }
