@@ -58,15 +58,15 @@ fn grid_obj(
     let mut text = format!("# {title}\n# Made by examples/make_scenes.rs. MIT OR Apache-2.0.\n");
     let (width, height) = (columns + usize::from(!wraps[0]), rows + usize::from(!wraps[1]));
     let share = |i: usize, n: usize| i as f64 / n as f64;
-    let (mut positions, mut normals) = (String::new(), String::new());
+    let (mut positions, mut normals) = (Vec::new(), String::new());
     for j in 0..height {
         for i in 0..width {
             let (p, n) = point(share(i, columns), share(j, rows));
-            _ = writeln!(positions, "v {} {} {}", short(p[0], 4), short(p[1], 4), short(p[2], 4));
-            _ = writeln!(normals, "vn {} {} {}", short(n[0], 3), short(n[1], 3), short(n[2], 3));
+            positions.push(p.map(|x| short(x, 4)).join(" "));
+            _ = writeln!(normals, "vn {}", n.map(|x| short(x, 3)).join(" "));
         }
     }
-    text += &positions;
+    positions.iter().for_each(|p| _ = writeln!(text, "v {p}"));
     text += &normals;
     for j in 0..=rows {
         for i in 0..=columns {
@@ -75,11 +75,15 @@ fn grid_obj(
     }
     for j in 0..rows {
         for i in 0..columns {
-            let corner = |i: usize, j: usize| {
-                let v = (j % height) * width + i % width + 1;
+            let places = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+            let vertex = |k: usize| (places[k % 4].1 % height) * width + places[k % 4].0 % width;
+            // Where the grid shrinks to a point, two corners are one: a triangle is left.
+            let corners: Vec<usize> = (0..4).filter(|&k| positions[vertex(k)] != positions[vertex(k + 3)]).collect();
+            let corner = |k: &usize| {
+                let (v, (i, j)) = (vertex(*k) + 1, places[*k]);
                 format!("{v}/{}/{v}", j * (columns + 1) + i + 1)
             };
-            _ = writeln!(text, "f {} {} {} {}", corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
+            _ = writeln!(text, "f {}", corners.iter().map(corner).collect::<Vec<_>>().join(" "));
         }
     }
     text
@@ -104,7 +108,7 @@ fn knot() -> String {
         // make a frame that closes after one turn.
         let normal = add(scaled(ring, cos), [0.0, 0.0, sin]);
         let tangent = add(scaled(ring_slope, 2.0 + cos), add(scaled(ring, -3.0 * sin), [0.0, 0.0, 3.0 * cos]));
-        let binormal = unit(cross(tangent, normal));
+        let binormal = unit(cross(normal, tangent));
         let outward = add(scaled(normal, w.cos()), scaled(binormal, w.sin()));
         (add(add(scaled(ring, 2.0), normal), scaled(outward, TUBE)), outward)
     })
@@ -167,8 +171,8 @@ fn vase_profile(rows: usize) -> Vec<[f64; 2]> {
     // The bottom of the inside: a quarter of an ellipse to the middle.
     let edge = profile[profile.len() - 1];
     while profile.len() <= rows {
-        let left = (rows + 1 - profile.len()) as f64;
-        let (sin, cos) = (PI / 2.0 * (1.0 - (left - 1.0) / (FOOT_ROWS as f64 - 1.0))).sin_cos();
+        let left = (rows - profile.len()) as f64;
+        let (sin, cos) = (PI / 2.0 * (1.0 - left / FOOT_ROWS as f64)).sin_cos();
         profile.push([edge[0] * cos.max(0.0), edge[1] - 0.2 * sin]);
     }
     if let Some(last) = profile.last_mut() {
@@ -247,14 +251,14 @@ height = 720
 samples = 16
 
 [camera]
-eye = [2.6, 3.0, 4.6]
-target = [0.0, 1.0, 0.0]
-fov = 34
+eye = [2.3, 3.3, 5.2]
+target = [0.0, 1.12, 0.0]
+fov = 35
 
 [trace]
 depth = 6
-ambient = 0.16
-background = { bottom = [0.78, 0.74, 0.72], top = [0.16, 0.26, 0.46] }
+ambient = 0.12
+background = { bottom = [0.55, 0.62, 0.68], top = [0.06, 0.14, 0.34] }
 
 [[light]]
 kind = \"directional\"
@@ -269,7 +273,8 @@ intensity = 0.3
 color = [0.75, 0.85, 1.0]
 
 [material.floor]
-diffuse = [0.42, 0.4, 0.4]
+diffuse = [0.16, 0.17, 0.19]
+mirror = 0.06
 
 [material.level0]
 diffuse = [0.05, 0.06, 0.08]
@@ -278,13 +283,13 @@ shininess = 400
 mirror = [0.62, 0.66, 0.72]
 
 [material.level1]
-diffuse = [0.62, 0.3, 0.05]
+diffuse = [0.55, 0.2, 0.02]
 specular = 0.5
 shininess = 120
-mirror = [0.22, 0.16, 0.07]
+mirror = [0.2, 0.13, 0.05]
 
 [material.level2]
-diffuse = [0.1, 0.36, 0.4]
+diffuse = [0.02, 0.3, 0.32]
 specular = 0.4
 shininess = 60
 ";
