@@ -452,3 +452,57 @@ fn real_models_have_their_triangles() {
         );
     }
 }
+
+#[test]
+fn large_files_keep_order_and_materials() {
+    // More corners than the loader hands to its parser at once, twice over.
+    const FACES: usize = 200_000;
+    let mut text = String::from("mtllib m.mtl\n");
+    for i in 0..100 {
+        text.push_str(&format!("v {i} 0 0\n"));
+    }
+    text.push_str("v 0 1 0\nv 0 0 1\n");
+    for face in 0..FACES {
+        if face % 1000 == 7 {
+            text.push_str(if face % 2000 == 7 { "usemtl a\nf 1 2\n" } else { "usemtl b\n" });
+        }
+        text.push_str(&format!("f {} -2 -1\n", face % 100 + 1));
+    }
+    let scene = load_files(&[("a.obj", &text), ("m.mtl", "newmtl a\nnewmtl b\n")]).unwrap();
+    assert_eq!(scene.triangles.len(), FACES);
+    for face in 0..FACES {
+        let name = if face < 7 { "" } else { ["a", "b"][(face - 7) / 1000 % 2] };
+        assert_eq!(scene.vertices(face)[0].x, (face % 100) as f32);
+        assert_eq!(scene.materials[scene.triangles[face].material as usize].name, name, "face {face}");
+    }
+}
+
+#[test]
+fn every_kind_of_picture_loads_as_8_bit_rgba() {
+    let folder = tempfile::tempdir().unwrap();
+    let rgb = image::RgbImage::from_fn(3, 2, |x, y| image::Rgb([x as u8 * 100, y as u8 * 200, 50]));
+    let expected: Vec<[u8; 4]> = rgb.pixels().map(|p| [p[0], p[1], p[2], 255]).collect();
+    let picture = image::DynamicImage::from(rgb);
+    for (name, save_as) in [("a.png", "a.png"), ("a.bmp", "a.bmp"), ("a.tga", "a.tga"), ("b.jpg", "b.png")] {
+        picture.save(folder.path().join(save_as)).unwrap();
+        // A PNG named .jpg: what the file says counts.
+        std::fs::rename(folder.path().join(save_as), folder.path().join(name)).unwrap();
+    }
+    picture.to_rgb16().save(folder.path().join("deep.png")).unwrap();
+    picture.to_rgba16().save(folder.path().join("deep_alpha.png")).unwrap();
+    picture.to_rgba8().save(folder.path().join("alpha.png")).unwrap();
+    picture.to_luma8().save(folder.path().join("gray.png")).unwrap();
+    picture.to_luma_alpha16().save(folder.path().join("gray_deep.png")).unwrap();
+    let gray: Vec<[u8; 4]> = picture.to_luma8().pixels().map(|p| [p[0], p[0], p[0], 255]).collect();
+    for name in
+        ["a.png", "a.bmp", "a.tga", "b.jpg", "deep.png", "deep_alpha.png", "alpha.png", "gray.png", "gray_deep.png"]
+    {
+        std::fs::write(folder.path().join("m.mtl"), format!("newmtl m\nmap_Kd {name}\n")).unwrap();
+        std::fs::write(folder.path().join("a.obj"), format!("mtllib m.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
+        let scene = load(folder.path().join("a.obj")).unwrap();
+        assert_eq!(scene.warnings, [] as [&str; 0], "{name}");
+        let texture = &scene.textures[0];
+        assert_eq!((texture.name.as_str(), texture.width, texture.height), (name, 3, 2));
+        assert_eq!(&texture.rgba, if name.starts_with("gray") { &gray } else { &expected }, "{name}");
+    }
+}

@@ -27,7 +27,7 @@ use super::obj_clean::{Ignored, Lines, Warnings, quote, split_keyword, words};
 use super::texture::{Texture, TextureId, decode, find_inside};
 use super::{Material, MaterialId};
 use glam::Vec3;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The largest emission that is kept: sums of many samples of it stay far from the largest float.
@@ -41,6 +41,12 @@ const DEFAULT_SHININESS: f32 = 10.0;
 
 /// The largest library that is read; real ones have kilobytes.
 const MAX_LIBRARY_BYTES: u64 = 16 << 20;
+
+/// How many libraries a file may name: each costs some system calls.
+const MAX_LIBRARIES: usize = 1000;
+
+/// How many materials the libraries of a file may define: each takes about a kilobyte.
+const MAX_MATERIALS: usize = 65_536;
 
 /// What a library says of one material.
 #[derive(Debug, Clone, Default)]
@@ -67,11 +73,14 @@ pub(super) struct Library {
     root: PathBuf,
     definitions: Vec<Definition>,
     by_name: HashMap<String, usize>,
+    /// Whether a definition beyond [`MAX_MATERIALS`] was left out.
+    full: bool,
     /// Which material each definition became.
     ids: HashMap<usize, MaterialId>,
     missing: HashMap<String, MaterialId>,
     default: Option<MaterialId>,
-    read: Vec<PathBuf>,
+    tried: HashSet<String>,
+    read: HashSet<PathBuf>,
     texture_ids: HashMap<PathBuf, Option<TextureId>>,
     /// The materials in use.
     pub(super) materials: Vec<Material>,
@@ -89,10 +98,12 @@ impl Library {
             root,
             definitions: Vec::new(),
             by_name: HashMap::new(),
+            full: false,
             ids: HashMap::new(),
             missing: HashMap::new(),
             default: None,
-            read: Vec::new(),
+            tried: HashSet::new(),
+            read: HashSet::new(),
             texture_ids: HashMap::new(),
             materials: Vec::new(),
             textures: Vec::new(),
@@ -103,6 +114,17 @@ impl Library {
     /// Reads the libraries that a `mtllib` statement on `line` names.
     pub(super) fn read_libraries(&mut self, line: usize, names: &str) {
         for name in self.split_names(names) {
+            if !self.tried.insert(name.to_owned()) {
+                continue;
+            }
+            if self.tried.len() > MAX_LIBRARIES {
+                self.warnings.add(
+                    &self.obj,
+                    line,
+                    format!("only the first {MAX_LIBRARIES} material libraries are read"),
+                );
+                return;
+            }
             let path = match find_inside(&self.root, &self.root, name) {
                 Ok(path) => path,
                 Err(reason) => {
@@ -111,7 +133,7 @@ impl Library {
                     continue;
                 }
             };
-            if self.read.contains(&path) {
+            if !self.read.insert(path.clone()) {
                 continue;
             }
             match std::fs::metadata(&path).map(|m| m.len()) {
@@ -128,22 +150,26 @@ impl Library {
                 },
                 Err(error) => self.warnings.add(&path, None, format!("cannot be read: {error}")),
             }
-            self.read.push(path);
         }
     }
 
     /// One name with blanks where that is a file; else the statement is cut after each ".mtl", or at blanks.
     fn split_names<'n>(&self, names: &'n str) -> Vec<&'n str> {
+        if self.tried.len() > MAX_LIBRARIES {
+            return Vec::new(); // a warning was given
+        }
         if find_inside(&self.root, &self.root, names).is_ok() {
             return vec![names];
         }
+        let lower_case = names.to_ascii_lowercase();
         let mut split = Vec::new();
-        let mut rest = names;
-        while let Some(end) = rest.to_ascii_lowercase().find(".mtl").map(|i| i + ".mtl".len()) {
-            split.push(rest[..end].trim());
-            rest = &rest[end..];
+        let mut start = 0;
+        for (found, extension) in lower_case.match_indices(".mtl") {
+            let end = found + extension.len();
+            split.push(names[start..end].trim());
+            start = end;
         }
-        split.extend(rest.split_whitespace());
+        split.extend(names[start..].split_whitespace());
         split
     }
 
@@ -151,7 +177,7 @@ impl Library {
     pub(super) fn find(&mut self, name: &str, line: usize) -> MaterialId {
         // A '#' may belong to the name or begin a comment.
         let known = self.by_name.get(name).or_else(|| self.by_name.get(name.split('#').next()?.trim_end()));
-        let Some(&definition) = known else {
+        let Some(&index) = known else {
             if let Some(&id) = self.missing.get(name) {
                 return id;
             }
@@ -161,13 +187,13 @@ impl Library {
             self.missing.insert(name.to_owned(), id);
             return id;
         };
-        if let Some(&id) = self.ids.get(&definition) {
+        if let Some(&id) = self.ids.get(&index) {
             return id;
         }
-        let definition_ = self.definitions[definition].clone();
-        let material = self.material(&definition_);
+        let definition = self.definitions[index].clone();
+        let material = self.material(&definition);
         let id = self.push(material);
-        self.ids.insert(definition, id);
+        self.ids.insert(index, id);
         id
     }
 
@@ -299,6 +325,13 @@ impl Library {
             let message =
                 format!("material '{}' is defined again; the first counts", quote(definition.name.as_bytes()));
             self.warnings.add(&definition.library, None, message);
+            return;
+        }
+        if self.definitions.len() == MAX_MATERIALS {
+            if !std::mem::replace(&mut self.full, true) {
+                let message = format!("only the first {MAX_MATERIALS} materials are kept");
+                self.warnings.add(&definition.library, None, message);
+            }
             return;
         }
         self.by_name.insert(definition.name.clone(), self.definitions.len());

@@ -9,7 +9,7 @@
 use super::mtl::Library;
 use super::obj_clean::{Cleaner, Survey, Tally, quote};
 use super::triangulate::Triangulator;
-use super::{DropReason, NO_INDEX, Scene, Triangle};
+use super::{DropReason, MaterialId, NO_INDEX, Scene, Triangle};
 use crate::error::{Error, Result};
 use glam::{Vec2, Vec3};
 use std::io::Read;
@@ -37,13 +37,26 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
         library.read_libraries(*line, names);
     }
 
-    let models = parse(path, &text, &survey, &mut library)?;
+    let (models, materials) = parse(path, &text, &survey, &mut library)?;
     drop(text);
     let mut scene = Scene::default();
     let mut triangulator = Triangulator::new();
+    let ends = materials.iter().skip(1).map(|&(first_face, _)| first_face).chain([usize::MAX]);
+    let mut runs = materials.iter().map(|&(_, material)| material).zip(ends);
+    let (mut material, mut end) = runs.next().unwrap_or_default();
+    let mut face = 0;
     for model in models {
-        let material = model.name.parse().map_err(|_| Error::input(path, None, "the parser lost a group's name"))?;
-        append_mesh(&mut scene, &model.mesh, material, &mut triangulator);
+        append_mesh(&mut scene, &model.mesh, &mut triangulator, || {
+            if face == end {
+                (material, end) = runs.next().unwrap_or((material, usize::MAX));
+            }
+            face += 1;
+            material
+        });
+    }
+    if triangulator.fans > 0 {
+        let message = format!("large concave polygons split as if convex, perhaps wrongly: {}", triangulator.fans);
+        library.warnings.add(path, None, message);
     }
     if scene.triangles.is_empty() {
         return Err(Error::input(path, None, "has no face of three or more corners"));
@@ -81,19 +94,21 @@ fn read_text(path: &Path) -> Result<Vec<u8>> {
     Ok(text)
 }
 
-/// Parses the cleaned text: one model for each run of faces of one material, in file order, named by the material's number.
-fn parse(path: &Path, text: &[u8], survey: &Survey, library: &mut Library) -> Result<Vec<tobj::Model>> {
+/// The faces of a file in parts, in file order, and the first face and material of each run of faces of one material.
+type Parsed = (Vec<tobj::Model>, Vec<(usize, MaterialId)>);
+
+/// Parses the cleaned text.
+fn parse(path: &Path, text: &[u8], survey: &Survey, library: &mut Library) -> Result<Parsed> {
     let mut cleaner = Cleaner::new(text, survey, library);
     let options = tobj::LoadOptions::default(); // neither triangulated, nor with a single index
     let loaded = tobj::load_obj_buf(&mut cleaner, &options, |_| Err(tobj::LoadError::OpenFileFailed));
     let (line, fault) = (cleaner.line, cleaner.fault.take());
-    let (short_faces, dangling) = (cleaner.short_faces, cleaner.dangling);
+    let (short_faces, dangling, materials) = (cleaner.short_faces, cleaner.dangling, cleaner.materials);
     match loaded {
-        Ok((mut models, _)) => {
+        Ok((models, _)) => {
             warn_of_lines(path, short_faces, "faces with fewer than three corners ignored", library);
             warn_of_lines(path, dangling, "texture or normal indices that refer to nothing ignored", library);
-            models.retain(|m| !m.mesh.indices.is_empty());
-            Ok(models)
+            Ok((models, materials))
         }
         Err(error) => {
             let message = fault.unwrap_or_else(|| explain(error, text, line));
@@ -110,8 +125,13 @@ fn explain(error: tobj::LoadError, text: &[u8], line: usize) -> String {
     format!("{error}: '{}' is not made of numbers{comma}", quote(statement.trim_ascii()))
 }
 
-/// Adds one group of faces, its polygons split into triangles, to `scene`.
-fn append_mesh(scene: &mut Scene, mesh: &tobj::Mesh, material: u32, triangulator: &mut Triangulator) {
+/// Adds a part of the faces, polygons split into triangles, to `scene`; `next_material` gives the material of each.
+fn append_mesh(
+    scene: &mut Scene,
+    mesh: &tobj::Mesh,
+    triangulator: &mut Triangulator,
+    mut next_material: impl FnMut() -> MaterialId,
+) {
     let [first_position, first_normal, first_uv] =
         [scene.positions.len(), scene.normals.len(), scene.uvs.len()].map(|count| count as u32);
     scene.positions.extend(mesh.positions.chunks_exact(3).map(Vec3::from_slice));
@@ -130,6 +150,7 @@ fn append_mesh(scene: &mut Scene, mesh: &tobj::Mesh, material: u32, triangulator
         let normals = mesh.normal_indices.get(first..first + corners);
         let uvs = mesh.texcoord_indices.get(first..first + corners);
         first += corners;
+        let material = next_material();
         polygon.clear();
         polygon.extend(positions.iter().map(|&i| scene.positions[(first_position + i) as usize]));
         for triangle in triangulator.split(&polygon) {

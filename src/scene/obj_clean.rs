@@ -11,12 +11,13 @@
 //!
 //! Bad at: the text is scanned three times (survey, vertices, faces); at about 1 GB/s that is less than `tobj` takes.
 
+use super::MaterialId;
 use super::mtl::Library;
 use std::borrow::Cow;
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
-/// The largest number of corners of one face: bounds the quadratic worst case of ear clipping.
+/// The largest number of corners of one face: bounds the memory that splitting it takes.
 const MAX_CORNERS: usize = 65_536;
 
 /// `tobj` keeps about 30 bytes per corner of a group until the group ends; a new group after this many corners bounds that.
@@ -230,7 +231,8 @@ enum Pass {
 /// Reads as the canonical text of an OBJ text, one statement per buffer, so that [`Cleaner::line`] is the line at fault
 /// when `tobj` stops.
 ///
-/// Faces come in file order. A group `g ID` comes before the first face of each run of equal material; ID is the material's.
+/// Faces come in file order; [`Cleaner::materials`] says which have which material, as a group for each change of it would
+/// cost `tobj` some 400 bytes.
 /// A corner without texture coordinates (normal) in a file that has some refers to an extra one that is NaN.
 pub(super) struct Cleaner<'a> {
     text: &'a [u8],
@@ -239,10 +241,13 @@ pub(super) struct Cleaner<'a> {
     counts: [usize; 3],
     seen: [usize; 3],
     library: &'a mut Library,
-    material: Option<u32>,
     corners_in_group: usize,
+    faces: usize,
     buffer: Vec<u8>,
     consumed: usize,
+    material: Option<MaterialId>,
+    /// Number of the first face, counted without those left out, and material of each run of faces of one material.
+    pub(super) materials: Vec<(usize, MaterialId)>,
     /// The line of the statement in hand.
     pub(super) line: usize,
     /// What is wrong with it.
@@ -263,8 +268,10 @@ impl<'a> Cleaner<'a> {
             counts: survey.counts,
             seen: [0; 3],
             library,
+            corners_in_group: 0,
+            faces: 0,
             material: None,
-            corners_in_group: usize::MAX,
+            materials: Vec::new(),
             buffer: Vec::new(),
             consumed: 0,
             line: 0,
@@ -292,11 +299,7 @@ impl<'a> Cleaner<'a> {
                     continue;
                 }
                 b"usemtl" if self.pass == Pass::Faces => {
-                    let material = Some(self.library.find(&String::from_utf8_lossy(rest), number));
-                    if material != self.material {
-                        self.material = material;
-                        self.corners_in_group = usize::MAX;
-                    }
+                    self.material = Some(self.library.find(&String::from_utf8_lossy(rest), number));
                     continue;
                 }
                 _ => continue,
@@ -345,10 +348,7 @@ impl<'a> Cleaner<'a> {
 
     fn face(&mut self, rest: &[u8]) -> Result<(), String> {
         if self.corners_in_group >= CORNERS_PER_GROUP {
-            let material = *self.material.get_or_insert_with(|| self.library.default_material());
-            self.buffer.extend_from_slice(b"g ");
-            push_number(&mut self.buffer, material as usize);
-            self.buffer.push(b'\n');
+            self.buffer.extend_from_slice(b"g\n");
             self.corners_in_group = 0;
         }
         let start = self.buffer.len();
@@ -364,8 +364,13 @@ impl<'a> Cleaner<'a> {
         } else if corners > MAX_CORNERS {
             return Err(format!("a face of {corners} corners; the most is {MAX_CORNERS}: split it"));
         } else {
-            self.corners_in_group += corners;
             self.buffer.push(b'\n');
+            self.corners_in_group += corners;
+            let material = *self.material.get_or_insert_with(|| self.library.default_material());
+            if self.materials.last().is_none_or(|&(_, last)| last != material) {
+                self.materials.push((self.faces, material));
+            }
+            self.faces += 1;
         }
         Ok(())
     }
