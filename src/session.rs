@@ -12,10 +12,6 @@ use std::sync::Arc;
 
 /// Longest chain of rays unless something else is asked for, the camera ray counted as 1.
 pub const DEFAULT_DEPTH: u32 = 8;
-/// The longest chain that may be asked for: the stack of pending rays lies in private memory.
-pub const MAX_RAY_DEPTH: u32 = 64;
-/// The most samples per pixel that may be asked for.
-pub const MAX_SAMPLES: u32 = 65_536;
 /// Ambient light that is added together with the key light.
 const KEY_AMBIENT: f32 = 0.15;
 

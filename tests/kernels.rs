@@ -325,7 +325,7 @@ fn elementary_functions_keep_their_bounds() {
     assert!(log_error <= 4.0 * EPSILON, "log2_fixed is off by {} eps", log_error / EPSILON);
     // The error of log2 (4 eps) and of the product (1 eps) times the exponent's size, ln 2 * 126, and the polynomial's own.
     assert!(
-        power_error <= (5.0 * 126.0 * 0.6931 + 4.0) * EPSILON,
+        power_error <= (5.0 * 126.0 * std::f64::consts::LN_2 + 4.0) * EPSILON,
         "power_fixed is off by {} eps",
         power_error / EPSILON
     );

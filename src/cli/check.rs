@@ -119,30 +119,35 @@ fn camera_rays(buffers: &SceneBuffers, picture: &Picture) -> Vec<TraceRay> {
 
 fn print_findings(findings: &Findings, device: &RenderResult, reference: &RenderResult, output: &std::path::Path) {
     let Findings { hits, picture, .. } = findings;
-    println!("device       {}", findings.device);
-    println!("rays         {} on the device, {}", findings.rays, {
+    say!("device       {}", findings.device);
+    say!("rays         {} on the device, {}", findings.rays, {
         let sum: u64 = reference.counts.iter().step_by(2).sum();
         format!("{sum} on the reference")
     });
     for (i, name) in COUNTER_NAMES.iter().enumerate().filter(|&(i, _)| device.counts[i] != reference.counts[i]) {
-        println!("             {name}: {} against {}", device.counts[i], reference.counts[i]);
+        say!("             {name}: {} against {}", device.counts[i], reference.counts[i]);
     }
-    println!(
+    say!(
         "camera hits  {} of {} differ in some bit, {} in the triangle; t by up to {} ulp",
-        hits.differing, hits.rays, hits.differing_primitive, hits.largest_t_ulp
+        hits.differing,
+        hits.rays,
+        hits.differing_primitive,
+        hits.largest_t_ulp
     );
-    println!(
+    say!(
         "pixels       {} of {} differ after 8-bit sRGB, by up to {} steps (tolerated: {TOLERATED_STEPS})",
-        picture.differing_pixels, picture.pixels, picture.largest_step
+        picture.differing_pixels,
+        picture.pixels,
+        picture.largest_step
     );
     let flip = picture.flip_mean.map_or("not measured".to_owned(), |flip| format!("{flip:.6}"));
-    println!("difference   RMS {:.3e} (linear), FLIP {flip}", picture.rms);
-    println!(
+    say!("difference   RMS {:.3e} (linear), FLIP {flip}", picture.rms);
+    say!(
         "time         device {:.3} s, reference {:.3} s: ratio {:.2}",
         findings.device_s,
         findings.reference_s,
         findings.reference_s / findings.device_s
     );
-    println!("picture      {}", output.display());
-    println!("{}", if findings.passed { "passed" } else { "FAILED" });
+    say!("picture      {}", output.display());
+    say!("{}", if findings.passed { "passed" } else { "FAILED" });
 }

@@ -13,9 +13,9 @@ pub struct DevicesArgs {
 pub fn run(args: &DevicesArgs) -> Result<()> {
     let list = list_devices()?;
     if args.json {
-        println!("{}", devices_json(&list));
+        say!("{}", devices_json(&list));
     } else {
-        print!("{}", devices_report(&list));
+        say!("{}", devices_report(&list).trim_end());
     }
     Ok(())
 }

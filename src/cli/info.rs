@@ -72,7 +72,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         }),
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&info).expect("numbers and names serialise"));
+        say!("{}", serde_json::to_string_pretty(&info).expect("numbers and names serialise"));
     } else {
         print_info(&info);
     }
@@ -95,9 +95,9 @@ fn print_info(info: &SceneInfo) {
             }),
             serde_json::Value::Array(values) => {
                 let values: Vec<_> = values.iter().map(ToString::to_string).collect();
-                println!("{prefix:32} {}", values.join("  "));
+                say!("{prefix:32} {}", values.join("  "));
             }
-            value => println!("{prefix:32} {value}"),
+            value => say!("{prefix:32} {value}"),
         }
     }
     print("", &serde_json::to_value(info).expect("numbers and names serialise"));

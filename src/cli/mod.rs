@@ -1,6 +1,14 @@
 //! The command line: what can be asked for, and its conversion to the library's types. Together with `main.rs` this is the only
 //! code that prints, reads arguments or decides exit codes.
 
+/// Prints a line, also into a pipe that nobody reads any more (`raybrook info | head`), where `println!` would panic.
+macro_rules! say {
+    ($($argument:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), $($argument)*);
+    }};
+}
+
 mod check;
 mod devices;
 mod info;
@@ -12,6 +20,7 @@ mod trace;
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::scene::PictureDefaults;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -113,24 +122,25 @@ struct PictureArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
     /// Samples per pixel, in a fixed pattern [default: the scene's, else 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(raybrook::session::MAX_SAMPLES)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_SAMPLES)))]
     samples: Option<u32>,
     /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(raybrook::session::MAX_RAY_DEPTH)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
     /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel].
     #[arg(long, value_name = "W", value_parser = parse_weight)]
     kill_weight: Option<f32>,
 }
 
-/// Sides are limited so that the number of pixels fits any OpenCL device's counters.
-const MAX_SIDE: u32 = 65_535;
-
 fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let parts = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parts {
-        Some((w, h)) if (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h) => Ok((w, h)),
-        _ => Err(format!("expected WIDTHxHEIGHT with sides of 1 to {MAX_SIDE}, such as 1280x720")),
+        Some((w, h))
+            if (1..=PictureDefaults::MAX_SIDE).contains(&w) && (1..=PictureDefaults::MAX_SIDE).contains(&h) =>
+        {
+            Ok((w, h))
+        }
+        _ => Err(format!("expected WIDTHxHEIGHT with sides of 1 to {}, such as 1280x720", PictureDefaults::MAX_SIDE)),
     }
 }
 

@@ -87,7 +87,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         stats.write(path)?;
     }
     if !talk.quiet {
-        println!(
+        say!(
             "{}: {}x{}, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
             output.display(),
             picture.size.0,

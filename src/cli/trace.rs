@@ -113,7 +113,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         stats.write(path)?;
     }
     if !talk.quiet {
-        println!(
+        say!(
             "{} rays, {hits} hit, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
             rays.len(),
             stats.triangle_count,

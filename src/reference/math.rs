@@ -1,5 +1,8 @@
 //! Twin of `cl/shared/math.cl`: the same operations in the same order, so that every bit agrees. The reasons are there.
 
+#![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
+#![allow(clippy::excessive_precision)] // the digits are those of the kernels
+
 use glam::Vec3;
 
 /// `a*b - c*d` with an error of at most 1.5 ulp (Kahan).

@@ -1,5 +1,7 @@
 //! Twin of `cl/shade/whitted.cl`: reflection and refraction. The reasons are there.
 
+#![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x < 1)` is also true for NaN, and that is meant
+
 use super::math::{clamp01, dot3, fma3, max_component};
 use super::ray::Ray;
 use super::surface::{Surface, leave_surface};

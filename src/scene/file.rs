@@ -22,13 +22,6 @@ use toml::de::{DeTable, DeValue};
 /// The largest scene file, bytes: some 100,000 objects, far more than anyone writes.
 const MAX_FILE_BYTES: u64 = 16 << 20;
 
-/// The largest side of a picture, pixels.
-const MAX_SIDE: u32 = 65_535;
-/// The most samples per pixel.
-const MAX_SAMPLES: u32 = 65_536;
-/// The longest chain of rays.
-const MAX_DEPTH: u32 = 256;
-
 /// What is known while a scene file is read.
 struct Reader<'a> {
     source: Source<'a>,
@@ -87,16 +80,19 @@ impl<'a> Reader<'a> {
         let mut picture = PictureDefaults::default();
         if let Some(value) = root.get("image") {
             let image = Table::of(self.source, "[image]", value)?.allow("[image]", &["width", "height", "samples"])?;
-            picture.size = match (image.whole("width", 1..=MAX_SIDE)?, image.whole("height", 1..=MAX_SIDE)?) {
+            picture.size = match (
+                image.whole("width", 1..=PictureDefaults::MAX_SIDE)?,
+                image.whole("height", 1..=PictureDefaults::MAX_SIDE)?,
+            ) {
                 (None, None) => None,
                 (width, height) => Some((image.required("width", width)?, image.required("height", height)?)),
             };
-            picture.samples = image.whole("samples", 1..=MAX_SAMPLES)?;
+            picture.samples = image.whole("samples", 1..=PictureDefaults::MAX_SAMPLES)?;
         }
         if let Some(value) = root.get("trace") {
             let trace =
                 Table::of(self.source, "[trace]", value)?.allow("[trace]", &["depth", "ambient", "background"])?;
-            picture.depth = trace.whole("depth", 1..=MAX_DEPTH)?;
+            picture.depth = trace.whole("depth", 1..=PictureDefaults::MAX_DEPTH)?;
             self.builder.ambient(trace.colour("ambient")?.unwrap_or(Vec3::ZERO));
             if let Some(background) = self.read_background(&trace)? {
                 self.builder.background(background);

@@ -71,6 +71,15 @@ pub struct PictureDefaults {
     pub depth: Option<u32>,
 }
 
+impl PictureDefaults {
+    /// The longest side of a picture, pixels.
+    pub const MAX_SIDE: u32 = 65_535;
+    /// The most samples per pixel.
+    pub const MAX_SAMPLES: u32 = 65_536;
+    /// The longest chain of rays: the stack of pending ones lies in a device's private memory.
+    pub const MAX_DEPTH: u32 = 64;
+}
+
 /// A scene in world units.
 ///
 /// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated. Triangles that cannot
