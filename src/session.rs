@@ -43,10 +43,6 @@ pub fn complete(scene: &mut Scene, aspect: f32) {
     if scene.lights.is_empty() {
         scene.lights.push(Scene::key_light(&camera));
         scene.ambient = scene.ambient.max(Vec3::splat(KEY_AMBIENT));
-        // Files often say "no ambient light" where their own lights would have lit every side; without those it is darkness.
-        for material in scene.materials.iter_mut().filter(|m| m.ambient == Vec3::ZERO) {
-            material.ambient = material.diffuse;
-        }
     }
 }
 

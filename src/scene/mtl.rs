@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `Kd` | diffuse; 0.8 when missing, 1 when missing beside a `map_Kd` |
 //! | `map_Kd` | diffuse texture; options such as `-s` are read over |
-//! | `Ka` | ambient; the diffuse colour when missing. With a component above 1 it is no reflectance but a lamp (the Cornell box: 20): emission |
+//! | `Ka` | ambient; the diffuse colour when missing or 0 0 0. With a component above 1 it is no reflectance but a lamp (the Cornell box: 20): emission |
 //! | `Ke` | emission |
 //! | `Ks`, `Ns` | specular and shininess (at most [`Material::MAX_SHININESS`]; 10 when missing) |
 //! | `d`, `Tr` | opacity d, or 1 - Tr; `d` wins |
@@ -220,7 +220,8 @@ impl Library {
         let specular = definition.specular.unwrap_or_default();
         let mut material = Material {
             name: definition.name.clone(),
-            ambient: definition.ambient.unwrap_or(diffuse),
+            // Exporters write `Ka 0 0 0` where they mean nothing by it; the scene decides whether there is ambient light.
+            ambient: definition.ambient.filter(|&ka| ka != Vec3::ZERO).unwrap_or(diffuse),
             diffuse,
             diffuse_texture: texture,
             specular,
