@@ -23,6 +23,10 @@ pub struct SceneBuffers {
     pub references: Vec<u32>,
     /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit.
     pub vertices: Vec<Float4>,
+    /// Boxes, spheres or links of the structure; empty for those that need none.
+    pub bounds: Vec<Float4>,
+    /// Precomputed data of triangles, for the triangle tests that want it; else empty.
+    pub transforms: Vec<Float4>,
     /// One for each triangle.
     pub shading: Vec<Shading>,
     /// The materials.
@@ -104,6 +108,8 @@ impl SceneBuffers {
             nodes,
             references,
             vertices: triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
+            bounds: Vec::new(),
+            transforms: Vec::new(),
             shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
             materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
             lights: scene.lights.iter().map(|l| pack_light(l, scale)).collect(),
@@ -123,6 +129,8 @@ impl SceneBuffers {
         size_of_val(&self.nodes[..])
             + size_of_val(&self.references[..])
             + size_of_val(&self.vertices[..])
+            + size_of_val(&self.bounds[..])
+            + size_of_val(&self.transforms[..])
             + size_of_val(&self.shading[..])
             + size_of_val(&self.materials[..])
             + size_of_val(&self.lights[..])

@@ -7,7 +7,8 @@ use common::{Random, SEED, device};
 use glam::Vec3;
 use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
 use raybrook::layout::Float4;
-use raybrook::options::Intersector;
+use raybrook::options::{Intersector, TraceOptions};
+use raybrook::pack::SceneBuffers;
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::math;
 use raybrook::reference::ray::{Ray, widen_down, widen_up};
@@ -225,10 +226,12 @@ fn intersectors_equal_their_twins() {
     let Some(device) = device() else { return };
     for &intersector in Intersector::ALL {
         let body = format!(
-            "{MAKE_RAY} float t, u, v; bool hit = {}(&ray, vload3(0, in + 8), vload3(0, in + 11), vload3(0, in + 14), &t, &u, &v);\
+            "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8); float t, u, v;\
+             bool hit = {}(&geometry, &ray, 0, &t, &u, &v);\
              out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
             intersector.cl_function()
         );
+        const INPUTS: usize = 20; // a ray and three float4
         let mut random = Random(SEED);
         let mut data = Vec::new();
         for i in 0..4 * ITEMS {
@@ -246,19 +249,22 @@ fn intersectors_equal_their_twins() {
             data.extend(origin.to_array());
             data.extend((target - origin).to_array());
             data.extend([0.0, f32::INFINITY]);
-            data.extend(triangle.iter().flat_map(|p| p.to_array()));
+            data.extend(triangle.iter().flat_map(|p| [p.x, p.y, p.z, 0.0]));
         }
+        let one = common::scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        let mut buffers = SceneBuffers::new(&one, &TraceOptions::default()).unwrap();
         let mut hits = 0;
         let expected: Vec<f32> = data
-            .chunks_exact(17)
+            .chunks_exact(INPUTS)
             .flat_map(|x| {
-                let found = intersect(intersector, &ray_of(x), [v3(&x[8..]), v3(&x[11..]), v3(&x[14..])]);
+                buffers.vertices = (0..3).map(|corner| Float4::new(v3(&x[8 + 4 * corner..]), 0.0)).collect();
+                let found = intersect(&buffers, intersector, &ray_of(x), 0);
                 hits += usize::from(found.is_some());
                 found.map_or([0.0; 4], |f| [1.0, f.t, f.u, f.v])
             })
             .collect();
         assert!(hits > 2 * ITEMS, "{intersector}: only {hits} hits");
-        assert_same_bits(intersector.name(), 17, &data, &run(&device, &body, 17, 4, &data), &expected);
+        assert_same_bits(intersector.name(), INPUTS, &data, &run(&device, &body, INPUTS, 4, &data), &expected);
     }
 }
 

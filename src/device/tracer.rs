@@ -52,6 +52,8 @@ struct DeviceScene {
     nodes: Buffer<KdNode>,
     references: Buffer<u32>,
     vertices: Buffer<Float4>,
+    bounds: Buffer<Float4>,
+    transforms: Buffer<Float4>,
     params: Buffer<SceneParams>,
     shading: Buffer<Shading>,
     materials: Buffer<Material>,
@@ -124,6 +126,8 @@ impl OpenClTracer {
             nodes: Buffer::from_slice(&context, "nodes", &buffers.nodes)?,
             references: Buffer::from_slice(&context, "references", &buffers.references)?,
             vertices: Buffer::from_slice(&context, "vertices", &buffers.vertices)?,
+            bounds: Buffer::from_slice(&context, "bounds", &buffers.bounds)?,
+            transforms: Buffer::from_slice(&context, "triangle transforms", &buffers.transforms)?,
             params: Buffer::from_slice(&context, "scene parameters", &[buffers.params])?,
             shading: Buffer::from_slice(&context, "shading data", &buffers.shading)?,
             materials: Buffer::from_slice(&context, "materials", &buffers.materials)?,
@@ -152,7 +156,13 @@ impl OpenClTracer {
     }
 
     fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        Arguments::of(kernel).set(&scene.nodes)?.set(&scene.references)?.set(&scene.vertices)?.set(&scene.params)
+        Arguments::of(kernel)
+            .set(&scene.nodes)?
+            .set(&scene.references)?
+            .set(&scene.vertices)?
+            .set(&scene.bounds)?
+            .set(&scene.transforms)?
+            .set(&scene.params)
     }
 
     /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,

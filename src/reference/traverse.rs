@@ -32,7 +32,7 @@ fn test_triangle(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, prim
     if primitive == ray.skip {
         return;
     }
-    if let Some(found) = intersect(options.intersector, ray, vertices(buffers, primitive))
+    if let Some(found) = intersect(buffers, options.intersector, ray, primitive)
         && ray.is_nearer(hit, found.t, primitive)
     {
         *hit = Hit { t: found.t, u: found.u, v: found.v, primitive };
