@@ -1,9 +1,9 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
-use crate::accel::{BuildOptions, build_kd_tree};
+use crate::accel::{BuildOptions, build_kd_tree, link_leaves};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Accel, TraceOptions};
+use crate::options::{Accel, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Scene};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
@@ -81,13 +81,17 @@ impl SceneBuffers {
 
         let start = Instant::now();
         let build_options = BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth);
+        let mut bounds = Vec::new();
         let (nodes, references) = match options.accel {
             Accel::Brute => {
                 let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
                 (vec![leaf], primitives)
             }
             Accel::Kd => {
-                let tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                if options.traversal == Traversal::Ropes {
+                    bounds = link_leaves(&mut tree.nodes, &tree.bounds);
+                }
                 (tree.nodes, tree.references)
             }
         };
@@ -108,7 +112,7 @@ impl SceneBuffers {
             nodes,
             references,
             vertices: triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
-            bounds: Vec::new(),
+            bounds,
             transforms: Vec::new(),
             shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
             materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
