@@ -142,6 +142,17 @@ impl TraceOptions {
     /// The deepest tree that a traversal stack is made for.
     pub const MAX_DEPTH: u32 = 60;
 
+    /// What is used unless something else is asked for; a constant for tables of options.
+    pub const DEFAULT: TraceOptions = TraceOptions {
+        accel: Accel::Kd,
+        build: Build::Sah,
+        traversal: Traversal::Stack,
+        stack_size: None,
+        intersector: Intersector::Watertight,
+        leaf_size: None,
+        max_depth: None,
+    };
+
     /// Entries of the short stack unless something else is asked for.
     pub const SHORT_STACK: u32 = 8;
 
@@ -174,7 +185,7 @@ impl TraceOptions {
         if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {
             return Err(Error::option("--max-depth", format!("{depth} is over the limit of {}", Self::MAX_DEPTH)));
         }
-        if self.accel == Accel::Brute && self.traversal != Self::default().traversal {
+        if self.accel == Accel::Brute && self.traversal != Self::DEFAULT.traversal {
             let traversal = self.traversal;
             let reason = format!(
                 "'{traversal}' is a way through a kd-tree, and --accel brute has no tree; nearest: --accel kd --traversal {traversal}"
@@ -198,14 +209,39 @@ impl TraceOptions {
 
 impl Default for TraceOptions {
     fn default() -> Self {
-        TraceOptions {
-            accel: Accel::Kd,
-            build: Build::Sah,
-            traversal: Traversal::Stack,
-            stack_size: None,
-            intersector: Intersector::Watertight,
-            leaf_size: None,
-            max_depth: None,
+        Self::DEFAULT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_go_together_is_refused_with_the_nearest_that_does() {
+        let base = TraceOptions::DEFAULT;
+        let short = TraceOptions { traversal: Traversal::ShortStack, ..base };
+        for good in [
+            base,
+            TraceOptions { accel: Accel::Brute, ..base },
+            TraceOptions { stack_size: Some(1), ..short },
+            TraceOptions { stack_size: Some(60), ..short },
+        ] {
+            good.validate().unwrap();
+        }
+        for (bad, option, hint) in [
+            (TraceOptions { accel: Accel::Brute, ..short }, "--traversal", "--accel kd --traversal short-stack"),
+            (TraceOptions { stack_size: Some(4), ..base }, "--stack-size", "--traversal short-stack --stack-size 4"),
+            (
+                TraceOptions { accel: Accel::Brute, stack_size: Some(4), ..base },
+                "--stack-size",
+                "--accel kd --traversal short-stack",
+            ),
+            (TraceOptions { stack_size: Some(0), ..short }, "--stack-size", "1 to 60"),
+            (TraceOptions { stack_size: Some(61), ..short }, "--stack-size", "1 to 60"),
+        ] {
+            let message = bad.validate().unwrap_err().to_string();
+            assert!(message.contains(option) && message.contains(hint), "{message}");
         }
     }
 }
