@@ -3,19 +3,22 @@
 
 mod common;
 
-use common::{Random, SEED, device};
+use common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
 use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
 use raybrook::layout::Float4;
-use raybrook::options::{Intersector, TraceOptions};
+use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::math;
 use raybrook::reference::ray::{Ray, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
 use raybrook::reference::whitted::refract_direction;
+use raybrook::session::open_tracer;
 use raybrook::shared::{NO_PRIMITIVE, SHARED_STRUCTS};
+use raybrook::tracer::TraceJob;
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// Work-items of most tests; few, because Oclgrind interprets them.
 const ITEMS: usize = 512;
@@ -306,6 +309,35 @@ fn surface_with(normal: Vec3) -> Surface {
         texture_uv: [0.0; 2],
         material: 0,
         front: true,
+    }
+}
+
+/// Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
+/// `tests/traverse.rs`.
+#[test]
+fn traversals_equal_their_twins() {
+    let Some(device) = device() else { return };
+    let mut random = Random(SEED);
+    let scene = scene_of(&soup(60, 0.3, &mut random));
+    let short =
+        |size| TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(size), ..TraceOptions::DEFAULT };
+    let kd = Traversal::ALL.iter().map(|&traversal| TraceOptions { traversal, ..TraceOptions::DEFAULT });
+    let brute = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
+    for options in kd.chain([brute, short(1), short(2)]) {
+        let options = TraceOptions { leaf_size: Some(1), max_depth: Some(20), ..options };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let rays: Vec<_> = (0..200)
+            .map(|i| {
+                let from = 2.0 * random.vec3();
+                // Some along an axis, which meet many cells and planes at infinity.
+                let direction = if i % 4 == 0 { Vec3::NEG_X } else { random.vec3() - from };
+                buffers.trace_ray(from, direction, 0.0, f32::INFINITY)
+            })
+            .collect();
+        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+        let expected = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+        assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
     }
 }
 
