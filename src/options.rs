@@ -67,6 +67,16 @@ methods! {
     pub enum Traversal ("--traversal") {
         /// A full stack of far children.
         Stack = "stack",
+        /// No stack: after each leaf again from the root (Foley and Sugerman 2005).
+        Restart = "restart",
+        /// Restarts from the deepest node that holds all the rest (Horn et al. 2007).
+        PushDown = "push-down",
+        /// A stack of a few entries, and restarts when it has forgotten some (Horn et al. 2007).
+        ShortStack = "short-stack",
+        /// From leaf to leaf by links between neighbours (Popov et al. 2007).
+        Ropes = "ropes",
+        /// kd-restart as the thesis prints it, which loses hits. To study, not to use.
+        ThesisRestart = "thesis-restart",
     }
 }
 
@@ -77,6 +87,13 @@ methods! {
         MollerTrumbore = "moller-trumbore",
         /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between neighbours.
         Watertight = "watertight",
+    }
+}
+
+impl Traversal {
+    /// Whether it finds every hit. Only [`Traversal::ThesisRestart`] does not.
+    pub fn is_exact(self) -> bool {
+        self != Traversal::ThesisRestart
     }
 }
 
@@ -102,6 +119,9 @@ pub struct TraceOptions {
     /// The kd-tree's traversal.
     #[serde(serialize_with = "as_name")]
     pub traversal: Traversal,
+    /// Entries of the short stack, 1 to [`TraceOptions::MAX_DEPTH`]; `None`: [`TraceOptions::SHORT_STACK`]. Only for
+    /// [`Traversal::ShortStack`].
+    pub stack_size: Option<u32>,
     /// The ray-triangle test.
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
@@ -122,18 +142,42 @@ impl TraceOptions {
     /// The deepest tree that a traversal stack is made for.
     pub const MAX_DEPTH: u32 = 60;
 
+    /// What is used unless something else is asked for; a constant for tables of options.
+    pub const DEFAULT: TraceOptions = TraceOptions {
+        accel: Accel::Kd,
+        build: Build::Sah,
+        traversal: Traversal::Stack,
+        stack_size: None,
+        intersector: Intersector::Watertight,
+        leaf_size: None,
+        max_depth: None,
+    };
+
+    /// Entries of the short stack unless something else is asked for.
+    pub const SHORT_STACK: u32 = 8;
+
+    /// Entries of the short stack.
+    pub fn short_stack_size(&self) -> u32 {
+        self.stack_size.unwrap_or(Self::SHORT_STACK)
+    }
+
     /// The function in `cl/traverse/` that does it.
     pub fn cl_traverse(&self) -> &'static str {
         match (self.accel, self.traversal) {
             (Accel::Brute, _) => "traverse_brute_force",
             (Accel::Kd, Traversal::Stack) => "traverse_kd_stack",
+            (Accel::Kd, Traversal::Restart) => "traverse_kd_restart",
+            (Accel::Kd, Traversal::PushDown) => "traverse_kd_push_down",
+            (Accel::Kd, Traversal::ShortStack) => "traverse_kd_short_stack",
+            (Accel::Kd, Traversal::Ropes) => "traverse_kd_ropes",
+            (Accel::Kd, Traversal::ThesisRestart) => "traverse_thesis_restart",
         }
     }
 
-    /// Checks the numbers.
+    /// Checks the numbers, and that the parts go together.
     ///
     /// # Errors
-    /// [`Error::Option`] names the option that is out of its range.
+    /// [`Error::Option`] names the option that is out of its range or goes with nothing, and what is nearest to it.
     pub fn validate(&self) -> Result<()> {
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
@@ -141,19 +185,63 @@ impl TraceOptions {
         if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {
             return Err(Error::option("--max-depth", format!("{depth} is over the limit of {}", Self::MAX_DEPTH)));
         }
+        if self.accel == Accel::Brute && self.traversal != Self::DEFAULT.traversal {
+            let traversal = self.traversal;
+            let reason = format!(
+                "'{traversal}' is a way through a kd-tree, and --accel brute has no tree; nearest: --accel kd --traversal {traversal}"
+            );
+            return Err(Error::option("--traversal", reason));
+        }
+        let Some(size) = self.stack_size else { return Ok(()) };
+        if !(1..=Self::MAX_DEPTH).contains(&size) {
+            return Err(Error::option("--stack-size", format!("{size} is not in 1 to {}", Self::MAX_DEPTH)));
+        }
+        if (self.accel, self.traversal) != (Accel::Kd, Traversal::ShortStack) {
+            let reason = format!(
+                "only the short stack's size can be chosen, a full stack is as large as the tree is deep; nearest: --accel kd \
+                 --traversal short-stack --stack-size {size}"
+            );
+            return Err(Error::option("--stack-size", reason));
+        }
         Ok(())
     }
 }
 
 impl Default for TraceOptions {
     fn default() -> Self {
-        TraceOptions {
-            accel: Accel::Kd,
-            build: Build::Sah,
-            traversal: Traversal::Stack,
-            intersector: Intersector::Watertight,
-            leaf_size: None,
-            max_depth: None,
+        Self::DEFAULT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_go_together_is_refused_with_the_nearest_that_does() {
+        let base = TraceOptions::DEFAULT;
+        let short = TraceOptions { traversal: Traversal::ShortStack, ..base };
+        for good in [
+            base,
+            TraceOptions { accel: Accel::Brute, ..base },
+            TraceOptions { stack_size: Some(1), ..short },
+            TraceOptions { stack_size: Some(60), ..short },
+        ] {
+            good.validate().unwrap();
+        }
+        for (bad, option, hint) in [
+            (TraceOptions { accel: Accel::Brute, ..short }, "--traversal", "--accel kd --traversal short-stack"),
+            (TraceOptions { stack_size: Some(4), ..base }, "--stack-size", "--traversal short-stack --stack-size 4"),
+            (
+                TraceOptions { accel: Accel::Brute, stack_size: Some(4), ..base },
+                "--stack-size",
+                "--accel kd --traversal short-stack",
+            ),
+            (TraceOptions { stack_size: Some(0), ..short }, "--stack-size", "1 to 60"),
+            (TraceOptions { stack_size: Some(61), ..short }, "--stack-size", "1 to 60"),
+        ] {
+            let message = bad.validate().unwrap_err().to_string();
+            assert!(message.contains(option) && message.contains(hint), "{message}");
         }
     }
 }

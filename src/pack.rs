@@ -1,9 +1,9 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
-use crate::accel::{BuildOptions, build_kd_tree};
+use crate::accel::{BuildOptions, build_kd_tree, link_leaves};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Accel, TraceOptions};
+use crate::options::{Accel, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Scene};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
@@ -23,6 +23,10 @@ pub struct SceneBuffers {
     pub references: Vec<u32>,
     /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit.
     pub vertices: Vec<Float4>,
+    /// Boxes, spheres or links of the structure; empty for those that need none.
+    pub bounds: Vec<Float4>,
+    /// Precomputed data of triangles, for the triangle tests that want it; else empty.
+    pub transforms: Vec<Float4>,
     /// One for each triangle.
     pub shading: Vec<Shading>,
     /// The materials.
@@ -77,13 +81,17 @@ impl SceneBuffers {
 
         let start = Instant::now();
         let build_options = BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth);
+        let mut bounds = Vec::new();
         let (nodes, references) = match options.accel {
             Accel::Brute => {
                 let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
                 (vec![leaf], primitives)
             }
             Accel::Kd => {
-                let tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                if options.traversal == Traversal::Ropes {
+                    bounds = link_leaves(&mut tree.nodes, &tree.bounds);
+                }
                 (tree.nodes, tree.references)
             }
         };
@@ -104,6 +112,8 @@ impl SceneBuffers {
             nodes,
             references,
             vertices: triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
+            bounds,
+            transforms: Vec::new(),
             shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
             materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
             lights: scene.lights.iter().map(|l| pack_light(l, scale)).collect(),
@@ -123,6 +133,8 @@ impl SceneBuffers {
         size_of_val(&self.nodes[..])
             + size_of_val(&self.references[..])
             + size_of_val(&self.vertices[..])
+            + size_of_val(&self.bounds[..])
+            + size_of_val(&self.transforms[..])
             + size_of_val(&self.shading[..])
             + size_of_val(&self.materials[..])
             + size_of_val(&self.lights[..])

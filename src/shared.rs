@@ -12,6 +12,9 @@ pub const NO_PRIMITIVE: u32 = u32::MAX;
 /// `KdNode::flags` of a leaf; an inner node has its split axis 0, 1 or 2 there.
 pub const KD_LEAF: u32 = 3;
 
+/// A rope that leads out of the scene. The root's number, because no rope leads to the root.
+pub const NO_ROPE: u32 = 0;
+
 /// `Light::kind` of a point light.
 pub const LIGHT_POINT: u32 = 0;
 /// `Light::kind` of a directional light.
@@ -73,7 +76,7 @@ device_struct! {
     /// ```text
     /// flags: bits 0-1  split axis 0..2, or 3 = leaf; the rest 0
     /// inner: left, right = node indices (left = own index + 1: pre-order); split = plane coordinate
-    /// leaf:  left = first entry in the reference array; right = number of entries; split = 0
+    /// leaf:  left = first entry in the reference array; right = number of entries; split = 0, with ropes the leaf's number as bits
     /// ```
     pub struct KdNode {
         /// Split axis, or KD_LEAF.
@@ -241,6 +244,7 @@ pub fn types_cl() -> String {
     let constants = [
         ("NO_PRIMITIVE", NO_PRIMITIVE),
         ("KD_LEAF", KD_LEAF),
+        ("NO_ROPE", NO_ROPE),
         ("LIGHT_POINT", LIGHT_POINT),
         ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
         ("LIGHT_SPOT", LIGHT_SPOT),

@@ -3,18 +3,22 @@
 
 mod common;
 
-use common::{Random, SEED, device};
+use common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
 use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
 use raybrook::layout::Float4;
-use raybrook::options::Intersector;
+use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
+use raybrook::pack::SceneBuffers;
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::math;
 use raybrook::reference::ray::{Ray, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
 use raybrook::reference::whitted::refract_direction;
+use raybrook::session::open_tracer;
 use raybrook::shared::{NO_PRIMITIVE, SHARED_STRUCTS};
+use raybrook::tracer::TraceJob;
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// Work-items of most tests; few, because Oclgrind interprets them.
 const ITEMS: usize = 512;
@@ -225,10 +229,12 @@ fn intersectors_equal_their_twins() {
     let Some(device) = device() else { return };
     for &intersector in Intersector::ALL {
         let body = format!(
-            "{MAKE_RAY} float t, u, v; bool hit = {}(&ray, vload3(0, in + 8), vload3(0, in + 11), vload3(0, in + 14), &t, &u, &v);\
+            "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8); float t, u, v;\
+             bool hit = {}(&geometry, &ray, 0, &t, &u, &v);\
              out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
             intersector.cl_function()
         );
+        const INPUTS: usize = 20; // a ray and three float4
         let mut random = Random(SEED);
         let mut data = Vec::new();
         for i in 0..4 * ITEMS {
@@ -246,19 +252,22 @@ fn intersectors_equal_their_twins() {
             data.extend(origin.to_array());
             data.extend((target - origin).to_array());
             data.extend([0.0, f32::INFINITY]);
-            data.extend(triangle.iter().flat_map(|p| p.to_array()));
+            data.extend(triangle.iter().flat_map(|p| [p.x, p.y, p.z, 0.0]));
         }
+        let one = common::scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+        let mut buffers = SceneBuffers::new(&one, &TraceOptions::default()).unwrap();
         let mut hits = 0;
         let expected: Vec<f32> = data
-            .chunks_exact(17)
+            .chunks_exact(INPUTS)
             .flat_map(|x| {
-                let found = intersect(intersector, &ray_of(x), [v3(&x[8..]), v3(&x[11..]), v3(&x[14..])]);
+                buffers.vertices = (0..3).map(|corner| Float4::new(v3(&x[8 + 4 * corner..]), 0.0)).collect();
+                let found = intersect(&buffers, intersector, &ray_of(x), 0);
                 hits += usize::from(found.is_some());
                 found.map_or([0.0; 4], |f| [1.0, f.t, f.u, f.v])
             })
             .collect();
         assert!(hits > 2 * ITEMS, "{intersector}: only {hits} hits");
-        assert_same_bits(intersector.name(), 17, &data, &run(&device, &body, 17, 4, &data), &expected);
+        assert_same_bits(intersector.name(), INPUTS, &data, &run(&device, &body, INPUTS, 4, &data), &expected);
     }
 }
 
@@ -300,6 +309,35 @@ fn surface_with(normal: Vec3) -> Surface {
         texture_uv: [0.0; 2],
         material: 0,
         front: true,
+    }
+}
+
+/// Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
+/// `tests/traverse.rs`.
+#[test]
+fn traversals_equal_their_twins() {
+    let Some(device) = device() else { return };
+    let mut random = Random(SEED);
+    let scene = scene_of(&soup(60, 0.3, &mut random));
+    let short =
+        |size| TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(size), ..TraceOptions::DEFAULT };
+    let kd = Traversal::ALL.iter().map(|&traversal| TraceOptions { traversal, ..TraceOptions::DEFAULT });
+    let brute = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
+    for options in kd.chain([brute, short(1), short(2)]) {
+        let options = TraceOptions { leaf_size: Some(1), max_depth: Some(20), ..options };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let rays: Vec<_> = (0..200)
+            .map(|i| {
+                let from = 2.0 * random.vec3();
+                // Some along an axis, which meet many cells and planes at infinity.
+                let direction = if i % 4 == 0 { Vec3::NEG_X } else { random.vec3() - from };
+                buffers.trace_ray(from, direction, 0.0, f32::INFINITY)
+            })
+            .collect();
+        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+        let expected = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+        assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
     }
 }
 

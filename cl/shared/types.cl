@@ -3,6 +3,7 @@
 
 #define NO_PRIMITIVE 4294967295u
 #define KD_LEAF 3u
+#define NO_ROPE 0u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_SPOT 2u

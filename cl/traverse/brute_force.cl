@@ -9,10 +9,7 @@
 void test_triangle(const Geometry* geometry, const Ray* ray, uint primitive, Hit* hit) {
     float t, u, v;
     if (primitive == ray->skip) return;
-    const float3 p0 = LOAD_VERTEX(geometry, primitive, 0);
-    const float3 p1 = LOAD_VERTEX(geometry, primitive, 1);
-    const float3 p2 = LOAD_VERTEX(geometry, primitive, 2);
-    if (!INTERSECT(ray, p0, p1, p2, &t, &u, &v)) return;
+    if (!INTERSECT(geometry, ray, primitive, &t, &u, &v)) return;
     if (!is_nearer(ray, hit, t, primitive)) return;
     hit->t = t;
     hit->u = u;

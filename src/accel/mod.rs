@@ -4,12 +4,14 @@ mod clip;
 mod cost;
 mod events;
 mod median;
+mod ropes;
 mod sah;
 mod small;
 mod stats;
 mod subtree;
 mod validate;
 
+pub use ropes::link_leaves;
 pub use stats::TreeStats;
 pub use validate::check_tree;
 

@@ -75,9 +75,13 @@ struct MethodArgs {
     /// How the kd-tree is built: sah or median.
     #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
-    /// How rays walk through the kd-tree: stack.
+    /// How rays walk through the kd-tree: stack, restart, push-down, short-stack, ropes, or thesis-restart, which loses hits and
+    /// is there for study.
     #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
     traversal: Traversal,
+    /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
+    #[arg(long, value_name = "K")]
+    stack_size: Option<u32>,
     /// Ray-triangle test: watertight or moller-trumbore.
     #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
@@ -95,6 +99,7 @@ impl MethodArgs {
             accel: self.accel,
             build: self.build,
             traversal: self.traversal,
+            stack_size: self.stack_size,
             intersector: self.intersector,
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,

@@ -52,6 +52,8 @@ struct DeviceScene {
     nodes: Buffer<KdNode>,
     references: Buffer<u32>,
     vertices: Buffer<Float4>,
+    bounds: Buffer<Float4>,
+    transforms: Buffer<Float4>,
     params: Buffer<SceneParams>,
     shading: Buffer<Shading>,
     materials: Buffer<Material>,
@@ -116,6 +118,7 @@ impl OpenClTracer {
             .define("TRAVERSE", options.cl_traverse())
             .define("INTERSECT", options.intersector.cl_function())
             .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
+            .define("SHORT_STACK_SIZE", options.short_stack_size())
             .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
         let built = build(&context, &ProgramSource::kernels(), &compile_options, cache)?;
 
@@ -124,6 +127,8 @@ impl OpenClTracer {
             nodes: Buffer::from_slice(&context, "nodes", &buffers.nodes)?,
             references: Buffer::from_slice(&context, "references", &buffers.references)?,
             vertices: Buffer::from_slice(&context, "vertices", &buffers.vertices)?,
+            bounds: Buffer::from_slice(&context, "bounds", &buffers.bounds)?,
+            transforms: Buffer::from_slice(&context, "triangle transforms", &buffers.transforms)?,
             params: Buffer::from_slice(&context, "scene parameters", &[buffers.params])?,
             shading: Buffer::from_slice(&context, "shading data", &buffers.shading)?,
             materials: Buffer::from_slice(&context, "materials", &buffers.materials)?,
@@ -152,7 +157,13 @@ impl OpenClTracer {
     }
 
     fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        Arguments::of(kernel).set(&scene.nodes)?.set(&scene.references)?.set(&scene.vertices)?.set(&scene.params)
+        Arguments::of(kernel)
+            .set(&scene.nodes)?
+            .set(&scene.references)?
+            .set(&scene.vertices)?
+            .set(&scene.bounds)?
+            .set(&scene.transforms)?
+            .set(&scene.params)
     }
 
     /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,

@@ -2,7 +2,9 @@
 
 use super::math::{abs3, cross3, difference_of_products, dot3};
 use super::ray::Ray;
+use super::traverse::vertices;
 use crate::options::Intersector;
+use crate::pack::SceneBuffers;
 use glam::Vec3;
 
 /// Distance and weights of vertices 1 and 2.
@@ -18,10 +20,10 @@ pub struct Intersection {
 
 /// Where the ray's line meets the closed triangle, by the chosen test.
 #[inline(always)]
-pub fn intersect(intersector: Intersector, ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
+pub fn intersect(buffers: &SceneBuffers, intersector: Intersector, ray: &Ray, primitive: u32) -> Option<Intersection> {
     match intersector {
-        Intersector::MollerTrumbore => intersect_moller_trumbore(ray, triangle),
-        Intersector::Watertight => intersect_watertight(ray, triangle),
+        Intersector::MollerTrumbore => intersect_moller_trumbore(ray, vertices(buffers, primitive)),
+        Intersector::Watertight => intersect_watertight(ray, vertices(buffers, primitive)),
     }
 }
 

@@ -1,0 +1,61 @@
+//! Twin of `cl/traverse/kd_push_down.cl`.
+
+use super::NO_HIT;
+use super::kd_restart::next_trail;
+use super::kd_step::{KdCell, kd_step, root_cell, test_leaf};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::min_or;
+use crate::reference::ray::Ray;
+use crate::shared::{Hit, KD_LEAF};
+
+/// Looks for nearer hits than `hit` in all leaves that the ray meets below `start`.
+#[inline(always)]
+pub fn push_down(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    mut start: KdCell,
+    any_hit: bool,
+    mut hit: Hit,
+) -> Hit {
+    let mut trail = 0u64;
+    loop {
+        let mut cell = start;
+        let mut branches = 0;
+        let mut pending = 0u64;
+        let mut t_pending = f32::INFINITY;
+        let mut node = &buffers.nodes[cell.node as usize];
+        while node.flags != KD_LEAF {
+            if pending == 0 {
+                start = cell;
+                trail >>= branches;
+                branches = 0;
+            }
+            if let Some(second) = kd_step(ray, node, &mut cell) {
+                let branch = 1u64 << branches;
+                if trail & branch != 0 {
+                    cell = second;
+                } else if hit.t >= second.t_near {
+                    pending |= branch;
+                    t_pending = min_or(second.t_near, t_pending);
+                }
+                branches += 1;
+            }
+            node = &buffers.nodes[cell.node as usize];
+        }
+        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+            return hit;
+        }
+        if pending == 0 || hit.t < t_pending {
+            return hit;
+        }
+        trail = next_trail(trail, pending);
+    }
+}
+
+#[inline(always)]
+pub fn traverse_kd_push_down(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let Some(root) = root_cell(buffers, ray) else { return NO_HIT };
+    push_down(buffers, options, ray, root, any_hit, NO_HIT)
+}

@@ -1,0 +1,49 @@
+//! Twin of `cl/traverse/kd_restart.cl`.
+
+use super::NO_HIT;
+use super::kd_step::{kd_step, root_cell, test_leaf};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::min_or;
+use crate::reference::ray::Ray;
+use crate::shared::{Hit, KD_LEAF};
+
+/// The trail that leads to the second child of the deepest pending branch.
+#[inline(always)]
+pub fn next_trail(trail: u64, pending: u64) -> u64 {
+    let deepest = 1 << (63 - pending.leading_zeros());
+    (trail & (deepest - 1)) | deepest
+}
+
+#[inline(always)]
+pub fn traverse_kd_restart(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let mut hit = NO_HIT;
+    let Some(root) = root_cell(buffers, ray) else { return hit };
+    let mut trail = 0u64;
+    loop {
+        let mut cell = root;
+        let mut branch = 1u64;
+        let mut pending = 0u64;
+        let mut t_pending = f32::INFINITY;
+        let mut node = &buffers.nodes[0];
+        while node.flags != KD_LEAF {
+            if let Some(second) = kd_step(ray, node, &mut cell) {
+                if trail & branch != 0 {
+                    cell = second;
+                } else if hit.t >= second.t_near {
+                    pending |= branch;
+                    t_pending = min_or(second.t_near, t_pending);
+                }
+                branch <<= 1;
+            }
+            node = &buffers.nodes[cell.node as usize];
+        }
+        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+            return hit;
+        }
+        if pending == 0 || hit.t < t_pending {
+            return hit;
+        }
+        trail = next_trail(trail, pending);
+    }
+}

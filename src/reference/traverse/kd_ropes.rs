@@ -1,0 +1,77 @@
+//! Twin of `cl/traverse/kd_ropes.cl`.
+
+use super::NO_HIT;
+use super::kd_push_down::push_down;
+use super::kd_step::{kd_split, root_cell, test_leaf};
+use crate::layout::Float4;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::ray::Ray;
+use crate::reference::ray::{widen_down, widen_up};
+use crate::shared::{Hit, KD_LEAF, NO_ROPE};
+
+const NO_AXIS: usize = 3;
+
+/// The t at which the ray leaves one axis of a leaf.
+#[inline(always)]
+fn leave_slab(slab: &Float4, ray: &Ray, axis: usize) -> f32 {
+    ((if ray.direction[axis] >= 0.0 { slab.y } else { slab.x }) - ray.origin[axis]) * ray.inv_direction[axis]
+}
+
+#[inline(always)]
+fn rope_ahead(slab: &Float4, direction: f32) -> u32 {
+    (if direction >= 0.0 { slab.w } else { slab.z }).to_bits()
+}
+
+#[inline(always)]
+pub fn traverse_kd_ropes(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let mut hit = NO_HIT;
+    let Some(root) = root_cell(buffers, ray) else { return hit };
+    let mut next = 0;
+    let mut face_axis = NO_AXIS;
+    let mut face_low = root.t_near;
+    let mut face_high = f32::NEG_INFINITY;
+    loop {
+        let mut node = &buffers.nodes[next as usize];
+        while node.flags != KD_LEAF {
+            let split = kd_split(ray, node);
+            if split.t_high < face_low {
+                next = split.second;
+            } else if node.flags as usize == face_axis || split.t_low > face_high {
+                next = split.first;
+            } else {
+                return push_down(buffers, options, ray, root, any_hit, hit);
+            }
+            node = &buffers.nodes[next as usize];
+        }
+        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+            return hit;
+        }
+        let first_slab = 3 * node.split.to_bits() as usize;
+        let slabs = &buffers.bounds[first_slab..first_slab + 3];
+        let t: [f32; 3] = std::array::from_fn(|axis| leave_slab(&slabs[axis], ray, axis));
+        let axis = if t[1] < t[0] {
+            if t[2] < t[1] { 2 } else { 1 }
+        } else if t[2] < t[0] {
+            2
+        } else {
+            0
+        };
+        let exit_low = widen_down(t[axis]);
+        let exit_high = widen_up(t[axis]);
+        let single = (axis == 0 || widen_down(t[0]) > exit_high)
+            && (axis == 1 || widen_down(t[1]) > exit_high)
+            && (axis == 2 || widen_down(t[2]) > exit_high)
+            && (axis == face_axis || exit_low > face_high);
+        if !single {
+            return push_down(buffers, options, ray, root, any_hit, hit);
+        }
+        next = rope_ahead(&slabs[axis], ray.direction[axis]);
+        if hit.t < exit_low || exit_low > root.t_far || next == NO_ROPE {
+            return hit;
+        }
+        face_axis = axis;
+        face_low = exit_low;
+        face_high = exit_high;
+    }
+}

@@ -1,0 +1,79 @@
+//! Twin of `cl/traverse/kd_short_stack.cl`.
+
+use super::NO_HIT;
+use super::kd_restart::next_trail;
+use super::kd_step::{KdCell, kd_step, root_cell, test_leaf};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::min_or;
+use crate::reference::ray::Ray;
+use crate::shared::{Hit, KD_LEAF};
+
+#[inline(always)]
+pub fn traverse_kd_short_stack(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let mut hit = NO_HIT;
+    let Some(mut start) = root_cell(buffers, ray) else { return hit };
+    let size = options.short_stack_size() as usize;
+    let mut ring = [KdCell::default(); TraceOptions::MAX_DEPTH as usize];
+    let mut stored = 0;
+    let mut top = 0;
+    let mut t_forgotten = f32::INFINITY;
+    let mut cell = start;
+    let mut trail = 0u64;
+    let mut pending = 0u64;
+    let mut branches = 0;
+    loop {
+        let mut node = &buffers.nodes[cell.node as usize];
+        while node.flags != KD_LEAF {
+            if pending == 0 {
+                start = cell;
+                trail >>= branches;
+                branches = 0;
+            }
+            if let Some(second) = kd_step(ray, node, &mut cell) {
+                let branch = 1u64 << branches;
+                if trail & branch != 0 {
+                    cell = second;
+                } else if hit.t >= second.t_near {
+                    pending |= branch;
+                    if stored == size {
+                        t_forgotten = min_or(ring[top].t_near, t_forgotten);
+                    } else {
+                        stored += 1;
+                    }
+                    ring[top] = second;
+                    top = if top + 1 == size { 0 } else { top + 1 };
+                }
+                branches += 1;
+            }
+            node = &buffers.nodes[cell.node as usize];
+        }
+        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+            return hit;
+        }
+        loop {
+            if pending == 0 {
+                return hit;
+            }
+            trail = next_trail(trail, pending);
+            if stored == 0 {
+                if hit.t < t_forgotten {
+                    return hit;
+                }
+                t_forgotten = f32::INFINITY;
+                cell = start;
+                pending = 0;
+                branches = 0;
+                break;
+            }
+            branches = 64 - pending.leading_zeros();
+            pending &= !(1 << (branches - 1));
+            stored -= 1;
+            top = if top == 0 { size - 1 } else { top - 1 };
+            cell = ring[top];
+            if hit.t >= cell.t_near {
+                break;
+            }
+        }
+    }
+}

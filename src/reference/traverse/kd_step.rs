@@ -1,0 +1,79 @@
+//! Twin of `cl/traverse/kd_step.cl`: what the kd-tree's traversals share.
+
+use super::brute_force::test_triangle;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::{max_or, min_or};
+use crate::reference::ray::{Ray, widen_down, widen_up};
+use crate::shared::{Hit, KdNode, NO_PRIMITIVE};
+
+/// A node, and the part of the ray in its cell.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct KdCell {
+    pub node: u32,
+    pub t_near: f32,
+    pub t_far: f32,
+}
+
+/// The root and the part of the ray in the scene's box.
+#[inline(always)]
+pub fn root_cell(buffers: &SceneBuffers, ray: &Ray) -> Option<KdCell> {
+    let (t_near, t_far) = ray.clip_to_box(buffers.params.low.xyz(), buffers.params.high.xyz())?;
+    Some(KdCell { node: 0, t_near, t_far })
+}
+
+/// The children of an inner node in the order in which the ray meets them, and bounds of the plane's t.
+#[derive(Debug, Clone, Copy)]
+pub struct KdSplit {
+    pub first: u32,
+    pub second: u32,
+    pub t_low: f32,
+    pub t_high: f32,
+}
+
+#[inline(always)]
+pub fn kd_split(ray: &Ray, node: &KdNode) -> KdSplit {
+    let axis = node.flags as usize;
+    let t_split = (node.split - ray.origin[axis]) * ray.inv_direction[axis];
+    let ascending = ray.direction[axis] >= 0.0;
+    let (first, second) = if ascending { (node.left, node.right) } else { (node.right, node.left) };
+    KdSplit { first, second, t_low: widen_down(t_split), t_high: widen_up(t_split) }
+}
+
+/// Goes from the inner node `node` of `cell` to the child that the ray meets, the first one if it meets both; then returns the
+/// second one.
+#[inline(always)]
+pub fn kd_step(ray: &Ray, node: &KdNode, cell: &mut KdCell) -> Option<KdCell> {
+    let split = kd_split(ray, node);
+    if split.t_low > cell.t_far {
+        cell.node = split.first;
+        return None;
+    }
+    if split.t_high < cell.t_near {
+        cell.node = split.second;
+        return None;
+    }
+    let second = KdCell { node: split.second, t_near: max_or(split.t_low, cell.t_near), t_far: cell.t_far };
+    cell.node = split.first;
+    cell.t_far = min_or(split.t_high, cell.t_far);
+    Some(second)
+}
+
+/// Tests the triangles of a leaf. True when that answers the query.
+#[inline(always)]
+pub fn test_leaf(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    leaf: &KdNode,
+    any_hit: bool,
+    hit: &mut Hit,
+) -> bool {
+    for &primitive in &buffers.references[leaf.left as usize..(leaf.left + leaf.right) as usize] {
+        test_triangle(buffers, options, ray, primitive, hit);
+        if any_hit && hit.primitive != NO_PRIMITIVE {
+            return true;
+        }
+    }
+    false
+}

@@ -1,0 +1,42 @@
+//! Twins of `cl/traverse/`, file for file: how a ray finds the triangles that it may hit. The reasons are there.
+
+mod brute_force;
+mod kd_push_down;
+mod kd_restart;
+mod kd_ropes;
+mod kd_short_stack;
+mod kd_stack;
+mod kd_step;
+mod thesis_restart;
+
+use super::ray::Ray;
+use crate::options::{Accel, TraceOptions, Traversal};
+use crate::pack::SceneBuffers;
+use crate::shared::{Hit, NO_PRIMITIVE};
+use glam::Vec3;
+
+/// The hit of a ray that missed.
+pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
+
+/// The vertices of a triangle, tracing space.
+#[inline(always)]
+pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
+    let first = 3 * primitive as usize;
+    [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
+}
+
+/// The closest hit of the ray, or with `any_hit` some hit; in the ray's own units of t.
+#[inline(always)]
+pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    match (options.accel, options.traversal) {
+        (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit),
+        (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit),
+        (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit),
+        (Accel::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit),
+        (Accel::Kd, Traversal::ShortStack) => kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit),
+        (Accel::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit),
+        (Accel::Kd, Traversal::ThesisRestart) => {
+            thesis_restart::traverse_thesis_restart(buffers, options, ray, any_hit)
+        }
+    }
+}
