@@ -21,6 +21,11 @@ macro_rules! methods {
             pub fn name(self) -> &'static str {
                 match self { $($enum::$variant => $name),+ }
             }
+
+            /// All names, for messages: "a, b, c".
+            pub fn names() -> String {
+                [$($name),+].join(", ")
+            }
         }
 
         impl std::fmt::Display for $enum {
@@ -34,8 +39,7 @@ macro_rules! methods {
 
             fn from_str(text: &str) -> Result<Self> {
                 $enum::ALL.iter().copied().find(|m| m.name() == text).ok_or_else(|| {
-                    let names: Vec<_> = $enum::ALL.iter().map(|m| m.name()).collect();
-                    Error::option($option, format!("no '{text}'; possible: {}", names.join(", ")))
+                    Error::option($option, format!("no '{text}'; possible: {}", $enum::names()))
                 })
             }
         }
@@ -77,6 +81,12 @@ methods! {
         MollerTrumbore = "moller-trumbore",
         /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between neighbours.
         Watertight = "watertight",
+        /// Volumes of ray and edges (Amanatides and Choi 1997), alike to the bit for the two triangles of an edge.
+        Plucker = "plucker",
+        /// A transform for each triangle, computed beforehand (Baldwin and Weber 2016).
+        Precomputed = "precomputed",
+        /// Listing 5.1 of the thesis with its faults: no back faces, no small triangles, a near limit that grows with 1/area.
+        Thesis = "thesis",
     }
 }
 
@@ -86,7 +96,15 @@ impl Intersector {
         match self {
             Intersector::MollerTrumbore => "intersect_moller_trumbore",
             Intersector::Watertight => "intersect_watertight",
+            Intersector::Plucker => "intersect_plucker",
+            Intersector::Precomputed => "intersect_precomputed",
+            Intersector::Thesis => "intersect_thesis",
         }
+    }
+
+    /// Whether it reads [`crate::pack::SceneBuffers::transforms`].
+    pub fn needs_transforms(self) -> bool {
+        self == Intersector::Precomputed
     }
 }
 

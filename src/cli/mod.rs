@@ -60,17 +60,13 @@ enum Command {
 /// What to trace with.
 #[derive(Args)]
 struct MethodArgs {
-    /// Structure: brute (every triangle) or kd (kd-tree).
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().accel)]
+    #[arg(long, help = format!("Structure: {}", Accel::names()), value_name = "NAME", default_value_t = TraceOptions::default().accel)]
     accel: Accel,
-    /// How the kd-tree is built: sah or median.
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().build)]
+    #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
-    /// How rays walk through the kd-tree: stack.
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
+    #[arg(long, help = format!("How rays walk through the kd-tree: {}", Traversal::names()), value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
     traversal: Traversal,
-    /// Ray-triangle test: watertight or moller-trumbore.
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
+    #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
     /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median].
     #[arg(long, value_name = "N")]
