@@ -102,6 +102,15 @@ impl Intersector {
         }
     }
 
+    /// Whether t is that of a point of the triangle even when the ray lies in its plane. Then every structure gives the hits of
+    /// brute force; else a traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
+    ///
+    /// The t of `watertight` and `plucker` is a weighted mean of the vertices'; `precomputed` takes u and v from the point at t.
+    /// With the others t is a quotient of two numbers that may both be rounding errors.
+    pub fn is_robust(self) -> bool {
+        !matches!(self, Intersector::MollerTrumbore | Intersector::Thesis)
+    }
+
     /// Whether it reads [`crate::pack::SceneBuffers::transforms`].
     pub fn needs_transforms(self) -> bool {
         self == Intersector::Precomputed
