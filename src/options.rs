@@ -102,13 +102,14 @@ impl Intersector {
         }
     }
 
-    /// Whether t is that of a point of the triangle even when the ray lies in its plane. Then every structure gives the hits of
-    /// brute force; else a traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
+    /// Whether t stays right when the ray lies in the triangle's plane. Then every structure gives the hits of brute force; else a
+    /// traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
     ///
-    /// The t of `watertight` and `plucker` is a weighted mean of the vertices'; `precomputed` takes u and v from the point at t.
-    /// With the others t is a quotient of two numbers that may both be rounding errors.
+    /// `watertight` weighs the vertices' own distances and `precomputed` takes u and v from the point at t: neither had such a
+    /// ray in the tests. With the others t is a quotient of two numbers that may both be rounding errors: among 80,000 rays, three
+    /// quarters of them in a triangle's plane or close to it, up to a few hundred.
     pub fn is_robust(self) -> bool {
-        !matches!(self, Intersector::MollerTrumbore | Intersector::Thesis)
+        matches!(self, Intersector::Watertight | Intersector::Precomputed)
     }
 
     /// Whether it reads [`crate::pack::SceneBuffers::transforms`].

@@ -13,9 +13,9 @@
 //     aimed at a vertex of six triangles 1,575 passed between all of them (3,707 with cross3, which is not antisymmetric to the
 //     bit and loses rays through edges as well).
 // So a closed mesh is tight, short of triangles so thin that all neighbours of a vertex lie in one plane with the ray but for
-// rounding; watertight.cl needs no such exception. t is the weighted mean of the vertices' along the ray, and therefore never
-// outside of the triangle; that of the plane, (N . a) / (N . d), is noise over noise for a triangle seen edge-on. The slowest of
-// the tests.
+// rounding; watertight.cl needs no such exception. t is that of the plane: noise over noise for a triangle seen edge-on, so that a
+// traversal may then find another hit than brute force. (The mean of the vertices' t weighted by the volumes is better there and
+// worse where the ray starts close to the triangle: measured, a hit behind the origin.) The slowest of the tests.
 
 // d . (a x b); moment: d x vertex; distance: the square of its length, that is of the vertex's distance from the ray, times |d|^2.
 float edge_volume(float3 a, float3 b, float3 moment_a, float3 moment_b, float distance_a, float distance_b) {
@@ -42,11 +42,10 @@ bool intersect_plucker(const Geometry* geometry, const Ray* ray, uint primitive,
     const bool all_negative = volume0 <= 0.0f && volume1 <= 0.0f && volume2 <= 0.0f;
     if (!(all_positive || all_negative)) return false;
 
+    const float3 normal = cross3(b - a, c - a);
+    *t = dot3(normal, a) / dot3(normal, ray->direction); // a parallel ray gives infinity or NaN: rejected
     const float sum = volume0 + volume1 + volume2;
-    const float along0 = dot3(a, ray->direction), along1 = dot3(b, ray->direction), along2 = dot3(c, ray->direction);
-    const float weighted = fma(volume0, along0, fma(volume1, along1, volume2 * along2));
-    *t = weighted / (sum * dot3(ray->direction, ray->direction)); // seen edge-on sum is 0: infinite or NaN, rejected
     *u = volume1 / sum;
     *v = volume2 / sum;
-    return is_finite(*t);
+    return is_finite(*t) && sum != 0.0f;
 }

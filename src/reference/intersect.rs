@@ -125,11 +125,10 @@ pub fn intersect_plucker(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Intersect
     if !(all_positive || all_negative) {
         return None;
     }
+    let normal = cross3(b - a, c - a);
+    let t = dot3(normal, a) / dot3(normal, ray.direction);
     let sum = volume0 + volume1 + volume2;
-    let (along0, along1, along2) = (dot3(a, ray.direction), dot3(b, ray.direction), dot3(c, ray.direction));
-    let weighted = volume0.mul_add(along0, volume1.mul_add(along1, volume2 * along2));
-    let t = weighted / (sum * dot3(ray.direction, ray.direction));
-    t.is_finite().then_some(Intersection { t, u: volume1 / sum, v: volume2 / sum })
+    (t.is_finite() && sum != 0.0).then_some(Intersection { t, u: volume1 / sum, v: volume2 / sum })
 }
 
 #[inline(always)]
