@@ -106,8 +106,9 @@ impl Intersector {
     /// traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
     ///
     /// `watertight` weighs the vertices' own distances and `precomputed` takes u and v from the point at t: neither had such a
-    /// ray in the tests. With the others t is a quotient of two numbers that may both be rounding errors: among 80,000 rays, three
-    /// quarters of them in a triangle's plane or close to it, up to a few hundred.
+    /// ray in the tests. With the others t is a quotient of two numbers that may both be rounding errors: of 160,000 hits, three
+    /// quarters of them of rays in a triangle's plane or close to it, 43 (`moller-trumbore`) and 195 (`plucker`) were others than
+    /// brute force's.
     pub fn is_robust(self) -> bool {
         matches!(self, Intersector::Watertight | Intersector::Precomputed)
     }
