@@ -1,5 +1,9 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
+mod transforms;
+
+pub use transforms::triangle_transform;
+
 use crate::accel::{BuildOptions, build_kd_tree, link_leaves};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
@@ -113,7 +117,10 @@ impl SceneBuffers {
             references,
             vertices: triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
             bounds,
-            transforms: Vec::new(),
+            transforms: match options.intersector.needs_transforms() {
+                true => triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
+                false => Vec::new(),
+            },
             shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
             materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
             lights: scene.lights.iter().map(|l| pack_light(l, scale)).collect(),

@@ -8,6 +8,7 @@ typedef struct {
     __global const float4* transforms; // precomputed data of triangles, for the triangle tests that want it
     float3 low, high;                 // box around all triangles
     uint reference_count;             // for brute force
+    float scale;                      // tracing space = world units times this
 } Geometry;
 
 #define LOAD_NODE(geometry, index) ((geometry)->nodes[index])
@@ -22,4 +23,5 @@ typedef struct {
         __global const float4 *restrict vertices, __global const float4 *restrict bounds,            \
         __global const float4 *restrict transforms, __global const SceneParams *restrict scene_params
 #define MAKE_GEOMETRY                                                                             \
-    { nodes, references, vertices, bounds, transforms, scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count }
+    { nodes, references, vertices, bounds, transforms, scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
+      scene_params->scale }

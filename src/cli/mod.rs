@@ -69,21 +69,16 @@ enum Command {
 /// What to trace with.
 #[derive(Args)]
 struct MethodArgs {
-    /// Structure: brute (every triangle) or kd (kd-tree).
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().accel)]
+    #[arg(long, help = format!("Structure: {}", Accel::names()), value_name = "NAME", default_value_t = TraceOptions::default().accel)]
     accel: Accel,
-    /// How the kd-tree is built: sah or median.
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().build)]
+    #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
-    /// How rays walk through the kd-tree: stack, restart, push-down, short-stack, ropes, or thesis-restart, which loses hits and
-    /// is there for study.
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
+    #[arg(long, help = format!("How rays walk through the kd-tree: {}; thesis-restart loses hits and is there for study", Traversal::names()), value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
     traversal: Traversal,
     /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
     #[arg(long, value_name = "K")]
     stack_size: Option<u32>,
-    /// Ray-triangle test: watertight or moller-trumbore.
-    #[arg(long, value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
+    #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
     /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median].
     #[arg(long, value_name = "N")]

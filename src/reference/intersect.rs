@@ -3,6 +3,7 @@
 use super::math::{abs3, cross3, difference_of_products, dot3};
 use super::ray::Ray;
 use super::traverse::vertices;
+use crate::layout::Float4;
 use crate::options::Intersector;
 use crate::pack::SceneBuffers;
 use glam::Vec3;
@@ -24,6 +25,13 @@ pub fn intersect(buffers: &SceneBuffers, intersector: Intersector, ray: &Ray, pr
     match intersector {
         Intersector::MollerTrumbore => intersect_moller_trumbore(ray, vertices(buffers, primitive)),
         Intersector::Watertight => intersect_watertight(ray, vertices(buffers, primitive)),
+        Intersector::Plucker => intersect_plucker(ray, vertices(buffers, primitive)),
+        Intersector::Precomputed => {
+            let first = 3 * primitive as usize;
+            let transforms = &buffers.transforms;
+            intersect_precomputed(ray, [transforms[first], transforms[first + 1], transforms[first + 2]])
+        }
+        Intersector::Thesis => intersect_thesis(ray, vertices(buffers, primitive), buffers.params.scale),
     }
 }
 
@@ -84,4 +92,100 @@ pub fn intersect_watertight(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Inters
     let z_weighted = weight0.mul_add(a.z, weight1.mul_add(b.z, weight2 * c.z));
     let t = z_weighted / (det * direction.z);
     t.is_finite().then_some(Intersection { t, u: weight1 / det, v: weight2 / det })
+}
+
+/// Scalar triple product of direction and two vertices, each with its moment and that one's squared length.
+#[inline(always)]
+fn edge_volume(a: Vec3, b: Vec3, moment_a: Vec3, moment_b: Vec3, distance_a: f32, distance_b: f32) -> f32 {
+    let by_a = dot3(b, moment_a);
+    let by_b = dot3(a, moment_b);
+    if distance_a < distance_b {
+        by_a
+    } else if distance_b < distance_a {
+        -by_b
+    } else {
+        0.5 * (by_a - by_b)
+    }
+}
+
+/// Twin of `cl/intersect/plucker.cl`.
+#[inline(always)]
+pub fn intersect_plucker(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Intersection> {
+    let (a, b, c) = (p0 - ray.origin, p1 - ray.origin, p2 - ray.origin);
+    let moment = |vertex| cross3(ray.direction, vertex);
+    let (moment_a, moment_b, moment_c) = (moment(a), moment(b), moment(c));
+    let (distance_a, distance_b, distance_c) =
+        (dot3(moment_a, moment_a), dot3(moment_b, moment_b), dot3(moment_c, moment_c));
+
+    let volume0 = edge_volume(b, c, moment_b, moment_c, distance_b, distance_c);
+    let volume1 = edge_volume(c, a, moment_c, moment_a, distance_c, distance_a);
+    let volume2 = edge_volume(a, b, moment_a, moment_b, distance_a, distance_b);
+    let all_positive = volume0 >= 0.0 && volume1 >= 0.0 && volume2 >= 0.0;
+    let all_negative = volume0 <= 0.0 && volume1 <= 0.0 && volume2 <= 0.0;
+    if !(all_positive || all_negative) {
+        return None;
+    }
+    let normal = cross3(b - a, c - a);
+    let t = dot3(normal, a) / dot3(normal, ray.direction);
+    let sum = volume0 + volume1 + volume2;
+    (t.is_finite() && sum != 0.0).then_some(Intersection { t, u: volume1 / sum, v: volume2 / sum })
+}
+
+#[inline(always)]
+fn rotate_to_x(v: Vec3, axis: u32) -> Vec3 {
+    match axis {
+        0 => v,
+        1 => Vec3::new(v.y, v.z, v.x),
+        _ => Vec3::new(v.z, v.x, v.y),
+    }
+}
+
+/// Twin of `cl/intersect/precomputed.cl`; takes what [`crate::pack::triangle_transform`] made.
+#[inline(always)]
+pub fn intersect_precomputed(ray: &Ray, [corner_axis, normal_u, gradient_v]: [Float4; 3]) -> Option<Intersection> {
+    let axis = corner_axis.w.to_bits();
+    let from = rotate_to_x(ray.origin - corner_axis.xyz(), axis);
+    let direction = rotate_to_x(ray.direction, axis);
+
+    let height = normal_u.x.mul_add(from.y, normal_u.y.mul_add(from.z, from.x));
+    let descent = normal_u.x.mul_add(direction.y, normal_u.y.mul_add(direction.z, direction.x));
+    let t = -height / descent;
+    let x = t.mul_add(direction.y, from.y);
+    let y = t.mul_add(direction.z, from.z);
+    let u = normal_u.z.mul_add(x, normal_u.w * y);
+    let v = gradient_v.x.mul_add(x, gradient_v.y * y);
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t.is_finite()).then_some(Intersection { t, u, v })
+}
+
+const THESIS_EPSILON: f32 = 1.0e-6;
+
+/// Twin of `cl/intersect/thesis.cl`; `scale` is that of tracing space.
+#[inline(always)]
+pub fn intersect_thesis(ray: &Ray, [a, b, c]: [Vec3; 3], scale: f32) -> Option<Intersection> {
+    let area_epsilon = THESIS_EPSILON * scale * scale;
+    let det_epsilon = area_epsilon * dot3(ray.direction, ray.direction).sqrt();
+    let dist_epsilon = area_epsilon * scale;
+
+    let edge1 = b - a;
+    let edge2 = c - a;
+    let pvec = cross3(ray.direction, edge2);
+    let det = dot3(edge1, pvec);
+    if det < det_epsilon {
+        return None;
+    }
+    let tvec = ray.origin - a;
+    let u = dot3(tvec, pvec);
+    if u < 0.0 || u > det {
+        return None;
+    }
+    let qvec = cross3(tvec, edge1);
+    let v = dot3(ray.direction, qvec);
+    if v < 0.0 || u + v > det {
+        return None;
+    }
+    let dist = dot3(edge2, qvec);
+    if dist < dist_epsilon {
+        return None;
+    }
+    Some(Intersection { t: dist / det, u: u / det, v: v / det })
 }

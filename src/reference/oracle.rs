@@ -32,7 +32,7 @@ impl Oracle {
     /// two-sided; a ray with NaN or infinite parts, or of length zero, misses.
     ///
     /// The edge functions d·(a×b) of vertices relative to the origin are the same number, but for the sign, in the two triangles
-    /// of an edge, so that no ray passes between neighbours (Plücker; Davidovič et al. 2012).
+    /// of an edge, so that no ray passes between neighbours (Plücker; Davidovič et al. 2012; see `cl/intersect/plucker.cl`).
     pub fn closest_hit(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<OracleHit> {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
             return None;
@@ -41,7 +41,7 @@ impl Oracle {
         let mut best: Option<OracleHit> = None;
         for &(primitive, [p0, p1, p2]) in &self.triangles {
             let (a, b, c) = (p0 - o, p1 - o, p2 - o);
-            let edges = [d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b))];
+            let edges = [edge_volume(d, b, c), edge_volume(d, c, a), edge_volume(d, a, b)];
             if !(edges.iter().all(|&e| e >= 0.0) || edges.iter().all(|&e| e <= 0.0)) {
                 continue;
             }
@@ -55,4 +55,38 @@ impl Oracle {
         }
         best
     }
+}
+
+/// d·(a×b), with the opposite sign to the bit when a and b are exchanged. What is too small to be sure of its sign is measured
+/// from the vertex nearer to the ray, so that all edges of a vertex agree on which side of it the ray passes: without this the
+/// oracle lost 17 of 40,000 rays aimed at the vertices of a sphere.
+fn edge_volume(d: DVec3, a: DVec3, b: DVec3) -> f64 {
+    const ROUNDING: f64 = 4.0 * f64::EPSILON; // 8 roundings, of f64::EPSILON / 2 each, more than the longest chain has
+    let volume = d.dot(a.cross(b));
+    let size = |v: DVec3| v.abs().element_sum();
+    if volume.abs() > ROUNDING * size(d) * (size(a) * size(b)) {
+        return volume;
+    }
+    let (moment_a, moment_b) = (accurate_cross(d, a), accurate_cross(d, b));
+    let (distance_a, distance_b) = (moment_a.length_squared(), moment_b.length_squared());
+    if distance_a < distance_b {
+        b.dot(moment_a)
+    } else if distance_b < distance_a {
+        -a.dot(moment_b)
+    } else {
+        0.5 * (b.dot(moment_a) - a.dot(moment_b))
+    }
+}
+
+/// The vector product, each component right to 1.5 ulp (Kahan; see `cl/shared/math.cl`).
+fn accurate_cross(a: DVec3, b: DVec3) -> DVec3 {
+    let difference_of_products = |a: f64, b: f64, c: f64, d: f64| {
+        let cd = c * d;
+        a.mul_add(b, -cd) + (-c).mul_add(d, cd)
+    };
+    DVec3::new(
+        difference_of_products(a.y, b.z, a.z, b.y),
+        difference_of_products(a.z, b.x, a.x, b.z),
+        difference_of_products(a.x, b.y, a.y, b.x),
+    )
 }
