@@ -4,15 +4,18 @@
 //! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: brute force in f64, against which accuracy is
 //! measured.
 
+pub mod grid;
 pub mod intersect;
 pub mod light;
 pub mod math;
+pub mod octree;
 pub mod oracle;
 pub mod ray;
 pub mod render;
 pub mod surface;
 pub mod texture;
 pub mod traverse;
+pub mod volumes;
 pub mod whitted;
 
 use crate::error::Result;

@@ -1,8 +1,11 @@
 //! Twins of `cl/traverse/`: how a ray finds the triangles that it may hit. The reasons are there.
 
+use super::grid::traverse_grid;
 use super::intersect::intersect;
 use super::math::{max_or, min_or};
+use super::octree::traverse_octree;
 use super::ray::{Ray, widen_down, widen_up};
+use super::volumes::{traverse_boxes, traverse_spheres};
 use crate::options::{Accel, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, KD_LEAF, NO_PRIMITIVE};
@@ -24,11 +27,15 @@ pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_h
     match (options.accel, options.traversal) {
         (Accel::Brute, _) => traverse_brute_force(buffers, options, ray, any_hit),
         (Accel::Kd, Traversal::Stack) => traverse_kd_stack(buffers, options, ray, any_hit),
+        (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit),
+        (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit),
+        (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit),
+        (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit),
     }
 }
 
 #[inline(always)]
-fn test_triangle(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, primitive: u32, hit: &mut Hit) {
+pub(super) fn test_triangle(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, primitive: u32, hit: &mut Hit) {
     if primitive == ray.skip {
         return;
     }
