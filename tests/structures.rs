@@ -49,7 +49,7 @@ fn scenes() -> Vec<(&'static str, Triangles)> {
         ("lattice, not at round numbers", moved(lattice(4), 0.1, Vec3::new(0.3, -0.7, 100.1))),
         ("flat", sheet(8).into_iter().map(|t| t.map(|p| p.with_z(0.0))).collect()),
         ("flat, across x", sheet(8).into_iter().map(|t| t.map(|p| Vec3::new(0.1, p.y, p.x))).collect()),
-        ("duplicates", vec![[Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), Vec3::new(3.0, 1.0, -2.0)]; 300]),
+        ("duplicates", vec![[Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), Vec3::new(3.0, 1.0, -2.0)]; 50]),
         ("far from the origin", moved(soup(200, 0.3, &mut random), 1.0, Vec3::new(1e6, -2e6, 3e5))),
         ("huge", moved(soup(200, 0.3, &mut random), 1e18, Vec3::splat(-5e17))),
         ("tiny", moved(soup(200, 0.3, &mut random), 1e-20, Vec3::ZERO)),
@@ -153,7 +153,7 @@ fn assert_same(name: &str, rays: &[TraceRay], got: &[Hit], expected: &[Hit]) {
 
 #[test]
 fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
-    const RAYS: usize = 28_000;
+    const RAYS: usize = 7_000;
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
         let mut expected = Vec::new();
@@ -182,9 +182,9 @@ fn the_device_agrees_on_them_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
-        for options in all_options().into_iter().skip(1) {
+        for options in all_options().into_iter().skip(1).take(5) {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-            let rays = queries(&buffers, 2800);
+            let rays = queries(&buffers, 1400);
             let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let expected = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let got =
@@ -236,7 +236,8 @@ fn a_grid_lists_each_triangle_in_every_cell_that_its_box_touches() {
                     assert!(listed || !touches, "{name}: cell {at:?} does not list triangle {i}");
                 }
             }
-            assert_eq!(next as usize, buffers.references.len(), "{name}");
+            assert_eq!(buffers.references[next as usize..], all(&triangles), "{name}");
+            assert_eq!(buffers.bounds[3].y.to_bits(), next, "{name}");
         }
     }
 }

@@ -6,7 +6,8 @@
 // triangle in several cells is tested again in each: no mailboxes.
 //
 // nodes[cell] is a leaf record, cells in order z, y, x (x fastest). bounds[0] {low corner, cells along x}, bounds[1] {a cell's
-// size, cells along y}, bounds[2] {1 / size, cells along z}, bounds[3] {reach, 0, 0, 0}; counts by as_uint.
+// size, cells along y}, bounds[2] {1 / size, cells along z}, bounds[3] {reach, first of the list of all triangles, 0, 0}; whole
+// numbers by as_int and as_uint. The list of all triangles ends the references.
 //
 // The walk does not accumulate t as the paper does: plane k of an axis is ONE float32 number, fma(k, size, low), here and in
 // src/accel/grid.rs, and its t comes from it. Why no triangle is missed, with D as in cl/shared/ray.cl:
@@ -59,9 +60,16 @@ GridAxis grid_axis(float low, float size, float cells_per_unit, int count, float
 }
 
 bool traverse_grid(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
-    const float distance = farthest_distance(ray, geometry->low, geometry->high);
-    if (!(distance <= LOAD_BOUNDS(geometry, 3).x)) return traverse_brute_force(geometry, ray, any_hit, hit);
     *hit = no_hit();
+    const float distance = farthest_distance(ray, geometry->low, geometry->high);
+    const float4 reach = LOAD_BOUNDS(geometry, 3);
+    if (!(distance <= reach.x)) {
+        for (uint i = as_uint(reach.y); i < geometry->reference_count; i++) {
+            test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
+            if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
+        }
+        return hit->primitive != NO_PRIMITIVE;
+    }
     float t_near, t_far;
     if (!clip_to_thick_box(ray, SLACK * distance, geometry->low, geometry->high, &t_near, &t_far)) return false;
 

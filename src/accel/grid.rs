@@ -110,6 +110,8 @@ impl Grid {
                 ends[cell] += 1;
             });
         }
+        let all = references.len() as u32;
+        references.extend(primitives);
         let inverse = |x: f32| if (1.0 / x).is_finite() { 1.0 / x } else { 0.0 };
         let per_unit = Vec3::from_array(self.cell.to_array().map(inverse));
         let count = self.size.map(f32::from_bits);
@@ -117,7 +119,7 @@ impl Grid {
             Float4::new(self.low, count[0]),
             Float4::new(self.cell, count[1]),
             Float4::new(per_unit, count[2]),
-            Float4::new(Vec3::X * self.reach, 0.0),
+            Float4::new(Vec3::new(self.reach, f32::from_bits(all), 0.0), 0.0),
         ];
         Structure { nodes, references, bounds }
     }

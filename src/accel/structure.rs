@@ -8,7 +8,7 @@ use crate::shared::{KD_LEAF, KdNode};
 pub struct Structure {
     /// Cells, clusters or nodes; those that list triangles are leaf records.
     pub nodes: Vec<KdNode>,
-    /// Triangle numbers, a range for each leaf record, ascending in each.
+    /// Triangle numbers, a range for each leaf record, ascending in each; behind a grid's, all triangles.
     pub references: Vec<u32>,
     /// Boxes, spheres or planes.
     pub bounds: Vec<Float4>,
@@ -42,11 +42,12 @@ impl StructureStats {
     /// The numbers of a structure over `triangle_count` triangles.
     pub fn new(nodes: &[KdNode], references: &[u32], bounds: &[Float4], triangle_count: usize) -> StructureStats {
         let counts = || nodes.iter().filter(|node| node.flags == KD_LEAF).map(|node| node.right);
+        let listed: usize = counts().map(|count| count as usize).sum();
         StructureStats {
             cells: counts().count(),
             empty_cells: counts().filter(|&count| count == 0).count(),
-            references: references.len(),
-            references_per_triangle: references.len() as f64 / triangle_count.max(1) as f64,
+            references: listed,
+            references_per_triangle: listed as f64 / triangle_count.max(1) as f64,
             largest_cell: counts().max().unwrap_or(0),
             bytes: size_of_val(nodes) + size_of_val(references) + size_of_val(bounds),
         }

@@ -2,7 +2,7 @@
 
 use super::math::{max_or, min_or};
 use super::ray::{Ray, SLACK};
-use super::traverse::{NO_HIT, test_triangle, traverse_brute_force};
+use super::traverse::{NO_HIT, test_triangle};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE};
@@ -78,10 +78,16 @@ impl GridAxis {
 pub fn traverse_grid(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let distance = ray.farthest_distance(low, high);
-    if !(distance <= buffers.bounds[3].x) {
-        return traverse_brute_force(buffers, options, ray, any_hit);
-    }
     let mut hit = NO_HIT;
+    if !(distance <= buffers.bounds[3].x) {
+        for &primitive in &buffers.references[buffers.bounds[3].y.to_bits() as usize..] {
+            test_triangle(buffers, options, ray, primitive, &mut hit);
+            if any_hit && hit.primitive != NO_PRIMITIVE {
+                break;
+            }
+        }
+        return hit;
+    }
     let Some((t_near, t_far)) = ray.clip_to_thick_box(SLACK * distance, low, high) else {
         return hit;
     };
