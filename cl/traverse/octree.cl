@@ -81,7 +81,7 @@ bool traverse_octree(const Geometry* geometry, const Ray* ray, const bool any_hi
             clip_to_half(to_centre.x, slack, ray->direction.x, ray->inv_direction.x, child & 1u, &t_near, &t_far);
             clip_to_half(to_centre.y, slack, ray->direction.y, ray->inv_direction.y, child & 2u, &t_near, &t_far);
             clip_to_half(to_centre.z, slack, ray->direction.z, ray->inv_direction.z, child & 4u, &t_near, &t_far);
-            found = t_near <= t_far && !(hit->t < t_near);
+            found = t_near <= t_far && hit->t >= t_near;
             node_index = open->first_child + (child ^ mirror);
         }
     }

@@ -33,6 +33,9 @@ impl BuildOptions {
     }
 }
 
+/// A part of a cell, and what is in it.
+type Part = (Cell, Vec<Reference>);
+
 /// A cell that waits to be divided or made a leaf.
 struct Open {
     node: usize,
@@ -89,11 +92,7 @@ pub fn build_octree(vertices: &[[Vec3; 3]], primitives: &[u32], bounds: Aabb, op
 
 /// The centre of a cell and its eight parts in the order of the children, or `None` when float32 has no number between the
 /// cell's faces on any axis. An axis of which that is true is cut at its upper face, with everything below.
-fn divide(
-    vertices: &[[Vec3; 3]],
-    cell: &Cell,
-    references: &[Reference],
-) -> Option<(Vec3, Vec<(Cell, Vec<Reference>)>)> {
+fn divide(vertices: &[[Vec3; 3]], cell: &Cell, references: &[Reference]) -> Option<(Vec3, Vec<Part>)> {
     let mut centre = Vec3::from_array(cell.high);
     let mut parts = vec![(*cell, references.to_vec())];
     let mut is_cut = false;

@@ -53,7 +53,7 @@ fn build(
     let mut structure =
         Structure { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };
     // Ranges of `references` that are still to be halved or taken, the first one last.
-    let mut open = vec![0..references.len()];
+    let mut open = Vec::from([0..references.len()]);
     while let Some(range) = open.pop() {
         let part = &mut references[range.clone()];
         if part.is_empty() {

@@ -79,7 +79,8 @@ pub fn traverse_grid(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, 
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let distance = ray.farthest_distance(low, high);
     let mut hit = NO_HIT;
-    if !(distance <= buffers.bounds[3].x) {
+    let is_within_reach = distance <= buffers.bounds[3].x; // false for NaN
+    if !is_within_reach {
         for &primitive in &buffers.references[buffers.bounds[3].y.to_bits() as usize..] {
             test_triangle(buffers, options, ray, primitive, &mut hit);
             if any_hit && hit.primitive != NO_PRIMITIVE {

@@ -86,7 +86,7 @@ pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray
                 let along = (ray.direction[axis], ray.inv_direction[axis]);
                 clip_to_half(to_centre[axis], slack, along, child >> axis & 1 != 0, &mut t_near, &mut t_far);
             }
-            found = t_near <= t_far && !(hit.t < t_near);
+            found = t_near <= t_far && hit.t >= t_near;
             node_index = open.first_child + (child ^ mirror);
         }
     }

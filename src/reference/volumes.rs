@@ -8,7 +8,8 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE};
 
-const SPHERE_SLACK: f32 = 96.0 * EPSILON;
+/// What a sphere grows by, in units of the farthest distance.
+pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
 
 /// Whether the ray may meet the sphere within its limits before `t_hit`.
 #[inline(always)]
@@ -59,7 +60,7 @@ pub fn traverse_boxes(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray,
     let slack = SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
     traverse_clusters(buffers, options, ray, any_hit, |cluster, hit| {
         let (low, high) = (buffers.bounds[2 * cluster].xyz(), buffers.bounds[2 * cluster + 1].xyz());
-        ray.clip_to_thick_box(slack, low, high).is_some_and(|(t_near, _)| !(hit.t < t_near))
+        ray.clip_to_thick_box(slack, low, high).is_some_and(|(t_near, _)| hit.t >= t_near)
     })
 }
 
