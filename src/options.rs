@@ -53,6 +53,14 @@ methods! {
         Brute = "brute",
         /// A kd-tree.
         Kd = "kd",
+        /// A uniform grid (Amanatides and Woo 1987).
+        Grid = "grid",
+        /// Every cell divided at its centre into eight (Glassner 1984).
+        Octree = "octree",
+        /// Boxes around clusters of triangles, in a flat list (thesis, section 2.2.2).
+        Boxes = "boxes",
+        /// Spheres around clusters of triangles, in a flat list (thesis, section 2.2.2).
+        Spheres = "spheres",
     }
 }
 
@@ -154,10 +162,15 @@ pub struct TraceOptions {
     /// The ray-triangle test.
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
-    /// A node with at most this many triangles is not split; at least 1. `None`: the build's own default.
+    /// A node with at most this many triangles is not split, and a cluster has no more; at least 1. `None`: the build's own
+    /// default: 1 for SAH, 12 for median, 8 for an octree, the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
-    /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles).
+    /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
+    /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.
     pub max_depth: Option<u32>,
+    /// Cells of the grid along x, y, z; their product at most [`TraceOptions::MAX_GRID_CELLS`]. An axis along which the scene has
+    /// no extent gets 1. `None`: nearly cubic ones, about 8 for each triangle.
+    pub grid_size: Option<[u32; 3]>,
 }
 
 fn as_name<T: std::fmt::Display, S: serde::Serializer>(
@@ -180,6 +193,7 @@ impl TraceOptions {
         intersector: Intersector::Watertight,
         leaf_size: None,
         max_depth: None,
+        grid_size: None,
     };
 
     /// Entries of the short stack unless something else is asked for.
@@ -189,6 +203,9 @@ impl TraceOptions {
     pub fn short_stack_size(&self) -> u32 {
         self.stack_size.unwrap_or(Self::SHORT_STACK)
     }
+
+    /// The most cells of a grid: 256 MiB of them, and numbers that are exact in float32.
+    pub const MAX_GRID_CELLS: u32 = 1 << 24;
 
     /// The function in `cl/traverse/` that does it.
     pub fn cl_traverse(&self) -> &'static str {
@@ -200,37 +217,69 @@ impl TraceOptions {
             (Accel::Kd, Traversal::ShortStack) => "traverse_kd_short_stack",
             (Accel::Kd, Traversal::Ropes) => "traverse_kd_ropes",
             (Accel::Kd, Traversal::ThesisRestart) => "traverse_thesis_restart",
+            (Accel::Grid, _) => "traverse_grid",
+            (Accel::Octree, _) => "traverse_octree",
+            (Accel::Boxes, _) => "traverse_boxes",
+            (Accel::Spheres, _) => "traverse_spheres",
         }
     }
 
-    /// Checks the numbers, and that the parts go together.
+    /// Checks the numbers, and that every option means something to the structure.
     ///
     /// # Errors
-    /// [`Error::Option`] names the option that is out of its range or goes with nothing, and what is nearest to it.
+    /// [`Error::Option`] names the option that is out of its range or has no meaning, and what is possible.
     pub fn validate(&self) -> Result<()> {
+        self.check_that_all_apply()?;
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
         }
         if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {
             return Err(Error::option("--max-depth", format!("{depth} is over the limit of {}", Self::MAX_DEPTH)));
         }
-        if self.accel == Accel::Brute && self.traversal != Self::DEFAULT.traversal {
-            let traversal = self.traversal;
-            let reason = format!(
-                "'{traversal}' is a way through a kd-tree, and --accel brute has no tree; nearest: --accel kd --traversal {traversal}"
-            );
-            return Err(Error::option("--traversal", reason));
+        if let Some([x, y, z]) = self.grid_size {
+            let cells = [x, y, z].iter().try_fold(1u32, |product, &n| product.checked_mul(n));
+            if cells.is_none_or(|cells| cells == 0 || cells > Self::MAX_GRID_CELLS) {
+                let message =
+                    format!("{x},{y},{z}: must be at least 1,1,1 and no more than {} cells", Self::MAX_GRID_CELLS);
+                return Err(Error::option("--grid-size", message));
+            }
         }
-        let Some(size) = self.stack_size else { return Ok(()) };
-        if !(1..=Self::MAX_DEPTH).contains(&size) {
+        if let Some(size) = self.stack_size.filter(|size| !(1..=Self::MAX_DEPTH).contains(size)) {
             return Err(Error::option("--stack-size", format!("{size} is not in 1 to {}", Self::MAX_DEPTH)));
         }
-        if (self.accel, self.traversal) != (Accel::Kd, Traversal::ShortStack) {
+        if let Some(size) = self.stack_size.filter(|_| self.traversal != Traversal::ShortStack) {
             let reason = format!(
                 "only the short stack's size can be chosen, a full stack is as large as the tree is deep; nearest: --accel kd \
                  --traversal short-stack --stack-size {size}"
             );
             return Err(Error::option("--stack-size", reason));
+        }
+        Ok(())
+    }
+
+    /// An option that the structure does not read must have its default: a measurement of it would measure nothing.
+    fn check_that_all_apply(&self) -> Result<()> {
+        use Accel::{Boxes, Grid, Kd, Octree, Spheres};
+        let default = TraceOptions::default();
+        let options: [(&str, bool, &[Accel]); 6] = [
+            ("--build", self.build != default.build, &[Kd]),
+            ("--traversal", self.traversal != default.traversal, &[Kd]),
+            ("--stack-size", self.stack_size.is_some(), &[Kd]),
+            ("--leaf-size", self.leaf_size.is_some(), &[Kd, Octree, Boxes, Spheres]),
+            ("--max-depth", self.max_depth.is_some(), &[Kd, Octree]),
+            ("--grid-size", self.grid_size.is_some(), &[Grid]),
+        ];
+        for (option, is_set, structures) in options {
+            if is_set && !structures.contains(&self.accel) {
+                let names: Vec<_> = structures.iter().map(|accel| accel.name()).collect();
+                let nearest = if self.accel == Grid { "; a grid's cells are set by --grid-size X,Y,Z" } else { "" };
+                let message = format!(
+                    "means nothing to --accel {}; leave it out, or take --accel {}{nearest}",
+                    self.accel,
+                    names.join(" or ")
+                );
+                return Err(Error::option(option, message));
+            }
         }
         Ok(())
     }
@@ -259,13 +308,9 @@ mod tests {
             good.validate().unwrap();
         }
         for (bad, option, hint) in [
-            (TraceOptions { accel: Accel::Brute, ..short }, "--traversal", "--accel kd --traversal short-stack"),
+            (TraceOptions { accel: Accel::Brute, ..short }, "--traversal", "take --accel kd"),
             (TraceOptions { stack_size: Some(4), ..base }, "--stack-size", "--traversal short-stack --stack-size 4"),
-            (
-                TraceOptions { accel: Accel::Brute, stack_size: Some(4), ..base },
-                "--stack-size",
-                "--accel kd --traversal short-stack",
-            ),
+            (TraceOptions { accel: Accel::Brute, stack_size: Some(4), ..base }, "--stack-size", "take --accel kd"),
             (TraceOptions { stack_size: Some(0), ..short }, "--stack-size", "1 to 60"),
             (TraceOptions { stack_size: Some(61), ..short }, "--stack-size", "1 to 60"),
         ] {

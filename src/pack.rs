@@ -4,7 +4,9 @@ mod transforms;
 
 pub use transforms::triangle_transform;
 
-use crate::accel::{BuildOptions, build_kd_tree, link_leaves};
+use crate::accel::{
+    Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
+};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Accel, TraceOptions, Traversal};
@@ -21,9 +23,9 @@ use std::time::Instant;
 pub struct SceneBuffers {
     /// What the kernels need to know of the scene as a whole.
     pub params: SceneParams,
-    /// kd-tree nodes in left pre-order; one unused leaf for brute force.
+    /// kd-tree nodes in left pre-order; one unused leaf for brute force; for other structures see their files in `cl/traverse/`.
     pub nodes: Vec<KdNode>,
-    /// Triangle numbers: the leaves' ranges; for brute force every triangle that can be hit.
+    /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
     pub references: Vec<u32>,
     /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit.
     pub vertices: Vec<Float4>,
@@ -84,20 +86,28 @@ impl SceneBuffers {
         }
 
         let start = Instant::now();
-        let build_options = BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth);
-        let mut bounds = Vec::new();
-        let (nodes, references) = match options.accel {
+        let build_options = match options.accel {
+            Accel::Octree => BuildOptions::octree(primitives.len(), options.leaf_size, options.max_depth),
+            _ => BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth),
+        };
+        let bounding_box = Aabb { low: low * scale, high: high * scale };
+        let Structure { nodes, references, bounds } = match options.accel {
             Accel::Brute => {
                 let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
-                (vec![leaf], primitives)
+                Structure { nodes: vec![leaf], references: primitives, bounds: Vec::new() }
             }
             Accel::Kd => {
                 let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
-                if options.traversal == Traversal::Ropes {
-                    bounds = link_leaves(&mut tree.nodes, &tree.bounds);
-                }
-                (tree.nodes, tree.references)
+                let bounds = match options.traversal {
+                    Traversal::Ropes => link_leaves(&mut tree.nodes, &tree.bounds),
+                    _ => Vec::new(),
+                };
+                Structure { nodes: tree.nodes, references: tree.references, bounds }
             }
+            Accel::Grid => build_grid(&triangles, &primitives, bounding_box, options.grid_size)?,
+            Accel::Octree => build_octree(&triangles, &primitives, bounding_box, &build_options),
+            Accel::Boxes => build_boxes(&triangles, &primitives, options.leaf_size),
+            Accel::Spheres => build_spheres(&triangles, &primitives, options.leaf_size),
         };
         let build_s = start.elapsed().as_secs_f64();
 

@@ -181,7 +181,7 @@ device_struct! {
         pub background_bottom: Float4,
         /// Background straight up; w unused.
         pub background_top: Float4,
-        /// Number of triangles that can be hit = length of the brute-force reference list.
+        /// Length of the reference list; with brute force the number of triangles that can be hit.
         pub reference_count: u32,
         /// Number of lights.
         pub light_count: u32,

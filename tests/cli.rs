@@ -54,7 +54,7 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--stats", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
         (&["render", "one.obj", "--size", "0x5"], 2, &["--size", "0x5"]),
         (&["render", "one.obj", "--samples", "0"], 2, &["--samples"]),
-        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd"]),
+        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, grid"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
         (&["render", "one.obj", "--bit-depth", "12"], 2, &["--bit-depth", "12"]),

@@ -11,8 +11,9 @@ use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
 use raybrook::pack::{SceneBuffers, triangle_transform};
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::math;
-use raybrook::reference::ray::{Ray, widen_down, widen_up};
+use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
+use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::reference::whitted::refract_direction;
 use raybrook::session::open_tracer;
 use raybrook::shared::{NO_PRIMITIVE, SHARED_STRUCTS};
@@ -108,6 +109,29 @@ fn mixed(random: &mut Random) -> f32 {
 const MAKE_RAY: &str = "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);";
 
 const CASES: &[Case] = &[
+    Case {
+        name: "farthest_distance, clip_to_thick_box, may_meet_sphere",
+        body: "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);\
+               float3 low = vload3(0, in + 8), high = low + fabs(vload3(0, in + 11)); float t_near, t_far;\
+               out[0] = farthest_distance(&ray, low, high);\
+               bool inside = clip_to_thick_box(&ray, SLACK * out[0], low, high, &t_near, &t_far);\
+               out[1] = inside ? 1.0f : 0.0f; out[2] = inside ? t_near : 0.0f; out[3] = inside ? t_far : 0.0f;\
+               float4 sphere = (float4)(low, fabs(in[11]));\
+               out[4] = may_meet_sphere(&ray, SPHERE_SLACK * out[0], sphere, in[12]) ? 1.0f : 0.0f;",
+        inputs: 14,
+        outputs: 5,
+        input: mixed,
+        twin: |x| {
+            let (ray, low) = (ray_of(x), v3(&x[8..]));
+            let high = low + v3(&x[11..]).abs();
+            let distance = ray.farthest_distance(low, high);
+            let inside = ray.clip_to_thick_box(SLACK * distance, low, high);
+            let (t_near, t_far) = inside.unwrap_or((0.0, 0.0));
+            let sphere = Float4::new(low, x[11].abs());
+            let met = may_meet_sphere(&ray, SPHERE_SLACK * distance, sphere, x[12]);
+            vec![distance, flag(inside.is_some()), t_near, t_far, flag(met)]
+        },
+    },
     Case {
         name: "difference_of_products",
         body: "out[0] = difference_of_products(in[0], in[1], in[2], in[3]);",

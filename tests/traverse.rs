@@ -24,7 +24,9 @@ type Query = (Vec3, Vec3, f32, f32);
 fn all_options() -> Vec<TraceOptions> {
     let mut all = Vec::new();
     for &intersector in Intersector::ALL {
-        all.push(TraceOptions { accel: Accel::Brute, intersector, ..TraceOptions::default() });
+        for &accel in Accel::ALL.iter().filter(|&&accel| accel != Accel::Kd) {
+            all.push(TraceOptions { accel, intersector, ..TraceOptions::default() });
+        }
         for &build in Build::ALL {
             for &traversal in Traversal::ALL.iter().filter(|t| t.is_exact()) {
                 all.push(TraceOptions { accel: Accel::Kd, build, traversal, intersector, ..TraceOptions::default() });

@@ -44,16 +44,19 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
 float widen_up(float t) { return t * (t > 0.0f ? WIDEN_UP : WIDEN_DOWN); }
 float widen_down(float t) { return t * (t > 0.0f ? WIDEN_DOWN : WIDEN_UP); }
 
-// Narrows *t_near..*t_far to one slab of a box. The comparisons are false for NaN, which arises when the ray runs in a face of
-// the box (0 * infinity) or when the reciprocal overflowed: the slab then does not narrow the interval.
-void clip_to_slab(float low, float high, float origin, float inv_direction, float* t_near, float* t_far) {
-    const float t_low = (low - origin) * inv_direction;
-    const float t_high = (high - origin) * inv_direction;
+// Narrows *t_near..*t_far to the time between two planes, a little more rather than less. The comparisons are false for NaN.
+void narrow_interval(float t_low, float t_high, float inv_direction, float* t_near, float* t_far) {
     const bool ascending = inv_direction >= 0.0f;
     const float t_enter = widen_down(ascending ? t_low : t_high);
     const float t_leave = widen_up(ascending ? t_high : t_low);
     if (t_enter > *t_near) *t_near = t_enter;
     if (t_leave < *t_far) *t_far = t_leave;
+}
+
+// Narrows *t_near..*t_far to one slab of a box. The comparisons are false for NaN, which arises when the ray runs in a face of
+// the box (0 * infinity) or when the reciprocal overflowed: the slab then does not narrow the interval.
+void clip_to_slab(float low, float high, float origin, float inv_direction, float* t_near, float* t_far) {
+    narrow_interval((low - origin) * inv_direction, (high - origin) * inv_direction, inv_direction, t_near, t_far);
 }
 
 // The part of the ray inside the box, a little more rather than less. False when there is none.
@@ -84,4 +87,35 @@ float3 point_on_triangle(float3 p0, float3 p1, float3 p2, float u, float v) {
 float point_error(float3 p0, float3 p1, float3 p2) {
     const float largest = max_or(max_component(abs3(p0)), max_or(max_component(abs3(p1)), max_component(abs3(p2))));
     return 6.0f * EPSILON * largest;
+}
+
+// How far, on any axis, the point of the ray at the t of a computed hit can lie outside of the box around the triangle, in units
+// of EPSILON D, where D is the largest coordinate of a vertex relative to the origin. For the watertight test, to first order:
+// the sheared vertices are off by 6 (two differences 1 + 1, the shear's quotient and product 2, the fma 2 because the result may
+// be 2 D); the ray passes exactly through the triangle of these (the signs are exact); weights that are off by 3 each, so
+// relative to their sum by 6, move the point by 6 * 2 D; t is off by 8 (the vertices' 1, three fma, two sums, a product, a
+// quotient), and the shear of at most 1 passes that on: 6 + 12 + 8 = 26. Moller and Trumbore's test has no such bound: on a
+// triangle seen edge-on it may report a hit anywhere, and such a hit may depend on the structure.
+#define HIT_ERROR 32.0f
+// With it the two differences and D itself of the tests below.
+#define SLACK ((HIT_ERROR + 8.0f) * EPSILON)
+
+// D: no corner of the box is farther from the origin on any axis. NaN or infinite for an origin that is so or nearly so.
+float farthest_distance(const Ray* ray, float3 low, float3 high) {
+    const float3 to_low = abs3(low - ray->origin);
+    const float3 to_high = abs3(high - ray->origin);
+    const float farthest = max_or(max_component(to_low), max_component(to_high));
+    return is_finite3(ray->origin) ? farthest : NAN;
+}
+
+// As clip_to_box, for a box that is larger by `slack` on all sides.
+bool clip_to_thick_box(const Ray* ray, float slack, float3 low, float3 high, float* t_near, float* t_far) {
+    *t_near = ray->t_near;
+    *t_far = ray->t_far;
+    const float3 t_low = ((low - ray->origin) - slack) * ray->inv_direction;
+    const float3 t_high = ((high - ray->origin) + slack) * ray->inv_direction;
+    narrow_interval(t_low.x, t_high.x, ray->inv_direction.x, t_near, t_far);
+    narrow_interval(t_low.y, t_high.y, ray->inv_direction.y, t_near, t_far);
+    narrow_interval(t_low.z, t_high.z, ray->inv_direction.z, t_near, t_far);
+    return *t_near <= *t_far;
 }

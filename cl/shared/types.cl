@@ -93,7 +93,7 @@ typedef struct {
     float4 high; // High corner of that box; w unused.
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.
-    uint reference_count; // Number of triangles that can be hit = length of the brute-force reference list.
+    uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit.
     uint light_count; // Number of lights.
     uint has_transparent; // 1 when some material is transparent, so that shadow rays must look for the tint.
     float scale; // Tracing space = world units times this power of two.

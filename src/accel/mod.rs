@@ -3,17 +3,25 @@
 mod clip;
 mod cost;
 mod events;
+mod grid;
 mod median;
+mod octree;
 mod ropes;
 mod sah;
 mod small;
 mod stats;
+mod structure;
 mod subtree;
 mod validate;
+mod volumes;
 
+pub use grid::build_grid;
+pub use octree::build_octree;
 pub use ropes::link_leaves;
 pub use stats::TreeStats;
+pub use structure::{Structure, StructureStats};
 pub use validate::check_tree;
+pub use volumes::{build_boxes, build_spheres};
 
 use crate::options::Build;
 use crate::shared::KdNode;

@@ -2,7 +2,7 @@
 
 use super::{MethodArgs, SceneArgs, Talk, open};
 use raybrook::Result;
-use raybrook::accel::{KdTree, TreeStats};
+use raybrook::accel::{KdTree, StructureStats, TreeStats};
 use raybrook::options::Accel;
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::DropReason;
@@ -39,6 +39,8 @@ struct SceneInfo {
     device_bytes: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     tree: Option<TreeStats>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    structure: Option<StructureStats>,
 }
 
 pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
@@ -65,6 +67,10 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         load_s: loaded.load_s,
         build_s: buffers.build_s,
         device_bytes: buffers.size_bytes(),
+        structure: (!matches!(options.accel, Accel::Kd | Accel::Brute)).then(|| {
+            let triangle_count = scene.triangles.len() - reasons.len();
+            StructureStats::new(&buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)
+        }),
         tree: (options.accel == Accel::Kd).then(|| {
             let bounds = raybrook::accel::Aabb { low: buffers.params.low.xyz(), high: buffers.params.high.xyz() };
             let tree = KdTree { nodes: buffers.nodes, references: buffers.references, bounds };

@@ -80,12 +80,17 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
-    /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median].
+    /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median; 8 for octree];
+    /// put up to N into one box or sphere [default: the square root of the triangles].
     #[arg(long, value_name = "N")]
     leaf_size: Option<u32>,
-    /// Make no leaf deeper than this; the root is 0 [default: 8 + 1.3 log2(triangles), at most 60].
+    /// Make no leaf deeper than this; the root is 0 [default: 8 + 1.3 log2(triangles), 4 + 0.5 log2(triangles) for octree; at
+    /// most 60].
     #[arg(long, value_name = "N")]
     max_depth: Option<u32>,
+    /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_grid_size)]
+    grid_size: Option<[u32; 3]>,
 }
 
 impl MethodArgs {
@@ -98,6 +103,7 @@ impl MethodArgs {
             intersector: self.intersector,
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
+            grid_size: self.grid_size,
         };
         options.validate().map(|()| options)
     }
@@ -142,6 +148,12 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
         }
         _ => Err(format!("expected WIDTHxHEIGHT with sides of 1 to {}, such as 1280x720", PictureDefaults::MAX_SIDE)),
     }
+}
+
+fn parse_grid_size(text: &str) -> Result<[u32; 3], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    let size = numbers.and_then(|numbers| <[u32; 3]>::try_from(numbers).ok());
+    size.ok_or_else(|| "expected three numbers of cells, such as 32,32,16".into())
 }
 
 fn parse_weight(text: &str) -> Result<f32, String> {

@@ -9,6 +9,11 @@ pub const EPSILON: f32 = 1.0 / 16_777_216.0;
 const WIDEN_UP: f32 = 1.0 + 6.0 * EPSILON;
 const WIDEN_DOWN: f32 = 1.0 - 6.0 * EPSILON;
 
+/// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
+pub const HIT_ERROR: f32 = 32.0;
+/// With it the rounding of the tests of thick boxes.
+pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
+
 /// A ray ready for traversal.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
@@ -62,25 +67,53 @@ impl Ray {
     pub fn clip_to_box(&self, low: Vec3, high: Vec3) -> Option<(f32, f32)> {
         let (mut t_near, mut t_far) = (self.t_near, self.t_far);
         for axis in 0..3 {
-            let t_low = (low[axis] - self.origin[axis]) * self.inv_direction[axis];
-            let t_high = (high[axis] - self.origin[axis]) * self.inv_direction[axis];
-            let ascending = self.inv_direction[axis] >= 0.0;
-            let t_enter = widen_down(if ascending { t_low } else { t_high });
-            let t_leave = widen_up(if ascending { t_high } else { t_low });
-            if t_enter > t_near {
-                t_near = t_enter;
-            }
-            if t_leave < t_far {
-                t_far = t_leave;
-            }
+            let inv_direction = self.inv_direction[axis];
+            let t_low = (low[axis] - self.origin[axis]) * inv_direction;
+            let t_high = (high[axis] - self.origin[axis]) * inv_direction;
+            narrow_interval(t_low, t_high, inv_direction, &mut t_near, &mut t_far);
         }
         (t_near <= t_far).then_some((t_near, t_far))
+    }
+
+    /// As [`Ray::clip_to_box`], for a box that is larger by `slack` on all sides.
+    #[inline(always)]
+    pub fn clip_to_thick_box(&self, slack: f32, low: Vec3, high: Vec3) -> Option<(f32, f32)> {
+        let (mut t_near, mut t_far) = (self.t_near, self.t_far);
+        for axis in 0..3 {
+            let inv_direction = self.inv_direction[axis];
+            let t_low = ((low[axis] - self.origin[axis]) - slack) * inv_direction;
+            let t_high = ((high[axis] - self.origin[axis]) + slack) * inv_direction;
+            narrow_interval(t_low, t_high, inv_direction, &mut t_near, &mut t_far);
+        }
+        (t_near <= t_far).then_some((t_near, t_far))
+    }
+
+    /// No corner of the box is farther from the origin on any axis.
+    #[inline(always)]
+    pub fn farthest_distance(&self, low: Vec3, high: Vec3) -> f32 {
+        let to_low = abs3(low - self.origin);
+        let to_high = abs3(high - self.origin);
+        let farthest = max_or(max_component(to_low), max_component(to_high));
+        if is_finite3(self.origin) { farthest } else { f32::NAN }
     }
 
     /// Whether a hit at `t` on `primitive` is inside the limits and nearer than `hit`.
     #[inline(always)]
     pub fn is_nearer(&self, hit: &Hit, t: f32, primitive: u32) -> bool {
         t >= self.t_near && t <= self.t_far && (t < hit.t || (t == hit.t && primitive < hit.primitive))
+    }
+}
+
+#[inline(always)]
+fn narrow_interval(t_low: f32, t_high: f32, inv_direction: f32, t_near: &mut f32, t_far: &mut f32) {
+    let ascending = inv_direction >= 0.0;
+    let t_enter = widen_down(if ascending { t_low } else { t_high });
+    let t_leave = widen_up(if ascending { t_high } else { t_low });
+    if t_enter > *t_near {
+        *t_near = t_enter;
+    }
+    if t_leave < *t_far {
+        *t_far = t_leave;
     }
 }
 

@@ -1,19 +1,25 @@
 //! Twins of `cl/traverse/`, file for file: how a ray finds the triangles that it may hit. The reasons are there.
 
 mod brute_force;
+mod grid;
 mod kd_push_down;
 mod kd_restart;
 mod kd_ropes;
 mod kd_short_stack;
 mod kd_stack;
 mod kd_step;
+mod octree;
 mod thesis_restart;
+pub mod volumes;
 
 use super::ray::Ray;
 use crate::options::{Accel, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
+use grid::traverse_grid;
+use octree::traverse_octree;
+use volumes::{traverse_boxes, traverse_spheres};
 
 /// The hit of a ray that missed.
 pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
@@ -29,6 +35,10 @@ pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
 #[inline(always)]
 pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
     match (options.accel, options.traversal) {
+        (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit),
+        (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit),
+        (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit),
+        (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit),
         (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit),
         (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit),
         (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit),

@@ -1,0 +1,52 @@
+// Spheres around clusters of triangles, one after the other.
+// Thesis, section 2.2.2 ("the sphere is the cheapest test"); Whitted, "An Improved Illumination Model for Shaded Display",
+// Communications of the ACM 23(6), 1980, section 3.
+//
+// As boxes.cl, with half the memory for the bounds. A sphere around flat or long things is mostly empty: more triangles are
+// tested than with boxes, and a test of three slabs has become as cheap as the sphere's with its square root.
+//
+// nodes as in boxes.cl; bounds[i] is the sphere of cluster i, {centre, radius}.
+
+// What the radius and the times grow by, in units of D of cl/shared/ray.cl. All lengths here are Euclidean: a vector
+// whose components are at most D is not longer than 1.74 D, and HIT_ERROR becomes 56. To first order:
+// - to_centre is off by 1, along by 4 + 3 + 5 of |to_centre| / |direction| (the product, the square, a division of up to 2.5 ulp),
+//   so beside, which is fma'd once more, by 14 |to_centre| = 25 D. The sum with HIT_ERROR, 81, leaves room for the roundings of
+//   the radius and of the squares: 3 + 3 EPSILON each, covered by widen_up and widen_down.
+// - half_chord is off by 16 radius, so by 28 D, along by 12 |to_centre| / |direction|, so by 21 D, and the sums round by 10 D:
+//   59 D in all. The radicand itself is too large: (R + 96)^2 - (b + 25)^2 > (R + 56)^2 - b^2 for b <= R + 56.
+#define SPHERE_SLACK (96.0f * EPSILON)
+
+// Whether the ray meets the sphere within its limits before t_hit, a little more often rather than less. Every comparison is
+// false for NaN, which arises from overflow: the sphere then counts as met. The distance from the centre comes from the vector
+// `beside`, not from |to_centre|^2 - along^2, which would cancel for distant spheres (Haines et al., "Precision Improvements
+// for Ray/Sphere Intersection", Ray Tracing Gems 2019).
+bool may_meet_sphere(const Ray* ray, float slack, float4 sphere, float t_hit) {
+    const float3 to_centre = sphere.xyz - ray->origin;
+    const float square = dot3(ray->direction, ray->direction);
+    const float along = dot3(ray->direction, to_centre) / square;
+    const float3 beside = fma3(ray->direction, -along, to_centre);
+    const float radius = sphere.w + slack;
+    const float beside2 = widen_down(dot3(beside, beside));
+    const float radius2 = widen_up(radius * radius);
+    if (beside2 > radius2) return false;
+    const float half_chord = sqrt((radius2 - beside2) / square);
+    const float t_near = (along - half_chord) - slack;
+    const float t_far = (along + half_chord) + slack;
+    return !(t_near > ray->t_far || t_far < ray->t_near || t_hit < t_near);
+}
+
+bool traverse_spheres(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+    *hit = no_hit();
+    const float slack = SPHERE_SLACK * farthest_distance(ray, geometry->low, geometry->high);
+    const uint count = (uint)LOAD_NODE(geometry, 0).z;
+    for (uint cluster = 0; cluster < count; cluster++) {
+        if (!may_meet_sphere(ray, slack, LOAD_BOUNDS(geometry, cluster), hit->t)) continue;
+        const int4 leaf = LOAD_NODE(geometry, 1u + cluster);
+        const uint end = (uint)leaf.y + (uint)leaf.z;
+        for (uint i = (uint)leaf.y; i < end; i++) {
+            test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
+            if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
+        }
+    }
+    return hit->primitive != NO_PRIMITIVE;
+}

@@ -1,0 +1,91 @@
+//! Bounding volumes: a flat list of clusters of triangles, each in a box or a sphere (thesis, section 2.2.2).
+//!
+//! Clusters come from halving the triangles at the median of their centroids along the axis on which these spread widest, until
+//! no half is larger than asked for: by default the square root of the number of triangles, where the tests of the volumes cost
+//! about as much as those of the triangles in one of them. The scene's own objects would be as good a choice, but a file need
+//! not have any.
+//!
+//! Bad at: large scenes; every ray meets the whole list.
+
+use super::{Aabb, Structure};
+use crate::layout::Float4;
+use crate::shared::KdNode;
+use glam::{DVec3, Vec3};
+
+/// The least default: a volume around fewer triangles costs more than it saves.
+const SMALLEST_CLUSTER: f64 = 4.0;
+
+/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`.
+pub fn build_boxes(vertices: &[[Vec3; 3]], primitives: &[u32], cluster_size: Option<u32>) -> Structure {
+    build(vertices, primitives, cluster_size, |cluster, bounds| {
+        let around = bounds_of(vertices, cluster);
+        bounds.extend([Float4::new(around.low, 0.0), Float4::new(around.high, 0.0)]);
+    })
+}
+
+/// Spheres around clusters of at most `cluster_size` triangles. A sphere's centre is that of the box, its radius the distance of
+/// the farthest vertex, rounded up.
+pub fn build_spheres(vertices: &[[Vec3; 3]], primitives: &[u32], cluster_size: Option<u32>) -> Structure {
+    build(vertices, primitives, cluster_size, |cluster, bounds| {
+        let around = bounds_of(vertices, cluster);
+        let centre = (around.low * 0.5 + around.high * 0.5).clamp(around.low, around.high);
+        let distance = |p: &Vec3| (p.as_dvec3() - DVec3::from(centre)).length();
+        let farthest = cluster.iter().flat_map(|&i| &vertices[i as usize]).map(distance).fold(0.0, f64::max);
+        // Twice up: to float32, and for the roundings of f64, which are smaller than a step of float32.
+        bounds.push(Float4::new(centre, (farthest as f32).next_up().next_up()));
+    })
+}
+
+fn bounds_of(vertices: &[[Vec3; 3]], primitives: &[u32]) -> Aabb {
+    let triangle = |&i: &u32| Aabb::of_triangle(&vertices[i as usize]);
+    primitives.iter().map(triangle).fold(Aabb::EMPTY, Aabb::union)
+}
+
+fn build(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    cluster_size: Option<u32>,
+    push_bounds: impl Fn(&[u32], &mut Vec<Float4>),
+) -> Structure {
+    let default = || (primitives.len() as f64).sqrt().max(SMALLEST_CLUSTER) as u32;
+    let size = cluster_size.unwrap_or_else(default).max(1) as usize;
+    let mut references = primitives.to_vec();
+    let mut structure =
+        Structure { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };
+    // Ranges of `references` that are still to be halved or taken, the first one last.
+    let mut open = Vec::from([0..references.len()]);
+    while let Some(range) = open.pop() {
+        let part = &mut references[range.clone()];
+        if part.is_empty() {
+            continue;
+        }
+        if part.len() > size {
+            let half = part.len() / 2;
+            halve(vertices, part, half);
+            open.push(range.start + half..range.end);
+            open.push(range.start..range.start + half);
+            continue;
+        }
+        part.sort_unstable();
+        push_bounds(part, &mut structure.bounds);
+        structure.nodes.push(Structure::leaf(range.start, range.end));
+    }
+    structure.nodes[0].right = structure.nodes.len() as u32 - 1;
+    structure.references = references;
+    structure
+}
+
+/// Puts the `half` triangles with the lower centroids, along the axis on which the centroids spread widest, in front.
+fn halve(vertices: &[[Vec3; 3]], part: &mut [u32], half: usize) {
+    let centroid = |i: u32| vertices[i as usize].iter().map(|p| p.as_dvec3()).sum::<DVec3>();
+    let spread = |axis: usize| {
+        let (low, high) = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &i| {
+            let c = centroid(i)[axis];
+            (low.min(c), high.max(c))
+        });
+        high - low
+    };
+    let spreads = [spread(0), spread(1), spread(2)];
+    let axis = (0..3).fold(0, |widest, axis| if spreads[axis] > spreads[widest] { axis } else { widest });
+    part.select_nth_unstable_by(half, |&a, &b| centroid(a)[axis].total_cmp(&centroid(b)[axis]).then(a.cmp(&b)));
+}

@@ -1,0 +1,118 @@
+//! Twin of `cl/traverse/grid.cl`: the walk through a uniform grid. The reasons are there.
+
+use super::NO_HIT;
+use super::brute_force::test_triangle;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::{max_or, min_or};
+use crate::reference::ray::{Ray, SLACK};
+use crate::shared::{Hit, NO_PRIMITIVE};
+
+#[derive(Clone, Copy)]
+struct GridAxis {
+    low: f32,
+    size: f32,
+    origin: f32,
+    inv_direction: f32,
+    cell: i32,
+    last: i32,
+    step: i32,
+    t_next: f32,
+}
+
+impl GridAxis {
+    #[inline(always)]
+    fn new(buffers: &SceneBuffers, axis: usize, count: i32, ray: &Ray, t_start: f32) -> GridAxis {
+        let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+        let mut this = GridAxis {
+            low: buffers.bounds[0].xyz()[axis],
+            size: buffers.bounds[1].xyz()[axis],
+            origin,
+            inv_direction: ray.inv_direction[axis],
+            cell: 0,
+            last: 0,
+            step: if direction < 0.0 { -1 } else { 1 },
+            t_next: 0.0,
+        };
+        let from_low = t_start.mul_add(direction, origin - this.low);
+        let guess = min_or(max_or(from_low * buffers.bounds[2].xyz()[axis], 0.0), (count - 1) as f32);
+        this.cell = guess as i32;
+        while this.cell > 0 && from_low < this.plane(this.cell) - this.low {
+            this.cell -= 1;
+        }
+        while this.cell < count - 1 && from_low > this.plane(this.cell + 1) - this.low {
+            this.cell += 1;
+        }
+        this.last = if !this.inv_direction.is_finite() {
+            this.cell
+        } else if direction < 0.0 {
+            0
+        } else {
+            count - 1
+        };
+        this.t_next = this.next_t();
+        this
+    }
+
+    #[inline(always)]
+    fn plane(&self, k: i32) -> f32 {
+        (k as f32).mul_add(self.size, self.low)
+    }
+
+    #[inline(always)]
+    fn next_t(&self) -> f32 {
+        if self.cell == self.last {
+            return f32::INFINITY;
+        }
+        (self.plane(self.cell + i32::from(self.step > 0)) - self.origin) * self.inv_direction
+    }
+
+    #[inline(always)]
+    fn step(&mut self) {
+        self.cell += self.step;
+        self.t_next = self.next_t();
+    }
+}
+
+/// Twin of `cl/traverse/grid.cl`.
+#[inline(always)]
+pub fn traverse_grid(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let distance = ray.farthest_distance(low, high);
+    let mut hit = NO_HIT;
+    let is_within_reach = distance <= buffers.bounds[3].x; // false for NaN
+    if !is_within_reach {
+        for &primitive in &buffers.references[buffers.bounds[3].y.to_bits() as usize..] {
+            test_triangle(buffers, options, ray, primitive, &mut hit);
+            if any_hit && hit.primitive != NO_PRIMITIVE {
+                break;
+            }
+        }
+        return hit;
+    }
+    let Some((t_near, t_far)) = ray.clip_to_thick_box(SLACK * distance, low, high) else {
+        return hit;
+    };
+    let count = [0, 1, 2].map(|axis| buffers.bounds[axis].w.to_bits() as i32);
+    let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| GridAxis::new(buffers, axis, count[axis], ray, t_near));
+    loop {
+        let cell = &buffers.nodes[((z.cell * count[1] + y.cell) * count[0] + x.cell) as usize];
+        for &primitive in &buffers.references[cell.left as usize..(cell.left + cell.right) as usize] {
+            test_triangle(buffers, options, ray, primitive, &mut hit);
+            if any_hit && hit.primitive != NO_PRIMITIVE {
+                return hit;
+            }
+        }
+        let t_next = min_or(x.t_next, min_or(y.t_next, z.t_next));
+        if !(t_next <= t_far && t_next <= hit.t) {
+            return hit;
+        }
+        if x.t_next == t_next {
+            x.step();
+        } else if y.t_next == t_next {
+            y.step();
+        } else {
+            z.step();
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Twin of `cl/traverse/octree.cl`. The reasons are there.
+
+use super::NO_HIT;
+use super::brute_force::test_triangle;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::ray::{Ray, SLACK, widen_down, widen_up};
+use crate::shared::{Hit, KD_LEAF, NO_PRIMITIVE};
+
+#[derive(Clone, Copy, Default)]
+struct OpenNode {
+    first_child: u32,
+    centre: u32,
+    next: u32,
+    t_near: f32,
+    t_far: f32,
+}
+
+/// The part of `t_near..t_far` in one half of a cell.
+#[inline(always)]
+fn clip_to_half(
+    to_plane: f32,
+    slack: f32,
+    (direction, inv_direction): (f32, f32),
+    beyond: bool,
+    t_near: &mut f32,
+    t_far: &mut f32,
+) {
+    let outwards = if beyond == (direction < 0.0) { slack } else { -slack };
+    let t_plane = (to_plane + outwards) * inv_direction;
+    if beyond {
+        let t_enter = widen_down(t_plane);
+        if t_enter > *t_near {
+            *t_near = t_enter;
+        }
+    } else {
+        let t_leave = widen_up(t_plane);
+        if t_leave < *t_far {
+            *t_far = t_leave;
+        }
+    }
+}
+
+/// Twin of `cl/traverse/octree.cl`.
+#[inline(always)]
+pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let mut hit = NO_HIT;
+    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let slack = SLACK * ray.farthest_distance(low, high);
+    let Some((mut t_near, mut t_far)) = ray.clip_to_thick_box(slack, low, high) else {
+        return hit;
+    };
+    let mirror = (0..3).fold(0, |mirror, axis| mirror | u32::from(ray.direction[axis] < 0.0) << axis);
+
+    let mut stack = [OpenNode::default(); TraceOptions::MAX_DEPTH as usize];
+    let mut depth = 0;
+    let mut node_index = 0;
+    loop {
+        let node = &buffers.nodes[node_index as usize];
+        if node.flags == KD_LEAF {
+            for &primitive in &buffers.references[node.left as usize..(node.left + node.right) as usize] {
+                test_triangle(buffers, options, ray, primitive, &mut hit);
+                if any_hit && hit.primitive != NO_PRIMITIVE {
+                    return hit;
+                }
+            }
+        } else {
+            stack[depth] = OpenNode { first_child: node.left, centre: node.right, next: 0, t_near, t_far };
+            depth += 1;
+        }
+
+        let mut found = false;
+        while !found {
+            if depth == 0 {
+                return hit;
+            }
+            let open = &mut stack[depth - 1];
+            if open.next == 8 || hit.t < open.t_near {
+                depth -= 1;
+                continue;
+            }
+            let child = open.next;
+            open.next += 1;
+            let to_centre = buffers.bounds[open.centre as usize].xyz() - ray.origin;
+            (t_near, t_far) = (open.t_near, open.t_far);
+            for axis in 0..3 {
+                let along = (ray.direction[axis], ray.inv_direction[axis]);
+                clip_to_half(to_centre[axis], slack, along, child >> axis & 1 != 0, &mut t_near, &mut t_far);
+            }
+            found = t_near <= t_far && hit.t >= t_near;
+            node_index = open.first_child + (child ^ mirror);
+        }
+    }
+}

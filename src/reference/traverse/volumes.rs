@@ -1,0 +1,75 @@
+//! Twins of `cl/traverse/boxes.cl` and `cl/traverse/spheres.cl`: bounding volumes one after the other. The reasons are there.
+
+use super::NO_HIT;
+use super::brute_force::test_triangle;
+use crate::layout::Float4;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::{dot3, fma3};
+use crate::reference::ray::{EPSILON, Ray, SLACK, widen_down, widen_up};
+use crate::shared::{Hit, NO_PRIMITIVE};
+
+/// What a sphere grows by, in units of the farthest distance.
+pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
+
+/// Whether the ray may meet the sphere within its limits before `t_hit`.
+#[inline(always)]
+pub fn may_meet_sphere(ray: &Ray, slack: f32, sphere: Float4, t_hit: f32) -> bool {
+    let to_centre = sphere.xyz() - ray.origin;
+    let square = dot3(ray.direction, ray.direction);
+    let along = dot3(ray.direction, to_centre) / square;
+    let beside = fma3(ray.direction, -along, to_centre);
+    let radius = sphere.w + slack;
+    let beside2 = widen_down(dot3(beside, beside));
+    let radius2 = widen_up(radius * radius);
+    if beside2 > radius2 {
+        return false;
+    }
+    let half_chord = ((radius2 - beside2) / square).sqrt();
+    let t_near = (along - half_chord) - slack;
+    let t_far = (along + half_chord) + slack;
+    !(t_near > ray.t_far || t_far < ray.t_near || t_hit < t_near)
+}
+
+#[inline(always)]
+fn traverse_clusters(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    may_meet: impl Fn(usize, &Hit) -> bool,
+) -> Hit {
+    let mut hit = NO_HIT;
+    for cluster in 0..buffers.nodes[0].right as usize {
+        if !may_meet(cluster, &hit) {
+            continue;
+        }
+        let leaf = &buffers.nodes[1 + cluster];
+        for &primitive in &buffers.references[leaf.left as usize..(leaf.left + leaf.right) as usize] {
+            test_triangle(buffers, options, ray, primitive, &mut hit);
+            if any_hit && hit.primitive != NO_PRIMITIVE {
+                return hit;
+            }
+        }
+    }
+    hit
+}
+
+/// Twin of `cl/traverse/boxes.cl`.
+#[inline(always)]
+pub fn traverse_boxes(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let slack = SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
+    traverse_clusters(buffers, options, ray, any_hit, |cluster, hit| {
+        let (low, high) = (buffers.bounds[2 * cluster].xyz(), buffers.bounds[2 * cluster + 1].xyz());
+        ray.clip_to_thick_box(slack, low, high).is_some_and(|(t_near, _)| hit.t >= t_near)
+    })
+}
+
+/// Twin of `cl/traverse/spheres.cl`.
+#[inline(always)]
+pub fn traverse_spheres(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+    let slack = SPHERE_SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
+    traverse_clusters(buffers, options, ray, any_hit, |cluster, hit| {
+        may_meet_sphere(ray, slack, buffers.bounds[cluster], hit.t)
+    })
+}
