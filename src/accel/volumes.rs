@@ -53,22 +53,22 @@ fn build(
     let mut structure =
         Structure { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };
     // Ranges of `references` that are still to be halved or taken, the first one last.
-    let mut open = Vec::from([0..references.len()]);
-    while let Some(range) = open.pop() {
-        let part = &mut references[range.clone()];
+    let mut open = vec![(0, references.len())];
+    while let Some((start, end)) = open.pop() {
+        let part = &mut references[start..end];
         if part.is_empty() {
             continue;
         }
         if part.len() > size {
             let half = part.len() / 2;
             halve(vertices, part, half);
-            open.push(range.start + half..range.end);
-            open.push(range.start..range.start + half);
+            open.push((start + half, end));
+            open.push((start, start + half));
             continue;
         }
         part.sort_unstable();
         push_bounds(part, &mut structure.bounds);
-        structure.nodes.push(Structure::leaf(range.start, range.end));
+        structure.nodes.push(Structure::leaf(start, end));
     }
     structure.nodes[0].right = structure.nodes.len() as u32 - 1;
     structure.references = references;
