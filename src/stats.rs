@@ -152,7 +152,7 @@ mod tests {
         let json =
             written(&RunStats { device: "a \"quoted\" name".into(), kernel_s: vec![0.5], ..RunStats::default() });
         let keys: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
-        assert_eq!(keys, ["device", "device_kind", "kernel_s", "options", "rays", "total_s", "triangle_count"]);
+        assert_eq!(keys, ["device", "device_kind", "options", "triangle_count", "rays", "kernel_s", "total_s"]);
         assert_eq!(json["device"], "a \"quoted\" name");
         assert_eq!(json["options"]["accel"], "kd");
         assert_eq!(json["kernel_s"][0], 0.5);

@@ -355,9 +355,9 @@ fn traversals_equal_their_twins() {
     let short =
         |size| TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(size), ..TraceOptions::DEFAULT };
     let kd = Traversal::ALL.iter().map(|&traversal| TraceOptions { traversal, ..TraceOptions::DEFAULT });
-    let brute = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
-    for options in kd.chain([brute, short(1), short(2)]) {
-        let options = TraceOptions { leaf_size: Some(1), max_depth: Some(20), ..options };
+    let deep = kd.chain([short(1), short(2)]).map(|o| TraceOptions { leaf_size: Some(1), max_depth: Some(20), ..o });
+    let others = Accel::ALL.iter().map(|&accel| TraceOptions { accel, ..TraceOptions::DEFAULT });
+    for options in deep.chain(others) {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays: Vec<_> = (0..200)
             .map(|i| {

@@ -498,10 +498,7 @@ fn the_showcase_shows_everything() {
     assert!(scene.materials.iter().any(|m| m.mirror.max_element() > 0.5), "a mirror");
     assert!(scene.materials.iter().filter(|m| m.is_transparent()).count() >= 2, "glass");
     assert!(scene.materials.iter().any(|m| m.diffuse_texture.is_some()), "a texture");
-    assert_eq!(
-        (scene.picture.size, scene.picture.samples, scene.picture.depth),
-        (Some((1280, 720)), Some(16), Some(8))
-    );
+    assert_eq!((scene.picture.size, scene.picture.samples, scene.picture.depth), (Some((1280, 720)), Some(9), Some(8)));
     assert_eq!(scene.lights.len(), 2);
     // The models come with their normals; these agree with the triangles' sides.
     for (i, t) in scene.triangles.iter().enumerate() {
