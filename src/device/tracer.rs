@@ -15,34 +15,40 @@ use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
 use std::time::Instant;
 
 /// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
-const LAUNCH_S: f64 = 0.15;
-/// The first launch of a kernel, whose speed is not known yet, takes this part of the work, but no fewer items than below.
-const FIRST_PART: usize = 16;
-/// Items that keep the largest GPU busy for a moment: 132 multiprocessors of 2,048 threads are 270,336.
-const FIRST_ITEMS: usize = 1 << 18;
+const LAUNCH_S: f64 = 0.1;
+/// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
+/// is slower than any device that was seen.
+const FIRST_ITEMS: usize = 4096;
+/// GPUs are not full with that; 16 times as much is still a moment on the smallest.
+const FIRST_ITEMS_GPU: usize = 1 << 16;
+/// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower than another.
+const GROWTH: usize = 2;
 
 /// How many work-items a launch may have, learnt from the launches before.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct LaunchPlan {
-    seconds_per_item: Option<f64>,
+    largest: usize,
+    seconds_per_item: f64,
 }
 
 impl LaunchPlan {
-    /// Items of the next launch when `left` of `total` remain; a multiple of `multiple` unless it is the last.
-    fn next(&self, left: usize, total: usize, multiple: usize, kind: DeviceKind) -> usize {
-        let items = match self.seconds_per_item {
-            Some(seconds) => (LAUNCH_S / seconds.max(1e-12)) as usize,
-            None if kind == DeviceKind::Gpu => (total / FIRST_PART).max(FIRST_ITEMS),
-            None => total / FIRST_PART,
-        };
-        let items = items.max(1).next_multiple_of(multiple);
+    /// A plan whose first launch has about `first` items.
+    fn starting_with(first: usize) -> Self {
+        LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0 }
+    }
+
+    /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
+    fn next(&self, left: usize, multiple: usize) -> usize {
+        let in_time = (LAUNCH_S / self.seconds_per_item.max(1e-12)) as usize;
+        let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
         // A rest of less than half a launch goes along: its own launch would leave units idle twice.
         if items + items / 2 >= left { left } else { items }
     }
 
     fn learn(&mut self, items: usize, seconds: f64) {
         if items > 0 {
-            self.seconds_per_item = Some(seconds / items as f64);
+            self.seconds_per_item = seconds / items as f64;
+            self.largest = self.largest.max(items);
         }
     }
 }
@@ -71,8 +77,8 @@ pub struct OpenClTracer {
     trace_closest: Kernel,
     trace_any: Kernel,
     trace_next: Kernel,
-    render_plan: LaunchPlan,
     trace_plan: LaunchPlan,
+    first_items: usize,
     work_group: usize,
     compile_s: f64,
     upload_s: f64,
@@ -139,14 +145,17 @@ impl OpenClTracer {
         };
         context.finish()?;
         // CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
-        let work_group = if context.info().kind == DeviceKind::Gpu { 64 } else { 16 };
+        let (work_group, first_items) = match context.info().kind {
+            DeviceKind::Gpu => (64, FIRST_ITEMS_GPU),
+            _ => (16, FIRST_ITEMS),
+        };
         Ok(OpenClTracer {
             render: built.program.kernel("render")?,
             trace_closest: built.program.kernel("trace_closest")?,
             trace_any: built.program.kernel("trace_any")?,
             trace_next: built.program.kernel("trace_next")?,
-            render_plan: LaunchPlan::default(),
-            trace_plan: LaunchPlan::default(),
+            trace_plan: LaunchPlan::starting_with(first_items),
+            first_items,
             work_group: work_group.min(context.info().max_work_group_size.max(1)),
             compile_s: built.compile_s,
             upload_s: start.elapsed().as_secs_f64(),
@@ -172,14 +181,13 @@ impl OpenClTracer {
         kernel: &mut Kernel,
         plan: &mut LaunchPlan,
         (total, unit, work_group): (usize, usize, usize),
-        kind: DeviceKind,
         mut progress: impl FnMut(usize),
     ) -> Result<f64> {
         let bounds = kernel.arg_count() - 2;
         let mut seconds = 0.0;
         let mut first = 0;
         while first < total {
-            let items = plan.next(total - first, total, unit.max(work_group), kind);
+            let items = plan.next(total - first, unit.max(work_group));
             kernel.set_arg(bounds, (first / unit) as u32)?;
             kernel.set_arg(bounds + 1, (first + items).div_ceil(unit) as u32)?;
             let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
@@ -211,7 +219,6 @@ impl Tracer for OpenClTracer {
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
-        let kind = self.context.info().kind;
         let total = job.rays.len();
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
@@ -228,12 +235,12 @@ impl Tracer for OpenClTracer {
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
             let shape = (total, 1, self.work_group);
-            let mut seconds = Self::launch(first_kernel, &mut self.trace_plan, shape, kind, |items| {
+            let mut seconds = Self::launch(first_kernel, &mut self.trace_plan, shape, |items| {
                 done += items;
                 progress(done as f64 / work);
             })?;
             if job.next_directions.is_some() {
-                seconds += Self::launch(&mut self.trace_next, &mut self.trace_plan, shape, kind, |_| ())?;
+                seconds += Self::launch(&mut self.trace_next, &mut self.trace_plan, shape, |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
@@ -246,7 +253,6 @@ impl Tracer for OpenClTracer {
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
-        let kind = self.context.info().kind;
         let pixel_count = params.width as usize * params.height as usize;
         let render_params = Buffer::from_slice(&self.context, "picture parameters", &[*params])?;
         let sample_buffer = Buffer::from_slice(&self.context, "samples", samples)?;
@@ -271,8 +277,10 @@ impl Tracer for OpenClTracer {
         let mut counts = [0; COUNTERS];
         let mut done = 0;
         let mut failed = None;
+        // A work-item traces all samples of its pixel.
+        let mut plan = LaunchPlan::starting_with(self.first_items / samples.len().max(1));
         let shape = (items, tile_items, self.work_group);
-        let kernel_s = Self::launch(&mut self.render, &mut self.render_plan, shape, kind, |launched| {
+        let kernel_s = Self::launch(&mut self.render, &mut plan, shape, |launched| {
             done += launched;
             progress(done as f64 / items as f64);
             // After every launch, because a 32-bit counter could overflow over a whole picture.
@@ -297,4 +305,44 @@ fn take_counts(counters: &Buffer<u32>, counts: &mut [u64; COUNTERS]) -> Result<(
         }
     }
     counters.write(&[0; COUNTER_SLOTS as usize * COUNTERS])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
+    fn launches(total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
+        let mut plan = LaunchPlan::starting_with(first);
+        let mut all = Vec::new();
+        let mut done = 0;
+        while done < total {
+            let items = plan.next(total - done, 64);
+            let time = (done..done + items).map(&seconds).sum();
+            plan.learn(items, time);
+            all.push((items, time));
+            done += items;
+        }
+        assert_eq!(done, total);
+        all
+    }
+
+    #[test]
+    fn no_launch_is_long_on_slow_devices_or_in_slow_parts() {
+        // 50,000 rays a second; a part that takes twice as long; a cost that grows a hundredfold across the picture.
+        for all in [
+            launches(200_000, FIRST_ITEMS, |_| 2e-5),
+            launches(1_000_000, FIRST_ITEMS, |i| if (400_000..500_000).contains(&i) { 1e-5 } else { 5e-6 }),
+            launches(1_000_000, FIRST_ITEMS_GPU, |i| 1e-8 + 1e-6 * (i as f64 / 1e6)),
+        ] {
+            let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
+            assert!(longest <= 0.3, "{longest} s");
+        }
+    }
+
+    #[test]
+    fn fast_devices_get_few_launches() {
+        let all = launches(16 << 20, FIRST_ITEMS_GPU, |_| 2.5e-10);
+        assert!(all.len() <= 10, "{all:?}");
+    }
 }
