@@ -81,9 +81,6 @@ pub enum Error {
         /// The value of that limit.
         limit_bytes: u64,
     },
-    /// The work was interrupted (Ctrl-C).
-    #[error("interrupted")]
-    Interrupted,
 }
 
 impl Error {
@@ -102,14 +99,13 @@ impl Error {
         Error::Option { option: option.into(), message: message.into() }
     }
 
-    /// The documented exit code of the binary for this error: 2 usage, 3 input, 4 device, 5 output, 130 interrupted.
+    /// The documented exit code of the binary for this error: 2 usage, 3 input, 4 device, 5 output.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Option { .. } => 2,
             Error::Io { action: "read", .. } | Error::Input { .. } | Error::Scene(_) => 3,
             Error::NoDevice(_) | Error::OpenCl { .. } | Error::Build { .. } | Error::TooLarge { .. } => 4,
             Error::Io { .. } => 5,
-            Error::Interrupted => 130,
         }
     }
 }

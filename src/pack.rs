@@ -76,10 +76,10 @@ impl SceneBuffers {
     /// [`Error::Scene`] when an array outgrows 32-bit indices; [`Error::Option`] when the options are out of range.
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
-        // Without a triangle that can be hit every ray misses; any box will do.
-        let (low, high) = scene.bounds().unwrap_or_default();
-        let scale = tracing_scale(low, high);
         let primitives = scene.hittable();
+        // Without a triangle that can be hit every ray misses; any box will do.
+        let (low, high) = scene.bounds_of(&primitives).unwrap_or_default();
+        let scale = tracing_scale(low, high);
         let mut triangles = vec![[Vec3::ZERO; 3]; scene.triangles.len()];
         for &i in &primitives {
             triangles[i as usize] = scene.vertices(i as usize).map(|p| p * scale);

@@ -12,16 +12,21 @@ Hit batch_hit(const Ray* ray, Hit hit) {
     return hit;
 }
 
+void trace_batch(const Geometry* geometry, __global const TraceRay* rays, __global Hit* hits, uint index,
+                 const bool any_hit) {
+    const Ray ray = batch_ray(rays, index);
+    Hit hit;
+    TRAVERSE(geometry, &ray, any_hit, &hit);
+    hits[index] = batch_hit(&ray, hit);
+}
+
 // The closest hit of each ray.
 __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
                             const uint first, const uint end) {
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
     const Geometry geometry = MAKE_GEOMETRY;
-    const Ray ray = batch_ray(rays, index);
-    Hit hit;
-    TRAVERSE(&geometry, &ray, false, &hit);
-    hits[index] = batch_hit(&ray, hit);
+    trace_batch(&geometry, rays, hits, index, false);
 }
 
 // Some hit of each ray: whether there is one is the answer, which one depends on the structure.
@@ -30,10 +35,7 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
     const Geometry geometry = MAKE_GEOMETRY;
-    const Ray ray = batch_ray(rays, index);
-    Hit hit;
-    TRAVERSE(&geometry, &ray, true, &hit);
-    hits[index] = batch_hit(&ray, hit);
+    trace_batch(&geometry, rays, hits, index, true);
 }
 
 // The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A first

@@ -147,7 +147,11 @@ impl Scene {
 
     /// The smallest box around all triangles that can be hit: (min, max), or `None` when there is no such triangle.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let primitives = self.hittable();
+        self.bounds_of(&self.hittable())
+    }
+
+    /// The smallest box around `primitives`: (min, max), or `None` when there are none.
+    pub fn bounds_of(&self, primitives: &[u32]) -> Option<(Vec3, Vec3)> {
         let mut corners = primitives.iter().flat_map(|&i| self.vertices(i as usize));
         let first = corners.next()?;
         Some(corners.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
