@@ -58,9 +58,9 @@ impl Image {
             size => panic!("records of {size} bytes are no texels"),
         };
         let format = cl_image_format { image_channel_order: order, image_channel_data_type: kind };
-        let device = &context.0.device;
-        if !device.image_support().unwrap_or(false) {
-            let message = format!("device '{}' has no images; take --memory global", context.info().name);
+        let info = context.info();
+        if !info.images {
+            let message = format!("device '{}' has no images; take --memory global", info.name);
             return Err(Error::option("--memory", message));
         }
         // No image is empty. A texel that no index reaches is zero.
@@ -68,7 +68,7 @@ impl Image {
         let mut bytes = bytemuck::cast_slice::<T, u8>(data).to_vec();
         match shape {
             ImageShape::Buffer => {
-                let limit = device.image_max_buffer_size().unwrap_or(0);
+                let limit = info.image1d_buffer_max_texels;
                 check(context, what, texels, limit, "CL_DEVICE_IMAGE_MAX_BUFFER_SIZE", size_of::<T>())?;
                 bytes.resize(texels * size_of::<T>(), 0);
                 let buffer = Buffer::from_slice(context, what, &bytes)?;
@@ -83,8 +83,8 @@ impl Image {
             }
             ImageShape::Rows => {
                 let rows = texels.div_ceil(IMAGE_WIDTH);
-                let limit = match device.image2d_max_width().unwrap_or(0) >= IMAGE_WIDTH {
-                    true => device.image2d_max_height().unwrap_or(0).saturating_mul(IMAGE_WIDTH),
+                let limit = match info.image2d_max_width >= IMAGE_WIDTH {
+                    true => info.image2d_max_height.saturating_mul(IMAGE_WIDTH),
                     false => 0,
                 };
                 check(context, what, texels, limit, "CL_DEVICE_IMAGE2D_MAX_HEIGHT", size_of::<T>())?;

@@ -2,10 +2,10 @@
 //! (`cl/shared/memory.cl`) where they are.
 
 use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, KernelArg};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
-use crate::pack::{CONSTANT_NODES, SceneBuffers};
+use crate::pack::{CONSTANT_BYTES, CONSTANT_NODES, SceneBuffers};
 use crate::shared::{KdNode, Light, Material, SceneParams, Shading, TextureInfo};
 use bytemuck::Pod;
 
@@ -57,6 +57,14 @@ impl DeviceScene {
     pub fn upload(context: &DeviceContext, buffers: &SceneBuffers, options: &TraceOptions) -> Result<Self> {
         let arranged = buffers.arrange(options);
         let memory = options.memory;
+        let info = context.info();
+        if memory == Memory::Constant && info.constant_memory_bytes < CONSTANT_BYTES as u64 {
+            let message = format!(
+                "device '{}' has {} bytes of constant memory, {CONSTANT_BYTES} are needed; take --memory global",
+                info.name, info.constant_memory_bytes
+            );
+            return Err(Error::option("--memory", message));
+        }
         let constant_nodes = match memory {
             Memory::Constant => Some(Buffer::from_slice(context, "nodes in constant memory", arranged.constant_nodes)?),
             _ => None,
