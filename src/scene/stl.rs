@@ -58,7 +58,8 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
             ErrorKind::UnexpectedEof => "the file is cut short".to_owned(),
             _ => quote(fault.to_string().as_bytes()),
         };
-        Error::input(path, line, format!("facet {facet}: {fault}"))
+        let place = if line.is_some() { ", which begins here" } else { "" };
+        Error::input(path, line, format!("facet {facet}{place}: {fault}"))
     })?;
     if scene.triangles.is_empty() {
         return Err(Error::input(path, None, "has no triangles"));

@@ -35,7 +35,7 @@ pub(super) struct Faces {
     has_colours: bool,
     has_texcoords: bool,
     count: usize,
-    row: Row,
+    face: Face,
     polygon: Vec<Vec3>,
     triangulator: Triangulator,
     /// Their materials are paints until [`paint::materials`] makes materials of them.
@@ -54,7 +54,7 @@ pub(super) struct Faces {
 
 /// A face.
 #[derive(Default)]
-struct Row {
+struct Face {
     corners: Vec<u32>,
     texcoords: Vec<f32>,
     texture: i64,
@@ -87,7 +87,7 @@ impl Faces {
             has_colours,
             has_texcoords: texcoords.is_some(),
             count: 0,
-            row: Row::default(),
+            face: Face::default(),
             polygon: Vec::new(),
             triangulator: Triangulator::new(),
             triangles: Vec::new(),
@@ -129,7 +129,7 @@ pub(super) struct FaceSink<'a> {
 
 impl Sink for FaceSink<'_> {
     fn property<'de, A: MapAccess<'de>>(&mut self, property: usize, row: &mut A) -> Result<(), A::Error> {
-        let face = &mut self.faces.row;
+        let face = &mut self.faces.face;
         match self.faces.roles[property] {
             Role::Corners => {
                 row.next_value_seed(Corners { list: &mut face.corners, vertices: self.vertices.count })?;
@@ -146,7 +146,7 @@ impl Sink for FaceSink<'_> {
         let faces = &mut *self.faces;
         let number = faces.count;
         faces.count += 1;
-        let (corners, texcoords, vertices) = (&faces.row.corners, &faces.row.texcoords, self.vertices);
+        let (corners, texcoords, vertices) = (&faces.face.corners, &faces.face.texcoords, self.vertices);
         if corners.len() < 3 {
             faces.short.note(number);
             return Ok(());
@@ -168,7 +168,7 @@ impl Sink for FaceSink<'_> {
             true => NO_INDEX,
             false => finite(&vertices.uvs, corners[corner], |uv| uv.is_finite()),
         };
-        let texture = usize::try_from(faces.row.texture).ok().and_then(|number| *faces.textures.get(number)?);
+        let texture = usize::try_from(faces.face.texture).ok().and_then(|number| *faces.textures.get(number)?);
         faces.polygon.clear();
         faces.polygon.extend(corners.iter().map(|&i| vertices.positions[i as usize]));
         for triangle in faces.triangulator.split(&faces.polygon) {
@@ -182,7 +182,7 @@ impl Sink for FaceSink<'_> {
                     faces.blended |= colours[0] != colours[1] || colours[0] != colours[2];
                     paint::coloured(paint::mean(colours))
                 }
-                None if faces.has_colours => paint::coloured(faces.row.colour.map(paint::to_8_bits)),
+                None if faces.has_colours => paint::coloured(faces.face.colour.map(paint::to_8_bits)),
                 None => paint::PLAIN,
             };
             let normals = positions.map(normal_of);
