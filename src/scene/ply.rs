@@ -62,10 +62,10 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
         mesh.read(path, &mut source, wanted)?;
     }
     if source.has_more().map_err(|e| Error::io("read", path, e))? {
-        warnings.add(path, None, "has more data than its header promises; they are not read");
+        warnings.add(path, None, "has more data than its header promises; the rest is not read");
     }
     if source.left_out {
-        warnings.add(path, None, "has lines with more values than the header promises; they are not read");
+        warnings.add(path, None, "has lines with more values than the header promises; the rest of each is not read");
     }
     mesh.finish(path, &header, warnings)
 }
@@ -148,15 +148,12 @@ impl Mesh {
         }
         let Mesh { vertices, mut faces, textures, .. } = self;
         let (materials, rounded) = paint::materials(&mut faces.triangles, &textures);
-        if faces.blended || rounded {
-            let mean = if faces.blended { "each triangle has the mean colour of its corners" } else { "" };
-            let rounding = if rounded { "colours are rounded to 16 values of red, green and blue" } else { "" };
-            let and = if faces.blended && rounded { ", and " } else { "" };
-            warnings.add(
-                path,
-                None,
-                format!("{mean}{and}{rounding}: a triangle has one material, and each colour is one"),
-            );
+        let averaging = faces.blended.then(|| "each triangle has the mean colour of its corners".to_owned());
+        let rounding = rounded.then(|| format!("red, green and blue are rounded to {} values each", paint::LEVELS));
+        let reduced: Vec<String> = averaging.into_iter().chain(rounding).collect();
+        if !reduced.is_empty() {
+            let message = format!("{}: a triangle has one material, and each colour is one", reduced.join(", and "));
+            warnings.add(path, None, message);
         }
         let uvs = if faces.uvs.is_empty() { vertices.uvs } else { faces.uvs };
         let (positions, normals, triangles) = (vertices.positions, vertices.normals, faces.triangles);

@@ -90,7 +90,10 @@ fn starts_with(text: &[u8], keyword: &[u8]) -> bool {
 /// Why `data` is neither text nor binary.
 fn wrong_size(data: &[u8]) -> String {
     match data.get(HEADER_BYTES..).and_then(|rest| rest.first_chunk::<COUNT_BYTES>()) {
-        None => "is not an STL file: a text begins with 'solid', and a binary one has 84 bytes or more".into(),
+        None => {
+            let least = HEADER_BYTES + COUNT_BYTES;
+            format!("is not an STL file: a text begins with 'solid', and a binary one has at least {least} bytes")
+        }
         Some(count) => {
             let facets = u64::from(u32::from_le_bytes(*count));
             let bytes = facets * FACET_BYTES as u64 + (HEADER_BYTES + COUNT_BYTES) as u64;

@@ -2,6 +2,7 @@
 #![allow(dead_code)] // every test file uses another part
 
 pub mod models;
+pub mod ply;
 
 use glam::Vec3;
 use raybrook::device::{DeviceHandle, Selection, select};

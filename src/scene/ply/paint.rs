@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const MAX_COLOURS: usize = 4096;
 
 /// Values of red, green and blue after rounding: the cube root of [`MAX_COLOURS`].
-const LEVELS: u32 = 16;
+pub(super) const LEVELS: u32 = 16;
 
 /// What the name of a texture follows in a comment; MeshLab's convention.
 const TEXTURE_COMMENT: &str = "TextureFile ";
