@@ -55,7 +55,9 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
             material
         });
     }
-    warn_of_fans(path, triangulator.fans, &mut library.warnings);
+    if triangulator.fans > 0 {
+        library.warnings.add(path, None, triangulator.fans_message());
+    }
     if scene.triangles.is_empty() {
         return Err(Error::input(path, None, "has no face of three or more corners"));
     }
@@ -180,12 +182,5 @@ pub(super) fn warn_of_dropped(path: &Path, scene: &Scene, warnings: &mut Warning
             let message = format!("triangles {what} left out: {}, the first is number {}", tally.count, tally.first);
             warnings.add(path, None, message);
         }
-    }
-}
-
-/// A warning if polygons became fans.
-pub(super) fn warn_of_fans(path: &Path, fans: usize, warnings: &mut Warnings) {
-    if fans > 0 {
-        warnings.add(path, None, format!("large concave polygons split as if convex, perhaps wrongly: {fans}"));
     }
 }

@@ -27,7 +27,7 @@ mod source;
 mod vertices;
 
 use super::load::open_regular;
-use super::obj::{warn_of_dropped, warn_of_fans};
+use super::obj::warn_of_dropped;
 use super::obj_clean::{Warnings, quote};
 use super::{Scene, Texture};
 use crate::error::{Error, Result};
@@ -142,9 +142,9 @@ impl Mesh {
                 warnings.add(path, None, message);
             }
         }
-        warn_of_fans(path, faces.fans(), &mut warnings);
-        if let Some(unused) = self.unused(header) {
-            warnings.add(path, None, format!("not used: {unused}"));
+        let unused = self.unused(header).map(|unused| format!("not used: {unused}"));
+        for message in faces.fans_message().into_iter().chain(unused) {
+            warnings.add(path, None, message);
         }
         let Mesh { vertices, mut faces, textures, .. } = self;
         let (materials, rounded) = paint::materials(&mut faces.triangles, &textures);

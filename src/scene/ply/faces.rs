@@ -109,9 +109,9 @@ impl Faces {
         self.roles[property] != Role::Unused
     }
 
-    /// How many large concave polygons were split as if convex.
-    pub fn fans(&self) -> usize {
-        self.triangulator.fans
+    /// The warning about large concave polygons that were split as if convex, if there were any.
+    pub fn fans_message(&self) -> Option<String> {
+        (self.triangulator.fans > 0).then(|| self.triangulator.fans_message())
     }
 }
 
