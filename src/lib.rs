@@ -19,7 +19,7 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL and TOML loaders; usable alone |
+//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL, PLY, STL and TOML loaders; usable alone |
 //! | [`accel`] | builders of kd-trees, grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
 //! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |

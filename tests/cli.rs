@@ -47,7 +47,7 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "empty.obj"], 3, &["empty.obj"]),
         (&["render", "bad.obj"], 3, &["bad.obj:3"]),
         (&["render", "bad.toml"], 3, &["bad.toml:2", "widht", "width"]),
-        (&["render", "one.stl"], 3, &["one.stl", ".obj"]),
+        (&["render", "one.fbx"], 3, &["one.fbx", ".obj", ".ply", ".stl"]),
         (&["render", "."], 3, &["."]),
         (&["render", "one.obj", "-o", "x.gif"], 2, &["x.gif", ".png"]),
         (&["render", "one.obj", "-o", "no/such/folder/x.png"], 5, &["no/such/folder/x.png"]),

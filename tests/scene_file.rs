@@ -277,6 +277,32 @@ fn obj_files_keep_their_materials_unless_the_object_has_one() {
 }
 
 #[test]
+fn ply_and_stl_files_are_objects_too() {
+    let folder = Folder::new(
+        "[material.gold]\n[[object]]\nfile = \"models/t.PLY\"\ntranslate = [0, 0, 4]\n\
+         [[object]]\nfile = \"t.Stl\"\nscale = 2\n[[object]]\nfile = \"models/t.PLY\"\nmaterial = \"gold\"\n",
+    );
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\n\
+                  property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+    folder.write("models/t.PLY", format!("{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n"));
+    let vertices = "vertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\n";
+    let facet = format!("facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet\n");
+    folder.write("t.Stl", format!("solid\n{facet}endsolid\n"));
+    let scene = folder.load().expect("a scene");
+    let names: Vec<_> = scene.triangles.iter().map(|t| scene.materials[t.material as usize].name.as_str()).collect();
+    assert_eq!(names, ["#ff0000", "", "gold"]);
+    assert_eq!(
+        [scene.vertices(0)[0], scene.vertices(1)[0], scene.vertices(2)[1]],
+        [Vec3::Z * 4.0, Vec3::X * 2.0, Vec3::X]
+    );
+    // A fault of the model names the model.
+    folder.write("t.Stl", "solid\n");
+    let error = folder.load().expect_err("no end").to_string();
+    assert!(error.contains("t.Stl: ") && error.contains("cut short"), "{error}");
+}
+
+#[test]
 fn warnings_of_a_file_are_told_once() {
     let object = "[[object]]\nfile = \"t.obj\"\n";
     let folder = Folder::new(&object.repeat(3));
@@ -459,7 +485,7 @@ fn missing_and_foreign_files_name_key_and_line() {
     assert_fault("[[object]]\n\nfile = 'none.obj'\n", 3, &["file", "'none.obj'"]);
     assert_fault("[material.x]\ntexture = 'none.png'\n", 2, &["texture", "'none.png'"]);
     let folder = Folder::new("[[object]]\nfile = 'scene.toml'\n");
-    assert!(fault_in(&folder).1.contains("not a Wavefront .obj"));
+    assert!(fault_in(&folder).1.contains("not a model; possible: .obj, .ply, .stl"));
     let folder = Folder::new("[material.x]\ntexture = 'scene.toml'\n");
     let (line, message) = fault_in(&folder);
     assert!(line == Some(2) && message.contains("texture 'scene.toml'"), "{message}");

@@ -178,7 +178,7 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// Scene: a .toml scene file (see scenes/README.md) or a Wavefront .obj.
+    /// Scene: a .toml scene file (see scenes/README.md), a Wavefront .obj, a .ply or a .stl.
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
 }

@@ -16,6 +16,7 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+pub(super) use table::linear;
 use table::{Source, Table};
 use toml::de::{DeTable, DeValue};
 

@@ -15,7 +15,9 @@ mod mesh;
 mod mtl;
 mod obj;
 mod obj_clean;
+mod ply;
 mod solids;
+mod stl;
 mod texture;
 mod triangulate;
 

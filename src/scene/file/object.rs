@@ -3,8 +3,9 @@
 use super::Reader;
 use super::table::{Table, suggestion};
 use crate::error::Result;
+use crate::scene::load::{MODELS, ending, load};
 use crate::scene::texture::load_texture;
-use crate::scene::{MAX_SEGMENTS, MaterialId, height, obj};
+use crate::scene::{MAX_SEGMENTS, MaterialId, height};
 use glam::{Vec2, Vec3};
 use std::collections::hash_map::Entry;
 use toml::de::DeValue;
@@ -118,13 +119,13 @@ impl<'a> Reader<'a> {
     fn add_file(&mut self, table: &Table, file: &str) -> Result<()> {
         let material = self.object_material(table)?;
         let path = self.inside_folder(table, "file", file)?;
-        if path.extension().and_then(|e| e.to_str()).is_none_or(|e| !e.eq_ignore_ascii_case("obj")) {
-            return Err(table.error("file", format!("'{file}' is not a Wavefront .obj")));
+        if ending(&path).is_none_or(|e| !MODELS.contains(&e.as_str())) {
+            return Err(table.error("file", format!("'{file}' is not a model; possible: .{}", MODELS.join(", ."))));
         }
         let scene = match self.files.entry(path) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
-                let scene = obj::load(new.key())?;
+                let scene = load(new.key())?;
                 new.insert(scene)
             }
         };
