@@ -44,7 +44,7 @@
 //! ```
 //! use raybrook::options::TraceOptions;
 //! use raybrook::pack::SceneBuffers;
-//! use raybrook::scene::{Builder, Material};
+//! use raybrook::scene::{Builder, Material, Samples};
 //! use raybrook::session::{Picture, complete, open_tracer, render};
 //! use std::sync::Arc;
 //!
@@ -57,7 +57,8 @@
 //!
 //! let options = TraceOptions::default();
 //! let buffers = Arc::new(SceneBuffers::new(&scene, &options)?);
-//! let picture = Picture { camera: scene.camera.unwrap(), size: (32, 24), samples: 1, depth: 4, kill_weight: None };
+//! let (size, samples) = ((32, 24), Samples::PerPixel(1));
+//! let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: 4, kill_weight: None };
 //! let mut tracer = open_tracer(None, &buffers, &options, picture.depth, None)?; // None: the reference
 //! let result = render(tracer.as_mut(), &buffers, &picture, &|_| ())?;
 //! assert!(result.counts[1] > 100, "camera rays hit the sphere");

@@ -198,7 +198,8 @@ impl Builder {
         self.multiply("scale", DAffine3::from_scale(factors.as_dvec3()))
     }
 
-    fn multiply(&mut self, caller: &str, transform: DAffine3) -> &mut Self {
+    /// As [`Builder::transform`], in f64; `caller` begins the message of a fault.
+    pub(super) fn multiply(&mut self, caller: &str, transform: DAffine3) -> &mut Self {
         if !transform.is_finite() {
             return self.fail(format!("{caller}: a value is not finite"));
         }
