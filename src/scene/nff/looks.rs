@@ -63,7 +63,7 @@ impl<'a> Reader<'a> {
             self.warnings.add(self.path, entity.line, message);
             material.ior = 1.0;
         }
-        let id = self.builder.add_material(material);
+        let id = self.builder.push_material(material);
         self.materials.insert(key, id);
         self.builder.use_material(id);
     }
