@@ -19,12 +19,12 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL and TOML loaders; usable alone |
+//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL, NFF and TOML loaders; usable alone |
 //! | [`accel`] | builders of kd-trees, grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
 //! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |
 //! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch |
-//! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] |
+//! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over |

@@ -167,7 +167,7 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// Scene: a .toml scene file (see scenes/README.md) or a Wavefront .obj.
+    /// Scene: a .toml scene file (see scenes/README.md), a Wavefront .obj or Haines' .nff.
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
 }

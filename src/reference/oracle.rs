@@ -119,11 +119,14 @@ fn nearer(best: Option<OracleHit>, hit: Option<OracleHit>) -> Option<OracleHit> 
 /// t is a quotient of two numbers that are both mostly rounding error for a triangle seen edge-on. It is therefore held between
 /// the line's entrance into the triangle's box and its exit; where the line passes the box by, the signs were wrong.
 fn hit(ray: &OracleRay, line: &Line, primitive: u32, vertices: &[DVec3; 3]) -> Option<OracleHit> {
+    if primitive == ray.skip {
+        return None;
+    }
     let [p0, p1, p2] = *vertices;
     let (o, d) = (ray.origin, ray.direction);
     let (a, b, c) = (p0 - o, p1 - o, p2 - o);
     let edges = [edge_volume(d, b, c), edge_volume(d, c, a), edge_volume(d, a, b)];
-    if primitive == ray.skip || !(edges.iter().all(|&e| e >= 0.0) || edges.iter().all(|&e| e <= 0.0)) {
+    if !(edges.iter().all(|&e| e >= 0.0) || edges.iter().all(|&e| e <= 0.0)) {
         return None;
     }
     let (enter, leave) = line.passage(&Box64::around(vertices));
@@ -191,7 +194,7 @@ mod tests {
         let z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         let signed = (z >> 11) as f64 / (1u64 << 52) as f64 - 1.0;
-        if z % 3 == 0 { (signed * 4.0).round() / 4.0 } else { signed }
+        if z.is_multiple_of(3) { (signed * 4.0).round() / 4.0 } else { signed }
     }
 
     #[test]

@@ -120,7 +120,7 @@ impl<'a> Reader<'a> {
         let load = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("obj") => obj::load,
             Some("nff") => nff::load,
-            _ => return Err(table.error("file", format!("'{file}' is neither a Wavefront .obj nor an .nff"))),
+            _ => return Err(table.error("file", format!("'{file}' is not a Wavefront .obj or an .nff"))),
         };
         let scene = match self.files.entry(path) {
             Entry::Occupied(known) => known.into_mut(),
