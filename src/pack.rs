@@ -13,7 +13,7 @@ use crate::accel::{
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
-use crate::scene::{self, Camera, Falloff, LightKind, Scene};
+use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
     SceneParams, Shading, TextureInfo,
@@ -152,15 +152,15 @@ impl SceneBuffers {
         })
     }
 
-    /// The picture's parameters for `camera`.
+    /// The picture's parameters for `camera`; `size` must be one that [`Samples::check`] accepts.
     ///
     /// `kill_weight`: secondary rays of less weight are not cast; `None` chooses the largest weight that cannot change an 8-bit
     /// sRGB pixel (half a step at black, where steps are smallest) however bright the scene is.
     pub fn render_params(
         &self,
         camera: &Camera,
-        (width, height): (u32, u32),
-        sample_count: u32,
+        size: (u32, u32),
+        samples: Samples,
         max_depth: u32,
         kill_weight: Option<f32>,
     ) -> RenderParams {
@@ -170,7 +170,8 @@ impl SceneBuffers {
         let right = forward.cross(camera.up.into()).normalize_or(forward.any_orthonormal_vector());
         let up = right.cross(forward);
         let half_height = (f64::from(camera.fov_degrees).to_radians() / 2.0).tan();
-        let half_width = half_height * f64::from(width) / f64::from(height);
+        let half_width = half_height * samples.aspect(size);
+        let (width, height) = size;
         RenderParams {
             eye: Float4::new(camera.eye * self.params.scale, 0.0),
             forward: Float4::new(forward.as_vec3(), 0.0),
@@ -178,18 +179,20 @@ impl SceneBuffers {
             up: Float4::new((up * half_height).as_vec3(), 0.0),
             width,
             height,
-            sample_count,
+            sample_count: samples.per_pixel(),
             max_depth,
             kill_weight: kill_weight.unwrap_or(HALF_STEP_AT_BLACK / self.brightest.max(1.0)),
-            pixel_width: 2.0 / width as f32,
-            pixel_height: 2.0 / height as f32,
-            sample_weight: 1.0 / sample_count as f32,
+            pixel_width: 2.0 / samples.intervals(width) as f32,
+            pixel_height: 2.0 / samples.intervals(height) as f32,
+            sample_weight: 1.0 / samples.per_pixel() as f32,
         }
     }
 }
 
-/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre.
-pub fn sample_positions(count: u32) -> Vec<[f32; 2]> {
+/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre; or
+/// the pixel's upper left corner.
+pub fn sample_positions(samples: Samples) -> Vec<[f32; 2]> {
+    let Samples::PerPixel(count) = samples else { return vec![[0.0; 2]] };
     (0..count)
         .map(|i| {
             let x = (f64::from(i) + 0.5) / f64::from(count);

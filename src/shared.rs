@@ -213,9 +213,9 @@ device_struct! {
         pub max_depth: u32,
         /// A secondary ray whose weight is below this in every channel is not cast.
         pub kill_weight: f32,
-        /// 2 / width.
+        /// 2 / width; for rays through corners 2 / (width - 1).
         pub pixel_width: f32,
-        /// 2 / height.
+        /// 2 / height; for rays through corners 2 / (height - 1).
         pub pixel_height: f32,
         /// 1 / sample_count.
         pub sample_weight: f32,

@@ -7,7 +7,7 @@ use glam::Vec3;
 use raybrook::film::Film;
 use raybrook::options::{Accel, TraceOptions};
 use raybrook::pack::SceneBuffers;
-use raybrook::scene::{Background, Builder, Camera, Falloff, Light, LightKind, Material, Scene, Texture};
+use raybrook::scene::{Background, Builder, Camera, Falloff, Light, LightKind, Material, Samples, Scene, Texture};
 use raybrook::session::{Picture, complete, open_tracer, render};
 use raybrook::shared::COUNTERS;
 use raybrook::tracer::RenderResult;
@@ -76,7 +76,7 @@ fn picture_of(scene: &Scene, on_device: bool, options: TraceOptions) -> Option<R
     let device = if on_device { Some(device()?) } else { None };
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
     let camera = scene.camera.unwrap();
-    let picture = Picture { camera, size: SIZE, samples: 4, depth: DEPTH, kill_weight: None };
+    let picture = Picture { camera, size: SIZE, samples: Samples::PerPixel(4), depth: DEPTH, kill_weight: None };
     let mut tracer = open_tracer(device.as_ref(), &buffers, &options, DEPTH, None).unwrap();
     Some(render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap())
 }

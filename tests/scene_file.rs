@@ -5,7 +5,7 @@
 mod make_scenes;
 
 use glam::{Vec2, Vec3};
-use raybrook::scene::{Falloff, LightKind, Material, NO_INDEX, Scene, load};
+use raybrook::scene::{Falloff, LightKind, Material, NO_INDEX, Samples, Scene, load};
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -83,7 +83,10 @@ fn image_camera_and_trace_are_read() {
          [camera]\neye = [1, 2.5, 3]\ntarget = [0, 0, -1]\nup = [0, 0, 2]\nfov = 55.5\n\
          [trace]\ndepth = 7\nambient = 0.25\nbackground = { bottom = [1, 0.5, 0], top = \"#0000ff\" }\n",
     );
-    assert_eq!((full.picture.size, full.picture.samples, full.picture.depth), (Some((640, 480)), Some(9), Some(7)));
+    assert_eq!(
+        (full.picture.size, full.picture.samples, full.picture.depth),
+        (Some((640, 480)), Some(Samples::PerPixel(9)), Some(7))
+    );
     let camera = full.camera.expect("a camera");
     assert_eq!((camera.eye, camera.target), (Vec3::new(1.0, 2.5, 3.0), Vec3::NEG_Z));
     assert_eq!((camera.up, camera.fov_degrees), (Vec3::Z * 2.0, 55.5));
@@ -485,7 +488,7 @@ fn missing_and_foreign_files_name_key_and_line() {
     assert_fault("[[object]]\n\nfile = 'none.obj'\n", 3, &["file", "'none.obj'"]);
     assert_fault("[material.x]\ntexture = 'none.png'\n", 2, &["texture", "'none.png'"]);
     let folder = Folder::new("[[object]]\nfile = 'scene.toml'\n");
-    assert!(fault_in(&folder).1.contains("not a model; possible: .obj, .ply, .stl"));
+    assert!(fault_in(&folder).1.contains("not a model; possible: .obj, .ply, .stl, .nff"));
     let folder = Folder::new("[material.x]\ntexture = 'scene.toml'\n");
     let (line, message) = fault_in(&folder);
     assert!(line == Some(2) && message.contains("texture 'scene.toml'"), "{message}");
@@ -524,7 +527,10 @@ fn the_showcase_shows_everything() {
     assert!(scene.materials.iter().any(|m| m.mirror.max_element() > 0.5), "a mirror");
     assert!(scene.materials.iter().filter(|m| m.is_transparent()).count() >= 2, "glass");
     assert!(scene.materials.iter().any(|m| m.diffuse_texture.is_some()), "a texture");
-    assert_eq!((scene.picture.size, scene.picture.samples, scene.picture.depth), (Some((1280, 720)), Some(9), Some(8)));
+    assert_eq!(
+        (scene.picture.size, scene.picture.samples, scene.picture.depth),
+        (Some((1280, 720)), Some(Samples::PerPixel(9)), Some(8))
+    );
     assert_eq!(scene.lights.len(), 2);
     // The models come with their normals; these agree with the triangles' sides.
     for (i, t) in scene.triangles.iter().enumerate() {

@@ -110,7 +110,7 @@ typedef struct {
     uint sample_count; // Samples per pixel.
     uint max_depth; // Longest chain of rays, the camera ray counted as 1.
     float kill_weight; // A secondary ray whose weight is below this in every channel is not cast.
-    float pixel_width; // 2 / width.
-    float pixel_height; // 2 / height.
+    float pixel_width; // 2 / width; for rays through corners 2 / (width - 1).
+    float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
 } RenderParams;

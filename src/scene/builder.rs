@@ -103,12 +103,16 @@ impl Builder {
 
     /// Adds `material` without making it the current one, unless the scene has an equal one, and tells its number.
     pub fn add_material(&mut self, material: Material) -> MaterialId {
-        let materials = &mut self.scene.materials;
-        let id = materials.iter().position(|m| *m == material).unwrap_or_else(|| {
-            materials.push(material);
-            materials.len() - 1
-        });
-        id as MaterialId
+        match self.scene.materials.iter().position(|m| *m == material) {
+            Some(id) => id as MaterialId,
+            None => self.push_material(material),
+        }
+    }
+
+    /// As [`Builder::add_material`], for a caller that knows that the scene has no equal one: looking takes time with many.
+    pub(super) fn push_material(&mut self, material: Material) -> MaterialId {
+        self.scene.materials.push(material);
+        (self.scene.materials.len() - 1) as MaterialId
     }
 
     /// Makes material number `id` the current one.
@@ -198,7 +202,8 @@ impl Builder {
         self.multiply("scale", DAffine3::from_scale(factors.as_dvec3()))
     }
 
-    fn multiply(&mut self, caller: &str, transform: DAffine3) -> &mut Self {
+    /// As [`Builder::transform`], in f64; `caller` begins the message of a fault.
+    pub(super) fn multiply(&mut self, caller: &str, transform: DAffine3) -> &mut Self {
         if !transform.is_finite() {
             return self.fail(format!("{caller}: a value is not finite"));
         }

@@ -6,10 +6,11 @@
 mod object;
 mod table;
 
-use super::check::{camera_fault, light_fault, material_fault};
+use super::check::{Fault, camera_fault, light_fault, material_fault};
 use super::texture::load_texture;
 use super::{
-    Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Scene, TextureId,
+    Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
+    TextureId,
 };
 use crate::error::{Error, Result};
 use glam::Vec3;
@@ -88,7 +89,11 @@ impl<'a> Reader<'a> {
                 (None, None) => None,
                 (width, height) => Some((image.required("width", width)?, image.required("height", height)?)),
             };
-            picture.samples = image.whole("samples", 1..=PictureDefaults::MAX_SAMPLES)?;
+            picture.samples = read_samples(&image)?;
+            if let (Some(size), Some(Samples::Corners)) = (picture.size, picture.samples) {
+                image
+                    .check(Samples::Corners.fault(size).map(|message| Fault { key: "samples", message }), "samples")?;
+            }
         }
         if let Some(value) = root.get("trace") {
             let trace =
@@ -235,6 +240,14 @@ impl<'a> Reader<'a> {
 const DEFAULT_IOR: f32 = 1.5;
 /// The Blinn–Phong exponent of a material whose file does not tell; without `specular` it is of no consequence.
 const DEFAULT_SHININESS: f32 = 50.0;
+
+/// A count for each pixel, or "corners".
+fn read_samples(image: &Table) -> Result<Option<Samples>> {
+    if image.get("samples").is_some_and(|value| value.get_ref().is_str()) {
+        return Ok(image.choice("samples", &[Samples::CORNERS])?.map(|_| Samples::Corners));
+    }
+    Ok(image.whole("samples", 1..=PictureDefaults::MAX_SAMPLES)?.map(Samples::PerPixel))
+}
 
 /// A light, and the key that stands for its direction.
 fn read_light(table: &Table) -> Result<(Light, &'static str)> {

@@ -13,9 +13,11 @@ mod load;
 mod material;
 mod mesh;
 mod mtl;
+mod nff;
 mod obj;
 mod obj_clean;
 mod ply;
+mod samples;
 mod solids;
 mod stl;
 mod texture;
@@ -26,6 +28,7 @@ pub use camera::Camera;
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
 pub use material::{Material, MaterialId};
+pub use samples::Samples;
 pub use solids::MAX_SEGMENTS;
 pub use texture::{Texture, TextureId};
 
@@ -67,8 +70,8 @@ impl Default for Background {
 pub struct PictureDefaults {
     /// Width and height in pixels.
     pub size: Option<(u32, u32)>,
-    /// Samples per pixel.
-    pub samples: Option<u32>,
+    /// Where camera rays pass.
+    pub samples: Option<Samples>,
     /// Longest chain of rays, the camera ray counted as 1.
     pub depth: Option<u32>,
 }

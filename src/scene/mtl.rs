@@ -46,7 +46,7 @@ const MAX_LIBRARY_BYTES: u64 = 16 << 20;
 const MAX_LIBRARIES: usize = 1000;
 
 /// How many materials the libraries of a file may define: each takes about a kilobyte.
-const MAX_MATERIALS: usize = 65_536;
+pub(super) const MAX_MATERIALS: usize = 65_536;
 
 /// What a library says of one material.
 #[derive(Debug, Clone, Default)]

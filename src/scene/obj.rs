@@ -16,7 +16,7 @@ use glam::{Vec2, Vec3};
 use std::io::Read;
 use std::path::Path;
 
-/// The largest OBJ file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex takes at least
+/// The largest OBJ or NFF file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex takes at least
 /// 8 bytes of text, a triangle of a polygon 2.
 const MAX_FILE_BYTES: u64 = 1 << 30;
 
@@ -68,8 +68,8 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Reads a regular file that may be OBJ text.
-fn read_text(path: &Path) -> Result<Vec<u8>> {
+/// Reads a regular file that may be OBJ or NFF text.
+pub(super) fn read_text(path: &Path) -> Result<Vec<u8>> {
     let unreadable = |e| Error::io("read", path, e);
     let (mut file, bytes) = open_regular(path)?;
     if bytes > MAX_FILE_BYTES {
@@ -82,7 +82,7 @@ fn read_text(path: &Path) -> Result<Vec<u8>> {
         return Err(Error::input(path, 1, "is UTF-16 text; save it as UTF-8"));
     }
     if text.contains(&0) {
-        return Err(Error::input(path, None, "is not text (it has NUL bytes); raybrook reads the text form of OBJ"));
+        return Err(Error::input(path, None, "is not text (it has NUL bytes); only the text form is read"));
     }
     text.reserve_exact(bytes as usize);
     file.take(MAX_FILE_BYTES).read_to_end(&mut text).map_err(unreadable)?;

@@ -4,6 +4,7 @@ use super::Reader;
 use super::table::{Table, suggestion};
 use crate::error::Result;
 use crate::scene::load::{MODELS, ending, load};
+use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::texture::load_texture;
 use crate::scene::{MAX_SEGMENTS, MaterialId, height};
 use glam::{Vec2, Vec3};
@@ -28,8 +29,6 @@ const SOLIDS: [(&str, &[&str]); 8] = [
     ),
 ];
 
-/// Segments around a solid whose file does not tell: at this many a sphere of 500 pixels shows no corners.
-const SEGMENTS: u32 = 64;
 /// Segments along each side of a height field.
 const FIELD_SEGMENTS: u32 = 128;
 
@@ -148,17 +147,19 @@ impl<'a> Reader<'a> {
             |key: &str, least: u32, default: u32| Ok(table.whole(key, least..=MAX_SEGMENTS)?.unwrap_or(default));
         let builder = &mut self.builder;
         match name {
-            "sphere" => builder.sphere(positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?),
+            "sphere" => builder.sphere(positive("radius", 1.0)?, segments("segments", 3, DEFAULT_SEGMENTS)?),
             "box" => builder.cuboid(table.vector_or_number("size")?.unwrap_or(Vec3::ONE)),
             "cylinder" | "cone" => {
                 let radius = positive("radius", 1.0)?;
                 let top = if name == "cylinder" { radius } else { number("top-radius", 0.0)? };
                 let caps = table.boolean("caps")?.unwrap_or(true);
-                builder.frustum(radius, top, positive("height", 1.0)?, segments("segments", 3, SEGMENTS)?, caps)
+                builder.frustum(radius, top, positive("height", 1.0)?, segments("segments", 3, DEFAULT_SEGMENTS)?, caps)
             }
-            "disc" => {
-                builder.disc(number("inner-radius", 0.0)?, positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?)
-            }
+            "disc" => builder.disc(
+                number("inner-radius", 0.0)?,
+                positive("radius", 1.0)?,
+                segments("segments", 3, DEFAULT_SEGMENTS)?,
+            ),
             "quad" => {
                 let origin = vector("origin", Vec3::new(-0.5, 0.0, 0.5))?;
                 let (u, v) = (vector("edge-u", Vec3::X)?, vector("edge-v", Vec3::NEG_Z)?);
@@ -166,7 +167,12 @@ impl<'a> Reader<'a> {
             }
             "torus" => {
                 let (major, minor) = (positive("major-radius", 1.0)?, positive("minor-radius", 0.25)?);
-                builder.torus(major, minor, segments("segments", 3, SEGMENTS)?, segments("sides", 3, SEGMENTS / 2)?)
+                builder.torus(
+                    major,
+                    minor,
+                    segments("segments", 3, DEFAULT_SEGMENTS)?,
+                    segments("sides", 3, DEFAULT_SEGMENTS / 2)?,
+                )
             }
             _ => return self.add_height_field(table),
         };
