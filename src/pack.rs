@@ -10,10 +10,10 @@ use crate::accel::{
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Accel, TraceOptions, Traversal};
-use crate::scene::{self, Camera, Falloff, LightKind, Scene};
+use crate::scene::{self, Camera, Falloff, LightKind, Pattern, Procedural, Scene, Texture, TextureSpace};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
-    SceneParams, Shading, TextureInfo,
+    SceneParams, Shading, TEXTURE_CHECKER, TEXTURE_IMAGE, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use std::time::Instant;
@@ -111,7 +111,7 @@ impl SceneBuffers {
         };
         let build_s = start.elapsed().as_secs_f64();
 
-        let (textures, texels) = pack_textures(scene)?;
+        let (textures, texels) = pack_textures(scene, scale)?;
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, 0.0),
@@ -243,8 +243,8 @@ fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
         emission: Float4::new(material.emission, 0.0),
         texture: material.diffuse_texture.unwrap_or(NO_TEXTURE),
         transparent: u32::from(material.is_transparent()),
-        pad0: 0,
-        pad1: 0,
+        toon_steps: material.toon.map_or(0, |toon| toon.steps),
+        toon_threshold: material.toon.map_or(0.0, |toon| toon.threshold),
     }
 }
 
@@ -279,16 +279,50 @@ fn pack_light(light: &scene::Light, scale: f32) -> Light {
     packed
 }
 
-fn pack_textures(scene: &Scene) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
+fn pack_textures(scene: &Scene, scale: f32) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
     let mut texels = Vec::new();
     let mut textures = Vec::new();
     for texture in &scene.textures {
+        let image = match texture {
+            Texture::Image(image) => image,
+            Texture::Procedural(procedural) => {
+                textures.push(pack_procedural(procedural, scale));
+                continue;
+            }
+        };
         let first = u32::try_from(texels.len())
-            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", texture.name)))?;
-        textures.push(TextureInfo { first, width: texture.width, height: texture.height, pad: 0 });
-        texels.extend(texture.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
+            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", image.name)))?;
+        let (width, height) = (image.width, image.height);
+        textures.push(TextureInfo { kind: TEXTURE_IMAGE, first, width, height, ..TextureInfo::default() });
+        texels.extend(image.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
     }
     Ok((textures, texels))
+}
+
+/// The inverse of the texture's transform is what the kernels need, and from tracing space.
+fn pack_procedural(procedural: &Procedural, scale: f32) -> TextureInfo {
+    let in_uv = procedural.space == TextureSpace::Uv;
+    let unit = if in_uv { 1.0 } else { f64::from(scale) };
+    let to_texture = procedural.transform.inverse();
+    let rows = to_texture.matrix3.transpose();
+    let row = |row: DVec3, offset: f64| Float4::new((row / unit).as_vec3(), offset as f32);
+    TextureInfo {
+        to_x: row(rows.x_axis, to_texture.translation.x),
+        to_y: row(rows.y_axis, to_texture.translation.y),
+        to_z: row(rows.z_axis, to_texture.translation.z),
+        colour0_turbulence: Float4::new(procedural.colours[0], procedural.turbulence),
+        colour1: Float4::new(procedural.colours[1], 0.0),
+        kind: match procedural.pattern {
+            Pattern::Checker => TEXTURE_CHECKER,
+            Pattern::Noise => TEXTURE_NOISE,
+            Pattern::Marble => TEXTURE_MARBLE,
+            Pattern::Wood => TEXTURE_WOOD,
+        },
+        octaves: procedural.octaves.min(Procedural::MAX_OCTAVES),
+        seed: procedural.seed,
+        in_uv: u32::from(in_uv),
+        ..TextureInfo::default()
+    }
 }
 
 /// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.

@@ -7,7 +7,7 @@ use glam::Vec3;
 use raybrook::film::Film;
 use raybrook::options::{Accel, TraceOptions};
 use raybrook::pack::SceneBuffers;
-use raybrook::scene::{Background, Builder, Camera, Falloff, Light, LightKind, Material, Scene, Texture};
+use raybrook::scene::{Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Scene};
 use raybrook::session::{Picture, complete, open_tracer, render};
 use raybrook::shared::COUNTERS;
 use raybrook::tracer::RenderResult;
@@ -25,7 +25,7 @@ fn centred_quad(builder: &mut Builder, side: f32) {
 fn motley() -> Scene {
     let mut builder = Builder::new();
     let texels = (0..64u8).map(|i| if (i / 8 + i % 8) % 2 == 0 { [230, 220, 200, 255] } else { [40, 60, 90, 255] });
-    let checker = Texture { name: "checker".into(), width: 8, height: 8, rgba: texels.collect() };
+    let checker = Image { name: "checker".into(), width: 8, height: 8, rgba: texels.collect() };
     let diffuse_texture = Some(builder.add_texture(checker));
     builder.material(Material { diffuse_texture, ..Material::matt(Vec3::ONE) });
     builder.push();
@@ -200,7 +200,7 @@ fn textures_are_upright_and_survive_nonsense() {
     // Two texels: the upper one red, the lower one blue; v runs upwards.
     let mut builder = Builder::new();
     let rgba = vec![[255, 0, 0, 255], [0, 0, 255, 255]];
-    let diffuse_texture = Some(builder.add_texture(Texture { name: "two".into(), width: 1, height: 2, rgba }));
+    let diffuse_texture = Some(builder.add_texture(Image { name: "two".into(), width: 1, height: 2, rgba }));
     builder.material(Material { diffuse: Vec3::ONE, ambient: Vec3::ONE, diffuse_texture, ..Material::default() });
     centred_quad(&mut builder, 2.0);
     let mut scene = builder.finish().unwrap();

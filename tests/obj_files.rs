@@ -3,7 +3,7 @@
 //! The large tables are those of `../shared/scenes`, a collection beside the repository; where it is absent those tests say
 //! so and pass. All other tests write their own files.
 
-use raybrook::scene::{DropReason, NO_INDEX, Scene, load};
+use raybrook::scene::{DropReason, Image, NO_INDEX, Scene, load};
 use std::path::{Path, PathBuf};
 
 /// A file of the collection beside the repository, or `None`, said aloud, without it.
@@ -52,6 +52,14 @@ fn not_finite(scene: &Scene) -> usize {
     (0..scene.triangles.len()).filter(|&i| scene.drop_reason(i) == Some(DropReason::NotFinite)).count()
 }
 
+fn image_of(scene: &Scene, texture: usize) -> &Image {
+    scene.textures[texture].image().expect("a picture")
+}
+
+fn size_of_picture(scene: &Scene) -> (u32, u32) {
+    (image_of(scene, 0).width, image_of(scene, 0).height)
+}
+
 fn assert_consistent(scene: &Scene, name: &str) {
     for t in &scene.triangles {
         assert!(t.positions.iter().all(|&i| (i as usize) < scene.positions.len()), "{name}");
@@ -68,7 +76,8 @@ fn assert_consistent(scene: &Scene, name: &str) {
             assert!(colour.max_element() <= 1.0, "{name}: {m:?}");
         }
     }
-    for t in &scene.textures {
+    for i in 0..scene.textures.len() {
+        let t = image_of(scene, i);
         assert_eq!(t.rgba.len(), (t.width * t.height) as usize, "{name}");
     }
 }
@@ -128,7 +137,7 @@ fn quirks_give_the_right_materials_and_warnings() {
         let scene = scene(name);
         let texture = scene.materials[scene.triangles[0].material as usize].diffuse_texture;
         assert_eq!(texture, Some(0), "{name}: {:#?}", scene.warnings);
-        assert_eq!((scene.textures[0].width, scene.textures[0].height), (4, 4), "{name}");
+        assert_eq!(size_of_picture(&scene), (4, 4), "{name}");
         assert_eq!(scene.triangles[1].uvs.map(|i| scene.uvs[i as usize].to_array()), [[0., 0.], [1., 1.], [0., 1.]]);
     }
     assert_warned(&scene("map_options.obj"), "map_options.mtl:3: ");
@@ -336,7 +345,7 @@ fn nothing_outside_the_folder_is_opened() {
     std::fs::write(inside.join("sub/own.mtl"), "newmtl m\nmap_Kd ..\\open.png\n").unwrap();
     std::fs::write(&obj, format!("mtllib sub\\own.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
     let scene = load(&obj).unwrap();
-    assert_eq!(scene.textures[0].rgba, [[4, 5, 6, 255]; 6]);
+    assert_eq!(image_of(&scene, 0).rgba, [[4, 5, 6, 255]; 6]);
     assert_eq!(scene.warnings, [] as [&str; 0]);
 }
 
@@ -359,7 +368,7 @@ fn textures_are_shared_and_only_loaded_for_materials_in_use() {
         scene.triangles.iter().map(|t| scene.materials[t.material as usize].diffuse_texture).collect();
     assert_eq!(textures, [Some(0), Some(0), Some(1), None, None, Some(0)]);
     assert_eq!((scene.textures.len(), scene.materials.len()), (2, 5));
-    assert_eq!((scene.textures[0].width, scene.textures[0].height), (2, 3));
+    assert_eq!(size_of_picture(&scene), (2, 3));
     assert_eq!(scene.materials[0].diffuse.to_array(), [1.0; 3], "no Kd beside a map_Kd is white");
     let broken = scene.warnings.iter().filter(|w| w.contains("broken.png")).count();
     assert_eq!(broken, 1, "one warning for each file: {:#?}", scene.warnings);
@@ -501,7 +510,7 @@ fn every_kind_of_picture_loads_as_8_bit_rgba() {
         std::fs::write(folder.path().join("a.obj"), format!("mtllib m.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
         let scene = load(folder.path().join("a.obj")).unwrap();
         assert_eq!(scene.warnings, [] as [&str; 0], "{name}");
-        let texture = &scene.textures[0];
+        let texture = image_of(&scene, 0);
         assert_eq!((texture.name.as_str(), texture.width, texture.height), (name, 3, 2));
         assert_eq!(&texture.rgba, if name.starts_with("gray") { &gray } else { &expected }, "{name}");
     }

@@ -143,6 +143,7 @@ fn materials_are_read() {
         transmission: Vec3::splat(0.8),
         ior: 1.3,
         emission: Vec3::splat(9.0),
+        toon: None,
     };
     assert_eq!(scene.materials[0], expected);
     let plain = Material { name: "plain".into(), shininess: 50.0, ior: 1.5, ..Material::default() };
@@ -151,7 +152,7 @@ fn materials_are_read() {
     assert_eq!(scene.materials[2].ambient, Vec3::X, "ambient is diffuse unless told otherwise");
     assert_eq!((scene.materials[3].diffuse, scene.materials[3].diffuse_texture), (Vec3::ONE, Some(0)));
     assert_eq!(scene.textures.len(), 1, "one file is one texture");
-    assert_eq!(scene.textures[0].rgba[2], [3, 1, 2, 255]);
+    assert_eq!(scene.textures[0].image().expect("a picture").rgba[2], [3, 1, 2, 255]);
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod mesh;
 mod mtl;
 mod obj;
 mod obj_clean;
+mod procedural;
 mod solids;
 mod texture;
 mod triangulate;
@@ -23,9 +24,10 @@ pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
-pub use material::{Material, MaterialId};
+pub use material::{Material, MaterialId, Toon};
+pub use procedural::{Pattern, Procedural, TextureSpace};
 pub use solids::MAX_SEGMENTS;
-pub use texture::{Texture, TextureId};
+pub use texture::{Image, Texture, TextureId};
 
 use glam::{DVec3, Vec2, Vec3};
 
