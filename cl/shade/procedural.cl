@@ -37,7 +37,7 @@ float fade(float t) { return t * t * t * fma(t, fma(t, 6.0f, -15.0f), 10.0f); }
 
 float mix_fixed(float a, float b, float t) { return fma(b - a, t, a); }
 
-// Gradient noise in about -1..1 (at most 1.04 on either side), 0 at every corner of a cell.
+// Gradient noise in about -1..1 (1.0364 is the most that any choice of gradients gives), 0 at every corner of a cell.
 float gradient_noise(float3 p, uint seed) {
     uint x, y, z;
     const float fx = split_cell(p.x, &x), fy = split_cell(p.y, &y), fz = split_cell(p.z, &z);
@@ -87,20 +87,24 @@ float noise_pattern(float3 p, uint octaves, uint seed) {
     return clamp01(fma(0.5f, fractal_noise(p, octaves, seed, false), 0.5f));
 }
 
-// Layers across x, one in each unit, that turbulence has folded.
+// Veins across x, one in each unit, that turbulence has folded. The fourth power makes them narrower than the stone between.
 float marble_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     const float layer = fma(turbulence, fractal_noise(p, octaves, seed, true), p.x);
-    return clamp01(fma(0.5f, sin_turns(layer), 0.5f));
+    const float wave = clamp01(fma(0.5f, sin_turns(layer), 0.5f));
+    return (wave * wave) * (wave * wave);
 }
 
 // Share of a year's ring that is early wood, which darkens gradually; the late wood ends sharply.
 #define EARLY_WOOD 0.85f
 
+// The noise that bends the rings is as wide as four of them and eight times as long along the trunk.
+#define WOOD_NOISE (float3)(0.25f, 0.03125f, 0.25f)
+
 // Rings about the axis y, one in each unit, that noise has bent.
 float wood_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     const float radius = sqrt(fma(p.x, p.x, p.z * p.z));
     uint ring;
-    const float at = split_cell(fma(turbulence, fractal_noise(p, octaves, seed, false), radius), &ring);
+    const float at = split_cell(fma(turbulence, fractal_noise(p * WOOD_NOISE, octaves, seed, false), radius), &ring);
     const float t = clamp01(at < EARLY_WOOD ? at / EARLY_WOOD : (1.0f - at) / (1.0f - EARLY_WOOD));
     return t * t * fma(-2.0f, t, 3.0f);
 }

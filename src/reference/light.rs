@@ -85,3 +85,29 @@ pub fn blinn_phong(
     }
     reflected * sample.radiance
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tones_rise_at_their_thresholds() {
+        // Even thresholds of two steps: a third each of dark, half and full.
+        for (cosine, tone) in [(0.0, 0.0), (0.33, 0.0), (0.34, 0.5), (0.66, 0.5), (0.67, 1.0), (1.0, 1.0)] {
+            assert_eq!(toon_tone(cosine, 2, 1.0 / 3.0), tone, "{cosine}");
+        }
+        // A threshold is reached where the cosine equals it, in numbers without rounding.
+        for (cosine, tone) in [(0.25f32.next_down(), 0.0), (0.25, 1.0), (1.0, 1.0)] {
+            assert_eq!(toon_tone(cosine, 1, 0.25), tone, "{cosine}");
+        }
+        assert_eq!([0.0, 0.5, 1.0f32.next_up()].map(|c| toon_tone(c, 2, 0.0)), [0.5, 1.0, 1.0]);
+        for steps in 1..=255 {
+            let tones: Vec<_> = (0..=4096).map(|i| toon_tone(i as f32 / 4096.0, steps, 0.125)).collect();
+            assert!(tones.is_sorted() && tones[511] == 0.0 && tones[512] > 0.0 && tones[4096] == 1.0, "{steps}");
+            let mut different = tones;
+            different.dedup();
+            assert_eq!(different.len(), steps as usize + 1);
+        }
+        assert_eq!(toon_tone(f32::NAN, 3, 0.5), 0.0);
+    }
+}

@@ -10,7 +10,7 @@ pub enum Pattern {
     Checker,
     /// Fractal noise between the colours.
     Noise,
-    /// Layers across the axis x, one in each unit, folded by turbulence.
+    /// Veins across the axis x, one in each unit, folded by turbulence; the second colour is theirs.
     Marble,
     /// Rings about the axis y, one in each unit, bent by noise; the second colour is the late wood.
     Wood,
@@ -52,7 +52,7 @@ pub struct Procedural {
     pub transform: DAffine3,
     /// Where the pattern lies.
     pub space: TextureSpace,
-    /// How far noise moves marble's layers and wood's rings, in units of their distance; checker and noise do not use it.
+    /// How far noise moves marble's veins and wood's rings, in units of their distance; checker and noise do not use it.
     pub turbulence: f32,
     /// Octaves of the noise, 1..=[`Procedural::MAX_OCTAVES`]: each has twice the frequency and half the strength of the last.
     pub octaves: u32,
@@ -69,8 +69,8 @@ impl Procedural {
         let (colours, turbulence, octaves) = match pattern {
             Pattern::Checker => ([Vec3::splat(0.8), Vec3::splat(0.1)], 0.0, 1),
             Pattern::Noise => ([Vec3::ZERO, Vec3::ONE], 0.0, 5),
-            Pattern::Marble => ([Vec3::new(0.24, 0.26, 0.31), Vec3::new(0.86, 0.84, 0.8)], 1.5, 6),
-            Pattern::Wood => ([Vec3::new(0.56, 0.31, 0.13), Vec3::new(0.25, 0.1, 0.03)], 0.3, 3),
+            Pattern::Marble => ([Vec3::new(0.86, 0.84, 0.8), Vec3::new(0.24, 0.26, 0.31)], 0.8, 6),
+            Pattern::Wood => ([Vec3::new(0.56, 0.31, 0.13), Vec3::new(0.25, 0.1, 0.03)], 0.6, 3),
         };
         let (transform, space) = (DAffine3::IDENTITY, TextureSpace::World);
         Procedural { pattern, colours, transform, space, turbulence, octaves, seed: 0 }
