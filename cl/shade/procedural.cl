@@ -105,7 +105,7 @@ float wood_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     const float radius = sqrt(fma(p.x, p.x, p.z * p.z));
     uint ring;
     const float at = split_cell(fma(turbulence, fractal_noise(p * WOOD_NOISE, octaves, seed, false), radius), &ring);
-    const float t = clamp01(at < EARLY_WOOD ? at / EARLY_WOOD : (1.0f - at) / (1.0f - EARLY_WOOD));
+    const float t = clamp01(at < EARLY_WOOD ? at * (1.0f / EARLY_WOOD) : (1.0f - at) * (1.0f / (1.0f - EARLY_WOOD)));
     return t * t * fma(-2.0f, t, 3.0f);
 }
 

@@ -128,7 +128,7 @@ const WOOD_NOISE: Vec3 = Vec3::new(0.25, 0.031_25, 0.25);
 pub fn wood_pattern(p: Vec3, octaves: u32, seed: u32, turbulence: f32) -> f32 {
     let radius = p.x.mul_add(p.x, p.z * p.z).sqrt();
     let (_, at) = split_cell(turbulence.mul_add(fractal_noise(p * WOOD_NOISE, octaves, seed, false), radius));
-    let t = clamp01(if at < EARLY_WOOD { at / EARLY_WOOD } else { (1.0 - at) / (1.0 - EARLY_WOOD) });
+    let t = clamp01(if at < EARLY_WOOD { at * (1.0 / EARLY_WOOD) } else { (1.0 - at) * (1.0 / (1.0 - EARLY_WOOD)) });
     t * t * (-2.0f32).mul_add(t, 3.0)
 }
 
