@@ -130,7 +130,7 @@ pub fn sin_turns(x: f32) -> f32 {
     p = p.mul_add(r2, -76.705_859_8);
     p = p.mul_add(r2, 81.605_249_3);
     p = p.mul_add(r2, -41.341_702_2);
-    p = p.mul_add(r2, 6.283_185_31);
+    p = p.mul_add(r2, std::f32::consts::TAU);
     p * r
 }
 
