@@ -1,29 +1,34 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
+mod arrangement;
+mod textures;
 mod transforms;
 
+pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
+    reorder,
 };
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::layout::Float4;
-use crate::options::{Accel, TraceOptions, Traversal};
-use crate::scene::{self, Camera, Falloff, LightKind, Pattern, Procedural, Scene, Texture, TextureSpace};
+use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
+use crate::scene::{self, Camera, Falloff, LightKind, Scene};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
-    SceneParams, Shading, TEXTURE_CHECKER, TEXTURE_IMAGE, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
+    SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use std::time::Instant;
+use textures::pack_textures;
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]
 pub struct SceneBuffers {
     /// What the kernels need to know of the scene as a whole.
     pub params: SceneParams,
-    /// kd-tree nodes in left pre-order; one unused leaf for brute force; for other structures see their files in `cl/traverse/`.
+    /// kd-tree nodes in the chosen order, the root first; one unused leaf for brute force; for other structures see their files in `cl/traverse/`.
     pub nodes: Vec<KdNode>,
     /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
     pub references: Vec<u32>,
@@ -73,7 +78,8 @@ impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything.
     ///
     /// # Errors
-    /// [`Error::Scene`] when an array outgrows 32-bit indices; [`Error::Option`] when the options are out of range.
+    /// [`Scene`](crate::Error::Scene) when an array outgrows 32-bit indices; [`Option`](crate::Error::Option) when the options are
+    /// out of range.
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
         let primitives = scene.hittable();
@@ -98,6 +104,10 @@ impl SceneBuffers {
             }
             Accel::Kd => {
                 let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
+                if top > 0 || options.node_order != NodeOrder::Preorder {
+                    tree.nodes = reorder(&tree.nodes, options.node_order, top);
+                }
                 let bounds = match options.traversal {
                     Traversal::Ropes => link_leaves(&mut tree.nodes, &tree.bounds),
                     _ => Vec::new(),
@@ -143,20 +153,6 @@ impl SceneBuffers {
             build_options,
             build_s,
         })
-    }
-
-    /// Bytes of the arrays, as a device holds them.
-    pub fn size_bytes(&self) -> usize {
-        size_of_val(&self.nodes[..])
-            + size_of_val(&self.references[..])
-            + size_of_val(&self.vertices[..])
-            + size_of_val(&self.bounds[..])
-            + size_of_val(&self.transforms[..])
-            + size_of_val(&self.shading[..])
-            + size_of_val(&self.materials[..])
-            + size_of_val(&self.lights[..])
-            + size_of_val(&self.textures[..])
-            + size_of_val(&self.texels[..])
     }
 
     /// The picture's parameters for `camera`.
@@ -277,52 +273,6 @@ fn pack_light(light: &scene::Light, scale: f32) -> Light {
         }
     }
     packed
-}
-
-fn pack_textures(scene: &Scene, scale: f32) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
-    let mut texels = Vec::new();
-    let mut textures = Vec::new();
-    for texture in &scene.textures {
-        let image = match texture {
-            Texture::Image(image) => image,
-            Texture::Procedural(procedural) => {
-                textures.push(pack_procedural(procedural, scale));
-                continue;
-            }
-        };
-        let first = u32::try_from(texels.len())
-            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", image.name)))?;
-        let (width, height) = (image.width, image.height);
-        textures.push(TextureInfo { kind: TEXTURE_IMAGE, first, width, height, ..TextureInfo::default() });
-        texels.extend(image.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
-    }
-    Ok((textures, texels))
-}
-
-/// The inverse of the texture's transform is what the kernels need, and from tracing space.
-fn pack_procedural(procedural: &Procedural, scale: f32) -> TextureInfo {
-    let in_uv = procedural.space == TextureSpace::Uv;
-    let unit = if in_uv { 1.0 } else { f64::from(scale) };
-    let to_texture = procedural.transform.inverse();
-    let rows = to_texture.matrix3.transpose();
-    let row = |row: DVec3, offset: f64| Float4::new((row / unit).as_vec3(), offset as f32);
-    TextureInfo {
-        to_x: row(rows.x_axis, to_texture.translation.x),
-        to_y: row(rows.y_axis, to_texture.translation.y),
-        to_z: row(rows.z_axis, to_texture.translation.z),
-        colour0_turbulence: Float4::new(procedural.colours[0], procedural.turbulence),
-        colour1: Float4::new(procedural.colours[1], 0.0),
-        kind: match procedural.pattern {
-            Pattern::Checker => TEXTURE_CHECKER,
-            Pattern::Noise => TEXTURE_NOISE,
-            Pattern::Marble => TEXTURE_MARBLE,
-            Pattern::Wood => TEXTURE_WOOD,
-        },
-        octaves: procedural.octaves.min(Procedural::MAX_OCTAVES),
-        seed: procedural.seed,
-        in_uv: u32::from(in_uv),
-        ..TextureInfo::default()
-    }
 }
 
 /// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.

