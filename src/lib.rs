@@ -29,7 +29,7 @@
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/`, `kernels/` entry points |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points |
 //!
 //! # Invariants
 //!

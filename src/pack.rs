@@ -1,6 +1,7 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
 mod arrangement;
+mod textures;
 mod transforms;
 
 pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
@@ -10,7 +11,7 @@ use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
     reorder,
 };
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::layout::Float4;
 use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
@@ -20,6 +21,7 @@ use crate::shared::{
 };
 use glam::{DVec3, Vec3};
 use std::time::Instant;
+use textures::pack_textures;
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]
@@ -76,7 +78,8 @@ impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything.
     ///
     /// # Errors
-    /// [`Error::Scene`] when an array outgrows 32-bit indices; [`Error::Option`] when the options are out of range.
+    /// [`Scene`](crate::Error::Scene) when an array outgrows 32-bit indices; [`Option`](crate::Error::Option) when the options are
+    /// out of range.
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
         let primitives = scene.hittable();
@@ -118,7 +121,7 @@ impl SceneBuffers {
         };
         let build_s = start.elapsed().as_secs_f64();
 
-        let (textures, texels) = pack_textures(scene)?;
+        let (textures, texels) = pack_textures(scene, scale)?;
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, 0.0),
@@ -239,8 +242,8 @@ fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
         emission: Float4::new(material.emission, 0.0),
         texture: material.diffuse_texture.unwrap_or(NO_TEXTURE),
         transparent: u32::from(material.is_transparent()),
-        pad0: 0,
-        pad1: 0,
+        toon_steps: material.toon.map_or(0, |toon| toon.steps),
+        toon_threshold: material.toon.map_or(0.0, |toon| toon.threshold),
     }
 }
 
@@ -273,18 +276,6 @@ fn pack_light(light: &scene::Light, scale: f32) -> Light {
         }
     }
     packed
-}
-
-fn pack_textures(scene: &Scene) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
-    let mut texels = Vec::new();
-    let mut textures = Vec::new();
-    for texture in &scene.textures {
-        let first = u32::try_from(texels.len())
-            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", texture.name)))?;
-        textures.push(TextureInfo { first, width: texture.width, height: texture.height, pad: 0 });
-        texels.extend(texture.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
-    }
-    Ok((textures, texels))
 }
 
 /// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.

@@ -5,7 +5,10 @@
 
 mod common;
 
-use common::models::{assert_consistent, assert_warned, check_malformed, rows, shared_scenes as shared, total_area};
+use common::models::{
+    assert_consistent, assert_warned, check_malformed, image_of, rows, shared_scenes as shared, size_of_picture,
+    total_area,
+};
 use raybrook::scene::{NO_INDEX, Scene, load};
 use std::path::Path;
 
@@ -74,7 +77,7 @@ fn quirks_give_the_right_materials_and_warnings() {
         let scene = scene(name);
         let texture = scene.materials[scene.triangles[0].material as usize].diffuse_texture;
         assert_eq!(texture, Some(0), "{name}: {:#?}", scene.warnings);
-        assert_eq!((scene.textures[0].width, scene.textures[0].height), (4, 4), "{name}");
+        assert_eq!(size_of_picture(&scene), (4, 4), "{name}");
         assert_eq!(scene.triangles[1].uvs.map(|i| scene.uvs[i as usize].to_array()), [[0., 0.], [1., 1.], [0., 1.]]);
     }
     assert_warned(&scene("map_options.obj"), "map_options.mtl:3: ");
@@ -256,7 +259,7 @@ fn nothing_outside_the_folder_is_opened() {
     std::fs::write(inside.join("sub/own.mtl"), "newmtl m\nmap_Kd ..\\open.png\n").unwrap();
     std::fs::write(&obj, format!("mtllib sub\\own.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
     let scene = load(&obj).unwrap();
-    assert_eq!(scene.textures[0].rgba, [[4, 5, 6, 255]; 6]);
+    assert_eq!(image_of(&scene, 0).rgba, [[4, 5, 6, 255]; 6]);
     assert_eq!(scene.warnings, [] as [&str; 0]);
 }
 
@@ -279,7 +282,7 @@ fn textures_are_shared_and_only_loaded_for_materials_in_use() {
         scene.triangles.iter().map(|t| scene.materials[t.material as usize].diffuse_texture).collect();
     assert_eq!(textures, [Some(0), Some(0), Some(1), None, None, Some(0)]);
     assert_eq!((scene.textures.len(), scene.materials.len()), (2, 5));
-    assert_eq!((scene.textures[0].width, scene.textures[0].height), (2, 3));
+    assert_eq!(size_of_picture(&scene), (2, 3));
     assert_eq!(scene.materials[0].diffuse.to_array(), [1.0; 3], "no Kd beside a map_Kd is white");
     let broken = scene.warnings.iter().filter(|w| w.contains("broken.png")).count();
     assert_eq!(broken, 1, "one warning for each file: {:#?}", scene.warnings);
@@ -421,7 +424,7 @@ fn every_kind_of_picture_loads_as_8_bit_rgba() {
         std::fs::write(folder.path().join("a.obj"), format!("mtllib m.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
         let scene = load(folder.path().join("a.obj")).unwrap();
         assert_eq!(scene.warnings, [] as [&str; 0], "{name}");
-        let texture = &scene.textures[0];
+        let texture = image_of(&scene, 0);
         assert_eq!((texture.name.as_str(), texture.width, texture.height), (name, 3, 2));
         assert_eq!(&texture.rgba, if name.starts_with("gray") { &gray } else { &expected }, "{name}");
     }

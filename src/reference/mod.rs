@@ -10,6 +10,7 @@ pub mod intersect;
 pub mod light;
 pub mod math;
 pub mod oracle;
+pub mod procedural;
 pub mod ray;
 pub mod render;
 pub mod surface;

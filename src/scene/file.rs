@@ -5,9 +5,9 @@
 
 mod object;
 mod table;
+mod texture;
 
 use super::check::{Fault, camera_fault, light_fault, material_fault};
-use super::texture::load_texture;
 use super::{
     Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
     TextureId,
@@ -170,13 +170,20 @@ impl<'a> Reader<'a> {
     }
 
     fn read_material(&mut self, name: &'a str, title: &str, value: &'a toml::Spanned<DeValue<'a>>) -> Result<Material> {
-        const KEYS: [&str; 9] =
-            ["ambient", "diffuse", "texture", "specular", "shininess", "mirror", "transmission", "ior", "emission"];
+        const KEYS: [&str; 10] = [
+            "ambient",
+            "diffuse",
+            "texture",
+            "specular",
+            "shininess",
+            "mirror",
+            "transmission",
+            "ior",
+            "emission",
+            "toon",
+        ];
         let table = Table::of(self.source, title, value)?.allow(title, &KEYS)?;
-        let diffuse_texture = match table.text("texture")? {
-            Some(file) => Some(self.texture(&table, file)?),
-            None => None,
-        };
+        let diffuse_texture = self.read_texture(&table)?;
         // A texture is shown as it is; without one, the same grey as Material::default().
         let diffuse =
             table.colour("diffuse")?.unwrap_or(if diffuse_texture.is_some() { Vec3::ONE } else { Vec3::splat(0.8) });
@@ -192,20 +199,10 @@ impl<'a> Reader<'a> {
             transmission: table.colour("transmission")?.unwrap_or(default.transmission),
             ior: table.number("ior")?.unwrap_or(default.ior),
             emission: table.colour("emission")?.unwrap_or(default.emission),
+            toon: texture::read_toon(&table)?,
         };
         table.check(material_fault(&material), "")?;
         Ok(material)
-    }
-
-    fn texture(&mut self, table: &Table, file: &str) -> Result<TextureId> {
-        if let Some(&id) = self.textures.get(file) {
-            return Ok(id);
-        }
-        self.inside_folder(table, "texture", file)?;
-        let texture = load_texture(self.folder, file).map_err(|e| table.error("texture", format!("'{file}': {e}")))?;
-        let id = self.builder.add_texture(texture);
-        self.textures.insert(file.to_owned(), id);
-        Ok(id)
     }
 
     /// The path of `file`, which `key` of `table` names: in the scene file's folder or below, and there.

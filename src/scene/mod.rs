@@ -17,6 +17,7 @@ mod nff;
 mod obj;
 mod obj_clean;
 mod ply;
+mod procedural;
 mod samples;
 mod solids;
 mod stl;
@@ -27,10 +28,11 @@ pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
-pub use material::{Material, MaterialId};
+pub use material::{Material, MaterialId, Toon};
+pub use procedural::{Pattern, Procedural, TextureSpace};
 pub use samples::Samples;
 pub use solids::MAX_SEGMENTS;
-pub use texture::{Texture, TextureId};
+pub use texture::{Image, Texture, TextureId};
 
 use glam::{DVec3, Vec2, Vec3};
 

@@ -266,7 +266,7 @@ impl Library {
             let decoded = decode(&path, name);
             let id = decoded.is_ok().then_some(self.textures.len() as TextureId);
             self.texture_ids.insert(path, id);
-            self.textures.push(decoded?);
+            self.textures.push(decoded?.into());
             Ok(id)
         });
         found.unwrap_or_else(|reason| {

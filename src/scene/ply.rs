@@ -29,7 +29,7 @@ mod vertices;
 use super::load::open_regular;
 use super::obj::warn_of_dropped;
 use super::obj_clean::{Warnings, quote};
-use super::{Scene, Texture};
+use super::{Image, Scene, Texture};
 use crate::error::{Error, Result};
 use faces::{FaceSink, Faces};
 use rows::{Element, Skip};
@@ -77,7 +77,7 @@ struct Mesh {
     face: usize,
     vertices: Vertices,
     faces: Faces,
-    textures: Vec<Texture>,
+    textures: Vec<Image>,
 }
 
 impl Mesh {
@@ -157,6 +157,7 @@ impl Mesh {
         }
         let uvs = if faces.uvs.is_empty() { vertices.uvs } else { faces.uvs };
         let (positions, normals, triangles) = (vertices.positions, vertices.normals, faces.triangles);
+        let textures = textures.into_iter().map(Texture::from).collect();
         let mut scene = Scene { positions, normals, uvs, triangles, materials, textures, ..Scene::default() };
         warn_of_dropped(path, &scene, &mut warnings);
         scene.warnings = warnings.into_vec();

@@ -1,7 +1,7 @@
 //! What the tests of the model loaders share: the tables of the shared models, and what every loaded scene obeys.
 
 use super::shared;
-use raybrook::scene::{DropReason, NO_INDEX, Scene, load};
+use raybrook::scene::{DropReason, Image, NO_INDEX, Scene, load};
 use std::path::{Path, PathBuf};
 
 /// A path under the shared scenes, or `None`, with the reason printed, where they are not.
@@ -30,6 +30,16 @@ pub fn not_finite(scene: &Scene) -> usize {
     (0..scene.triangles.len()).filter(|&i| scene.drop_reason(i) == Some(DropReason::NotFinite)).count()
 }
 
+/// A texture of a model, which is always a picture.
+pub fn image_of(scene: &Scene, texture: usize) -> &Image {
+    scene.textures[texture].image().expect("a picture")
+}
+
+/// The size of the first texture.
+pub fn size_of_picture(scene: &Scene) -> (u32, u32) {
+    (image_of(scene, 0).width, image_of(scene, 0).height)
+}
+
 /// Every index of `scene` refers to something, and every material is one that can be shaded.
 pub fn assert_consistent(scene: &Scene, name: &str) {
     for t in &scene.triangles {
@@ -47,7 +57,8 @@ pub fn assert_consistent(scene: &Scene, name: &str) {
             assert!(colour.max_element() <= 1.0, "{name}: {m:?}");
         }
     }
-    for t in &scene.textures {
+    for i in 0..scene.textures.len() {
+        let t = image_of(scene, i);
         assert_eq!(t.rgba.len(), (t.width * t.height) as usize, "{name}");
     }
 }

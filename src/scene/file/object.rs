@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::scene::load::{MODELS, ending, load};
 use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::texture::load_texture;
-use crate::scene::{MAX_SEGMENTS, MaterialId, height};
+use crate::scene::{Builder, MAX_SEGMENTS, MaterialId, height};
 use glam::{Vec2, Vec3};
 use std::collections::hash_map::Entry;
 use toml::de::DeValue;
@@ -40,14 +40,14 @@ impl<'a> Reader<'a> {
             match (table.text("file")?, table.choice("solid", &SOLIDS.map(|(name, _)| name))?) {
                 (Some(file), None) => {
                     let table = table.allow("an object from a file", &COMMON_KEYS)?;
-                    self.place(&table)?;
+                    place(&table, &mut self.builder)?;
                     self.add_file(&table, file)?;
                 }
                 (None, Some(solid)) => {
                     let (name, keys) = SOLIDS[solid];
                     let keys = [&COMMON_KEYS, keys].concat();
                     let table = table.allow(&format!("the solid {name}"), &keys)?;
-                    self.place(&table)?;
+                    place(&table, &mut self.builder)?;
                     self.add_solid(&table, name)?;
                 }
                 (Some(_), Some(_)) => {
@@ -63,43 +63,6 @@ impl<'a> Reader<'a> {
                 return Err(table.error_here(format!("cannot be built: {fault}")));
             }
             self.builder.pop();
-        }
-        Ok(())
-    }
-
-    /// Scales, then rotates, then moves what follows.
-    fn place(&mut self, table: &Table) -> Result<()> {
-        if let Some(offset) = table.vector("translate")? {
-            self.builder.translate(offset);
-        }
-        self.rotate(table)?;
-        if let Some(factors) = table.vector_or_number("scale")? {
-            if factors.to_array().contains(&0.0) {
-                return Err(table.error("scale", "is 0 along an axis, which flattens the object to nothing"));
-            }
-            self.builder.scale(factors);
-        }
-        Ok(())
-    }
-
-    /// Angles about x, then y, then z, or a table of axis and angle.
-    fn rotate(&mut self, table: &Table) -> Result<()> {
-        match table.get("rotate") {
-            Some(value) if matches!(value.get_ref(), DeValue::Table(_)) => {
-                let name = "[[object]] rotate";
-                let turn = Table::of(self.source, name, value)?.allow(name, &["axis", "degrees"])?;
-                let axis = turn.required("axis", turn.vector("axis")?)?;
-                if axis == Vec3::ZERO {
-                    return Err(turn.error("axis", "is zero: it has no direction"));
-                }
-                let degrees = turn.required("degrees", turn.number("degrees")?)?;
-                self.builder.rotate(axis, degrees);
-            }
-            _ => {
-                let Some(angles) = table.vector("rotate")? else { return Ok(()) };
-                // The last call acts first.
-                self.builder.rotate(Vec3::Z, angles.z).rotate(Vec3::Y, angles.y).rotate(Vec3::X, angles.x);
-            }
         }
         Ok(())
     }
@@ -210,4 +173,41 @@ impl<'a> Reader<'a> {
         self.builder.height_field(segments, segments, height::formula(formula, amplitude, frequency, seed));
         Ok(())
     }
+}
+
+/// Scales, then rotates, then moves what follows.
+pub(super) fn place(table: &Table, builder: &mut Builder) -> Result<()> {
+    if let Some(offset) = table.vector("translate")? {
+        builder.translate(offset);
+    }
+    rotate(table, builder)?;
+    if let Some(factors) = table.vector_or_number("scale")? {
+        if factors.to_array().contains(&0.0) {
+            return Err(table.error("scale", "is 0 along an axis, which flattens everything to nothing"));
+        }
+        builder.scale(factors);
+    }
+    Ok(())
+}
+
+/// Angles about x, then y, then z, or a table of axis and angle.
+fn rotate(table: &Table, builder: &mut Builder) -> Result<()> {
+    match table.get("rotate") {
+        Some(value) if matches!(value.get_ref(), DeValue::Table(_)) => {
+            let name = table.name_of("rotate");
+            let turn = Table::of(table.source, &name, value)?.allow(&name, &["axis", "degrees"])?;
+            let axis = turn.required("axis", turn.vector("axis")?)?;
+            if axis == Vec3::ZERO {
+                return Err(turn.error("axis", "is zero: it has no direction"));
+            }
+            let degrees = turn.required("degrees", turn.number("degrees")?)?;
+            builder.rotate(axis, degrees);
+        }
+        _ => {
+            let Some(angles) = table.vector("rotate")? else { return Ok(()) };
+            // The last call acts first.
+            builder.rotate(Vec3::Z, angles.z).rotate(Vec3::Y, angles.y).rotate(Vec3::X, angles.x);
+        }
+    }
+    Ok(())
 }

@@ -6,7 +6,7 @@
 use crate::scene::file::linear;
 use crate::scene::obj_clean::{Warnings, quote};
 use crate::scene::texture::{decode, find_inside};
-use crate::scene::{Material, MaterialId, Texture, TextureId, Triangle};
+use crate::scene::{Image, Material, MaterialId, TextureId, Triangle};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -48,7 +48,7 @@ pub(super) fn mean(colours: [[u8; 3]; 3]) -> [u8; 3] {
 }
 
 /// Turns the paints of `triangles` into materials, in order of first use; whether colours were rounded.
-pub(super) fn materials(triangles: &mut [Triangle], textures: &[Texture]) -> (Vec<Material>, bool) {
+pub(super) fn materials(triangles: &mut [Triangle], textures: &[Image]) -> (Vec<Material>, bool) {
     let mut colours = HashSet::new();
     let too_many =
         triangles.iter().any(|t| t.material < TEXTURED && colours.insert(t.material) && colours.len() > MAX_COLOURS);
@@ -72,7 +72,7 @@ fn rounded(colour: MaterialId) -> MaterialId {
     coloured(parts.map(|part| ((u32::from(part) + step / 2) / step * step) as u8))
 }
 
-fn material(paint: MaterialId, textures: &[Texture]) -> Material {
+fn material(paint: MaterialId, textures: &[Image]) -> Material {
     if paint == PLAIN {
         return Material::default();
     }
@@ -90,7 +90,7 @@ pub(super) fn load_textures(
     path: &Path,
     comments: &[String],
     warnings: &mut Warnings,
-) -> (Vec<Option<TextureId>>, Vec<Texture>) {
+) -> (Vec<Option<TextureId>>, Vec<Image>) {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (mut numbers, mut textures) = (Vec::new(), Vec::new());
     let mut known: HashMap<PathBuf, Option<TextureId>> = HashMap::new();
