@@ -5,21 +5,35 @@
 
 use crate::error::{Error, Result};
 
-/// Defines an enum of methods: its `ALL`, `name` (as the user types it) and documentation.
+/// Defines an enum of methods: its `ALL`, `name` (as the user types it) and documentation, which `raybrook methods` prints.
 macro_rules! methods {
-    ($(#[$meta:meta])* pub enum $enum:ident ($option:literal) { $($(#[$variant_meta:meta])* $variant:ident = $name:literal,)+ }) => {
-        $(#[$meta])*
+    ($(#[doc = $doc:literal])* pub enum $enum:ident ($option:literal) {
+        $($(#[doc = $variant_doc:literal])* $variant:ident = $name:literal,)+
+    }) => {
+        $(#[doc = $doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[non_exhaustive]
-        pub enum $enum { $($(#[$variant_meta])* $variant,)+ }
+        pub enum $enum { $($(#[doc = $variant_doc])* $variant,)+ }
 
         impl $enum {
+            /// What the table of options ([`crate::options::OPTIONS`]) tells about it.
+            pub(crate) const NAMES: $crate::options::Names = $crate::options::Names {
+                option: $option,
+                doc: &[$($doc),*],
+                values: &[$(($name, &[$($variant_doc),*])),+],
+            };
+
             /// Every variant, in the order of the documentation.
             pub const ALL: &'static [$enum] = &[$($enum::$variant),+];
 
             /// The name as the user types it.
             pub fn name(self) -> &'static str {
                 match self { $($enum::$variant => $name),+ }
+            }
+
+            /// What it is, for people: the first paragraph of its documentation, without marks and links.
+            pub fn about(self) -> String {
+                Self::NAMES.about(self as usize)
             }
 
             /// All names, for messages: "a, b, c".
@@ -45,6 +59,13 @@ macro_rules! methods {
         }
     };
 }
+
+mod combinations;
+mod table;
+
+pub use combinations::{NeverTogether, needs, never_together};
+pub(crate) use table::Names;
+pub use table::{Choice, MethodOption, OPTIONS, choices};
 
 methods! {
     /// The structure that rays are traced through.
@@ -117,7 +138,7 @@ methods! {
     pub enum Memory ("--memory") {
         /// Buffers in global memory.
         Global = "global",
-        /// As much as fits into [`crate::pack::CONSTANT_BYTES`] of constant memory: the top of the tree, then references, then vertices.
+        /// As much as fits into constant memory: the top of the tree, then references, then vertices.
         Constant = "constant",
         /// Images made of buffers, which GPUs read through their texture caches.
         BufferImage = "buffer-image",
@@ -338,27 +359,17 @@ impl TraceOptions {
 
     /// An option that the structure does not read must have its default: a measurement of it would measure nothing.
     fn check_that_all_apply(&self) -> Result<()> {
-        use Accel::{Boxes, Grid, Kd, Octree, Spheres};
-        let default = TraceOptions::default();
-        let options: [(&str, bool, &[Accel]); 7] = [
-            ("--build", self.build != default.build, &[Kd]),
-            ("--traversal", self.traversal != default.traversal, &[Kd]),
-            ("--stack-size", self.stack_size.is_some(), &[Kd]),
-            ("--leaf-size", self.leaf_size.is_some(), &[Kd, Octree, Boxes, Spheres]),
-            ("--max-depth", self.max_depth.is_some(), &[Kd, Octree]),
-            ("--grid-size", self.grid_size.is_some(), &[Grid]),
-            ("--node-order", self.node_order != default.node_order, &[Kd]),
-        ];
-        for (option, is_set, structures) in options {
-            if is_set && !structures.contains(&self.accel) {
-                let names: Vec<_> = structures.iter().map(|accel| accel.name()).collect();
-                let nearest = if self.accel == Grid { "; a grid's cells are set by --grid-size X,Y,Z" } else { "" };
+        for option in OPTIONS {
+            if option.is_set(self) && !option.structures.contains(&self.accel) {
+                let names: Vec<_> = option.structures.iter().map(|accel| accel.name()).collect();
+                let nearest =
+                    if self.accel == Accel::Grid { "; a grid's cells are set by --grid-size X,Y,Z" } else { "" };
                 let message = format!(
                     "means nothing to --accel {}; leave it out, or take --accel {}{nearest}",
                     self.accel,
                     names.join(" or ")
                 );
-                return Err(Error::option(option, message));
+                return Err(Error::option(option.name, message));
             }
         }
         Ok(())
