@@ -362,8 +362,10 @@ impl TraceOptions {
         for option in OPTIONS {
             if option.is_set(self) && !option.structures.contains(&self.accel) {
                 let names: Vec<_> = option.structures.iter().map(|accel| accel.name()).collect();
-                let nearest =
-                    if self.accel == Accel::Grid { "; a grid's cells are set by --grid-size X,Y,Z" } else { "" };
+                let nearest = match self.accel {
+                    Accel::Grid if option.is_number() => "; a grid's cells are set by --grid-size X,Y,Z",
+                    _ => "",
+                };
                 let message = format!(
                     "means nothing to --accel {}; leave it out, or take --accel {}{nearest}",
                     self.accel,

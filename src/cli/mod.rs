@@ -12,6 +12,7 @@ macro_rules! say {
 mod check;
 mod devices;
 mod info;
+mod methods;
 mod open;
 mod progress;
 mod render;
@@ -64,6 +65,8 @@ enum Command {
     Info(info::InfoArgs),
     /// List the OpenCL devices, or what is missing to have one.
     Devices(devices::DevicesArgs),
+    /// List the interchangeable parts and what goes together with what.
+    Methods(methods::MethodsArgs),
 }
 
 /// What to trace with.
@@ -193,6 +196,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Check(args) => check::run(&args, cli.talk),
         Command::Info(args) => info::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Devices(args) => devices::run(&args).map(|()| ExitCode::SUCCESS),
+        Command::Methods(args) => methods::run(&args).map(|()| ExitCode::SUCCESS),
     }
 }
 
