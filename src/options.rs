@@ -46,6 +46,10 @@ macro_rules! methods {
     };
 }
 
+mod kd;
+
+pub use kd::{KdOptions, SplitAxis, Stop};
+
 methods! {
     /// The structure that rays are traced through.
     pub enum Accel ("--accel") {
@@ -69,8 +73,14 @@ methods! {
     pub enum Build ("--build") {
         /// Axes in turn, plane between the two middle centroids (thesis, section 5.5.1).
         Median = "median",
+        /// The median of a random sample (thesis, section 5.5).
+        SampledMedian = "sampled-median",
+        /// Plane in the middle of the cell (Kaplan 1985).
+        SpatialMedian = "spatial-median",
         /// Surface area heuristic over sorted event lists (Wald and Havran 2006).
         Sah = "sah",
+        /// The same with volumes for areas, as the thesis has it (section 5.5). To study, not to use.
+        Volume = "volume",
     }
 }
 
@@ -163,11 +173,14 @@ pub struct TraceOptions {
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
     /// A node with at most this many triangles is not split, and a cluster has no more; at least 1. `None`: the build's own
-    /// default: 1 for SAH, 12 for median, 8 for an octree, the square root of the triangles for clusters.
+    /// default: 1 where a kd-tree stops by cost, 12 where by size, 8 for an octree, the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
     /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.
     pub max_depth: Option<u32>,
+    /// How the kd-tree is split, and when no more.
+    #[serde(flatten)]
+    pub kd: KdOptions,
     /// Cells of the grid along x, y, z; their product at most [`TraceOptions::MAX_GRID_CELLS`]. An axis along which the scene has
     /// no extent gets 1. `None`: nearly cubic ones, about 8 for each triangle.
     pub grid_size: Option<[u32; 3]>,
@@ -193,6 +206,7 @@ impl TraceOptions {
         intersector: Intersector::Watertight,
         leaf_size: None,
         max_depth: None,
+        kd: KdOptions::DEFAULT,
         grid_size: None,
     };
 
@@ -230,6 +244,7 @@ impl TraceOptions {
     /// [`Error::Option`] names the option that is out of its range or has no meaning, and what is possible.
     pub fn validate(&self) -> Result<()> {
         self.check_that_all_apply()?;
+        self.kd.validate(self.build)?;
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
         }
@@ -269,7 +284,8 @@ impl TraceOptions {
             ("--max-depth", self.max_depth.is_some(), &[Kd, Octree]),
             ("--grid-size", self.grid_size.is_some(), &[Grid]),
         ];
-        for (option, is_set, structures) in options {
+        let of_kd = self.kd.given().map(|(option, is_set)| (option, is_set, &[Kd][..]));
+        for (option, is_set, structures) in options.into_iter().chain(of_kd) {
             if is_set && !structures.contains(&self.accel) {
                 let names: Vec<_> = structures.iter().map(|accel| accel.name()).collect();
                 let nearest = if self.accel == Grid { "; a grid's cells are set by --grid-size X,Y,Z" } else { "" };
