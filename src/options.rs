@@ -173,7 +173,8 @@ pub struct TraceOptions {
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
     /// A node with at most this many triangles is not split, and a cluster has no more; at least 1. `None`: the build's own
-    /// default: 1 where a kd-tree stops by cost, 12 where by size, 8 for an octree, the square root of the triangles for clusters.
+    /// default: 1 for a kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median and an
+    /// octree, 4 for the others; the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
     /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use raybrook::accel::{Aabb, BuildOptions, KdTree, TreeStats, build_kd_tree, check_tree};
-use raybrook::options::{Build, TraceOptions};
+use raybrook::options::{Build, SplitAxis, Stop, TraceOptions};
 use raybrook::shared::KD_LEAF;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -162,6 +162,39 @@ fn every_build_of_every_input_is_right() {
     }
 }
 
+/// Stops and costs that let trees of hostile inputs grow as far as anything does.
+fn extreme_options(build: Build, triangle_count: usize) -> Vec<BuildOptions> {
+    let base = options_of(build, triangle_count);
+    let without_stops = BuildOptions { leaf_size: 1, max_depth: 60, stop: Stop::Size, similar_children: 1.0, ..base };
+    let free_steps = BuildOptions { stop: Stop::Cost, cost_traverse: 0.0, empty_bonus: 1.0, ..without_stops };
+    vec![
+        without_stops,
+        BuildOptions { split_axis: SplitAxis::Longest, sample_size: 1, ..without_stops },
+        free_steps,
+        BuildOptions { cost_traverse: f32::MAX, cost_intersect: f32::from_bits(1), ..without_stops },
+        BuildOptions { cost_traverse: f32::from_bits(1), cost_intersect: f32::MAX, ..free_steps },
+        BuildOptions { stop: Stop::Cost, ..base },
+        BuildOptions { stop: Stop::Size, similar_children: 0.0, ..base },
+        // What no user can ask for must not do harm either.
+        BuildOptions { cost_traverse: f32::NAN, sample_size: 0, leaf_size: 0, max_depth: u32::MAX, ..without_stops },
+    ]
+}
+
+#[test]
+fn hostile_inputs_are_built_without_stops_too() {
+    for (name, triangles) in inputs() {
+        for &build in Build::ALL {
+            for options in extreme_options(build, triangles.len()) {
+                let tree = build_checked(build, &format!("{name}, {options:?}"), &triangles, &options);
+                let stats = TreeStats::new(&tree, &options);
+                let limit = 32.0 + f64::EPSILON; // as build_kd_tree promises
+                assert!(stats.references_per_triangle <= limit, "{build} of '{name}', {options:?}: {stats:?}");
+                assert!(stats.max_depth <= TraceOptions::MAX_DEPTH, "{build} of '{name}', {options:?}: {stats:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn limits_are_kept() {
     let triangles = soup(11, 400, 0.3);
@@ -185,10 +218,13 @@ fn only_the_given_primitives_are_in_the_tree() {
     let triangles = soup(12, 500, 0.1);
     let mut primitives: Vec<u32> = (0..500).filter(|i| i % 3 == 1).rev().collect(); // not even sorted
     primitives.push(1); // and one of them twice
+    let mut sorted = primitives.clone();
+    sorted.sort_unstable();
     for &build in Build::ALL {
         let options = options_of(build, primitives.len());
         let tree = build_kd_tree(build, &triangles, &primitives, &options);
         assert_eq!(check_tree(&tree, &triangles, &primitives, &options), Ok(()), "{build}");
+        assert!(tree == build_kd_tree(build, &triangles, &sorted, &options), "{build}: the order changes the tree");
     }
 }
 

@@ -7,7 +7,7 @@ use common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::device::DeviceHandle;
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::options::{Accel, Build, Intersector, KdOptions, SplitAxis, Stop, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
 use raybrook::reference::oracle::Oracle;
@@ -33,7 +33,21 @@ fn all_options() -> Vec<TraceOptions> {
             }
         }
     }
+    all.extend(other_stops());
     all
+}
+
+/// Every build with the stops that are not its own.
+fn other_stops() -> Vec<TraceOptions> {
+    let stops = Build::ALL.iter().flat_map(|&build| {
+        let stop = if build.weighs_costs() { Stop::Size } else { Stop::Cost };
+        let kd = KdOptions { stop: Some(stop), similar_children: Some(0.5), ..KdOptions::DEFAULT };
+        let costs = KdOptions { stop: Some(Stop::Cost), cost_traverse: Some(0.0), empty_bonus: Some(1.0), ..kd };
+        let axis = KdOptions { split_axis: SplitAxis::Longest, ..kd };
+        let all = [kd, costs, if build.weighs_costs() { kd } else { axis }];
+        all.map(|kd| TraceOptions { build, kd, ..TraceOptions::DEFAULT })
+    });
+    stops.collect()
 }
 
 /// Every part, but not every combination: a device compiles each of them.

@@ -86,10 +86,12 @@ impl BuildOptions {
         let depth = 8.0 + 1.3 * (triangle_count.max(1) as f32).log2();
         let (build, kd) = (options.build, options.kd);
         let stop = kd.stop(build);
-        let default_leaf = match stop {
-            Stop::Cost => 1, // the cost decides
-            // The least expected cost of 4, 8, 12, 16, … 64 on the bunny; on sponza 1 % above the least, with half its nodes.
-            Stop::Size => 12,
+        // By size: within 3 % of the least expected cost of 1, 2, 4, 8, 12, 16, 24 and 32 on bunny, sponza, teapot and gears.
+        let default_leaf = match (stop, build) {
+            (Stop::Cost, _) => 1, // the cost decides
+            (Stop::Size, Build::Median | Build::SampledMedian) => 12,
+            (Stop::Size, Build::SpatialMedian) => 8,
+            (Stop::Size, Build::Sah | Build::Volume) => 4,
         };
         let default_share = if build.weighs_costs() { 1.0 } else { KdOptions::SIMILAR_CHILDREN };
         BuildOptions {

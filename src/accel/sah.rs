@@ -6,8 +6,9 @@
 //! ([`super::small`]); triangles are clipped to the cells they straddle ([`super::clip`]).
 //!
 //! Bad at: scenes that change with every frame (the median build is faster), and gains that need two splits, none of which
-//! pays alone: the choice is greedy. By volumes it is also bad at the thin cells along walls and floors: it thinks that few rays
-//! meet them, and fills them with triangles.
+//! pays alone: the choice is greedy. By volumes P_L + P_R is 1 for every plane, as if no ray met both sides, so it splits where
+//! that does not pay, and cuts off too little of what is flat: on seven models 7 to 164 % more nodes, and 3 to 204 % more expected
+//! cost (by areas).
 
 use super::clip::Reference;
 use super::cost::{Costs, Measure, Split};

@@ -81,7 +81,8 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
-    /// Do not split nodes of up to N triangles [default: 1 with --stop cost; 12 with --stop size; 8 for octree];
+    /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
+    /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
     /// put up to N into one box or sphere [default: the square root of the triangles].
     #[arg(long, value_name = "N")]
     leaf_size: Option<u32>,
