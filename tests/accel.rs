@@ -141,7 +141,7 @@ fn build_checked(build: Build, name: &str, triangles: &Triangles, options: &Buil
     let primitives = all(triangles);
     let start = Instant::now();
     let tree = build_kd_tree(build, triangles, &primitives, options);
-    let limit = Duration::from_secs(5); // hundreds of times what the inputs take here
+    let limit = Duration::from_secs(20); // tens of times what the slowest takes here, not optimised and on a busy machine
     assert!(start.elapsed() < limit, "{build} of '{name}' took {:?}", start.elapsed());
     if let Err(error) = check_tree(&tree, triangles, &primitives, options) {
         panic!("{build} of '{name}': {error}");
@@ -187,8 +187,8 @@ fn hostile_inputs_are_built_without_stops_too() {
             for options in extreme_options(build, triangles.len()) {
                 let tree = build_checked(build, &format!("{name}, {options:?}"), &triangles, &options);
                 let stats = TreeStats::new(&tree, &options);
-                let limit = 32.0 + f64::EPSILON; // as build_kd_tree promises
-                assert!(stats.references_per_triangle <= limit, "{build} of '{name}', {options:?}: {stats:?}");
+                // As `build_kd_tree` promises.
+                assert!(stats.references_per_triangle <= 32.0, "{build} of '{name}', {options:?}: {stats:?}");
                 assert!(stats.max_depth <= TraceOptions::MAX_DEPTH, "{build} of '{name}', {options:?}: {stats:?}");
             }
         }
