@@ -118,6 +118,53 @@ methods! {
     }
 }
 
+methods! {
+    /// Where on the device nodes, references, vertices and the structures' other arrays lie (thesis, section 5.3). The reference
+    /// has one kind of memory: the choice changes nothing there.
+    pub enum Memory ("--memory") {
+        /// Buffers in global memory.
+        Global = "global",
+        /// As much as fits into [`crate::pack::CONSTANT_BYTES`] of constant memory: the top of the tree, then references, then vertices.
+        Constant = "constant",
+        /// Images made of buffers, which GPUs read through their texture caches.
+        BufferImage = "buffer-image",
+        /// Images of two dimensions, for devices whose buffer images are small.
+        Image2d = "image2d",
+    }
+}
+
+methods! {
+    /// Where a triangle's normals, texture coordinates and material lie (thesis, section 5.3).
+    pub enum Layout ("--layout") {
+        /// In an array of their own, so that traversal does not fill caches with them.
+        Split = "split",
+        /// Behind the triangle's vertices.
+        Whole = "whole",
+    }
+}
+
+methods! {
+    /// The order of the kd-tree's nodes in memory.
+    pub enum NodeOrder ("--node-order") {
+        /// A node, all below its lower child, all below its upper child.
+        Preorder = "preorder",
+        /// Subtrees of half the height together, and so on within them: few cache lines on the way down, whatever their size.
+        VanEmdeBoas = "van-emde-boas",
+        /// Level by level.
+        BreadthFirst = "breadth-first",
+    }
+}
+
+methods! {
+    /// How the triangle tests find their vertices.
+    pub enum TriangleOrder ("--triangles") {
+        /// By the triangle's number in the leaf's list.
+        Indexed = "indexed",
+        /// In a copy for each reference, in the order of the leaves: no jump in memory, at 4 to 5 times the vertices in a kd-tree.
+        LeafOrder = "leaf-order",
+    }
+}
+
 impl Traversal {
     /// Whether it finds every hit. Only [`Traversal::ThesisRestart`] does not.
     pub fn is_exact(self) -> bool {
@@ -185,6 +232,18 @@ pub struct TraceOptions {
     /// Cells of the grid along x, y, z; their product at most [`TraceOptions::MAX_GRID_CELLS`]. An axis along which the scene has
     /// no extent gets 1. `None`: nearly cubic ones, about 8 for each triangle.
     pub grid_size: Option<[u32; 3]>,
+    /// Where the arrays lie.
+    #[serde(serialize_with = "as_name")]
+    pub memory: Memory,
+    /// Where shading data lies.
+    #[serde(serialize_with = "as_name")]
+    pub layout: Layout,
+    /// The order of a kd-tree's nodes.
+    #[serde(serialize_with = "as_name")]
+    pub node_order: NodeOrder,
+    /// How triangle tests find their vertices; [`TriangleOrder::LeafOrder`] only with [`Layout::Split`].
+    #[serde(serialize_with = "as_name")]
+    pub triangles: TriangleOrder,
 }
 
 fn as_name<T: std::fmt::Display, S: serde::Serializer>(
@@ -209,6 +268,10 @@ impl TraceOptions {
         max_depth: None,
         kd: KdOptions::DEFAULT,
         grid_size: None,
+        memory: Memory::Global,
+        layout: Layout::Split,
+        node_order: NodeOrder::Preorder,
+        triangles: TriangleOrder::Indexed,
     };
 
     /// Entries of the short stack unless something else is asked for.
@@ -270,6 +333,10 @@ impl TraceOptions {
             );
             return Err(Error::option("--stack-size", reason));
         }
+        if self.triangles == TriangleOrder::LeafOrder && self.layout == Layout::Whole {
+            let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: --layout split";
+            return Err(Error::option("--triangles", reason));
+        }
         Ok(())
     }
 
@@ -277,13 +344,14 @@ impl TraceOptions {
     fn check_that_all_apply(&self) -> Result<()> {
         use Accel::{Boxes, Grid, Kd, Octree, Spheres};
         let default = TraceOptions::default();
-        let options: [(&str, bool, &[Accel]); 6] = [
+        let options: [(&str, bool, &[Accel]); 7] = [
             ("--build", self.build != default.build, &[Kd]),
             ("--traversal", self.traversal != default.traversal, &[Kd]),
             ("--stack-size", self.stack_size.is_some(), &[Kd]),
             ("--leaf-size", self.leaf_size.is_some(), &[Kd, Octree, Boxes, Spheres]),
             ("--max-depth", self.max_depth.is_some(), &[Kd, Octree]),
             ("--grid-size", self.grid_size.is_some(), &[Grid]),
+            ("--node-order", self.node_order != default.node_order, &[Kd]),
         ];
         let of_kd = self.kd.given().map(|(option, is_set)| (option, is_set, &[Kd][..]));
         for (option, is_set, structures) in options.into_iter().chain(of_kd) {
@@ -330,6 +398,16 @@ mod tests {
             (TraceOptions { accel: Accel::Brute, stack_size: Some(4), ..base }, "--stack-size", "take --accel kd"),
             (TraceOptions { stack_size: Some(0), ..short }, "--stack-size", "1 to 60"),
             (TraceOptions { stack_size: Some(61), ..short }, "--stack-size", "1 to 60"),
+            (
+                TraceOptions { accel: Accel::Grid, node_order: NodeOrder::BreadthFirst, ..base },
+                "--node-order",
+                "take --accel kd",
+            ),
+            (
+                TraceOptions { layout: Layout::Whole, triangles: TriangleOrder::LeafOrder, ..base },
+                "--triangles",
+                "--layout split",
+            ),
         ] {
             let message = bad.validate().unwrap_err().to_string();
             assert!(message.contains(option) && message.contains(hint), "{message}");

@@ -1,15 +1,18 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
+mod arrangement;
 mod transforms;
 
+pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
+    reorder,
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Accel, TraceOptions, Traversal};
+use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Scene};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
@@ -23,7 +26,7 @@ use std::time::Instant;
 pub struct SceneBuffers {
     /// What the kernels need to know of the scene as a whole.
     pub params: SceneParams,
-    /// kd-tree nodes in left pre-order; one unused leaf for brute force; for other structures see their files in `cl/traverse/`.
+    /// kd-tree nodes in the chosen order, the root first; one unused leaf for brute force; for other structures see their files in `cl/traverse/`.
     pub nodes: Vec<KdNode>,
     /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
     pub references: Vec<u32>,
@@ -98,6 +101,10 @@ impl SceneBuffers {
             }
             Accel::Kd => {
                 let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
+                if top > 0 || options.node_order != NodeOrder::Preorder {
+                    tree.nodes = reorder(&tree.nodes, options.node_order, top);
+                }
                 let bounds = match options.traversal {
                     Traversal::Ropes => link_leaves(&mut tree.nodes, &tree.bounds),
                     _ => Vec::new(),
@@ -143,20 +150,6 @@ impl SceneBuffers {
             build_options,
             build_s,
         })
-    }
-
-    /// Bytes of the arrays, as a device holds them.
-    pub fn size_bytes(&self) -> usize {
-        size_of_val(&self.nodes[..])
-            + size_of_val(&self.references[..])
-            + size_of_val(&self.vertices[..])
-            + size_of_val(&self.bounds[..])
-            + size_of_val(&self.transforms[..])
-            + size_of_val(&self.shading[..])
-            + size_of_val(&self.materials[..])
-            + size_of_val(&self.lights[..])
-            + size_of_val(&self.textures[..])
-            + size_of_val(&self.texels[..])
     }
 
     /// The picture's parameters for `camera`.

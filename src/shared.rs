@@ -75,7 +75,7 @@ device_struct! {
     ///
     /// ```text
     /// flags: bits 0-1  split axis 0..2, or 3 = leaf; the rest 0
-    /// inner: left, right = node indices (left = own index + 1: pre-order); split = plane coordinate
+    /// inner: left, right = node indices; split = plane coordinate
     /// leaf:  left = first entry in the reference array; right = number of entries; split = 0, with ropes the leaf's number as bits
     /// ```
     pub struct KdNode {

@@ -255,7 +255,7 @@ fn intersectors_equal_their_twins() {
         let body = format!(
             "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8);\
              geometry.transforms = (__global const float4*)(in + 20); geometry.scale = in[32]; float t, u, v;\
-             bool hit = {}(&geometry, &ray, 0, &t, &u, &v);\
+             bool hit = {}(GEOMETRY_AT(&geometry), &ray, 0, &t, &u, &v);\
              out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
             intersector.cl_function()
         );

@@ -7,11 +7,11 @@
 //
 // Fast, not watertight: a ray through a shared edge can miss both triangles, because u and v of the two neighbours are rounded
 // independently. No epsilon: |det| small says nothing of the triangle's worth.
-bool intersect_moller_trumbore(const Geometry* geometry, const Ray* ray, uint primitive, float* t, float* u,
+bool intersect_moller_trumbore(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u,
                                float* v) {
-    const float3 p0 = LOAD_VERTEX(geometry, primitive, 0);
-    const float3 p1 = LOAD_VERTEX(geometry, primitive, 1);
-    const float3 p2 = LOAD_VERTEX(geometry, primitive, 2);
+    const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
+    const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
+    const float3 p2 = LOAD_VERTEX(geometry, slot, 2);
     const float3 edge1 = p1 - p0;
     const float3 edge2 = p2 - p0;
     const float3 p = cross3(ray->direction, edge2);

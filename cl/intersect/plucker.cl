@@ -24,10 +24,10 @@ float edge_volume(float3 a, float3 b, float3 moment_a, float3 moment_b, float di
     return distance_a < distance_b ? by_a : distance_b < distance_a ? -by_b : 0.5f * (by_a - by_b);
 }
 
-bool intersect_plucker(const Geometry* geometry, const Ray* ray, uint primitive, float* t, float* u, float* v) {
-    const float3 a = LOAD_VERTEX(geometry, primitive, 0) - ray->origin;
-    const float3 b = LOAD_VERTEX(geometry, primitive, 1) - ray->origin;
-    const float3 c = LOAD_VERTEX(geometry, primitive, 2) - ray->origin;
+bool intersect_plucker(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
+    const float3 a = LOAD_VERTEX(geometry, slot, 0) - ray->origin;
+    const float3 b = LOAD_VERTEX(geometry, slot, 1) - ray->origin;
+    const float3 c = LOAD_VERTEX(geometry, slot, 2) - ray->origin;
     const float3 moment_a = cross3(ray->direction, a);
     const float3 moment_b = cross3(ray->direction, b);
     const float3 moment_c = cross3(ray->direction, c);

@@ -16,10 +16,10 @@
 // The components of v from axis k on, in turn.
 float3 rotate_to_x(float3 v, uint axis) { return axis == 0u ? v : axis == 1u ? v.yzx : v.zxy; }
 
-bool intersect_precomputed(const Geometry* geometry, const Ray* ray, uint primitive, float* t, float* u, float* v) {
-    const float4 corner_axis = LOAD_TRANSFORM(geometry, 3u * primitive);
-    const float4 normal_u = LOAD_TRANSFORM(geometry, 3u * primitive + 1u);
-    const float4 gradient_v = LOAD_TRANSFORM(geometry, 3u * primitive + 2u);
+bool intersect_precomputed(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
+    const float4 corner_axis = LOAD_TRANSFORM(geometry, 3u * slot);
+    const float4 normal_u = LOAD_TRANSFORM(geometry, 3u * slot + 1u);
+    const float4 gradient_v = LOAD_TRANSFORM(geometry, 3u * slot + 2u);
     const uint axis = as_uint(corner_axis.w);
     const float3 from = rotate_to_x(ray->origin - corner_axis.xyz, axis);
     const float3 direction = rotate_to_x(ray->direction, axis);

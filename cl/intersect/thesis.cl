@@ -15,10 +15,10 @@
 // the paper is taken.
 #define THESIS_EPSILON 1.0e-6f
 
-bool intersect_thesis(const Geometry* geometry, const Ray* ray, uint primitive, float* t, float* u, float* v) {
-    const float3 a = LOAD_VERTEX(geometry, primitive, 0);
-    const float3 b = LOAD_VERTEX(geometry, primitive, 1);
-    const float3 c = LOAD_VERTEX(geometry, primitive, 2);
+bool intersect_thesis(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
+    const float3 a = LOAD_VERTEX(geometry, slot, 0);
+    const float3 b = LOAD_VERTEX(geometry, slot, 1);
+    const float3 c = LOAD_VERTEX(geometry, slot, 2);
     // These three lines depend on the ray alone; compilers move them out of the loop over triangles.
     const float area_epsilon = THESIS_EPSILON * geometry->scale * geometry->scale;
     const float det_epsilon = area_epsilon * sqrt(dot3(ray->direction, ray->direction));

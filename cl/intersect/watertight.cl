@@ -9,11 +9,11 @@
 // The components of v in an order that ends with `axis`; even permutations, so that the winding stays.
 float3 rotate_to_z(float3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
 
-bool intersect_watertight(const Geometry* geometry, const Ray* ray, uint primitive, float* t, float* u,
+bool intersect_watertight(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u,
                                float* v) {
-    const float3 p0 = LOAD_VERTEX(geometry, primitive, 0);
-    const float3 p1 = LOAD_VERTEX(geometry, primitive, 1);
-    const float3 p2 = LOAD_VERTEX(geometry, primitive, 2);
+    const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
+    const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
+    const float3 p2 = LOAD_VERTEX(geometry, slot, 2);
     // The axis of the largest component of the direction becomes z, and x and y are sheared along it. These lines depend on
     // the ray alone; compilers move them out of the loop over triangles.
     const float3 size = abs3(ray->direction);

@@ -18,24 +18,30 @@ typedef struct {
     __global const SceneParams* params;
 } Scene;
 
+// As GEOMETRY_PARAMETERS and its kin, for functions that take the whole scene.
+#define SCENE_PARAMETERS const Scene* scene IMAGE_PARAMETERS
+#define SCENE_AT(pointer) pointer IMAGE_VALUES
+#define SCENE SCENE_AT(scene)
+
 // What remains of the light after it has passed the transparent surfaces on its way; zero behind an opaque one.
-float3 light_visibility(const Scene* scene, const SurfacePoint* from, const LightSample* sample, uint* counts) {
+float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, uint* counts) {
+    const Geometry* geometry = &scene->geometry;
     Ray ray = leave_surface(from, sample->to_light, sample->t_far);
     Hit hit;
     counts[COUNT_SHADOW_CAST]++;
     if (scene->params->has_transparent == 0u) {
-        const bool blocked = TRAVERSE(&scene->geometry, &ray, true, &hit);
+        const bool blocked = TRAVERSE(GEOMETRY, &ray, true, &hit);
         counts[COUNT_SHADOW_HIT] += blocked ? 1u : 0u;
         return (float3)(blocked ? 0.0f : 1.0f);
     }
     float3 tint = (float3)(1.0f);
     for (uint layer = 0; layer < MAX_SHADOW_LAYERS; layer++) {
-        if (!TRAVERSE(&scene->geometry, &ray, false, &hit)) return tint;
-        __global const Material* material = &scene->materials[scene->shading[hit.primitive].material];
+        if (!TRAVERSE(GEOMETRY, &ray, false, &hit)) return tint;
+        __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit.primitive)];
         if (material->transparent == 0u) break;
         tint *= material->transmission_ior.xyz;
         // On from the surface that was passed, towards the same light.
-        const SurfacePoint point = surface_point(&scene->geometry, &hit);
+        const SurfacePoint point = surface_point(GEOMETRY, &hit);
         const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
         ray = leave_surface(&point, direction, sample->t_far);
     }
@@ -44,7 +50,7 @@ float3 light_visibility(const Scene* scene, const SurfacePoint* from, const Ligh
 }
 
 // The light of all lights that the surface sends back along the ray, and what it gives off itself.
-float3 local_light(const Scene* scene, const Surface* surface, const Material* material, float3 view_direction,
+float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* material, float3 view_direction,
                    uint* counts) {
     float3 diffuse = material->diffuse.xyz;
     float3 radiance = material->ambient.xyz;
@@ -59,7 +65,7 @@ float3 local_light(const Scene* scene, const Surface* surface, const Material* m
         const LightSample sample = sample_light(scene->lights, i, surface->point.position);
         const float3 reflected = blinn_phong(surface, material, diffuse, view_direction, &sample);
         if (!(max_component(reflected) > 0.0f)) continue; // it would add nothing: no shadow ray
-        radiance += reflected * light_visibility(scene, &surface->point, &sample, counts);
+        radiance += reflected * light_visibility(SCENE, &surface->point, &sample, counts);
     }
     return radiance;
 }
@@ -71,7 +77,8 @@ float3 background(const Scene* scene, float3 direction) {
 }
 
 // The radiance along one camera ray.
-float3 radiance_along(const Scene* scene, __global const RenderParams* render, Ray camera_ray, uint* counts) {
+float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray camera_ray, uint* counts) {
+    const Geometry* geometry = &scene->geometry;
     PendingRay stack[MAX_PENDING];
     stack[0].ray = camera_ray;
     stack[0].weight = (float3)(1.0f);
@@ -84,14 +91,14 @@ float3 radiance_along(const Scene* scene, __global const RenderParams* render, R
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
         Hit hit;
         counts[pending.kind]++;
-        if (!TRAVERSE(&scene->geometry, &pending.ray, false, &hit)) {
+        if (!TRAVERSE(GEOMETRY, &pending.ray, false, &hit)) {
             radiance += pending.weight * background(scene, direction);
             continue;
         }
         counts[pending.kind + 1u]++; // …_HIT follows …_CAST
-        const Surface surface = surface_at(&scene->geometry, scene->shading, &pending.ray, &hit);
+        const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &hit);
         const Material material = scene->materials[surface.material];
-        radiance += pending.weight * local_light(scene, &surface, &material, direction, counts);
+        radiance += pending.weight * local_light(SCENE, &surface, &material, direction, counts);
         if (pending.depth < render->max_depth)
             stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
     }
@@ -127,7 +134,7 @@ __kernel void render(GEOMETRY_ARGUMENTS, __global const Shading* restrict shadin
     float3 sum = (float3)(0.0f);
     for (uint s = 0; s < render->sample_count; s++) {
         const Ray ray = camera_ray(render, (float)x + samples[s].x, (float)y + samples[s].y);
-        sum += radiance_along(&scene, render, ray, counts);
+        sum += radiance_along(SCENE_AT(&scene), render, ray, counts);
     }
     film[y * render->width + x] = (float4)(sum * render->sample_weight, 1.0f);
     for (uint i = 0; i < COUNTERS; i++)

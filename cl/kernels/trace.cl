@@ -12,11 +12,11 @@ Hit batch_hit(const Ray* ray, Hit hit) {
     return hit;
 }
 
-void trace_batch(const Geometry* geometry, __global const TraceRay* rays, __global Hit* hits, uint index,
+void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
                  const bool any_hit) {
     const Ray ray = batch_ray(rays, index);
     Hit hit;
-    TRAVERSE(geometry, &ray, any_hit, &hit);
+    TRAVERSE(GEOMETRY, &ray, any_hit, &hit);
     hits[index] = batch_hit(&ray, hit);
 }
 
@@ -26,7 +26,7 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_batch(&geometry, rays, hits, index, false);
+    trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false);
 }
 
 // Some hit of each ray: whether there is one is the answer, which one depends on the structure.
@@ -35,7 +35,7 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_batch(&geometry, rays, hits, index, true);
+    trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true);
 }
 
 // The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A first
@@ -49,9 +49,9 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict nex
     const Hit from = hits[index];
     Hit hit = no_hit();
     if (from.primitive != NO_PRIMITIVE) {
-        const SurfacePoint point = surface_point(&geometry, &from);
+        const SurfacePoint point = surface_point(GEOMETRY_AT(&geometry), &from);
         const Ray ray = leave_surface(&point, next_directions[index].xyz, INFINITY);
-        TRAVERSE(&geometry, &ray, false, &hit);
+        TRAVERSE(GEOMETRY_AT(&geometry), &ray, false, &hit);
         hit = batch_hit(&ray, hit);
     }
     next_hits[index] = hit;

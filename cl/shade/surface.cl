@@ -17,10 +17,10 @@ typedef struct {
 } Surface;
 
 // Where the hit lies: all that a ray needs to leave from there.
-SurfacePoint surface_point(const Geometry* geometry, const Hit* hit) {
-    const float3 p0 = LOAD_VERTEX(geometry, hit->primitive, 0);
-    const float3 p1 = LOAD_VERTEX(geometry, hit->primitive, 1);
-    const float3 p2 = LOAD_VERTEX(geometry, hit->primitive, 2);
+SurfacePoint surface_point(GEOMETRY_PARAMETERS, const Hit* hit) {
+    const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
+    const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
+    const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
     SurfacePoint point;
     point.position = point_on_triangle(p0, p1, p2, hit->u, hit->v);
     point.error = point_error(p0, p1, p2);
@@ -28,15 +28,15 @@ SurfacePoint surface_point(const Geometry* geometry, const Hit* hit) {
     return point;
 }
 
-Surface surface_at(const Geometry* geometry, __global const Shading* shading, const Ray* ray, const Hit* hit) {
-    const float3 p0 = LOAD_VERTEX(geometry, hit->primitive, 0);
-    const float3 p1 = LOAD_VERTEX(geometry, hit->primitive, 1);
-    const float3 p2 = LOAD_VERTEX(geometry, hit->primitive, 2);
-    const Shading at = shading[hit->primitive];
+Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Ray* ray, const Hit* hit) {
+    const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
+    const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
+    const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
+    const Shading at = LOAD_SHADING(shading, hit->primitive);
     const float w = (1.0f - hit->u) - hit->v;
 
     Surface surface;
-    surface.point = surface_point(geometry, hit);
+    surface.point = surface_point(GEOMETRY, hit);
     surface.material = at.material;
     const float3 outward = normalize3(cross3(p1 - p0, p2 - p0), -ray->direction);
     surface.front = dot3(outward, ray->direction) < 0.0f;

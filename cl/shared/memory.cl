@@ -1,27 +1,157 @@
 // Where the scene's data lies, and the only macros that read it: no other file knows in which memory the arrays are.
+//
+// The host chooses by definitions (src/device/scene.rs):
+//   MEMORY_BUFFER_IMAGE  the arrays are image1d_buffer_t: read through the texture cache
+//   MEMORY_IMAGE2D       the arrays are image2d_t of IMAGE_WIDTH (a power of two) texels a row: for devices with small buffer images
+//   CONSTANT_NODES=n     the first n nodes lie in __constant memory, too, and are read there; n = ALL_NODES: all of them
+//   CONSTANT_REFERENCES, CONSTANT_VERTICES  that array lies in __constant memory
+//   LEAF_ORDER           vertices and transforms are copied for each reference, in the order of the leaves
+//   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle, not in an array of its own
+//
+// Images cannot be members of a struct (OpenCL C 1.2, section 6.9 b), so they are parameters of their own. Every function that
+// reads the scene begins its parameters with GEOMETRY_PARAMETERS and is called with GEOMETRY, or GEOMETRY_AT(&a_geometry).
 
+// Records of a triangle in `vertices`: three corners, and with WHOLE_TRIANGLES the four float4 of its Shading.
+#ifdef WHOLE_TRIANGLES
+#define VERTEX_STRIDE 7u
+#else
+#define VERTEX_STRIDE 3u
+#endif
+
+#ifdef CONSTANT_REFERENCES
+#define REFERENCES_IN __constant
+#else
+#define REFERENCES_IN __global
+#endif
+#ifdef CONSTANT_VERTICES
+#define VERTICES_IN __constant
+#else
+#define VERTICES_IN __global
+#endif
+
+#if defined(MEMORY_BUFFER_IMAGE)
+#define IMAGE __read_only image1d_buffer_t
+#define IMAGE_AT(index) (int)(index)
+#elif defined(MEMORY_IMAGE2D)
+#define IMAGE __read_only image2d_t
+#define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
+#endif
+
+// The arrays:
+//   nodes             KdNode records
+//   references        leaf lists; for brute force: every triangle that can be hit
+//   vertices          VERTEX_STRIDE for each triangle or, with LEAF_ORDER, reference
+//   bounds            boxes, spheres or links of the structure; what they are its own file says
+//   transforms        precomputed data of triangles (or references), for the triangle tests that want it
+//   surface_vertices  with LEAF_ORDER: three for each triangle, for who knows a triangle and not where it is listed
 typedef struct {
-    __global const int4* nodes;       // KdNode records
-    __global const uint* references;  // leaf lists; for brute force: every triangle that can be hit
-    __global const float4* vertices;  // three for each triangle, w unused
-    __global const float4* bounds;     // boxes, spheres or links of the structure; what they are its own file says
-    __global const float4* transforms; // precomputed data of triangles, for the triangle tests that want it
-    float3 low, high;                 // box around all triangles
-    uint reference_count;             // for brute force
-    float scale;                      // tracing space = world units times this
+#ifndef IMAGE
+    __global const int4* nodes;
+    REFERENCES_IN const uint* references;
+    VERTICES_IN const float4* vertices;
+    __global const float4* bounds;
+    __global const float4* transforms;
+#endif
+#ifdef CONSTANT_NODES
+    __constant const int4* constant_nodes;
+#endif
+#ifdef LEAF_ORDER
+    __global const float4* surface_vertices;
+#endif
+    float3 low, high;     // box around all triangles
+    uint reference_count; // for brute force
+    float scale;          // tracing space = world units times this
 } Geometry;
 
-#define LOAD_NODE(geometry, index) ((geometry)->nodes[index])
+// GEOMETRY_ARGUMENTS: what every tracing kernel's arguments begin with. MAKE_GEOMETRY: the Geometry made of them.
+#ifdef CONSTANT_NODES
+#define CONSTANT_NODES_ARGUMENT __constant const int4* restrict constant_nodes,
+#define CONSTANT_NODES_VALUE constant_nodes,
+#else
+#define CONSTANT_NODES_ARGUMENT
+#define CONSTANT_NODES_VALUE
+#endif
+#ifdef LEAF_ORDER
+#define SURFACE_VERTICES_ARGUMENT __global const float4* restrict surface_vertices,
+#define SURFACE_VERTICES_VALUE surface_vertices,
+#else
+#define SURFACE_VERTICES_ARGUMENT
+#define SURFACE_VERTICES_VALUE
+#endif
+#define SCENE_VALUES                                                                                                     \
+    CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
+        scene_params->scale
+
+#ifdef IMAGE
+#define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
+#define GEOMETRY_ARGUMENTS                                                                                              \
+    IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
+#define MAKE_GEOMETRY { SCENE_VALUES }
+#define IMAGE_PARAMETERS , IMAGES
+#define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
+#define NODE_FROM_BUFFER(geometry, index) read_imagei(nodes, IMAGE_AT(index))
+#define LOAD_REFERENCE(geometry, index) read_imageui(references, IMAGE_AT(index)).x
+#define VERTEX_RECORD(geometry, index) as_float4(read_imagei(vertices, IMAGE_AT(index)))
+#define LOAD_BOUNDS(geometry, index) as_float4(read_imagei(bounds, IMAGE_AT(index)))
+#define LOAD_TRANSFORM(geometry, index) as_float4(read_imagei(transforms, IMAGE_AT(index)))
+#else
+#define GEOMETRY_ARGUMENTS                                                                                              \
+    __global const int4* restrict nodes, REFERENCES_IN const uint* restrict references,                                 \
+        VERTICES_IN const float4* restrict vertices, __global const float4* restrict bounds,                            \
+        __global const float4* restrict transforms,                                                                     \
+        CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
+#define MAKE_GEOMETRY { nodes, references, vertices, bounds, transforms, SCENE_VALUES }
+#define IMAGE_PARAMETERS
+#define IMAGE_VALUES
+#define NODE_FROM_BUFFER(geometry, index) ((geometry)->nodes[index])
 #define LOAD_REFERENCE(geometry, index) ((geometry)->references[index])
-#define LOAD_VERTEX(geometry, triangle, corner) ((geometry)->vertices[3u * (triangle) + (corner)].xyz)
+#define VERTEX_RECORD(geometry, index) ((geometry)->vertices[index])
 #define LOAD_BOUNDS(geometry, index) ((geometry)->bounds[index])
 #define LOAD_TRANSFORM(geometry, index) ((geometry)->transforms[index])
+#endif
 
-// The kernel arguments that every tracing kernel begins with, and the Geometry made of them.
-#define GEOMETRY_ARGUMENTS                                                                        \
-    __global const int4 *restrict nodes, __global const uint *restrict references,               \
-        __global const float4 *restrict vertices, __global const float4 *restrict bounds,            \
-        __global const float4 *restrict transforms, __global const SceneParams *restrict scene_params
-#define MAKE_GEOMETRY                                                                             \
-    { nodes, references, vertices, bounds, transforms, scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
-      scene_params->scale }
+#define GEOMETRY_PARAMETERS const Geometry* geometry IMAGE_PARAMETERS
+#define GEOMETRY_AT(pointer) pointer IMAGE_VALUES
+#define GEOMETRY GEOMETRY_AT(geometry)
+
+#define ALL_NODES 0xffffffffu
+#if !defined(CONSTANT_NODES)
+#define LOAD_NODE(geometry, index) NODE_FROM_BUFFER(geometry, index)
+#else
+int4 load_node(const Geometry* geometry, uint index) {
+    if (CONSTANT_NODES == ALL_NODES || index < CONSTANT_NODES) return geometry->constant_nodes[index];
+    return geometry->nodes[index];
+}
+#define LOAD_NODE(geometry, index) load_node(geometry, index)
+#endif
+
+// Where the data for testing reference `index` of triangle `primitive` lies: what the triangle tests call the slot.
+#ifdef LEAF_ORDER
+#define SLOT_OF(index, primitive) (index)
+#define LOAD_SURFACE_VERTEX(geometry, triangle, corner) ((geometry)->surface_vertices[3u * (triangle) + (corner)].xyz)
+#else
+#define SLOT_OF(index, primitive) (primitive)
+#define LOAD_SURFACE_VERTEX(geometry, triangle, corner) LOAD_VERTEX(geometry, triangle, corner)
+#endif
+#define LOAD_VERTEX(geometry, slot, corner) (VERTEX_RECORD(geometry, VERTEX_STRIDE * (slot) + (corner)).xyz)
+
+// Shading data of a triangle, and of these its material alone. `shading` is the array of those, which WHOLE_TRIANGLES leaves empty.
+#ifdef WHOLE_TRIANGLES
+#define LOAD_SHADING(shading, triangle) whole_shading(GEOMETRY, triangle)
+#define LOAD_MATERIAL(shading, triangle) as_uint(VERTEX_RECORD(geometry, VERTEX_STRIDE * (triangle) + 6u).w)
+Shading whole_shading(GEOMETRY_PARAMETERS, uint triangle) {
+    Shading shading;
+    shading.normal0_u0 = VERTEX_RECORD(geometry, VERTEX_STRIDE * triangle + 3u);
+    shading.normal1_u1 = VERTEX_RECORD(geometry, VERTEX_STRIDE * triangle + 4u);
+    shading.normal2_u2 = VERTEX_RECORD(geometry, VERTEX_STRIDE * triangle + 5u);
+    const float4 rest = VERTEX_RECORD(geometry, VERTEX_STRIDE * triangle + 6u);
+    shading.v0 = rest.x;
+    shading.v1 = rest.y;
+    shading.v2 = rest.z;
+    shading.material = as_uint(rest.w);
+    return shading;
+}
+#else
+#define LOAD_SHADING(shading, triangle) ((shading)[triangle])
+#define LOAD_MATERIAL(shading, triangle) ((shading)[triangle].material)
+#endif

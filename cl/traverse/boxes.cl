@@ -8,7 +8,7 @@
 // nodes[0] is {0, 1, clusters, 0}; nodes[1 + i] the leaf record of cluster i; bounds[2 i] its box's low corner, bounds[2 i + 1]
 // the high one. A box is widened by the ray's own slack (cl/shared/ray.cl), so a hit's t lies between the times of entry and exit
 // as computed here, and a box that is entered after the hit has no nearer one.
-bool traverse_boxes(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_boxes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const float slack = SLACK * farthest_distance(ray, geometry->low, geometry->high);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
@@ -17,12 +17,7 @@ bool traverse_boxes(const Geometry* geometry, const Ray* ray, const bool any_hit
         const float3 high = LOAD_BOUNDS(geometry, 2u * cluster + 1u).xyz;
         float t_near, t_far;
         if (!clip_to_thick_box(ray, slack, low, high, &t_near, &t_far) || hit->t < t_near) continue;
-        const int4 leaf = LOAD_NODE(geometry, 1u + cluster);
-        const uint end = (uint)leaf.y + (uint)leaf.z;
-        for (uint i = (uint)leaf.y; i < end; i++) {
-            test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
-            if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-        }
+        if (test_leaf(GEOMETRY, ray, LOAD_NODE(geometry, 1u + cluster), any_hit, hit)) return true;
     }
     return hit->primitive != NO_PRIMITIVE;
 }

@@ -59,15 +59,12 @@ GridAxis grid_axis(float low, float size, float cells_per_unit, int count, float
     return axis;
 }
 
-bool traverse_grid(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_grid(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const float distance = farthest_distance(ray, geometry->low, geometry->high);
     const float4 reach = LOAD_BOUNDS(geometry, 3);
     if (!(distance <= reach.x)) {
-        for (uint i = as_uint(reach.y); i < geometry->reference_count; i++) {
-            test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
-            if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-        }
+        test_triangles(GEOMETRY, ray, as_uint(reach.y), geometry->reference_count, any_hit, hit);
         return hit->primitive != NO_PRIMITIVE;
     }
     float t_near, t_far;
@@ -82,11 +79,7 @@ bool traverse_grid(const Geometry* geometry, const Ray* ray, const bool any_hit,
     GridAxis z = grid_axis(low.z, size.z, per_unit.z, count_z, ray->origin.z, ray->direction.z, ray->inv_direction.z, t_near);
     while (true) {
         const int4 cell = LOAD_NODE(geometry, (z.cell * count_y + y.cell) * count_x + x.cell);
-        const uint end = (uint)cell.y + (uint)cell.z;
-        for (uint i = (uint)cell.y; i < end; i++) {
-            test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
-            if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-        }
+        if (test_leaf(GEOMETRY, ray, cell, any_hit, hit)) return true;
         const float t_next = min_or(x.t_next, min_or(y.t_next, z.t_next));
         if (!(t_next <= t_far && t_next <= hit->t)) return hit->primitive != NO_PRIMITIVE;
         if (x.t_next == t_next) {

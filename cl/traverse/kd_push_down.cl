@@ -9,7 +9,7 @@
 // the first branch below the start.
 
 // Looks for nearer hits than *hit in all leaves that the ray meets below `start`. Returns whether *hit is a hit at the end.
-bool push_down(const Geometry* geometry, const Ray* ray, KdCell start, const bool any_hit, Hit* hit) {
+bool push_down(GEOMETRY_PARAMETERS, const Ray* ray, KdCell start, const bool any_hit, Hit* hit) {
     ulong trail = 0;
     while (true) {
         KdCell cell = start;
@@ -38,16 +38,16 @@ bool push_down(const Geometry* geometry, const Ray* ray, KdCell start, const boo
             node = LOAD_NODE(geometry, cell.node);
         }
 
-        if (test_leaf(geometry, ray, node, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 
         if (pending == 0 || hit->t < t_pending) return hit->primitive != NO_PRIMITIVE;
         trail = next_trail(trail, pending);
     }
 }
 
-bool traverse_kd_push_down(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_kd_push_down(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     KdCell root = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &root.t_near, &root.t_far)) return false;
-    return push_down(geometry, ray, root, any_hit, hit);
+    return push_down(GEOMETRY, ray, root, any_hit, hit);
 }

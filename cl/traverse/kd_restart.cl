@@ -21,7 +21,7 @@ ulong next_trail(ulong trail, ulong pending) {
     return (trail & (deepest - 1)) | deepest;
 }
 
-bool traverse_kd_restart(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_kd_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     KdCell root = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &root.t_near, &root.t_far)) return false;
@@ -48,7 +48,7 @@ bool traverse_kd_restart(const Geometry* geometry, const Ray* ray, const bool an
             node = LOAD_NODE(geometry, cell.node);
         }
 
-        if (test_leaf(geometry, ray, node, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 
         if (pending == 0 || hit->t < t_pending) return hit->primitive != NO_PRIMITIVE;
         trail = next_trail(trail, pending);

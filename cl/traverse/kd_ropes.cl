@@ -29,7 +29,7 @@ float leave_slab(float4 slab, float origin, float direction, float inv_direction
 
 uint rope_ahead(float4 slab, float direction) { return as_uint(direction >= 0.0f ? slab.w : slab.z); }
 
-bool traverse_kd_ropes(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     KdCell root = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &root.t_near, &root.t_far)) return false;
@@ -48,12 +48,12 @@ bool traverse_kd_ropes(const Geometry* geometry, const Ray* ray, const bool any_
             } else if ((uint)node.x == face_axis || split.t_low > face_high) {
                 next = split.first;
             } else {
-                return push_down(geometry, ray, root, any_hit, hit);
+                return push_down(GEOMETRY, ray, root, any_hit, hit);
             }
             node = LOAD_NODE(geometry, next);
         }
 
-        if (test_leaf(geometry, ray, node, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 
         // Find the exit face: the nearest of three.
         const float4 x = LOAD_BOUNDS(geometry, 3u * (uint)node.w);
@@ -69,7 +69,7 @@ bool traverse_kd_ropes(const Geometry* geometry, const Ray* ray, const bool any_
         // Start over unless the chain is single (1 and 2 above). A NaN, of a ray in a face, fails a comparison.
         const bool single = (axis == 0u || widen_down(t.x) > exit_high) && (axis == 1u || widen_down(t.y) > exit_high) &&
                             (axis == 2u || widen_down(t.z) > exit_high) && (axis == face_axis || exit_low > face_high);
-        if (!single) return push_down(geometry, ray, root, any_hit, hit);
+        if (!single) return push_down(GEOMETRY, ray, root, any_hit, hit);
 
         // Follow the rope, unless the neighbour lies behind the hit, behind the ray's end, or outside the scene.
         next = axis == 0u   ? rope_ahead(x, ray->direction.x)

@@ -12,7 +12,7 @@
 #define SHORT_STACK_SIZE 8
 #endif
 
-bool traverse_kd_short_stack(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_kd_short_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     KdCell start = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &start.t_near, &start.t_far)) return false;
@@ -54,7 +54,7 @@ bool traverse_kd_short_stack(const Geometry* geometry, const Ray* ray, const boo
             node = LOAD_NODE(geometry, cell.node);
         }
 
-        if (test_leaf(geometry, ray, node, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 
         // Go on with the deepest pending branch.
         do {

@@ -8,7 +8,7 @@
 #define STACK_SIZE 64 // at least the depth of the tree; the host knows it
 #endif
 
-bool traverse_kd_stack(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_kd_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     KdCell cell = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &cell.t_near, &cell.t_far)) return false;
@@ -24,7 +24,7 @@ bool traverse_kd_stack(const Geometry* geometry, const Ray* ray, const bool any_
             node = LOAD_NODE(geometry, cell.node);
         }
 
-        if (test_leaf(geometry, ray, node, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 
         // Go on with the nearest remembered cell. One that starts behind the hit cannot hold a nearer one.
         do {

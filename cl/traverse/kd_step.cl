@@ -1,4 +1,4 @@
-// What the kd-tree's traversals share: one step down, and the triangles of a leaf.
+// What the kd-tree's traversals share: one step down.
 // Havran, "Heuristic Ray Shooting Algorithms", PhD thesis, Czech Technical University 2000, appendix C; thesis, section 5.6.
 //
 // The children are ordered by the sign of the direction, so a plane behind the ray's start (t_split < 0) leaves only the
@@ -52,14 +52,4 @@ bool kd_step(const Ray* ray, int4 node, KdCell* cell, KdCell* second) {
     cell->node = split.first;
     cell->t_far = min_or(split.t_high, cell->t_far);
     return true;
-}
-
-// Tests the triangles of a leaf. True when that answers the query: any hit will do, and there is one.
-bool test_leaf(const Geometry* geometry, const Ray* ray, int4 leaf, const bool any_hit, Hit* hit) {
-    const uint end = (uint)leaf.y + (uint)leaf.z;
-    for (uint i = (uint)leaf.y; i < end; i++) {
-        test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
-        if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-    }
-    return false;
 }

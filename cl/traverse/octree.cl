@@ -37,7 +37,7 @@ void clip_to_half(float to_plane, float slack, float direction, float inv_direct
     }
 }
 
-bool traverse_octree(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const float slack = SLACK * farthest_distance(ray, geometry->low, geometry->high);
     float t_near, t_far;
@@ -52,11 +52,7 @@ bool traverse_octree(const Geometry* geometry, const Ray* ray, const bool any_hi
     while (true) {
         const int4 node = LOAD_NODE(geometry, node_index);
         if ((uint)node.x == KD_LEAF) {
-            const uint end = (uint)node.y + (uint)node.z;
-            for (uint i = (uint)node.y; i < end; i++) {
-                test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
-                if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-            }
+            if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
         } else {
             const OpenNode open = {(uint)node.y, (uint)node.z, 0u, t_near, t_far};
             stack[depth] = open;

@@ -35,18 +35,13 @@ bool may_meet_sphere(const Ray* ray, float slack, float4 sphere, float t_hit) {
     return !(t_near > ray->t_far || t_far < ray->t_near || t_hit < t_near);
 }
 
-bool traverse_spheres(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_spheres(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const float slack = SPHERE_SLACK * farthest_distance(ray, geometry->low, geometry->high);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
     for (uint cluster = 0; cluster < count; cluster++) {
         if (!may_meet_sphere(ray, slack, LOAD_BOUNDS(geometry, cluster), hit->t)) continue;
-        const int4 leaf = LOAD_NODE(geometry, 1u + cluster);
-        const uint end = (uint)leaf.y + (uint)leaf.z;
-        for (uint i = (uint)leaf.y; i < end; i++) {
-            test_triangle(geometry, ray, LOAD_REFERENCE(geometry, i), hit);
-            if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-        }
+        if (test_leaf(GEOMETRY, ray, LOAD_NODE(geometry, 1u + cluster), any_hit, hit)) return true;
     }
     return hit->primitive != NO_PRIMITIVE;
 }

@@ -10,7 +10,7 @@
 //  * t_split is not widened by its rounding error: a hit within rounding of a plane is lost when its triangle is on one side only.
 // It is slow, too: it does not stop at a hit inside the cell that was searched.
 
-bool traverse_thesis_restart(const Geometry* geometry, const Ray* ray, const bool any_hit, Hit* hit) {
+bool traverse_thesis_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     float scene_min, scene_max;
     if (!clip_to_box(ray, geometry->low, geometry->high, &scene_min, &scene_max)) return false;
@@ -36,7 +36,7 @@ bool traverse_thesis_restart(const Geometry* geometry, const Ray* ray, const boo
             }
             node = LOAD_NODE(geometry, next);
         }
-        if (test_leaf(geometry, ray, node, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
     }
     return hit->primitive != NO_PRIMITIVE;
 }

@@ -6,6 +6,7 @@ mod divide;
 mod events;
 mod grid;
 mod median;
+mod node_order;
 mod octree;
 mod ropes;
 mod sah;
@@ -21,6 +22,7 @@ mod volumes;
 
 pub use cost::Measure;
 pub use grid::build_grid;
+pub use node_order::reorder;
 pub use octree::build_octree;
 pub use ropes::link_leaves;
 pub use stats::{TreeStats, expected_cost};

@@ -60,7 +60,8 @@ impl Stops {
 
     /// The places of the two children, or `None` when `split` of a node of `count` references is refused.
     pub fn children(&self, count: usize, place: &Place, split: &Split) -> Option<(Place, Place)> {
-        if self.by_cost && !(split.cost < self.costs.leaf(count)) {
+        let pays = split.cost < self.costs.leaf(count);
+        if self.by_cost && !pays {
             return None;
         }
         // The rounded quotient of 19 and 20 is the float32 nearest to 0.95: a share that is met exactly is allowed.

@@ -66,7 +66,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         high: high.to_array(),
         load_s: loaded.load_s,
         build_s: buffers.build_s,
-        device_bytes: buffers.size_bytes(),
+        device_bytes: buffers.size_bytes(&options),
         structure: (!matches!(options.accel, Accel::Kd | Accel::Brute)).then(|| {
             let triangle_count = scene.triangles.len() - reasons.len();
             StructureStats::new(&buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)

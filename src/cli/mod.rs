@@ -20,7 +20,7 @@ mod trace;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
-use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::options::{Accel, Build, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder};
 use raybrook::scene::PictureDefaults;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -95,6 +95,14 @@ struct MethodArgs {
     /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_grid_size)]
     grid_size: Option<[u32; 3]>,
+    #[arg(long, help = format!("Where nodes and triangles lie on the device: {}", Memory::names()), value_name = "NAME", default_value_t = TraceOptions::default().memory)]
+    memory: Memory,
+    #[arg(long, help = format!("Shading data apart from the vertices or with them: {}", Layout::names()), value_name = "NAME", default_value_t = TraceOptions::default().layout)]
+    layout: Layout,
+    #[arg(long, help = format!("Order of the kd-tree's nodes: {}", NodeOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().node_order)]
+    node_order: NodeOrder,
+    #[arg(long, help = format!("Vertices by number, or copied for each leaf: {}", TriangleOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().triangles)]
+    triangles: TriangleOrder,
 }
 
 impl MethodArgs {
@@ -109,6 +117,10 @@ impl MethodArgs {
             max_depth: self.max_depth,
             kd: self.kd.options(),
             grid_size: self.grid_size,
+            memory: self.memory,
+            layout: self.layout,
+            node_order: self.node_order,
+            triangles: self.triangles,
         };
         options.validate().map(|()| options)
     }

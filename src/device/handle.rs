@@ -8,7 +8,7 @@
 use opencl3::command_queue::{CommandQueue, release_command_queue};
 use opencl3::event::{Event, release_event};
 use opencl3::kernel::{Kernel, release_kernel};
-use opencl3::memory::{Buffer, ClMem, release_mem_object};
+use opencl3::memory::{Buffer, ClMem, Image, release_mem_object};
 use opencl3::program::{Program, release_program};
 use std::mem::ManuallyDrop;
 use std::ops::{Deref, DerefMut};
@@ -67,5 +67,6 @@ release! {
     Program => release_program;
     Kernel => release_kernel;
     Buffer<u8> => release_mem_object;
+    Image => release_mem_object;
     Event => release_event;
 }

@@ -3,6 +3,7 @@
 use super::buffer::{Buffer, Memory};
 use super::errors::{cl_error_with_hint, code_hint};
 use super::handle::Owned;
+use super::image::{Image, ImageMemory};
 use super::{DeviceContext, Program};
 use crate::error::{Error, Result};
 use bytemuck::Pod;
@@ -28,21 +29,23 @@ pub struct Kernel {
     args: Vec<Slot>,
 }
 
-/// What an argument was set to; a kernel does not keep its buffers alive by itself.
+/// What an argument was set to; a kernel does not keep its buffers and images alive by itself.
 #[derive(Debug, Clone)]
 enum Slot {
     Unset,
     Value,
     Buffer { _memory: Arc<Memory> },
+    Image { _memory: Arc<ImageMemory> },
 }
 
-/// What can be passed to a kernel: a `&Buffer`, `u32`, `i32`, `f32`, or [`KernelArg::NULL`] for a buffer that is not there.
+/// What can be passed to a kernel: a `&Buffer`, `&Image`, `u32`, `i32`, `f32`, or [`KernelArg::NULL`] for a buffer that is not there.
 #[derive(Debug)]
 pub struct KernelArg<'a>(Passed<'a>);
 
 #[derive(Debug)]
 enum Passed<'a> {
     Buffer(&'a Arc<Memory>),
+    Image(&'a Arc<ImageMemory>),
     Word([u8; 4]),
     Null,
 }
@@ -55,6 +58,12 @@ impl KernelArg<'_> {
 impl<'a, T: Pod> From<&'a Buffer<T>> for KernelArg<'a> {
     fn from(buffer: &'a Buffer<T>) -> Self {
         KernelArg(Passed::Buffer(buffer.memory()))
+    }
+}
+
+impl<'a> From<&'a Image> for KernelArg<'a> {
+    fn from(image: &'a Image) -> Self {
+        KernelArg(Passed::Image(image.memory()))
     }
 }
 
@@ -111,6 +120,9 @@ impl Kernel {
         let (bytes, slot): (&[u8], _) = match &value.0 {
             Passed::Buffer(memory) => {
                 (&(memory.raw.get() as usize).to_ne_bytes(), Slot::Buffer { _memory: Arc::clone(memory) })
+            }
+            Passed::Image(memory) => {
+                (&(memory.raw.get() as usize).to_ne_bytes(), Slot::Image { _memory: Arc::clone(memory) })
             }
             Passed::Word(word) => (word, Slot::Value),
             Passed::Null => (&0_usize.to_ne_bytes(), Slot::Value),

@@ -21,6 +21,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/intersect/plucker.cl",
     "cl/intersect/precomputed.cl",
     "cl/intersect/thesis.cl",
+    "cl/traverse/leaf.cl",
     "cl/traverse/brute_force.cl",
     "cl/traverse/kd_step.cl",
     "cl/traverse/kd_stack.cl",

@@ -1,5 +1,6 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
+use super::scene::DeviceScene;
 use super::{
     Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, ProgramSource, build,
 };
@@ -8,9 +9,7 @@ use crate::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::shared::{
-    COUNTER_SLOTS, COUNTERS, Hit, KdNode, Light, Material, RenderParams, SceneParams, Shading, TILE_SIDE, TextureInfo,
-};
+use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
 use std::time::Instant;
 
@@ -51,22 +50,6 @@ impl LaunchPlan {
             self.largest = self.largest.max(items);
         }
     }
-}
-
-/// The scene's arrays on the device.
-struct DeviceScene {
-    nodes: Buffer<KdNode>,
-    references: Buffer<u32>,
-    vertices: Buffer<Float4>,
-    bounds: Buffer<Float4>,
-    transforms: Buffer<Float4>,
-    params: Buffer<SceneParams>,
-    shading: Buffer<Shading>,
-    materials: Buffer<Material>,
-    lights: Buffer<Light>,
-    textures: Buffer<TextureInfo>,
-    texels: Buffer<u32>,
-    srgb_to_linear: Buffer<f32>,
 }
 
 /// A tracer on an OpenCL device.
@@ -126,24 +109,11 @@ impl OpenClTracer {
             .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
             .define("SHORT_STACK_SIZE", options.short_stack_size())
             .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
+        let compile_options = DeviceScene::define(compile_options, buffers, options);
         let built = build(&context, &ProgramSource::kernels(), &compile_options, cache)?;
 
         let start = Instant::now();
-        let scene = DeviceScene {
-            nodes: Buffer::from_slice(&context, "nodes", &buffers.nodes)?,
-            references: Buffer::from_slice(&context, "references", &buffers.references)?,
-            vertices: Buffer::from_slice(&context, "vertices", &buffers.vertices)?,
-            bounds: Buffer::from_slice(&context, "bounds", &buffers.bounds)?,
-            transforms: Buffer::from_slice(&context, "triangle transforms", &buffers.transforms)?,
-            params: Buffer::from_slice(&context, "scene parameters", &[buffers.params])?,
-            shading: Buffer::from_slice(&context, "shading data", &buffers.shading)?,
-            materials: Buffer::from_slice(&context, "materials", &buffers.materials)?,
-            lights: Buffer::from_slice(&context, "lights", &buffers.lights)?,
-            textures: Buffer::from_slice(&context, "textures", &buffers.textures)?,
-            texels: Buffer::from_slice(&context, "texels", &buffers.texels)?,
-            srgb_to_linear: Buffer::from_slice(&context, "sRGB table", &buffers.srgb_to_linear)?,
-        };
-        context.finish()?;
+        let scene = DeviceScene::upload(&context, buffers, options)?;
         // CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
         let (work_group, first_items) = match context.info().kind {
             DeviceKind::Gpu => (64, FIRST_ITEMS_GPU),
@@ -166,13 +136,19 @@ impl OpenClTracer {
     }
 
     fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        Arguments::of(kernel)
+        let mut arguments = Arguments::of(kernel)
             .set(&scene.nodes)?
             .set(&scene.references)?
             .set(&scene.vertices)?
             .set(&scene.bounds)?
-            .set(&scene.transforms)?
-            .set(&scene.params)
+            .set(&scene.transforms)?;
+        if let Some(nodes) = &scene.constant_nodes {
+            arguments = arguments.set(nodes)?;
+        }
+        if let Some(vertices) = &scene.surface_vertices {
+            arguments = arguments.set(vertices)?;
+        }
+        arguments.set(&scene.params)
     }
 
     /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,

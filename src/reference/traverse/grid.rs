@@ -1,12 +1,12 @@
 //! Twin of `cl/traverse/grid.cl`: the walk through a uniform grid. The reasons are there.
 
 use super::NO_HIT;
-use super::brute_force::test_triangle;
+use super::leaf::{test_leaf, test_triangles};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::{max_or, min_or};
 use crate::reference::ray::{Ray, SLACK};
-use crate::shared::{Hit, NO_PRIMITIVE};
+use crate::shared::Hit;
 
 #[derive(Clone, Copy)]
 struct GridAxis {
@@ -82,12 +82,8 @@ pub fn traverse_grid(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, 
     let mut hit = NO_HIT;
     let is_within_reach = distance <= buffers.bounds[3].x; // false for NaN
     if !is_within_reach {
-        for &primitive in &buffers.references[buffers.bounds[3].y.to_bits() as usize..] {
-            test_triangle(buffers, options, ray, primitive, &mut hit);
-            if any_hit && hit.primitive != NO_PRIMITIVE {
-                break;
-            }
-        }
+        let all = buffers.bounds[3].y.to_bits() as usize..buffers.references.len();
+        test_triangles(buffers, options, ray, all, any_hit, &mut hit);
         return hit;
     }
     let Some((t_near, t_far)) = ray.clip_to_thick_box(SLACK * distance, low, high) else {
@@ -97,11 +93,8 @@ pub fn traverse_grid(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, 
     let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| GridAxis::new(buffers, axis, count[axis], ray, t_near));
     loop {
         let cell = &buffers.nodes[((z.cell * count[1] + y.cell) * count[0] + x.cell) as usize];
-        for &primitive in &buffers.references[cell.left as usize..(cell.left + cell.right) as usize] {
-            test_triangle(buffers, options, ray, primitive, &mut hit);
-            if any_hit && hit.primitive != NO_PRIMITIVE {
-                return hit;
-            }
+        if test_leaf(buffers, options, ray, cell, any_hit, &mut hit) {
+            return hit;
         }
         let t_next = min_or(x.t_next, min_or(y.t_next, z.t_next));
         if !(t_next <= t_far && t_next <= hit.t) {

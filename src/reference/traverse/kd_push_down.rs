@@ -2,7 +2,8 @@
 
 use super::NO_HIT;
 use super::kd_restart::next_trail;
-use super::kd_step::{KdCell, kd_step, root_cell, test_leaf};
+use super::kd_step::{KdCell, kd_step, root_cell};
+use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;

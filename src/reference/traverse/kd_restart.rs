@@ -1,7 +1,8 @@
 //! Twin of `cl/traverse/kd_restart.cl`.
 
 use super::NO_HIT;
-use super::kd_step::{kd_step, root_cell, test_leaf};
+use super::kd_step::{kd_step, root_cell};
+use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;

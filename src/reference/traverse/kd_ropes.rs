@@ -2,7 +2,8 @@
 
 use super::NO_HIT;
 use super::kd_push_down::push_down;
-use super::kd_step::{kd_split, root_cell, test_leaf};
+use super::kd_step::{kd_split, root_cell};
+use super::leaf::test_leaf;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;

@@ -1,7 +1,8 @@
 //! Twin of `cl/traverse/kd_stack.cl`.
 
 use super::NO_HIT;
-use super::kd_step::{KdCell, kd_step, root_cell, test_leaf};
+use super::kd_step::{KdCell, kd_step, root_cell};
+use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::ray::Ray;

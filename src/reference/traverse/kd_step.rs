@@ -1,11 +1,9 @@
 //! Twin of `cl/traverse/kd_step.cl`: what the kd-tree's traversals share.
 
-use super::brute_force::test_triangle;
-use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::{max_or, min_or};
 use crate::reference::ray::{Ray, widen_down, widen_up};
-use crate::shared::{Hit, KdNode, NO_PRIMITIVE};
+use crate::shared::KdNode;
 
 /// A node, and the part of the ray in its cell.
 #[derive(Debug, Clone, Copy, Default)]
@@ -57,23 +55,4 @@ pub fn kd_step(ray: &Ray, node: &KdNode, cell: &mut KdCell) -> Option<KdCell> {
     cell.node = split.first;
     cell.t_far = min_or(split.t_high, cell.t_far);
     Some(second)
-}
-
-/// Tests the triangles of a leaf. True when that answers the query.
-#[inline(always)]
-pub fn test_leaf(
-    buffers: &SceneBuffers,
-    options: &TraceOptions,
-    ray: &Ray,
-    leaf: &KdNode,
-    any_hit: bool,
-    hit: &mut Hit,
-) -> bool {
-    for &primitive in &buffers.references[leaf.left as usize..(leaf.left + leaf.right) as usize] {
-        test_triangle(buffers, options, ray, primitive, hit);
-        if any_hit && hit.primitive != NO_PRIMITIVE {
-            return true;
-        }
-    }
-    false
 }

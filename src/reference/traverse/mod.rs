@@ -8,6 +8,7 @@ mod kd_ropes;
 mod kd_short_stack;
 mod kd_stack;
 mod kd_step;
+mod leaf;
 mod octree;
 mod thesis_restart;
 pub mod volumes;

@@ -1,11 +1,11 @@
 //! Twin of `cl/traverse/octree.cl`. The reasons are there.
 
 use super::NO_HIT;
-use super::brute_force::test_triangle;
+use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::ray::{Ray, SLACK, widen_down, widen_up};
-use crate::shared::{Hit, KD_LEAF, NO_PRIMITIVE};
+use crate::shared::{Hit, KD_LEAF};
 
 #[derive(Clone, Copy, Default)]
 struct OpenNode {
@@ -58,11 +58,8 @@ pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray
     loop {
         let node = &buffers.nodes[node_index as usize];
         if node.flags == KD_LEAF {
-            for &primitive in &buffers.references[node.left as usize..(node.left + node.right) as usize] {
-                test_triangle(buffers, options, ray, primitive, &mut hit);
-                if any_hit && hit.primitive != NO_PRIMITIVE {
-                    return hit;
-                }
+            if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+                return hit;
             }
         } else {
             stack[depth] = OpenNode { first_child: node.left, centre: node.right, next: 0, t_near, t_far };

@@ -1,7 +1,8 @@
 //! Twin of `cl/traverse/thesis_restart.cl`, which is wrong on purpose.
 
 use super::NO_HIT;
-use super::kd_step::{root_cell, test_leaf};
+use super::kd_step::root_cell;
+use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::ray::Ray;

@@ -1,13 +1,13 @@
 //! Twins of `cl/traverse/boxes.cl` and `cl/traverse/spheres.cl`: bounding volumes one after the other. The reasons are there.
 
 use super::NO_HIT;
-use super::brute_force::test_triangle;
+use super::leaf::test_leaf;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::{dot3, fma3};
 use crate::reference::ray::{EPSILON, Ray, SLACK, widen_down, widen_up};
-use crate::shared::{Hit, NO_PRIMITIVE};
+use crate::shared::Hit;
 
 /// What a sphere grows by, in units of the farthest distance.
 pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
@@ -45,11 +45,8 @@ fn traverse_clusters(
             continue;
         }
         let leaf = &buffers.nodes[1 + cluster];
-        for &primitive in &buffers.references[leaf.left as usize..(leaf.left + leaf.right) as usize] {
-            test_triangle(buffers, options, ray, primitive, &mut hit);
-            if any_hit && hit.primitive != NO_PRIMITIVE {
-                return hit;
-            }
+        if test_leaf(buffers, options, ray, leaf, any_hit, &mut hit) {
+            return hit;
         }
     }
     hit

@@ -1,0 +1,38 @@
+// What every traversal ends in: the triangles of a leaf, tested one after the other.
+//
+// Every traversal has the signature
+//     bool traverse_…(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit)
+// and finds the closest hit of the ray, or with any_hit (a constant at every call, so that inlining folds it away) some hit. *hit
+// is written in the ray's own units of t; its primitive is NO_PRIMITIVE on a miss. Returns whether anything was hit.
+
+Hit no_hit(void) {
+    const Hit hit = {INFINITY, 0.0f, 0.0f, NO_PRIMITIVE};
+    return hit;
+}
+
+// Tests the triangle of one reference. INTERSECT names the function of cl/intersect/ that was chosen.
+void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
+    float t, u, v;
+    const uint primitive = LOAD_REFERENCE(geometry, reference);
+    if (primitive == ray->skip) return;
+    if (!INTERSECT(GEOMETRY, ray, SLOT_OF(reference, primitive), &t, &u, &v)) return;
+    if (!is_nearer(ray, hit, t, primitive)) return;
+    hit->t = t;
+    hit->u = u;
+    hit->v = v;
+    hit->primitive = primitive;
+}
+
+// Tests the triangles of references first..end. True when that answers the query: any hit will do, and there is one.
+bool test_triangles(GEOMETRY_PARAMETERS, const Ray* ray, uint first, uint end, const bool any_hit, Hit* hit) {
+    for (uint i = first; i < end; i++) {
+        test_triangle(GEOMETRY, ray, i, hit);
+        if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
+    }
+    return false;
+}
+
+// The same for the references of a leaf record {KD_LEAF, first, count, _}.
+bool test_leaf(GEOMETRY_PARAMETERS, const Ray* ray, int4 leaf, const bool any_hit, Hit* hit) {
+    return test_triangles(GEOMETRY, ray, (uint)leaf.y, (uint)leaf.y + (uint)leaf.z, any_hit, hit);
+}

@@ -1,0 +1,123 @@
+//! The scene's arrays on the device, in the kind of memory that was asked for, and the definitions that tell the kernels
+//! (`cl/shared/memory.cl`) where they are.
+
+use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, KernelArg};
+use crate::error::{Error, Result};
+use crate::layout::Float4;
+use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
+use crate::pack::{CONSTANT_BYTES, CONSTANT_NODES, SceneBuffers};
+use crate::shared::{KdNode, Light, Material, SceneParams, Shading, TextureInfo};
+use bytemuck::Pod;
+
+/// An array that traversal reads.
+pub(super) enum Array<T: Pod> {
+    Buffer(Buffer<T>),
+    Image(Image),
+}
+
+impl<T: Pod> Array<T> {
+    fn new(context: &DeviceContext, what: &str, data: &[T], memory: Memory) -> Result<Self> {
+        Ok(match memory {
+            Memory::Global | Memory::Constant => Array::Buffer(Buffer::from_slice(context, what, data)?),
+            Memory::BufferImage => Array::Image(Image::from_slice(context, what, data, ImageShape::Buffer)?),
+            Memory::Image2d => Array::Image(Image::from_slice(context, what, data, ImageShape::Rows)?),
+        })
+    }
+}
+
+impl<'a, T: Pod> From<&'a Array<T>> for KernelArg<'a> {
+    fn from(array: &'a Array<T>) -> Self {
+        match array {
+            Array::Buffer(buffer) => buffer.into(),
+            Array::Image(image) => image.into(),
+        }
+    }
+}
+
+/// The scene on a device.
+pub(super) struct DeviceScene {
+    pub nodes: Array<KdNode>,
+    pub references: Array<u32>,
+    pub vertices: Array<Float4>,
+    pub bounds: Array<Float4>,
+    pub transforms: Array<Float4>,
+    pub constant_nodes: Option<Buffer<KdNode>>,
+    pub surface_vertices: Option<Buffer<Float4>>,
+    pub params: Buffer<SceneParams>,
+    pub shading: Buffer<Shading>,
+    pub materials: Buffer<Material>,
+    pub lights: Buffer<Light>,
+    pub textures: Buffer<TextureInfo>,
+    pub texels: Buffer<u32>,
+    pub srgb_to_linear: Buffer<f32>,
+}
+
+impl DeviceScene {
+    /// Copies everything to the device.
+    pub fn upload(context: &DeviceContext, buffers: &SceneBuffers, options: &TraceOptions) -> Result<Self> {
+        let arranged = buffers.arrange(options);
+        let memory = options.memory;
+        let info = context.info();
+        if memory == Memory::Constant && info.constant_memory_bytes < CONSTANT_BYTES as u64 {
+            let message = format!(
+                "device '{}' has {} bytes of constant memory, {CONSTANT_BYTES} are needed; take --memory global",
+                info.name, info.constant_memory_bytes
+            );
+            return Err(Error::option("--memory", message));
+        }
+        let constant_nodes = match memory {
+            Memory::Constant => Some(Buffer::from_slice(context, "nodes in constant memory", arranged.constant_nodes)?),
+            _ => None,
+        };
+        let surface_vertices = match options.triangles {
+            TriangleOrder::LeafOrder => Some(Buffer::from_slice(context, "vertices", arranged.surface_vertices)?),
+            TriangleOrder::Indexed => None,
+        };
+        let scene = DeviceScene {
+            nodes: Array::new(context, "nodes", &buffers.nodes, memory)?,
+            references: Array::new(context, "references", &buffers.references, memory)?,
+            vertices: Array::new(context, "vertices", &arranged.vertices, memory)?,
+            bounds: Array::new(context, "bounds", &buffers.bounds, memory)?,
+            transforms: Array::new(context, "triangle transforms", &arranged.transforms, memory)?,
+            constant_nodes,
+            surface_vertices,
+            params: Buffer::from_slice(context, "scene parameters", &[buffers.params])?,
+            shading: Buffer::from_slice(context, "shading data", arranged.shading)?,
+            materials: Buffer::from_slice(context, "materials", &buffers.materials)?,
+            lights: Buffer::from_slice(context, "lights", &buffers.lights)?,
+            textures: Buffer::from_slice(context, "textures", &buffers.textures)?,
+            texels: Buffer::from_slice(context, "texels", &buffers.texels)?,
+            srgb_to_linear: Buffer::from_slice(context, "sRGB table", &buffers.srgb_to_linear)?,
+        };
+        context.finish()?;
+        Ok(scene)
+    }
+
+    /// Adds the definitions for kernels that read this scene.
+    pub fn define(mut compile: CompileOptions, buffers: &SceneBuffers, options: &TraceOptions) -> CompileOptions {
+        if options.layout == Layout::Whole {
+            compile = compile.define("WHOLE_TRIANGLES", 1);
+        }
+        if options.triangles == TriangleOrder::LeafOrder {
+            compile = compile.define("LEAF_ORDER", 1);
+        }
+        match options.memory {
+            Memory::Global => compile,
+            Memory::BufferImage => compile.define("MEMORY_BUFFER_IMAGE", 1),
+            Memory::Image2d => compile.define("MEMORY_IMAGE2D", 1).define("IMAGE_WIDTH", format!("{IMAGE_WIDTH}u")),
+            Memory::Constant => {
+                let arranged = buffers.arrange(options);
+                let all = arranged.constant_nodes.len() == buffers.nodes.len();
+                compile = compile
+                    .define("CONSTANT_NODES", if all { "ALL_NODES".into() } else { format!("{CONSTANT_NODES}u") });
+                if arranged.constant_references {
+                    compile = compile.define("CONSTANT_REFERENCES", 1);
+                }
+                if arranged.constant_vertices {
+                    compile = compile.define("CONSTANT_VERTICES", 1);
+                }
+                compile
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! How the arrays are laid out for a device: copies in leaf order, whole triangles, and what goes to constant memory. The twin
+//! reads the same numbers from [`SceneBuffers`] itself.
+
+use super::SceneBuffers;
+use crate::layout::Float4;
+use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
+use crate::shared::{KdNode, Shading};
+use std::borrow::Cow;
+
+/// What is put into constant memory altogether. Devices of the full profile have at least 64 KiB (OpenCL 1.2, table 4.3); the rest
+/// is left to compilers, which keep literals and arguments there.
+pub const CONSTANT_BYTES: usize = 48 << 10;
+
+/// Nodes that fit into constant memory.
+pub const CONSTANT_NODES: usize = CONSTANT_BYTES / size_of::<KdNode>();
+
+/// The arrays of a scene as [`TraceOptions`] want them on a device.
+#[derive(Debug)]
+pub struct Arrangement<'a> {
+    /// Three of each triangle or, in leaf order, of each reference; with whole triangles seven, the last four being its [`Shading`].
+    pub vertices: Cow<'a, [Float4]>,
+    /// Three of each triangle or reference, or empty.
+    pub transforms: Cow<'a, [Float4]>,
+    /// In leaf order: three of each triangle, for shading; else empty.
+    pub surface_vertices: &'a [Float4],
+    /// One of each triangle; empty with whole triangles.
+    pub shading: &'a [Shading],
+    /// The nodes that lie in constant memory: the first of all.
+    pub constant_nodes: &'a [KdNode],
+    /// Whether the references do.
+    pub constant_references: bool,
+    /// Whether the vertices do.
+    pub constant_vertices: bool,
+}
+
+impl SceneBuffers {
+    /// Lays the arrays out as `options` want them.
+    pub fn arrange(&self, options: &TraceOptions) -> Arrangement<'_> {
+        let copied = |records: &[Float4]| -> Cow<[Float4]> {
+            let triangle = |&primitive: &u32| &records[3 * primitive as usize..][..3];
+            self.references.iter().flat_map(triangle).copied().collect()
+        };
+        let leaf_order = options.triangles == TriangleOrder::LeafOrder;
+        let whole = options.layout == Layout::Whole;
+        let vertices = match (whole, leaf_order) {
+            (true, _) => Cow::Owned(self.whole_triangles()),
+            (_, true) => copied(&self.vertices),
+            _ => Cow::Borrowed(&self.vertices[..]),
+        };
+        let transforms = match leaf_order && !self.transforms.is_empty() {
+            true => copied(&self.transforms),
+            false => Cow::Borrowed(&self.transforms[..]),
+        };
+        let mut left = if options.memory == Memory::Constant { CONSTANT_BYTES } else { 0 };
+        let constant_nodes = &self.nodes[..self.nodes.len().min(left / size_of::<KdNode>())];
+        left -= size_of_val(constant_nodes);
+        // In turn: what does not fit leaves nothing to those behind it, so that few variants of the kernels exist.
+        let mut fits = |bytes: usize| {
+            let fits = bytes <= left;
+            left = if fits { left - bytes } else { 0 };
+            fits
+        };
+        let constant_references = constant_nodes.len() == self.nodes.len() && fits(size_of_val(&self.references[..]));
+        let constant_vertices = constant_references && fits(size_of_val(&vertices[..]));
+        Arrangement {
+            vertices,
+            transforms,
+            surface_vertices: if leaf_order { &self.vertices } else { &[] },
+            shading: if whole { &[] } else { &self.shading },
+            constant_nodes,
+            constant_references,
+            constant_vertices,
+        }
+    }
+
+    /// Vertices and shading data of each triangle, one behind the other.
+    fn whole_triangles(&self) -> Vec<Float4> {
+        let shading = |s: &Shading| {
+            let rest = Float4 { x: s.v0, y: s.v1, z: s.v2, w: f32::from_bits(s.material) };
+            [s.normal0_u0, s.normal1_u1, s.normal2_u2, rest]
+        };
+        let triangles = self.vertices.chunks_exact(3).zip(&self.shading);
+        triangles.flat_map(|(vertices, s)| vertices.iter().copied().chain(shading(s))).collect()
+    }
+
+    /// Bytes of the arrays, as a device holds them with `options`.
+    pub fn size_bytes(&self, options: &TraceOptions) -> usize {
+        let arranged = self.arrange(options);
+        size_of_val(&self.nodes[..])
+            + size_of_val(&self.references[..])
+            + size_of_val(&arranged.vertices[..])
+            + size_of_val(arranged.surface_vertices)
+            + size_of_val(&self.bounds[..])
+            + size_of_val(&arranged.transforms[..])
+            + size_of_val(arranged.shading)
+            + size_of_val(arranged.constant_nodes)
+            + size_of_val(&self.materials[..])
+            + size_of_val(&self.lights[..])
+            + size_of_val(&self.textures[..])
+            + size_of_val(&self.texels[..])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Builder, Material};
+
+    fn sphere(fineness: u32, options: &TraceOptions) -> SceneBuffers {
+        let mut builder = Builder::new();
+        builder.material(Material::matt([0.5; 3].into()));
+        builder.sphere(1.0, fineness);
+        SceneBuffers::new(&builder.finish().unwrap(), options).unwrap()
+    }
+
+    #[test]
+    fn leaf_order_follows_the_references() {
+        let options = TraceOptions { triangles: TriangleOrder::LeafOrder, ..TraceOptions::DEFAULT };
+        let buffers = sphere(16, &options);
+        let arranged = buffers.arrange(&options);
+        assert_eq!(arranged.vertices.len(), 3 * buffers.references.len());
+        for (copy, &primitive) in arranged.vertices.chunks(3).zip(&buffers.references) {
+            assert_eq!(copy, &buffers.vertices[3 * primitive as usize..][..3]);
+        }
+        assert_eq!(arranged.surface_vertices, buffers.vertices);
+    }
+
+    #[test]
+    fn whole_triangles_keep_every_number() {
+        let options = TraceOptions { layout: Layout::Whole, ..TraceOptions::DEFAULT };
+        let buffers = sphere(16, &options);
+        let arranged = buffers.arrange(&options);
+        assert!(arranged.shading.is_empty());
+        for (i, whole) in arranged.vertices.chunks(7).enumerate() {
+            assert_eq!(whole[..3], buffers.vertices[3 * i..3 * i + 3]);
+            assert_eq!(bytemuck::cast_slice::<_, u8>(&whole[3..]), bytemuck::bytes_of(&buffers.shading[i]));
+        }
+    }
+
+    #[test]
+    fn constant_memory_gets_what_fits_in_turn() {
+        let options = TraceOptions { memory: Memory::Constant, ..TraceOptions::DEFAULT };
+        let mut seen = [false; 3];
+        for fineness in [3, 8, 12, 16, 24, 48, 96] {
+            let buffers = sphere(fineness, &options);
+            let arranged = buffers.arrange(&options);
+            let mut bytes = size_of_val(arranged.constant_nodes);
+            bytes += if arranged.constant_references { size_of_val(&buffers.references[..]) } else { 0 };
+            bytes += if arranged.constant_vertices { size_of_val(&arranged.vertices[..]) } else { 0 };
+            assert!(bytes <= CONSTANT_BYTES, "{fineness}: {bytes} bytes");
+            let parts = [arranged.constant_nodes.len() == buffers.nodes.len(), arranged.constant_references];
+            assert!(!parts[1] || parts[0]);
+            assert!(!arranged.constant_vertices || parts[1]);
+            seen[usize::from(parts[0]) + usize::from(arranged.constant_vertices)] = true;
+        }
+        assert_eq!(seen, [true; 3], "too large, without and with vertices");
+        let none = sphere(8, &TraceOptions::DEFAULT);
+        assert!(none.arrange(&TraceOptions::DEFAULT).constant_nodes.is_empty());
+    }
+}

@@ -1,0 +1,54 @@
+//! Twin of `cl/traverse/leaf.cl`: the triangles of a leaf. The reasons are there.
+
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::intersect::intersect;
+use crate::reference::ray::Ray;
+use crate::shared::{Hit, KdNode, NO_PRIMITIVE};
+use std::ops::Range;
+
+/// Tests the triangle of one reference.
+#[inline(always)]
+fn test_triangle(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, reference: usize, hit: &mut Hit) {
+    let primitive = buffers.references[reference];
+    if primitive == ray.skip {
+        return;
+    }
+    if let Some(found) = intersect(buffers, options.intersector, ray, primitive)
+        && ray.is_nearer(hit, found.t, primitive)
+    {
+        *hit = Hit { t: found.t, u: found.u, v: found.v, primitive };
+    }
+}
+
+/// Tests the triangles of some references. True when that answers the query.
+#[inline(always)]
+pub fn test_triangles(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    references: Range<usize>,
+    any_hit: bool,
+    hit: &mut Hit,
+) -> bool {
+    for reference in references {
+        test_triangle(buffers, options, ray, reference, hit);
+        if any_hit && hit.primitive != NO_PRIMITIVE {
+            return true;
+        }
+    }
+    false
+}
+
+/// The same for the references of a leaf record.
+#[inline(always)]
+pub fn test_leaf(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    leaf: &KdNode,
+    any_hit: bool,
+    hit: &mut Hit,
+) -> bool {
+    test_triangles(buffers, options, ray, leaf.left as usize..(leaf.left + leaf.right) as usize, any_hit, hit)
+}
