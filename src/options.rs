@@ -105,6 +105,9 @@ methods! {
 methods! {
     /// The ray-triangle test.
     pub enum Intersector ("--intersector") {
+        /// Right: exact arithmetic decides hit or miss and which of two hits is nearer, wherever rounded arithmetic cannot; t, u and v
+        /// are the exact ones rounded once.
+        Exact = "exact",
         /// Two edges and one reciprocal (Möller and Trumbore 1997), two-sided, no epsilon.
         MollerTrumbore = "moller-trumbore",
         /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between neighbours.
@@ -176,11 +179,20 @@ impl Intersector {
     /// The function in `cl/intersect/` that does it.
     pub fn cl_function(self) -> &'static str {
         match self {
+            Intersector::Exact => "intersect_exact",
             Intersector::MollerTrumbore => "intersect_moller_trumbore",
             Intersector::Watertight => "intersect_watertight",
             Intersector::Plucker => "intersect_plucker",
             Intersector::Precomputed => "intersect_precomputed",
             Intersector::Thesis => "intersect_thesis",
+        }
+    }
+
+    /// The function that decides which of two of its hits is nearer.
+    pub fn cl_nearer(self) -> &'static str {
+        match self {
+            Intersector::Exact => "is_nearer_exactly",
+            _ => "is_nearer_rounded",
         }
     }
 
@@ -192,7 +204,7 @@ impl Intersector {
     /// quarters of them of rays in a triangle's plane or close to it, 43 (`moller-trumbore`) and 195 (`plucker`) were others than
     /// brute force's.
     pub fn is_robust(self) -> bool {
-        matches!(self, Intersector::Watertight | Intersector::Precomputed)
+        matches!(self, Intersector::Exact | Intersector::Watertight | Intersector::Precomputed)
     }
 
     /// Whether it reads [`crate::pack::SceneBuffers::transforms`].

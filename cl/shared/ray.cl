@@ -76,17 +76,19 @@ bool is_nearer(const Ray* ray, const Hit* hit, float t, uint primitive) {
     return t >= ray->t_near && t <= ray->t_far && (t < hit->t || (t == hit->t && primitive < hit->primitive));
 }
 
-// The point of triangle p0 p1 p2 with weights u and v of vertices 1 and 2.
+// The point of triangle p0 p1 p2 with weights u and v of vertices 1 and 2. From vertex 0 along the edges: one rounding of the size of
+// the coordinates, the others of the size of the triangle.
 float3 point_on_triangle(float3 p0, float3 p1, float3 p2, float u, float v) {
-    return fma3(p0, (1.0f - u) - v, fma3(p1, u, p2 * v));
+    return p0 + fma3(p1 - p0, u, (p2 - p0) * v);
 }
 
-// A bound of the distance between that computed point and the triangle's plane, on each axis. Each product and sum rounds
-// (3 for the longest chain) and the three weights sum to 1 only within 2 roundings, each relative to the terms' magnitudes:
-// gamma(5) sum |weight_i p_i|, and the sum is at most the largest coordinate because the weights are not negative.
+// A bound of the distance between that computed point and the triangle's plane, on each axis. To first order in EPSILON, with E the
+// largest component of the edges and u + v <= 1: the edges round by E, the product by v E, the sum of at most E by E, and the last
+// sum by the largest coordinate: at most 3 E more than that.
 float point_error(float3 p0, float3 p1, float3 p2) {
     const float largest = max_or(max_component(abs3(p0)), max_or(max_component(abs3(p1)), max_component(abs3(p2))));
-    return 6.0f * EPSILON * largest;
+    const float edge = max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)));
+    return EPSILON * fma(4.0f, edge, largest);
 }
 
 // How far, on any axis, the point of the ray at the t of a computed hit can lie outside of the box around the triangle, in units

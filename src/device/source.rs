@@ -14,10 +14,13 @@ macro_rules! kernel_files {
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/types.cl",
     "cl/shared/math.cl",
+    "cl/shared/wide.cl",
+    "cl/shared/integer.cl",
     "cl/shared/memory.cl",
     "cl/shared/ray.cl",
     "cl/intersect/moller_trumbore.cl",
     "cl/intersect/watertight.cl",
+    "cl/intersect/exact.cl",
     "cl/intersect/plucker.cl",
     "cl/intersect/precomputed.cl",
     "cl/intersect/thesis.cl",

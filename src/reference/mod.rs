@@ -4,6 +4,8 @@
 //! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: brute force in f64, against which accuracy is
 //! measured.
 
+pub mod exact;
+pub mod integer;
 pub mod intersect;
 pub mod light;
 pub mod math;

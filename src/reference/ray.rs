@@ -132,12 +132,13 @@ pub fn widen_down(t: f32) -> f32 {
 /// The point with weights `u` and `v` of vertices 1 and 2.
 #[inline(always)]
 pub fn point_on_triangle([p0, p1, p2]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    fma3(p0, (1.0 - u) - v, fma3(p1, u, p2 * v))
+    p0 + fma3(p1 - p0, u, (p2 - p0) * v)
 }
 
 /// Bound of that point's distance from the triangle's plane, on each axis.
 #[inline(always)]
 pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
     let largest = max_or(max_component(abs3(p0)), max_or(max_component(abs3(p1)), max_component(abs3(p2))));
-    6.0 * EPSILON * largest
+    let edge = max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)));
+    EPSILON * 4f32.mul_add(edge, largest)
 }
