@@ -47,13 +47,15 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "empty.obj"], 3, &["empty.obj"]),
         (&["render", "bad.obj"], 3, &["bad.obj:3"]),
         (&["render", "bad.toml"], 3, &["bad.toml:2", "widht", "width"]),
-        (&["render", "one.stl"], 3, &["one.stl", ".obj"]),
+        (&["render", "one.fbx"], 3, &["one.fbx", ".obj", ".ply", ".stl"]),
         (&["render", "."], 3, &["."]),
         (&["render", "one.obj", "-o", "x.gif"], 2, &["x.gif", ".png"]),
         (&["render", "one.obj", "-o", "no/such/folder/x.png"], 5, &["no/such/folder/x.png"]),
         (&["render", "one.obj", "--stats", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
         (&["render", "one.obj", "--size", "0x5"], 2, &["--size", "0x5"]),
         (&["render", "one.obj", "--samples", "0"], 2, &["--samples"]),
+        (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
+        (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
         (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, grid"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
@@ -105,6 +107,25 @@ fn render_writes_every_format_and_stats() {
     }
     let left: Vec<_> = std::fs::read_dir(at).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().contains("tmp")), "{left:?}");
+}
+
+#[test]
+fn an_nff_file_has_its_size_and_corners_are_cast() {
+    let folder = folder();
+    let at = folder.path();
+    let view = "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 12 8\n";
+    std::fs::write(at.join("a.nff"), format!("{view}l 0 0 9\ns 0 0 0 1\n")).unwrap();
+    let stats = |arguments: &[&str]| -> serde_json::Value {
+        let fixed = ["render", "a.nff", "--device", "reference", "--stats", "stats.json"];
+        let output = raybrook(at, &[&fixed, arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap()
+    };
+    let plain = stats(&["--samples", "2"]);
+    assert_eq!((&plain["width"], &plain["height"], &plain["samples"]), (&12.into(), &8.into(), &2.into()));
+    assert_eq!(plain["rays"]["camera"]["cast"], 12 * 8 * 2);
+    let corners = stats(&["--samples", "corners", "--size", "13x9"]);
+    assert_eq!((&corners["samples"], &corners["rays"]["camera"]["cast"]), (&"corners".into(), &(13 * 9).into()));
 }
 
 #[test]

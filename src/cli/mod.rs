@@ -21,7 +21,7 @@ mod trace;
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::options::{Accel, Build, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder};
-use raybrook::scene::PictureDefaults;
+use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -144,9 +144,10 @@ struct PictureArgs {
     /// Width and height in pixels [default: the scene's, else 1024x768].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
-    /// Samples per pixel, in a fixed pattern [default: the scene's, else 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_SAMPLES)))]
-    samples: Option<u32>,
+    /// Samples per pixel, in a fixed pattern, or `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
+    /// pixels [default: the scene's, else 1].
+    #[arg(long, value_name = "N|corners")]
+    samples: Option<Samples>,
     /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
@@ -183,7 +184,7 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// Scene: a .toml scene file (see scenes/README.md) or a Wavefront .obj.
+    /// Scene: a .toml scene file (see scenes/README.md), a Wavefront .obj, a .ply, a .stl or Haines' .nff.
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
 }
