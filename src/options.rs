@@ -16,6 +16,9 @@ macro_rules! methods {
         pub enum $enum { $($(#[doc = $variant_doc])* $variant,)+ }
 
         impl $enum {
+            /// The option that takes the names.
+            pub const OPTION: &'static str = $option;
+
             /// What the table of options ([`crate::options::OPTIONS`]) tells about it.
             pub(crate) const NAMES: $crate::options::Names = $crate::options::Names {
                 option: $option,
@@ -61,9 +64,11 @@ macro_rules! methods {
 }
 
 mod combinations;
+mod kd;
 mod table;
 
 pub use combinations::{NeverTogether, needs, never_together};
+pub use kd::{KdOptions, SplitAxis, Stop};
 pub(crate) use table::Names;
 pub use table::{Choice, MethodOption, OPTIONS, choices};
 
@@ -90,8 +95,14 @@ methods! {
     pub enum Build ("--build") {
         /// Axes in turn, plane between the two middle centroids (thesis, section 5.5.1).
         Median = "median",
+        /// The median of a random sample (thesis, section 5.5).
+        SampledMedian = "sampled-median",
+        /// Plane in the middle of the cell (Kaplan 1985).
+        SpatialMedian = "spatial-median",
         /// Surface area heuristic over sorted event lists (Wald and Havran 2006).
         Sah = "sah",
+        /// The same with volumes for areas, as the thesis has it (section 5.5). To study, not to use.
+        Volume = "volume",
     }
 }
 
@@ -243,11 +254,15 @@ pub struct TraceOptions {
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
     /// A node with at most this many triangles is not split, and a cluster has no more; at least 1. `None`: the build's own
-    /// default: 1 for SAH, 12 for median, 8 for an octree, the square root of the triangles for clusters.
+    /// default: 1 for a kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median and an
+    /// octree, 4 for the others; the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
     /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.
     pub max_depth: Option<u32>,
+    /// How the kd-tree is split, and when no more.
+    #[serde(flatten)]
+    pub kd: KdOptions,
     /// Cells of the grid along x, y, z; their product at most [`TraceOptions::MAX_GRID_CELLS`]. An axis along which the scene has
     /// no extent gets 1. `None`: nearly cubic ones, about 8 for each triangle.
     pub grid_size: Option<[u32; 3]>,
@@ -285,6 +300,7 @@ impl TraceOptions {
         intersector: Intersector::Watertight,
         leaf_size: None,
         max_depth: None,
+        kd: KdOptions::DEFAULT,
         grid_size: None,
         memory: Memory::Global,
         layout: Layout::Split,
@@ -326,6 +342,7 @@ impl TraceOptions {
     /// [`Error::Option`] names the option that is out of its range or has no meaning, and what is possible.
     pub fn validate(&self) -> Result<()> {
         self.check_that_all_apply()?;
+        self.kd.validate(self.build)?;
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
         }
@@ -362,8 +379,9 @@ impl TraceOptions {
         for option in OPTIONS {
             if option.is_set(self) && !option.structures.contains(&self.accel) {
                 let names: Vec<_> = option.structures.iter().map(|accel| accel.name()).collect();
+                // The limits of other structures than the kd-tree alone are what a grid has its number of cells for.
                 let nearest = match self.accel {
-                    Accel::Grid if option.is_number() => "; a grid's cells are set by --grid-size X,Y,Z",
+                    Accel::Grid if option.structures != [Accel::Kd] => "; a grid's cells are set by --grid-size X,Y,Z",
                     _ => "",
                 };
                 let message = format!(

@@ -94,7 +94,7 @@ impl SceneBuffers {
         let start = Instant::now();
         let build_options = match options.accel {
             Accel::Octree => BuildOptions::octree(primitives.len(), options.leaf_size, options.max_depth),
-            _ => BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth),
+            _ => BuildOptions::new(options, primitives.len()),
         };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
         let Structure { nodes, references, bounds } = match options.accel {

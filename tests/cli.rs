@@ -59,6 +59,12 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, grid"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
+        (&["info", "one.obj", "--build", "middle"], 2, &["--build", "sampled-median", "volume"]),
+        (&["info", "one.obj", "--stop", "never"], 2, &["--stop", "cost, size"]),
+        (&["info", "one.obj", "--empty-bonus", "2"], 2, &["--empty-bonus", "from 0 to 1"]),
+        (&["info", "one.obj", "--build", "median", "--cost-traverse", "2"], 2, &["--cost-traverse", "--stop cost"]),
+        (&["info", "one.obj", "--sample-size", "9"], 2, &["--sample-size", "--build sampled-median"]),
+        (&["info", "one.obj", "--accel", "octree", "--stop", "size"], 2, &["--stop", "--accel kd"]),
         (&["render", "one.obj", "--bit-depth", "12"], 2, &["--bit-depth", "12"]),
         (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
@@ -157,6 +163,31 @@ fn info_and_devices_print_json() {
     let devices = raybrook(folder.path(), &["devices", "--json"]);
     let devices: serde_json::Value = serde_json::from_slice(&devices.stdout).unwrap();
     assert!(devices["devices"].is_array());
+}
+
+/// Each option in turn must change the tree of a scene of ours, as `raybrook info` tells of it.
+#[test]
+fn info_shows_the_tree_that_the_options_build() {
+    let tree = |arguments: &str| {
+        let arguments = ["info", "scenes/knot.obj", "--json"].into_iter().chain(arguments.split_whitespace());
+        let output = raybrook(Path::new(env!("CARGO_MANIFEST_DIR")), &arguments.collect::<Vec<_>>());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()["tree"].clone()
+    };
+    for (base, others) in [
+        ("", &["--build volume", "--build median", "--cost-traverse 3", "--cost-intersect 3", "--empty-bonus 0"][..]),
+        ("", &["--stop size", "--similar-children 0.4", "--leaf-size 9", "--max-depth 9"]),
+        ("--build median", &["--build sampled-median", "--build spatial-median", "--build median --stop cost"]),
+        ("--build median", &["--build median --split-axis longest", "--build median --similar-children 0.6"]),
+        ("--build median --stop cost", &["--build median --stop cost --cost-traverse 3"]),
+        ("--build sampled-median", &["--build sampled-median --sample-size 5"]),
+    ] {
+        let plain = tree(base);
+        assert!(plain["nodes"].as_u64().unwrap() > 100, "{plain}");
+        for other in others {
+            assert_ne!(tree(other), plain, "'{other}' instead of '{base}'");
+        }
+    }
 }
 
 #[test]

@@ -460,7 +460,7 @@ fn procedural_textures_equal_their_twins() {
 
 fn surface_with(normal: Vec3) -> Surface {
     Surface {
-        point: SurfacePoint { position: Vec3::ZERO, error: 0.0, primitive: 0 },
+        point: SurfacePoint { position: Vec3::ZERO, position_low: Vec3::ZERO, error: 0.0, primitive: 0 },
         geometric_normal: normal,
         normal,
         texture_uv: [0.0; 2],

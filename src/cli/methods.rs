@@ -8,8 +8,6 @@ use serde::Serialize;
 
 /// Columns of the text.
 const WIDTH: usize = 100;
-/// Columns in front of a description.
-const INDENT: usize = 21;
 
 #[derive(clap::Args)]
 pub struct MethodsArgs {
@@ -81,26 +79,31 @@ impl Methods {
     }
 
     fn text(&self) -> String {
+        let names = self.options.iter().flat_map(|option| &option.values).map(|value| value.name);
+        let longest = names.chain(self.numbers.iter().map(|number| number.option)).map(str::len).max().unwrap_or(0);
+        let label = |mark: char, name: &str| format!("  {mark} {name:longest$}  ");
+
         let mut text =
             wrapped("", "Options of render, trace, check and info that choose the method. * marks the default.");
         for option in &self.options {
             text += "\n";
-            text += &wrapped("", &format!("{}: {}{}", option.option, option.about, only_with(&option.structures)));
+            let only = only_with(&option.structures, &[]);
+            text += &wrapped("", &format!("{}: {}{only}", option.option, option.about));
             for value in &option.values {
                 let mark = if value.default { '*' } else { ' ' };
-                let label = format!("  {mark} {}", value.name);
-                text += &wrapped(&format!("{label:INDENT$}"), &format!("{}{}", value.about, needed(&value.needs)));
+                text += &wrapped(&label(mark, value.name), &format!("{}{}", value.about, needed(&value.needs)));
             }
         }
-        text += "\nNumbers, each with its default:\n";
+        text += "\nNumbers:\n";
         for number in &self.numbers {
-            let about = format!("{}.{}{}", number.about, only_with(&number.structures), needed(&number.needs));
-            text += &wrapped(&format!("{:INDENT$}", format!("    {}", number.option)), &about);
+            let only = only_with(&number.structures, &number.needs);
+            let about = format!("{}.{only}{}", number.about, needed(&number.needs));
+            text += &wrapped(&label(' ', number.option), &about);
         }
         text += "\nNever together:\n";
-        for (group, reason) in grouped(&self.never_together) {
-            text += &wrapped("    ", &group);
-            text += &wrapped("        ", &reason);
+        for group in groups(&self.never_together) {
+            text += &wrapped("    ", &format!("{} with {}", group.values, group.partners));
+            text += &wrapped("        ", &group.reason);
         }
         text
     }
@@ -121,9 +124,11 @@ fn help(option: &MethodOption) -> String {
     argument.and_then(clap::Arg::get_help).map(ToString::to_string).unwrap_or_default()
 }
 
-fn only_with(structures: &[&str]) -> String {
-    match structures.len() < Accel::ALL.len() {
-        true => format!(" Only with --accel {}.", structures.join(", ")),
+/// The structures that read an option, unless all do or `needs` has the one.
+fn only_with(structures: &[&str], needs: &[Choice]) -> String {
+    let is_needed = needs.iter().any(|choice| choice.option().name == Accel::OPTION);
+    match structures.len() < Accel::ALL.len() && !is_needed {
+        true => format!(" Only with {} {}.", Accel::OPTION, structures.join(", ")),
         false => String::new(),
     }
 }
@@ -135,40 +140,54 @@ fn needed(needs: &[Choice]) -> String {
     }
 }
 
-/// Pairs with the same reason in one line: who with whom, and why. A reason that differs only in the first one's name has `…` there.
-fn grouped(never: &[NeverTogether]) -> Vec<(String, String)> {
-    /// The names of one option.
-    struct Side(&'static str, Vec<&'static str>);
-    impl Side {
-        fn of(choice: Choice) -> Side {
-            Side(choice.option().name, choice.name().into_iter().collect())
-        }
-        fn text(&self) -> String {
-            if self.1.is_empty() { self.0.to_owned() } else { format!("{} {}", self.0, self.1.join(", ")) }
-        }
-    }
-    // First value by value of the first option, then those together that have the same partners.
-    let mut rows: Vec<(Side, Side, &str)> = Vec::new();
-    for NeverTogether { values: [first, second], reason } in never {
-        let (first, mut second) = (Side::of(*first), Side::of(*second));
-        match rows.iter_mut().find(|(a, b, r)| (a.text(), b.0, *r) == (first.text(), second.0, reason)) {
-            Some((_, partners, _)) => partners.1.append(&mut second.1),
-            None => rows.push((first, second, reason)),
+/// Pairs that have the same reason: each of `values` with each of `partners`.
+struct Group {
+    values: String,
+    partners: String,
+    reason: String,
+}
+
+/// The pairs in few lines. A reason that differs only in the value that it names has `…` there.
+fn groups(never: &[NeverTogether]) -> Vec<Group> {
+    // All partners of a value for the same reason, then all values of an option with the same partners.
+    let mut of_values: Vec<(Choice, Vec<Choice>, &str)> = Vec::new();
+    for NeverTogether { values: [value, partner], reason, .. } in never {
+        match of_values.iter_mut().find(|(v, _, r)| v == value && r == reason) {
+            Some((_, partners, _)) => partners.push(*partner),
+            None => of_values.push((*value, vec![*partner], reason)),
         }
     }
-    let mut groups: Vec<(Side, Side, String, &str)> = Vec::new();
-    for (mut first, second, reason) in rows {
-        let general = reason.replace(&first.text(), &format!("{} …", first.0));
-        match groups.iter_mut().find(|(a, b, r, _)| (a.0, b.text(), &*r) == (first.0, second.text(), &general)) {
-            Some((firsts, ..)) => firsts.1.append(&mut first.1),
-            None => groups.push((first, second, general, reason)),
+    let mut groups: Vec<(Vec<Choice>, Vec<Choice>, &str)> = Vec::new();
+    for (value, partners, reason) in of_values {
+        let is_same = |(values, p, r): &&mut (Vec<Choice>, Vec<Choice>, &str)| {
+            values[0].option().name == value.option().name
+                && *p == partners
+                && general(r, values[0]) == general(reason, value)
+        };
+        match groups.iter_mut().find(is_same) {
+            Some((values, ..)) => values.push(value),
+            None => groups.push((vec![value], partners, reason)),
         }
     }
-    let line = |(first, second, general, reason): (Side, Side, String, &str)| {
-        let reason = if first.1.len() > 1 { general } else { reason.to_owned() };
-        (format!("{} with {}", first.text(), second.text()), reason)
+    let group = |(values, partners, reason): (Vec<Choice>, Vec<Choice>, &str)| Group {
+        reason: if values.len() > 1 { general(reason, values[0]) } else { reason.to_owned() },
+        values: listed(&values),
+        partners: listed(&partners),
     };
-    groups.into_iter().map(line).collect()
+    groups.into_iter().map(group).collect()
+}
+
+fn general(reason: &str, value: Choice) -> String {
+    reason.replace(&value.to_string(), &format!("{} …", value.option().name))
+}
+
+/// Values by option: `--accel grid, octree; --leaf-size`.
+fn listed(choices: &[Choice]) -> String {
+    let of_options = choices.chunk_by(|a, b| a.option().name == b.option().name);
+    let names = |choices: &[Choice]| choices.iter().filter_map(Choice::name).collect::<Vec<_>>().join(", ");
+    let texts =
+        of_options.map(|choices| format!("{} {}", choices[0].option().name, names(choices)).trim_end().to_owned());
+    texts.collect::<Vec<_>>().join("; ")
 }
 
 /// `label` and `text` in lines of [`WIDTH`] columns; those after the first begin below the text's begin.

@@ -12,6 +12,7 @@ macro_rules! say {
 mod check;
 mod devices;
 mod info;
+mod kd;
 mod methods;
 mod open;
 mod progress;
@@ -83,7 +84,8 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
-    /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median; 8 for octree];
+    /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
+    /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
     /// put up to N into one box or sphere [default: the square root of the triangles].
     #[arg(long, value_name = "N")]
     leaf_size: Option<u32>,
@@ -91,6 +93,8 @@ struct MethodArgs {
     /// most 60].
     #[arg(long, value_name = "N")]
     max_depth: Option<u32>,
+    #[command(flatten)]
+    kd: kd::KdArgs,
     /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_grid_size)]
     grid_size: Option<[u32; 3]>,
@@ -114,6 +118,7 @@ impl MethodArgs {
             intersector: self.intersector,
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
+            kd: self.kd.options(),
             grid_size: self.grid_size,
             memory: self.memory,
             layout: self.layout,

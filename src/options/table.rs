@@ -3,7 +3,9 @@
 //!
 //! A new value is a line of its enum; a new option is a line of [`OPTIONS`].
 
-use super::{Accel, Build, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder};
+use super::{
+    Accel, Build, Intersector, Layout, Memory, NodeOrder, SplitAxis, Stop, TraceOptions, Traversal, TriangleOrder,
+};
 use std::fmt;
 
 /// An enum of methods as data; the macro `methods` makes it.
@@ -66,13 +68,20 @@ macro_rules! number {
 /// Every option of methods.
 pub static OPTIONS: &[MethodOption] = &[
     names!(Accel, accel, Accel::ALL),
+    number!("--grid-size", grid_size, &[Accel::Grid], [1, 1, 1]),
     names!(Build, build, &[Accel::Kd]),
     names!(Traversal, traversal, &[Accel::Kd]),
     number!("--stack-size", stack_size, &[Accel::Kd], 1),
     names!(Intersector, intersector, Accel::ALL),
     number!("--leaf-size", leaf_size, &[Accel::Kd, Accel::Octree, Accel::Boxes, Accel::Spheres], 1),
     number!("--max-depth", max_depth, &[Accel::Kd, Accel::Octree], 1),
-    number!("--grid-size", grid_size, &[Accel::Grid], [1, 1, 1]),
+    names!(SplitAxis, kd.split_axis, &[Accel::Kd]),
+    number!("--sample-size", kd.sample_size, &[Accel::Kd], 1),
+    names!(Stop, kd.stop, &[Accel::Kd]),
+    number!("--cost-traverse", kd.cost_traverse, &[Accel::Kd], 1.0),
+    number!("--cost-intersect", kd.cost_intersect, &[Accel::Kd], 1.0),
+    number!("--empty-bonus", kd.empty_bonus, &[Accel::Kd], 1.0),
+    number!("--similar-children", kd.similar_children, &[Accel::Kd], 1.0),
     names!(Memory, memory, Accel::ALL),
     names!(Layout, layout, Accel::ALL),
     names!(NodeOrder, node_order, &[Accel::Kd]),
