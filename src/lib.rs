@@ -85,5 +85,6 @@ pub mod session;
 pub mod shared;
 pub mod stats;
 pub mod tracer;
+pub mod work;
 
 pub use error::{Error, Result};

@@ -12,6 +12,7 @@ use raybrook::pack::{SceneBuffers, triangle_transform};
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::light::toon_tone;
 use raybrook::reference::math;
+use raybrook::reference::memory::NoWork;
 use raybrook::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
 use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
@@ -372,7 +373,7 @@ fn intersectors_equal_their_twins() {
                 buffers.vertices = triangle.map(|p| Float4::new(p, 0.0)).to_vec();
                 buffers.transforms = triangle_transform(triangle).to_vec();
                 buffers.params.scale = x[32];
-                let found = intersect(&buffers, intersector, &ray_of(x), 0);
+                let found = intersect(&buffers, intersector, &ray_of(x), 0, &mut NoWork);
                 hits += usize::from(found.is_some());
                 found.map_or([0.0; 4], |f| [1.0, f.t, f.u, f.v])
             })

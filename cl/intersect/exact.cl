@@ -237,6 +237,7 @@ RARE bool is_nearer_whole(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, f
     const bool is_tie = t == hit->t;
     for (uint i = 0; i < 3u; i++) {
         vertices[i] = LOAD_VERTEX(geometry, slot, i);
+        COUNT(geometry, TRIANGLE_BYTES, is_tie ? sizeof(float4) : 0);
         vertices[i + 3u] = is_tie ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, i) : vertices[i];
     }
     const WholeUnits units = whole_units(ray, vertices, 2);

@@ -121,6 +121,7 @@ impl MethodArgs {
             layout: self.layout,
             node_order: self.node_order,
             triangles: self.triangles,
+            counters: false,
         };
         options.validate().map(|()| options)
     }
