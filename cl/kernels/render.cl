@@ -8,7 +8,7 @@
 #endif
 
 #ifdef COUNT_WORK
-#define CAMERA_GEOMETRY_VALUE MAKE_GEOMETRY,
+#define CAMERA_GEOMETRY_VALUE MAKE_GEOMETRY_COUNTING(camera_work),
 #define GEOMETRY_FOR(kind, scene) ((kind) == COUNT_CAMERA_CAST ? &(scene)->camera_geometry : &(scene)->geometry)
 #else
 #define CAMERA_GEOMETRY_VALUE
@@ -140,7 +140,10 @@ __kernel void render(GEOMETRY_ARGUMENTS, __global const Shading* restrict shadin
     const uint y = tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE;
     if (tile >= end_tile || x >= render->width || y >= render->height) return;
 
-    const Scene scene = {MAKE_GEOMETRY, CAMERA_GEOMETRY_VALUE shading, materials, lights, textures, texels, srgb_to_linear, scene_params};
+    WORK_SUMS(work)
+    WORK_SUMS(camera_work)
+    const Scene scene = {MAKE_GEOMETRY, CAMERA_GEOMETRY_VALUE shading, materials, lights, textures, texels, srgb_to_linear,
+                         scene_params};
     uint counts[COUNTERS] = {0};
     float3 sum = (float3)(0.0f);
     for (uint s = 0; s < render->sample_count; s++) {

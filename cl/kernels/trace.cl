@@ -25,6 +25,7 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
                             WORK_ARGUMENT const uint first, const uint end) {
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
+    WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false);
     STORE_WORK(&geometry, index);
@@ -35,6 +36,7 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
                         WORK_ARGUMENT const uint first, const uint end) {
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
+    WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true);
     STORE_WORK(&geometry, index);
@@ -47,6 +49,7 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict nex
                          WORK_ARGUMENT const uint first, const uint end) {
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
+    WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     const Hit from = hits[index];
     Hit hit = no_hit();

@@ -83,19 +83,19 @@ typedef struct {
 #define SURFACE_VERTICES_VALUE
 #endif
 #ifdef COUNT_WORK
-#define WORK_VALUE , (uint[WORK_COUNTERS]){0} // lives as long as the block in which the Geometry is made
+#define WORK_VALUE(sums) , sums
 #else
-#define WORK_VALUE
+#define WORK_VALUE(sums)
 #endif
 #define SCENE_VALUES                                                                                                     \
     CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
-        scene_params->scale WORK_VALUE
+        scene_params->scale
 
 #ifdef IMAGE
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS                                                                                              \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY { SCENE_VALUES }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #define NODE_FROM_BUFFER(geometry, index) read_imagei(nodes, IMAGE_AT(index))
@@ -109,7 +109,8 @@ typedef struct {
         VERTICES_IN const float4* restrict vertices, __global const float4* restrict bounds,                            \
         __global const float4* restrict transforms,                                                                     \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY { nodes, references, vertices, bounds, transforms, SCENE_VALUES }
+#define MAKE_GEOMETRY_COUNTING(sums) \
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #define NODE_FROM_BUFFER(geometry, index) ((geometry)->nodes[index])
@@ -119,6 +120,7 @@ typedef struct {
 #define TRANSFORM_RECORD(geometry, index) ((geometry)->transforms[index])
 #endif
 
+#define MAKE_GEOMETRY MAKE_GEOMETRY_COUNTING(work)
 #define GEOMETRY_PARAMETERS const Geometry* geometry IMAGE_PARAMETERS
 #define GEOMETRY_AT(pointer) pointer IMAGE_VALUES
 #define GEOMETRY GEOMETRY_AT(geometry)
@@ -136,6 +138,7 @@ int4 load_node(const Geometry* geometry, uint index) {
 
 // Counting (WorkCounter in src/shared.rs says what is what). A sum that outgrows 32 bits stays at the largest number. Without
 // COUNT_WORK nothing of it is in the code.
+//   WORK_SUMS        declares the sums of a Geometry; those of MAKE_GEOMETRY are called `work`
 //   COUNT            adds n to a counter
 //   COUNT_DEEPEST    raises the deepest stack to so many entries
 //   COUNTED          a value that was read, counted as so many bytes
@@ -146,12 +149,14 @@ void count_work(uint* work, uint counter, uint n) { work[counter] = add_sat(work
 void store_work(__global uint* records, uint index, const Geometry* geometry) {
     for (uint i = 0; i < WORK_COUNTERS; i++) records[(size_t)index * WORK_COUNTERS + i] = geometry->work[i];
 }
+#define WORK_SUMS(name) uint name[WORK_COUNTERS] = {0};
 #define COUNT(geometry, counter, n) count_work((geometry)->work, WORK_##counter, n)
 #define COUNT_DEEPEST(geometry, n) (geometry)->work[WORK_DEEPEST_STACK] = max((geometry)->work[WORK_DEEPEST_STACK], n)
 #define COUNTED(geometry, counter, bytes, value) (COUNT(geometry, counter, bytes), value)
 #define WORK_ARGUMENT __global uint* restrict work_records,
 #define STORE_WORK(geometry, index) store_work(work_records, index, geometry)
 #else
+#define WORK_SUMS(name)
 #define COUNT(geometry, counter, n)
 #define COUNT_DEEPEST(geometry, n)
 #define COUNTED(geometry, counter, bytes, value) value
