@@ -470,7 +470,7 @@ fn surface_with(normal: Vec3) -> Surface {
     }
 }
 
-/// Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
+/// With counted work and without. Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
 /// `tests/traverse.rs`.
 #[test]
 fn traversals_equal_their_twins() {
@@ -493,9 +493,13 @@ fn traversals_equal_their_twins() {
             })
             .collect();
         let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-        let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
-        let expected = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
-        assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
+        for counters in [false, true] {
+            let options = TraceOptions { counters, ..options };
+            let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+            let expected = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+            assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
+            assert_eq!(got.work, expected.work, "{options:?} (seed {SEED})");
+        }
     }
 }
 

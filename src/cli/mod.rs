@@ -17,6 +17,7 @@ mod open;
 mod progress;
 mod render;
 mod trace;
+mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
