@@ -6,7 +6,7 @@ mod common;
 use common::{Random, SEED, device, scene_of, shared, sheet, soup};
 use glam::Vec3;
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Build, Intersector, Memory, TraceOptions, Traversal, TriangleOrder};
+use raybrook::options::{Accel, Build, Intersector, Layout, Memory, TraceOptions, Traversal, TriangleOrder};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::render::camera_direction;
 use raybrook::scene::{self, Builder, Light, Material, Scene};
@@ -147,7 +147,8 @@ fn pixels_have_the_same_work_on_device_and_twin_and_the_same_colours_as_uncounte
         scene
     };
     for (name, scene) in [("glass", balls()), ("opaque", opaque)] {
-        for options in [COUNTED, short_stack(2), TraceOptions { accel: Accel::Grid, ..COUNTED }] {
+        let whole = TraceOptions { layout: Layout::Whole, ..COUNTED };
+        for options in [COUNTED, short_stack(2), TraceOptions { accel: Accel::Grid, ..COUNTED }, whole] {
             let Some(got) = picture_of(&scene, true, options) else { return };
             let expected = picture_of(&scene, false, options).unwrap();
             let silent = picture_of(&scene, false, TraceOptions { counters: false, ..options }).unwrap();
