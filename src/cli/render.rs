@@ -88,7 +88,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         stats.work = Some(WorkStats {
             camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
             all: WorkSum::new(stats.rays.total_cast(), pixels.iter().flat_map(|pixel| [pixel.camera, pixel.secondary])),
-            aovs: work::write_aovs(&output, format, &args.aov, pixels, picture.size)?,
+            aovs: work::write_aovs(&output, format, &args.aov, pixels, (result.film.width, result.film.height))?,
         });
     }
     stats.kernel_s = vec![result.kernel_s];

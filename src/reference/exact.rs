@@ -236,14 +236,7 @@ pub fn intersect_exact(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -
 }
 
 #[inline(never)]
-fn is_nearer_whole(
-    buffers: &SceneBuffers,
-    ray: &Ray,
-    hit: &Hit,
-    t: f32,
-    primitive: u32,
-    work: &mut impl Work,
-) -> bool {
+fn is_nearer_whole(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, primitive: u32, work: &mut impl Work) -> bool {
     let is_tie = t == hit.t;
     let triangle = load_vertices(buffers, primitive, work);
     let other = if is_tie { load_vertices(buffers, hit.primitive, work) } else { triangle };
