@@ -27,7 +27,7 @@
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
-//! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over |
+//! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table |
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points |

@@ -1,5 +1,7 @@
 //! The program from outside: exit codes, messages, files.
 
+mod common;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -71,8 +73,14 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
         (&["trace", "one.obj", "text.npz"], 3, &["text.npz"]),
+        (&["devices", "--accel", "grid"], 2, &["--accel", "--kernels"]),
+        (&["devices", "--depth", "3"], 2, &["--depth", "--kernels"]),
+        (&["devices", "--kernels", "--leaf-size", "0"], 2, &["--leaf-size"]),
+        (&["devices", "--kernels", "--device", "reference"], 4, &["reference", "no kernels"]),
+        (&["devices", "--kernels", "--scene", "missing.obj", "--device", "no such device"], 4, &["no such device"]),
+        (&["methods", "one.obj"], 2, &["one.obj"]),
         (&["paint"], 2, &["paint"]),
-        (&[], 2, &["render", "trace", "check", "info", "devices"]),
+        (&[], 2, &["render", "trace", "check", "info", "devices", "methods"]),
     ];
     for (arguments, code, words) in cases {
         assert_fails(&raybrook(at, arguments), *code, words);
@@ -165,6 +173,29 @@ fn info_and_devices_print_json() {
     let devices = raybrook(folder.path(), &["devices", "--json"]);
     let devices: serde_json::Value = serde_json::from_slice(&devices.stdout).unwrap();
     assert!(devices["devices"].is_array());
+}
+
+#[test]
+fn devices_kernels_lists_every_kernel() {
+    let Some(device) = common::device() else { return };
+    let folder = folder();
+    let index = device.info.index.to_string();
+    let run = |arguments: &[&str]| {
+        let output = raybrook(folder.path(), &[&["devices", "--kernels", "--device", &index], arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let json: serde_json::Value =
+        serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--accel", "grid", "--counters"])).unwrap();
+    assert_eq!(json[0]["device"], device.info.name);
+    let options = json[0]["compile_options"].as_str().unwrap();
+    assert!(options.contains("traverse_grid") && options.contains("COUNT_WORK"), "{options}");
+    assert!(json[0]["kernels"][0]["max_work_group_size"].as_u64().unwrap() > 0);
+    let text = run(&["--depth", "30"]);
+    assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    for expected in ["registers", "-DMAX_PENDING=32", "render", "trace_next"] {
+        assert!(text.contains(expected), "{expected} is not in {text}");
+    }
 }
 
 /// Each option in turn must change the tree of a scene of ours, as `raybrook info` tells of it.

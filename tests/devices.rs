@@ -4,8 +4,11 @@
 use raybrook::Error;
 use raybrook::device::{
     Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceKind, KernelArg, ProgramSource, Selection, build,
-    devices_json, devices_report, list_devices, select,
+    devices_json, devices_report, kernel_resources, list_devices, select,
 };
+use raybrook::options::{Intersector, TraceOptions};
+use raybrook::pack::SceneBuffers;
+use raybrook::scene::Builder;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -404,4 +407,31 @@ fn oclgrind_builds_whether_its_binaries_load_or_not() {
     let text = child("refused binary", &[("OCL_ICD_VENDORS", vendors.path())]);
     println!("{text}");
     assert!(text.contains("from_cache true") || text.contains("driver refused the binary"), "{text}");
+}
+
+#[test]
+fn every_kernel_of_the_program_has_its_work_group_limits() {
+    let wanted = std::env::var("RAYBROOK_DEVICE").ok();
+    let Ok(Selection::OpenCl(device)) = select(wanted.as_deref()) else { return println!("skipped: no device") };
+    let _one_at_a_time = open_device();
+    let mut builder = Builder::new();
+    builder.sphere(1.0, 16);
+    let options = TraceOptions { intersector: Intersector::Precomputed, ..TraceOptions::DEFAULT };
+    let buffers = SceneBuffers::new(&builder.finish().unwrap(), &options).unwrap();
+    let program = kernel_resources(&device, &buffers, &options, 3).unwrap();
+    assert!(program.compile_options.contains("-D INTERSECT=intersect_precomputed"), "{}", program.compile_options);
+    assert!(program.compile_options.contains("-D MAX_PENDING=8"), "{}", program.compile_options);
+    assert!(program.binary_bytes.is_none_or(|bytes| bytes > 1000), "{:?}", program.binary_bytes);
+    let names: Vec<_> = program.kernels.iter().map(|kernel| kernel.kernel.as_str()).collect();
+    assert_eq!(names, ["render", "trace_any", "trace_closest", "trace_next"]);
+    for kernel in &program.kernels {
+        let limit = kernel.max_work_group_size.expect("every driver tells");
+        assert!((1..=device.info.max_work_group_size as u64).contains(&limit), "{kernel:?}");
+        let multiple = kernel.preferred_work_group_multiple.expect("every driver tells");
+        assert!((1..=limit).contains(&multiple), "{kernel:?}");
+        // Only NVIDIA's compiler tells of registers, and then of everything.
+        assert_eq!(kernel.registers.is_some(), device.info.verbose_builds, "{kernel:?}");
+        assert_eq!(kernel.stack_frame_bytes.is_some(), kernel.registers.is_some(), "{kernel:?}");
+        assert_eq!(kernel.spill_load_bytes.is_some(), kernel.registers.is_some(), "{kernel:?}");
+    }
 }

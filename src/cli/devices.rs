@@ -1,16 +1,46 @@
 //! `raybrook devices`.
 
-use raybrook::Result;
+use super::{MethodArgs, Talk, kernels};
 use raybrook::device::{devices_json, devices_report, list_devices};
+use raybrook::options::{OPTIONS, TraceOptions};
+use raybrook::scene::PictureDefaults;
+use raybrook::{Error, Result};
+use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct DevicesArgs {
     /// Print JSON.
     #[arg(long)]
-    json: bool,
+    pub json: bool,
+    /// Build the kernels and list what each takes: registers and bytes of spills and stack frame (NVIDIA only), bytes of private
+    /// and local memory, largest work-group and its preferred multiple; `-` is what the driver does not tell. All options below
+    /// are for this.
+    #[arg(long)]
+    kernels: bool,
+    /// Device: its number or a part of its name, cpu or gpu [default: every usable one].
+    #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
+    pub device: Option<String>,
+    /// Scene to build the kernels for, which sets the size of stacks [default: a sphere of 9800 triangles].
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Longest chain of rays [default: 8].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
+    pub depth: Option<u32>,
+    /// Build the kernels that count their work.
+    #[arg(long)]
+    counters: bool,
+    #[command(flatten)]
+    method: MethodArgs,
 }
 
-pub fn run(args: &DevicesArgs) -> Result<()> {
+pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
+    let options = TraceOptions { counters: args.counters, ..args.method.options()? };
+    if args.kernels {
+        return kernels::run(args, &options, talk);
+    }
+    if let Some(option) = given_for_kernels(args, &options) {
+        return Err(Error::option(option, "means nothing to a list of devices; leave it out, or add --kernels"));
+    }
     let list = list_devices()?;
     if args.json {
         say!("{}", devices_json(&list));
@@ -18,4 +48,11 @@ pub fn run(args: &DevicesArgs) -> Result<()> {
         say!("{}", devices_report(&list).trim_end());
     }
     Ok(())
+}
+
+/// The first option that only `--kernels` reads. Not `--device`, which the environment sets, too.
+fn given_for_kernels(args: &DevicesArgs, options: &TraceOptions) -> Option<&'static str> {
+    let given = [("--scene", args.scene.is_some()), ("--depth", args.depth.is_some()), ("--counters", args.counters)];
+    let method = OPTIONS.iter().map(|option| (option.name, option.is_set(options)));
+    given.into_iter().chain(method).find(|(_, is_given)| *is_given).map(|(name, _)| name)
 }

@@ -1,13 +1,11 @@
 //! `raybrook methods`: what exists, what it needs, and what never goes together, from the library's own table.
 
 use super::MethodArgs;
+use super::text::wrapped;
 use clap::Args;
 use raybrook::Result;
 use raybrook::options::{Accel, Choice, MethodOption, NeverTogether, OPTIONS, needs, never_together};
 use serde::Serialize;
-
-/// Columns of the text.
-const WIDTH: usize = 100;
 
 #[derive(clap::Args)]
 pub struct MethodsArgs {
@@ -190,29 +188,6 @@ fn listed(choices: &[Choice]) -> String {
     texts.collect::<Vec<_>>().join("; ")
 }
 
-/// `label` and `text` in lines of [`WIDTH`] columns; those after the first begin below the text's begin.
-fn wrapped(label: &str, text: &str) -> String {
-    let indent = label.chars().count();
-    let mut result = label.to_owned();
-    let mut column = indent;
-    for word in text.split_whitespace() {
-        let length = word.chars().count();
-        if column > indent {
-            if column + 1 + length > WIDTH {
-                result += "\n";
-                result += &" ".repeat(indent);
-                column = indent;
-            } else {
-                result += " ";
-                column += 1;
-            }
-        }
-        result += word;
-        column += length;
-    }
-    result + "\n"
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,13 +201,5 @@ mod tests {
         of_table.sort();
         assert_eq!(of_table, of_help);
         assert!(OPTIONS.iter().all(|option| !help(option).is_empty()));
-    }
-
-    #[test]
-    fn lines_break_between_words() {
-        let text = wrapped("  ab   ", &"word ".repeat(40));
-        assert!(text.lines().count() > 1 && text.lines().all(|line| line.chars().count() <= WIDTH));
-        assert!(text.lines().skip(1).all(|line| line.starts_with("       word")), "{text}");
-        assert_eq!(wrapped("x ", "one two"), "x one two\n");
     }
 }

@@ -13,10 +13,12 @@ mod check;
 mod devices;
 mod info;
 mod kd;
+mod kernels;
 mod methods;
 mod open;
 mod progress;
 mod render;
+mod text;
 mod trace;
 mod work;
 
@@ -202,7 +204,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Check(args) => check::run(&args, cli.talk),
         Command::Info(args) => info::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
-        Command::Devices(args) => devices::run(&args).map(|()| ExitCode::SUCCESS),
+        Command::Devices(args) => devices::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Methods(args) => methods::run(&args).map(|()| ExitCode::SUCCESS),
     }
 }

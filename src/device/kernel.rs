@@ -212,6 +212,16 @@ impl Kernel {
             .map_err(|e| self.info_error("CL_KERNEL_PRIVATE_MEM_SIZE", e))
     }
 
+    /// `CL_KERNEL_LOCAL_MEM_SIZE`: bytes of local memory of a work-group.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver does not tell.
+    pub fn local_memory_bytes(&self) -> Result<u64> {
+        self.raw
+            .get_local_mem_size(self.context.0.device.id())
+            .map_err(|e| self.info_error("CL_KERNEL_LOCAL_MEM_SIZE", e))
+    }
+
     fn info_error(&self, query: &str, error: ClError) -> Error {
         self.context.error(&format!("{query} of '{}'", self.name), error)
     }

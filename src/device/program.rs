@@ -17,6 +17,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CompileOptions {
     defines: Vec<(String, String)>,
+    verbose: bool,
 }
 
 impl CompileOptions {
@@ -40,12 +41,21 @@ impl CompileOptions {
         self
     }
 
+    /// Lets the compiler tell in its log what each kernel takes of the device, where it can.
+    #[must_use]
+    pub fn verbose(self) -> Self {
+        CompileOptions { verbose: true, ..self }
+    }
+
     /// The options for a device, as the compiler gets them.
     pub fn text(&self, device: &DeviceInfo) -> String {
         let mut text = String::from("-cl-std=CL1.2");
         // Without it a division may be off by 2.5 units in the last place. Not every compiler knows the option.
         if device.correctly_rounded_divide_sqrt {
             text += " -cl-fp32-correctly-rounded-divide-sqrt";
+        }
+        if self.verbose && device.verbose_builds {
+            text += " -cl-nv-verbose";
         }
         for (name, value) in &self.defines {
             text += &format!(" -D {name}={value}");
@@ -68,6 +78,18 @@ impl Program {
     /// [`Error::OpenCl`] when there is none of that name.
     pub fn kernel(&self, name: &str) -> Result<Kernel> {
         Kernel::create(self, name)
+    }
+
+    /// The names of its kernels, sorted.
+    pub fn kernel_names(&self) -> Vec<&str> {
+        let mut names: Vec<_> = self.raw.kernel_names().split(';').filter(|name| !name.is_empty()).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Size of the binary, bytes; `None` when the driver gives none.
+    pub fn binary_bytes(&self) -> Option<u64> {
+        self.raw.get_binary_sizes().ok()?.first().map(|&bytes| bytes as u64).filter(|&bytes| bytes > 0)
     }
 
     pub(super) fn context(&self) -> &DeviceContext {

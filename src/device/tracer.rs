@@ -97,6 +97,24 @@ impl<'k> Arguments<'k> {
     }
 }
 
+/// The program that traces `buffers` with `options`, in chains of at most `max_depth` rays.
+pub(super) fn program(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    max_depth: u32,
+) -> (ProgramSource, CompileOptions) {
+    // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
+    // and 8 bound both.
+    let compile_options = CompileOptions::new()
+        .define("TRAVERSE", options.cl_traverse())
+        .define("INTERSECT", options.intersector.cl_function())
+        .define("NEARER", options.intersector.cl_nearer())
+        .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
+        .define("SHORT_STACK_SIZE", options.short_stack_size())
+        .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
+    (ProgramSource::kernels(), DeviceScene::define(compile_options, buffers, options))
+}
+
 impl OpenClTracer {
     /// Compiles the kernels for `options` (or loads them from `cache`) and sends the scene to the device.
     ///
@@ -112,17 +130,8 @@ impl OpenClTracer {
         cache: Option<&Cache>,
     ) -> Result<Self> {
         let context = DeviceContext::open(device)?;
-        // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
-        // and 8 bound both.
-        let compile_options = CompileOptions::new()
-            .define("TRAVERSE", options.cl_traverse())
-            .define("INTERSECT", options.intersector.cl_function())
-            .define("NEARER", options.intersector.cl_nearer())
-            .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
-            .define("SHORT_STACK_SIZE", options.short_stack_size())
-            .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
-        let compile_options = DeviceScene::define(compile_options, buffers, options);
-        let built = build(&context, &ProgramSource::kernels(), &compile_options, cache)?;
+        let (source, compile_options) = program(buffers, options, max_depth);
+        let built = build(&context, &source, &compile_options, cache)?;
 
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;

@@ -1,0 +1,93 @@
+//! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
+
+use super::ptxas::{self, PtxasInfo};
+use super::tracer::program;
+use super::{DeviceContext, DeviceHandle, build};
+use crate::error::Result;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use serde::Serialize;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// What one kernel takes. `None` where the driver does not tell.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct KernelResources {
+    /// The kernel's name.
+    pub kernel: String,
+    /// Registers of a work-item, 32 bits each.
+    pub registers: Option<u64>,
+    /// Bytes of the instructions that spill registers.
+    pub spill_store_bytes: Option<u64>,
+    /// Bytes of the instructions that read them back.
+    pub spill_load_bytes: Option<u64>,
+    /// Bytes of a work-item's arrays and spilled registers.
+    pub stack_frame_bytes: Option<u64>,
+    /// Bytes of private memory of a work-item, as the driver counts them.
+    pub private_memory_bytes: Option<u64>,
+    /// Bytes of local memory of a work-group.
+    pub local_memory_bytes: Option<u64>,
+    /// The most work-items in a work-group.
+    pub max_work_group_size: Option<u64>,
+    /// Warp, wavefront or vector width.
+    pub preferred_work_group_multiple: Option<u64>,
+}
+
+/// What a program takes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ProgramResources {
+    /// The device's name.
+    pub device: String,
+    /// What was passed to its compiler.
+    pub compile_options: String,
+    /// Bytes of the binary of all kernels.
+    pub binary_bytes: Option<u64>,
+    /// What the compiler said.
+    #[serde(skip)]
+    pub log: String,
+    /// Every kernel, sorted by name.
+    pub kernels: Vec<KernelResources>,
+}
+
+/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they take.
+///
+/// # Errors
+/// The device cannot be opened or its compiler refuses the kernels.
+pub fn kernel_resources(
+    device: &DeviceHandle,
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    max_depth: u32,
+) -> Result<ProgramResources> {
+    let context = DeviceContext::open(device)?;
+    let (source, compile_options) = program(buffers, options, max_depth);
+    let compile_options = compile_options.verbose();
+    // Without our cache and with a definition that no build had before: a program from a cache, the driver's own included, comes
+    // without the compiler's log.
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_nanos());
+    let unique = compile_options.clone().define("BUILD_TIME", format!("{now}ul"));
+    let built = build(&context, &source, &unique, None)?;
+    let told = ptxas::parse(&built.log);
+    let kernels = built.program.kernel_names().into_iter().map(|name| {
+        let kernel = built.program.kernel(name)?;
+        let PtxasInfo { registers, stack_frame_bytes, spill_store_bytes, spill_load_bytes } =
+            told.get(name).copied().unwrap_or_default();
+        Ok(KernelResources {
+            kernel: name.to_owned(),
+            registers,
+            spill_store_bytes,
+            spill_load_bytes,
+            stack_frame_bytes,
+            private_memory_bytes: kernel.private_memory_bytes().ok(),
+            local_memory_bytes: kernel.local_memory_bytes().ok(),
+            max_work_group_size: kernel.max_work_group_size().ok().map(|size| size as u64),
+            preferred_work_group_multiple: kernel.preferred_work_group_multiple().ok().map(|size| size as u64),
+        })
+    });
+    Ok(ProgramResources {
+        device: context.info().name.clone(),
+        compile_options: compile_options.text(context.info()),
+        binary_bytes: built.program.binary_bytes(),
+        kernels: kernels.collect::<Result<_>>()?,
+        log: built.log,
+    })
+}
