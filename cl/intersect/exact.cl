@@ -5,7 +5,8 @@
 // Computational Geometry 18, 1997, with whole numbers in place of his expansions, which underflow:
 //  1. float32 edge functions (watertight.cl) and a bound of their error discard nearly every triangle that the ray misses.
 //  2. Arithmetic of twice the precision (cl/shared/wide.cl) with bounds decides nearly all the rest.
-//  3. Whole numbers (cl/shared/integer.cl) decide what is left: rays through edges and vertices, in planes, equal distances.
+//  3. Whole numbers (cl/shared/integer.cl) decide what is left: rays through edges and vertices, in planes, equal distances. They
+//     need so many registers that the kernels leave it to a second pass over the few rays concerned (DECIDE in memory.cl).
 // Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the same on
 // devices with and without double. Weakness: the second step's instructions, and registers where hits are many.
 
@@ -212,7 +213,7 @@ bool intersect_exact(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, f
     const ShearedTriangle sheared = shear_triangle(ray, p0, p1, p2);
     if (surely_misses(&sheared, farthest_distance(ray, geometry->low, geometry->high))) return false;
     const int result = intersect_wide(ray, p0, p1, p2, t, u, v);
-    if (result == DOUBTFUL) return intersect_whole(ray, p0, p1, p2, t, u, v);
+    if (result == DOUBTFUL) return DECIDE(geometry, intersect_whole(ray, p0, p1, p2, t, u, v));
     return result == HIT;
 }
 
@@ -267,5 +268,5 @@ bool is_nearer_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, floa
     if (!(t >= ray->t_near && t <= ray->t_far && t <= hit->t)) return false;
     if (t > ray->t_near && t < ray->t_far && t < hit->t) return true;
     if (primitive == hit->primitive) return false; // met again in another leaf
-    return is_nearer_whole(GEOMETRY, ray, hit, t, primitive, slot);
+    return DECIDE(geometry, is_nearer_whole(GEOMETRY, ray, hit, t, primitive, slot));
 }
