@@ -2,7 +2,7 @@
 //! traced again by kernels that can decide everything, and are compiled when the first doubt arises.
 
 use super::tracer::{FIRST_ITEMS, LaunchPlan, launch};
-use super::{Buffer, Cache, CompileOptions, DeviceContext, Kernel, Program, ProgramSource, build};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, KERNEL_FILES, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use std::cell::Cell;
 
@@ -15,38 +15,44 @@ pub(super) enum Entry {
     TraceNext,
 }
 
-/// One build of the kernels.
-struct Kernels {
-    render: Kernel,
-    trace_closest: Kernel,
-    trace_any: Kernel,
-    trace_next: Kernel,
-}
+impl Entry {
+    const ALL: [Entry; 4] = [Entry::Render, Entry::TraceClosest, Entry::TraceAny, Entry::TraceNext];
 
-impl Kernels {
-    fn of(program: &Program) -> Result<Self> {
-        Ok(Kernels {
-            render: program.kernel("render")?,
-            trace_closest: program.kernel("trace_closest")?,
-            trace_any: program.kernel("trace_any")?,
-            trace_next: program.kernel("trace_next")?,
-        })
+    fn name(self) -> &'static str {
+        match self {
+            Entry::Render => "render",
+            Entry::TraceClosest => "trace_closest",
+            Entry::TraceAny => "trace_any",
+            Entry::TraceNext => "trace_next",
+        }
     }
 
-    fn get(&mut self, entry: Entry) -> &mut Kernel {
-        match entry {
-            Entry::Render => &mut self.render,
-            Entry::TraceClosest => &mut self.trace_closest,
-            Entry::TraceAny => &mut self.trace_any,
-            Entry::TraceNext => &mut self.trace_next,
-        }
+    /// The file that has it.
+    fn file(self) -> &'static str {
+        if self == Entry::Render { "cl/kernels/render.cl" } else { "cl/kernels/trace.cl" }
+    }
+}
+
+/// Kernels by what they do.
+#[derive(Default)]
+struct Kernels(Vec<(Entry, Kernel)>);
+
+impl Kernels {
+    fn add(&mut self, program: &Program, entry: Entry) -> Result<()> {
+        self.0.push((entry, program.kernel(entry.name())?));
+        Ok(())
+    }
+
+    fn get(&mut self, entry: Entry) -> Option<&mut Kernel> {
+        self.0.iter_mut().find(|(known, _)| *known == entry).map(|(_, kernel)| kernel)
     }
 }
 
 /// Both passes.
 pub(super) struct Passes {
     first: Kernels,
-    second: Option<Kernels>,
+    /// Those that were needed so far.
+    second: Kernels,
     /// Whether the first pass leaves anything to the second.
     pub defers: bool,
     options: CompileOptions,
@@ -91,8 +97,9 @@ impl Passes {
     ) -> Result<(Self, f64, Vec<String>)> {
         let first_options = if defers { options.clone().define("DEFER_DOUBTS", 1) } else { options.clone() };
         let built = build(context, &ProgramSource::kernels(), &first_options, cache)?;
-        let first = Kernels::of(&built.program)?;
-        let passes = Passes { first, second: None, defers, options, cache: cache.cloned() };
+        let mut first = Kernels::default();
+        Entry::ALL.iter().try_for_each(|&entry| first.add(&built.program, entry))?;
+        let passes = Passes { first, second: Kernels::default(), defers, options, cache: cache.cloned() };
         Ok((passes, built.compile_s, built.notes))
     }
 
@@ -109,7 +116,7 @@ impl Passes {
         doubts: &Doubts,
         mut progress: impl FnMut(usize),
     ) -> Result<f64> {
-        let kernel = self.first.get(entry);
+        let kernel = self.first.get(entry).expect("all were added");
         set(kernel)?;
         let mut seconds = launch(kernel, plan, (total, work_group), &mut progress)?;
         if !self.defers {
@@ -117,7 +124,7 @@ impl Passes {
         }
         let count = doubts.take_count()?;
         if count > 0 {
-            let kernel = self.second(context)?.get(entry);
+            let kernel = self.second(context, entry)?;
             set(kernel)?;
             // How long such items take is not known from the others. The first launch takes most lists whole: a small one would
             // leave a GPU idle for as long as its slowest item takes.
@@ -128,12 +135,15 @@ impl Passes {
         Ok(seconds)
     }
 
-    fn second(&mut self, context: &DeviceContext) -> Result<&mut Kernels> {
-        if self.second.is_none() {
+    fn second(&mut self, context: &DeviceContext, entry: Entry) -> Result<&mut Kernel> {
+        if self.second.get(entry).is_none() {
+            // Without the kernels that are not needed: compilers take long for these.
+            let is_needed = |path: &str| !path.starts_with("cl/kernels/") || path == entry.file();
+            let source = ProgramSource::new(KERNEL_FILES.iter().copied().filter(|(path, _)| is_needed(path)));
             let options = self.options.clone().define("RESOLVE_DOUBTS", 1);
-            let built = build(context, &ProgramSource::kernels(), &options, self.cache.as_ref())?;
-            self.second = Some(Kernels::of(&built.program)?);
+            let built = build(context, &source, &options, self.cache.as_ref())?;
+            self.second.add(&built.program, entry)?;
         }
-        Ok(self.second.as_mut().expect("it was just built"))
+        Ok(self.second.get(entry).expect("it was just added"))
     }
 }
