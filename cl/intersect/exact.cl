@@ -10,13 +10,13 @@
 // devices with and without double. Weakness: the second step's instructions, and registers where hits are many.
 
 // Step 1. With M the largest coordinate of a vertex relative to the origin and H the largest sheared coordinate, to first order:
-// a difference is off by EPSILON M, the shear's quotient by up to 5 EPSILON (2.5 ulp on some devices) and its product by 1, which
-// its factor M passes on, the difference in it by 1 more, and the fma rounds by 2 M: a sheared coordinate is off by
-// delta = (1 + 6 + 1 + 2) EPSILON M = 10 EPSILON M. An edge function of two vertices is off by 4 H delta + 2 delta^2 and, by
-// itself, 1.5 ulp of at most 2 H^2, which is below 6 EPSILON H 2 M: (40 + 12) EPSILON M H + 200 EPSILON^2 M^2. The constants
+// a difference is off by 2 EPSILON M, the shear's quotient by up to 5 EPSILON (2.5 ulp on some devices) and its product by 1, which
+// its factor M passes on, the difference in it by 2 more, and the fma rounds by 2 M: a sheared coordinate is off by
+// delta = (2 + 6 + 2 + 2) EPSILON M = 12 EPSILON M. An edge function of two vertices is off by 4 H delta + 2 delta^2 and, by
+// itself, 1.5 ulp of at most 2 H^2, which is below 6 EPSILON H 2 M: (48 + 12) EPSILON M H + 288 EPSILON^2 M^2. The constants
 // leave room for the second order, for the roundings of H and M, and of the bound itself.
-#define SHEAR_ERROR (60.0f * EPSILON)
-#define SHEAR_ERROR2 (256.0f * EPSILON * EPSILON)
+#define SHEAR_ERROR (64.0f * EPSILON)
+#define SHEAR_ERROR2 (320.0f * EPSILON * EPSILON)
 
 bool surely_misses(const ShearedTriangle* s, float distance) {
     const float bound = distance * fma(SHEAR_ERROR, s->extent, SHEAR_ERROR2 * distance);
@@ -27,7 +27,7 @@ bool surely_misses(const ShearedTriangle* s, float distance) {
 
 // Step 2. The numbers behind every answer, with a = p0 - origin, e1 and e2 the edges from p0, N = e1 x e2, c = a x direction:
 //     T = N . a,  D = N . direction,  t = T / D;   U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
-// None of them is off by more than 8 WIDE_EPSILON P: 1 for each difference, 3 for a vector product, 3 for a sum of three products;
+// None of them is off by more than 9 WIDE_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of three products;
 // W by 3 more. P, the same expression of magnitudes, is computed in float32, which the constants leave room for.
 #define WIDE_ERROR (10.0f * WIDE_EPSILON)
 #define WIDE_ERROR_W (14.0f * WIDE_EPSILON)
@@ -65,7 +65,9 @@ float3 magnitude_cross(float3 a, float3 b) {
 int intersect_wide(const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, float* u, float* v) {
     const Wide3 edge1 = wide3_difference(p1, p0);
     const Wide3 edge2 = wide3_difference(p2, p0);
-    const Wide3 from = wide3_difference(p0, ray->origin);
+    const Wide3 low = wide3_from(ray->origin_low);
+    const Wide3 from_high = wide3_difference(p0, ray->origin);
+    const Wide3 from = wide3_subtract(&from_high, &low);
     const Wide3 direction = wide3_from(ray->direction);
     const Wide3 normal = wide3_cross(&edge1, &edge2);
     const Wide3 moment = wide3_cross(&from, &direction);
@@ -110,8 +112,8 @@ typedef struct {
 // p = 217: positions whose largest is 10^65 times the last bit of the smallest. Beyond that the lowest bits of positions go.
 WholeUnits whole_units(const Ray* ray, const float3* vertices, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000;
-    for (int i = -1; i < 3 * count; i++) {
-        const float3 p = i < 0 ? ray->origin : vertices[i];
+    for (int i = -2; i < 3 * count; i++) {
+        const float3 p = i == -2 ? ray->origin_low : i == -1 ? ray->origin : vertices[i];
         widen_exponents(p.x, &low_p, &high_p);
         widen_exponents(p.y, &low_p, &high_p);
         widen_exponents(p.z, &low_p, &high_p);
@@ -141,6 +143,7 @@ void whole_numbers(const Ray* ray, const float3* vertices, const WholeUnits* uni
     const int n = units->n;
     Integer edge1[3], edge2[3], from[3], direction[3];
     const float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
+    const float origin_low[3] = {ray->origin_low.x, ray->origin_low.y, ray->origin_low.z};
     const float along[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
     const float p0[3] = {vertices[0].x, vertices[0].y, vertices[0].z};
     const float p1[3] = {vertices[1].x, vertices[1].y, vertices[1].z};
@@ -155,6 +158,8 @@ void whole_numbers(const Ray* ray, const float3* vertices, const WholeUnits* uni
         from[k] = corner;
         integer_add(&edge1[k], &corner, -1, n);
         integer_add(&edge2[k], &corner, -1, n);
+        integer_add(&from[k], &start, -1, n);
+        integer_from_float(&start, origin_low[k], units->position, n);
         integer_add(&from[k], &start, -1, n);
     }
     integer_set_zero(&numbers->distance, n);

@@ -32,9 +32,9 @@ ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) 
     const float shear_x = direction.x * inv_z;
     const float shear_y = direction.y * inv_z;
 
-    const float3 a = rotate_to_z(p0 - ray->origin, axis);
-    const float3 b = rotate_to_z(p1 - ray->origin, axis);
-    const float3 c = rotate_to_z(p2 - ray->origin, axis);
+    const float3 a = rotate_to_z(from_origin(ray, p0), axis);
+    const float3 b = rotate_to_z(from_origin(ray, p1), axis);
+    const float3 c = rotate_to_z(from_origin(ray, p2), axis);
     const float ax = fma(-shear_x, a.z, a.x), ay = fma(-shear_y, a.z, a.y);
     const float bx = fma(-shear_x, b.z, b.x), by = fma(-shear_y, b.z, b.y);
     const float cx = fma(-shear_x, c.z, c.x), cy = fma(-shear_y, c.z, c.y);

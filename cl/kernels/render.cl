@@ -55,8 +55,8 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
     float3 diffuse = material->diffuse.xyz;
     float3 radiance = material->ambient.xyz;
     if (material->texture != NO_TEXTURE) {
-        const float3 colour = sample_texture(scene->textures, scene->texels, scene->srgb_to_linear, material->texture,
-                                             surface->texture_u, surface->texture_v);
+        const float3 colour = surface_colour(scene->textures, scene->texels, scene->srgb_to_linear, material->texture,
+                                             surface->texture_u, surface->texture_v, solid_position(surface));
         diffuse *= colour;
         radiance *= colour;
     }

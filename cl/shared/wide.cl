@@ -72,6 +72,11 @@ Wide3 wide3_from(float3 a) {
     return r;
 }
 
+Wide3 wide3_subtract(const Wide3* a, const Wide3* b) {
+    const Wide3 r = {wide_subtract(a->x, b->x), wide_subtract(a->y, b->y), wide_subtract(a->z, b->z)};
+    return r;
+}
+
 float3 wide3_to_float(const Wide3* a) {
     return (float3)(wide_to_float(a->x), wide_to_float(a->y), wide_to_float(a->z));
 }

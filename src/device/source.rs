@@ -38,6 +38,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/traverse/boxes.cl",
     "cl/traverse/spheres.cl",
     "cl/shade/surface.cl",
+    "cl/shade/procedural.cl",
     "cl/shade/texture.cl",
     "cl/shade/light.cl",
     "cl/shade/whitted.cl",

@@ -9,8 +9,8 @@ use crate::pack::SceneBuffers;
 use crate::shared::Hit;
 use glam::{DVec3, Vec3};
 
-const SHEAR_ERROR: f32 = 60.0 * EPSILON;
-const SHEAR_ERROR2: f32 = 256.0 * EPSILON * EPSILON;
+const SHEAR_ERROR: f32 = 64.0 * EPSILON;
+const SHEAR_ERROR2: f32 = 320.0 * EPSILON * EPSILON;
 
 #[inline(always)]
 fn surely_misses(s: &ShearedTriangle, distance: f32) -> bool {
@@ -72,7 +72,7 @@ pub enum Decision {
 pub fn intersect_wide(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Decision {
     let wide = DVec3::from;
     let (edge1, edge2) = (wide(p1) - wide(p0), wide(p2) - wide(p0));
-    let (from, direction) = (wide(p0) - wide(ray.origin), wide(ray.direction));
+    let (from, direction) = (wide(p0) - wide(ray.origin) - wide(ray.origin_low), wide(ray.direction));
     let (normal, moment) = (edge1.cross(edge2), from.cross(direction));
     let dot = |a: DVec3, b: DVec3| a.x * b.x + a.y * b.y + a.z * b.z;
     let (distance, det) = (dot(normal, from), dot(normal, direction));
@@ -121,7 +121,7 @@ struct WholeUnits {
 impl WholeUnits {
     fn new(ray: &Ray, triangles: &[[Vec3; 3]]) -> WholeUnits {
         let (mut low_p, mut high_p, mut low_d, mut high_d) = (1000, -1000, 1000, -1000);
-        for p in triangles.iter().flatten().chain([&ray.origin]) {
+        for p in triangles.iter().flatten().chain([&ray.origin, &ray.origin_low]) {
             p.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_p, &mut high_p));
         }
         ray.direction.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_d, &mut high_d));
@@ -158,6 +158,7 @@ impl WholeNumbers {
         let edge1 = minus(whole(p1, units.position), &corner);
         let edge2 = minus(whole(p2, units.position), &corner);
         let from = minus(corner, &whole(ray.origin, units.position));
+        let from = minus(from, &whole(ray.origin_low, units.position));
         let direction = whole(ray.direction, units.direction);
         let zero = Integer::ZERO;
         let mut numbers = WholeNumbers { distance: zero, det: zero, weight1: zero, weight2: zero };

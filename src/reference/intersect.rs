@@ -61,7 +61,7 @@ pub fn intersect_moller_trumbore(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<I
     let edge2 = p2 - p0;
     let p = cross3(ray.direction, edge2);
     let inv_det = 1.0 / dot3(edge1, p);
-    let from_p0 = ray.origin - p0;
+    let from_p0 = -ray.from_origin(p0);
     let u = dot3(from_p0, p) * inv_det;
     let q = cross3(from_p0, edge1);
     let v = dot3(ray.direction, q) * inv_det;
@@ -113,7 +113,7 @@ pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
     let shear_x = direction.x * inv_z;
     let shear_y = direction.y * inv_z;
     let shear = |p: Vec3| {
-        let p = rotate_to_z(p - ray.origin, axis);
+        let p = rotate_to_z(ray.from_origin(p), axis);
         Vec3::new((-shear_x).mul_add(p.z, p.x), (-shear_y).mul_add(p.z, p.y), p.z)
     };
     let (a, b, c) = (shear(p0), shear(p1), shear(p2));
@@ -163,7 +163,7 @@ fn edge_volume(a: Vec3, b: Vec3, moment_a: Vec3, moment_b: Vec3, distance_a: f32
 /// Twin of `cl/intersect/plucker.cl`.
 #[inline(always)]
 pub fn intersect_plucker(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Intersection> {
-    let (a, b, c) = (p0 - ray.origin, p1 - ray.origin, p2 - ray.origin);
+    let (a, b, c) = (ray.from_origin(p0), ray.from_origin(p1), ray.from_origin(p2));
     let moment = |vertex| cross3(ray.direction, vertex);
     let (moment_a, moment_b, moment_c) = (moment(a), moment(b), moment(c));
     let (distance_a, distance_b, distance_c) =
@@ -196,7 +196,7 @@ fn rotate_to_x(v: Vec3, axis: u32) -> Vec3 {
 #[inline(always)]
 pub fn intersect_precomputed(ray: &Ray, [corner_axis, normal_u, gradient_v]: [Float4; 3]) -> Option<Intersection> {
     let axis = corner_axis.w.to_bits();
-    let from = rotate_to_x(ray.origin - corner_axis.xyz(), axis);
+    let from = rotate_to_x(-ray.from_origin(corner_axis.xyz()), axis);
     let direction = rotate_to_x(ray.direction, axis);
 
     let height = normal_u.x.mul_add(from.y, normal_u.y.mul_add(from.z, from.x));

@@ -2,9 +2,10 @@
 
 use super::light::{LightSample, blinn_phong, sample_light};
 use super::math::{fma3, max_component, normalize3};
+use super::procedural::solid_position;
 use super::ray::Ray;
 use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_point};
-use super::texture::sample_texture;
+use super::texture::surface_colour;
 use super::traverse::traverse;
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
 use crate::options::TraceOptions;
@@ -62,7 +63,7 @@ impl Pixel<'_> {
         let mut diffuse = material.diffuse.xyz();
         let mut radiance = material.ambient.xyz();
         if material.texture != NO_TEXTURE {
-            let colour = sample_texture(self.buffers, material.texture, surface.texture_uv);
+            let colour = surface_colour(self.buffers, material.texture, surface.texture_uv, solid_position(surface));
             diffuse *= colour;
             radiance *= colour;
         }
