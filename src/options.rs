@@ -35,16 +35,17 @@ macro_rules! methods {
         }
 
         impl std::str::FromStr for $enum {
-            type Err = Error;
+            type Err = $crate::error::Error;
 
-            fn from_str(text: &str) -> Result<Self> {
+            fn from_str(text: &str) -> $crate::error::Result<Self> {
                 $enum::ALL.iter().copied().find(|m| m.name() == text).ok_or_else(|| {
-                    Error::option($option, format!("no '{text}'; possible: {}", $enum::names()))
+                    $crate::error::Error::option($option, format!("no '{text}'; possible: {}", $enum::names()))
                 })
             }
         }
     };
 }
+pub(crate) use methods;
 
 mod kd;
 
@@ -256,6 +257,13 @@ pub struct TraceOptions {
     /// How triangle tests find their vertices; [`TriangleOrder::LeafOrder`] only with [`Layout::Split`].
     #[serde(serialize_with = "as_name")]
     pub triangles: TriangleOrder,
+    /// Whether to count the work on every ray ([`crate::shared::WorkCounter`]), by kernels of their own: nothing else changes.
+    #[serde(skip_serializing_if = "is_off")]
+    pub counters: bool,
+}
+
+fn is_off(option: &bool) -> bool {
+    !option
 }
 
 fn as_name<T: std::fmt::Display, S: serde::Serializer>(
@@ -284,6 +292,7 @@ impl TraceOptions {
         layout: Layout::Split,
         node_order: NodeOrder::Preorder,
         triangles: TriangleOrder::Indexed,
+        counters: false,
     };
 
     /// Entries of the short stack unless something else is asked for.

@@ -7,8 +7,19 @@
 #define MAX_PENDING 9
 #endif
 
+#ifdef COUNT_WORK
+#define CAMERA_GEOMETRY_VALUE MAKE_GEOMETRY_COUNTING(camera_work),
+#define GEOMETRY_FOR(kind, scene) ((kind) == COUNT_CAMERA_CAST ? &(scene)->camera_geometry : &(scene)->geometry)
+#else
+#define CAMERA_GEOMETRY_VALUE
+#define GEOMETRY_FOR(kind, scene) (&(scene)->geometry)
+#endif
+
 typedef struct {
     Geometry geometry;
+#ifdef COUNT_WORK
+    Geometry camera_geometry; // where the work on camera rays is counted, apart from all other
+#endif
     __global const Shading* shading;
     __global const Material* materials;
     __global const Light* lights;
@@ -91,7 +102,7 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
         Hit hit;
         counts[pending.kind]++;
-        if (!TRAVERSE(GEOMETRY, &pending.ray, false, &hit)) {
+        if (!TRAVERSE(GEOMETRY_AT(GEOMETRY_FOR(pending.kind, scene)), &pending.ray, false, &hit)) {
             radiance += pending.weight * background(scene, direction);
             continue;
         }
@@ -114,13 +125,13 @@ Ray camera_ray(__global const RenderParams* render, float x, float y) {
 }
 
 // Work-item g of a launch renders pixel g % 64 of tile first_tile + g / 64. `film`: linear RGB, row by row, top row first.
-// `counters`: COUNTER_SLOTS groups of COUNTERS sums.
+// `counters`: COUNTER_SLOTS groups of COUNTERS sums. Work records: two a pixel, of its camera rays and of all others.
 __kernel void render(GEOMETRY_ARGUMENTS, __global const Shading* restrict shading,
                      __global const Material* restrict materials, __global const Light* restrict lights,
                      __global const TextureInfo* restrict textures, __global const uint* restrict texels,
                      __global const float* restrict srgb_to_linear, __global const RenderParams* restrict render,
                      __global const float2* restrict samples, __global float4* restrict film,
-                     volatile __global uint* restrict counters, const uint first_tile, const uint end_tile) {
+                     volatile __global uint* restrict counters, WORK_ARGUMENT const uint first_tile, const uint end_tile) {
     const uint item = (uint)get_global_id(0);
     const uint tile = first_tile + item / (TILE_SIDE * TILE_SIDE);
     const uint in_tile = item % (TILE_SIDE * TILE_SIDE);
@@ -129,7 +140,10 @@ __kernel void render(GEOMETRY_ARGUMENTS, __global const Shading* restrict shadin
     const uint y = tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE;
     if (tile >= end_tile || x >= render->width || y >= render->height) return;
 
-    const Scene scene = {MAKE_GEOMETRY, shading, materials, lights, textures, texels, srgb_to_linear, scene_params};
+    WORK_SUMS(work)
+    WORK_SUMS(camera_work)
+    const Scene scene = {MAKE_GEOMETRY, CAMERA_GEOMETRY_VALUE shading, materials, lights, textures, texels, srgb_to_linear,
+                         scene_params};
     uint counts[COUNTERS] = {0};
     float3 sum = (float3)(0.0f);
     for (uint s = 0; s < render->sample_count; s++) {
@@ -137,6 +151,8 @@ __kernel void render(GEOMETRY_ARGUMENTS, __global const Shading* restrict shadin
         sum += radiance_along(SCENE_AT(&scene), render, ray, counts);
     }
     film[y * render->width + x] = (float4)(sum * render->sample_weight, 1.0f);
+    STORE_WORK(&scene.camera_geometry, 2u * (y * render->width + x));
+    STORE_WORK(&scene.geometry, 2u * (y * render->width + x) + 1u);
     for (uint i = 0; i < COUNTERS; i++)
         if (counts[i] > 0u) atomic_add(&counters[(item % COUNTER_SLOTS) * COUNTERS + i], counts[i]);
 }

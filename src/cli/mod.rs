@@ -18,6 +18,7 @@ mod progress;
 mod render;
 mod stress;
 mod trace;
+mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
@@ -124,6 +125,7 @@ impl MethodArgs {
             layout: self.layout,
             node_order: self.node_order,
             triangles: self.triangles,
+            counters: false,
         };
         options.validate().map(|()| options)
     }

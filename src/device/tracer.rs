@@ -11,6 +11,8 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
+use crate::work::{PixelWork, RayWork};
+use bytemuck::Pod;
 use std::time::Instant;
 
 /// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
@@ -63,6 +65,7 @@ pub struct OpenClTracer {
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
+    counters: bool,
     compile_s: f64,
     upload_s: f64,
     notes: Vec<String>,
@@ -83,6 +86,14 @@ impl<'k> Arguments<'k> {
         self.kernel.set_arg(self.next, value)?;
         self.next += 1;
         Ok(self)
+    }
+
+    /// Passes the array of work records, which only kernels that count have as an argument.
+    fn set_work<T: Pod>(self, work: &Option<Buffer<T>>) -> Result<Self> {
+        match work {
+            Some(work) => self.set(work),
+            None => Ok(self),
+        }
     }
 }
 
@@ -127,6 +138,7 @@ impl OpenClTracer {
             trace_next: built.program.kernel("trace_next")?,
             trace_plan: LaunchPlan::starting_with(first_items),
             first_items,
+            counters: options.counters,
             work_group: work_group.min(context.info().max_work_group_size.max(1)),
             compile_s: built.compile_s,
             upload_s: start.elapsed().as_secs_f64(),
@@ -134,6 +146,11 @@ impl OpenClTracer {
             scene,
             context,
         })
+    }
+
+    /// Room for `count` work records, if the kernels count.
+    fn work_buffer<T: Pod>(&self, count: usize) -> Result<Option<Buffer<T>>> {
+        self.counters.then(|| Buffer::empty(&self.context, "work records", count)).transpose()
     }
 
     fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
@@ -202,12 +219,18 @@ impl Tracer for OpenClTracer {
         let hits = Buffer::<Hit>::empty(&self.context, "hits", total)?;
         let directions = Buffer::from_slice(&self.context, "next directions", job.next_directions.unwrap_or_default())?;
         let next_hits = Buffer::<Hit>::empty(&self.context, "next hits", job.next_directions.map_or(0, <[_]>::len))?;
+        let ray_work = self.work_buffer::<RayWork>(total)?;
+        let next_work = self.work_buffer::<RayWork>(next_hits.len())?;
         self.context.finish()?;
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
         let first_kernel = if job.any_hit { &mut self.trace_any } else { &mut self.trace_closest };
-        Self::geometry_arguments(&self.scene, first_kernel)?.set(&rays)?.set(&hits)?;
-        Self::geometry_arguments(&self.scene, &mut self.trace_next)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+        Self::geometry_arguments(&self.scene, first_kernel)?.set(&rays)?.set(&hits)?.set_work(&ray_work)?;
+        Self::geometry_arguments(&self.scene, &mut self.trace_next)?
+            .set(&directions)?
+            .set(&hits)?
+            .set(&next_hits)?
+            .set_work(&next_work)?;
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
@@ -225,6 +248,8 @@ impl Tracer for OpenClTracer {
         let start = Instant::now();
         result.hits = hits.read()?;
         result.next_hits = job.next_directions.map(|_| next_hits.read()).transpose()?;
+        result.work = ray_work.map(|work| work.read()).transpose()?;
+        result.next_work = next_work.filter(|_| job.next_directions.is_some()).map(|work| work.read()).transpose()?;
         result.read_s = start.elapsed().as_secs_f64();
         Ok(result)
     }
@@ -235,6 +260,7 @@ impl Tracer for OpenClTracer {
         let sample_buffer = Buffer::from_slice(&self.context, "samples", samples)?;
         let film = Buffer::<Float4>::empty(&self.context, "picture", pixel_count)?;
         let counters = Buffer::<u32>::read_write(&self.context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?;
+        let work = self.work_buffer::<PixelWork>(pixel_count)?;
         let scene = &self.scene;
         Self::geometry_arguments(scene, &mut self.render)?
             .set(&scene.shading)?
@@ -246,7 +272,8 @@ impl Tracer for OpenClTracer {
             .set(&render_params)?
             .set(&sample_buffer)?
             .set(&film)?
-            .set(&counters)?;
+            .set(&counters)?
+            .set_work(&work)?;
 
         let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
         let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
@@ -270,7 +297,8 @@ impl Tracer for OpenClTracer {
         let start = Instant::now();
         let pixels = film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
         let film = Film { width: params.width, height: params.height, pixels };
-        Ok(RenderResult { film, counts, kernel_s, read_s: start.elapsed().as_secs_f64() })
+        let work = work.map(|work| work.read()).transpose()?;
+        Ok(RenderResult { film, counts, work, kernel_s, read_s: start.elapsed().as_secs_f64() })
     }
 }
 
