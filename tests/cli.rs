@@ -186,14 +186,18 @@ fn devices_kernels_lists_every_kernel() {
         String::from_utf8(output.stdout).unwrap()
     };
     let json: serde_json::Value =
-        serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--accel", "grid", "--counters"])).unwrap();
+        serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--accel", "grid"])).unwrap();
     assert_eq!(json[0]["device"], device.info.name);
-    let options = json[0]["compile_options"].as_str().unwrap();
-    assert!(options.contains("traverse_grid") && options.contains("COUNT_WORK"), "{options}");
-    assert!(json[0]["kernels"][0]["max_work_group_size"].as_u64().unwrap() > 0);
-    let text = run(&["--depth", "30"]);
+    let programs = json[0]["programs"].as_array().unwrap();
+    for (program, pass) in programs.iter().zip(["DEFER_DOUBTS", "RESOLVE_DOUBTS"]) {
+        let options = program["compile_options"].as_str().unwrap();
+        assert!(options.contains("traverse_grid") && options.contains(pass), "{options}");
+        assert!(program["kernels"][0]["max_work_group_size"].as_u64().unwrap() > 0);
+    }
+    assert_eq!(programs.len(), 2);
+    let text = run(&["--depth", "30", "--intersector", "watertight", "--counters"]);
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
-    for expected in ["registers", "-DMAX_PENDING=32", "render", "trace_next"] {
+    for expected in ["registers", "-DMAX_PENDING=32", "-DCOUNT_WORK=1", "render", "trace_next"] {
         assert!(text.contains(expected), "{expected} is not in {text}");
     }
 }

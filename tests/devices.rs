@@ -418,7 +418,7 @@ fn every_kernel_of_the_program_has_its_work_group_limits() {
     builder.sphere(1.0, 16);
     let options = TraceOptions { intersector: Intersector::Precomputed, ..TraceOptions::DEFAULT };
     let buffers = SceneBuffers::new(&builder.finish().unwrap(), &options).unwrap();
-    let program = kernel_resources(&device, &buffers, &options, 3).unwrap();
+    let [program] = &kernel_resources(&device, &buffers, &options, 3).unwrap()[..] else { panic!("one program") };
     assert!(program.compile_options.contains("-D INTERSECT=intersect_precomputed"), "{}", program.compile_options);
     assert!(program.compile_options.contains("-D MAX_PENDING=8"), "{}", program.compile_options);
     assert!(program.binary_bytes.is_none_or(|bytes| bytes > 1000), "{:?}", program.binary_bytes);

@@ -36,8 +36,8 @@ const COLUMNS: [Column; 8] = [
 #[derive(Serialize)]
 struct Entry {
     index: usize,
-    #[serde(flatten)]
-    program: Option<ProgramResources>,
+    device: String,
+    programs: Vec<ProgramResources>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
 }
@@ -52,25 +52,27 @@ pub fn run(args: &DevicesArgs, options: &TraceOptions, talk: Talk) -> Result<()>
     let mut entries = Vec::new();
     let mut errors = Vec::new();
     for device in &devices {
-        let index = device.info.index;
+        let mut entry =
+            Entry { index: device.info.index, device: device.info.name.clone(), programs: Vec::new(), error: None };
         // A device that cannot build them must not hide the others.
         match kernel_resources(device, &buffers, options, args.depth.unwrap_or(DEFAULT_DEPTH)) {
-            Ok(program) => entries.push(Entry { index, program: Some(program), error: None }),
+            Ok(programs) => entry.programs = programs,
             Err(error) => {
-                entries.push(Entry { index, program: None, error: Some(super::chain(&error)) });
+                entry.error = Some(super::chain(&error));
                 errors.push(error);
             }
         }
+        entries.push(entry);
     }
     if args.json {
         say!("{}", serde_json::to_string_pretty(&entries).expect("strings and numbers are always JSON"));
     }
-    for (index, program) in entries.iter().filter_map(|entry| Some((entry.index, entry.program.as_ref()?))) {
-        if talk.verbose && !program.log.is_empty() {
+    for entry in &entries {
+        for program in entry.programs.iter().filter(|program| talk.verbose && !program.log.is_empty()) {
             eprintln!("{}", program.log);
         }
-        if !args.json {
-            say!("{}", report(index, program).trim_end());
+        if !args.json && entry.error.is_none() {
+            say!("{}", report(entry).trim_end());
         }
     }
     let last = errors.pop();
@@ -105,24 +107,27 @@ fn sphere() -> Result<Scene> {
     builder.finish()
 }
 
-/// A table for people; `-` is what the driver does not tell.
-fn report(index: usize, program: &ProgramResources) -> String {
+/// A table of each program for people; `-` is what the driver does not tell.
+fn report(entry: &Entry) -> String {
     let or_dash = |number: Option<u64>| number.map_or("-".to_owned(), |number| number.to_string());
-    let width = program.kernels.iter().map(|kernel| kernel.kernel.len()).max().unwrap_or(0);
-    let mut text = wrapped(&format!("{index:>4}  "), &program.device);
-    text += &wrapped("      ", &program.compile_options.replace("-D ", "-D"));
-    text += &wrapped("      ", &format!("binary of {} bytes", or_dash(program.binary_bytes)));
-    let _ = write!(text, "      {:width$}", "");
-    for (heading, _) in COLUMNS {
-        let _ = write!(text, "  {heading}");
-    }
-    for kernel in &program.kernels {
-        let _ = write!(text, "\n      {:width$}", kernel.kernel);
-        for (heading, number) in COLUMNS {
-            let _ = write!(text, "  {:>1$}", or_dash(number(kernel)), heading.len());
+    let mut text = wrapped(&format!("{:>4}  ", entry.index), &entry.device);
+    for program in &entry.programs {
+        let width = program.kernels.iter().map(|kernel| kernel.kernel.len()).max().unwrap_or(0);
+        text += &wrapped("      ", &program.compile_options.replace("-D ", "-D"));
+        text += &wrapped("      ", &format!("binary of {} bytes", or_dash(program.binary_bytes)));
+        let _ = write!(text, "      {:width$}", "");
+        for (heading, _) in COLUMNS {
+            let _ = write!(text, "  {heading}");
         }
+        for kernel in &program.kernels {
+            let _ = write!(text, "\n      {:width$}", kernel.kernel);
+            for (heading, number) in COLUMNS {
+                let _ = write!(text, "  {:>1$}", or_dash(number(kernel)), heading.len());
+            }
+        }
+        text += "\n";
     }
-    text + "\n"
+    text
 }
 
 #[cfg(test)]
@@ -143,7 +148,6 @@ mod tests {
             preferred_work_group_multiple: Some(32),
         };
         let program = ProgramResources {
-            device: "Sample device".to_owned(),
             compile_options: "-D TRAVERSE=traverse_kd_stack".to_owned(),
             binary_bytes: Some(1234),
             log: String::new(),
@@ -155,6 +159,7 @@ mod tests {
               registers  spill stores  spill loads  frame  private  local  group  multiple
       render         40             -            0    192        -      1   1024        32
 ";
-        assert_eq!(report(3, &program), expected);
+        let entry = Entry { index: 3, device: "Sample device".to_owned(), programs: vec![program], error: None };
+        assert_eq!(report(&entry), expected);
     }
 }

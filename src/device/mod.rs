@@ -29,6 +29,7 @@ mod handle;
 mod image;
 mod kernel;
 mod list;
+mod passes;
 mod program;
 mod ptxas;
 mod report;

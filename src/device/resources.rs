@@ -1,8 +1,9 @@
 //! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
 
+use super::passes::{first_pass, second_pass};
 use super::ptxas::{self, PtxasInfo};
-use super::tracer::program;
-use super::{DeviceContext, DeviceHandle, build};
+use super::tracer::{compile_options, defers};
+use super::{CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
 use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -35,9 +36,7 @@ pub struct KernelResources {
 /// What a program takes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ProgramResources {
-    /// The device's name.
-    pub device: String,
-    /// What was passed to its compiler.
+    /// What was passed to the compiler.
     pub compile_options: String,
     /// Bytes of the binary of all kernels.
     pub binary_bytes: Option<u64>,
@@ -48,7 +47,8 @@ pub struct ProgramResources {
     pub kernels: Vec<KernelResources>,
 }
 
-/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they take.
+/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they take. Where
+/// rare decisions are left to a second pass, its kernels are a second program.
 ///
 /// # Errors
 /// The device cannot be opened or its compiler refuses the kernels.
@@ -57,15 +57,21 @@ pub fn kernel_resources(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     max_depth: u32,
-) -> Result<ProgramResources> {
+) -> Result<Vec<ProgramResources>> {
     let context = DeviceContext::open(device)?;
-    let (source, compile_options) = program(buffers, options, max_depth);
-    let compile_options = compile_options.verbose();
+    let compile_options = compile_options(buffers, options, max_depth).verbose();
+    let defers = defers(options);
+    let second = defers.then(|| second_pass(compile_options.clone()));
+    let passes = std::iter::once(first_pass(compile_options, defers)).chain(second);
+    passes.map(|pass| program_resources(&context, &pass)).collect()
+}
+
+fn program_resources(context: &DeviceContext, options: &CompileOptions) -> Result<ProgramResources> {
     // Without our cache and with a definition that no build had before: a program from a cache, the driver's own included, comes
     // without the compiler's log.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_nanos());
-    let unique = compile_options.clone().define("BUILD_TIME", format!("{now}ul"));
-    let built = build(&context, &source, &unique, None)?;
+    let unique = options.clone().define("BUILD_TIME", format!("{now}ul"));
+    let built = build(context, &ProgramSource::kernels(), &unique, None)?;
     let told = ptxas::parse(&built.log);
     let kernels = built.program.kernel_names().into_iter().map(|name| {
         let kernel = built.program.kernel(name)?;
@@ -84,8 +90,7 @@ pub fn kernel_resources(
         })
     });
     Ok(ProgramResources {
-        device: context.info().name.clone(),
-        compile_options: compile_options.text(context.info()),
+        compile_options: options.text(context.info()),
         binary_bytes: built.program.binary_bytes(),
         kernels: kernels.collect::<Result<_>>()?,
         log: built.log,

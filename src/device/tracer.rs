@@ -1,13 +1,12 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
+use super::passes::{Doubts, Entry, Passes};
 use super::scene::DeviceScene;
-use super::{
-    Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, ProgramSource, build,
-};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg};
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::TraceOptions;
+use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
@@ -19,7 +18,7 @@ use std::time::Instant;
 const LAUNCH_S: f64 = 0.1;
 /// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
 /// is slower than any device that was seen.
-const FIRST_ITEMS: usize = 4096;
+pub(super) const FIRST_ITEMS: usize = 4096;
 /// GPUs are not full with that; 16 times as much is still a moment on the smallest.
 const FIRST_ITEMS_GPU: usize = 1 << 16;
 /// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower than another.
@@ -27,14 +26,14 @@ const GROWTH: usize = 2;
 
 /// How many work-items a launch may have, learnt from the launches before.
 #[derive(Debug)]
-struct LaunchPlan {
+pub(super) struct LaunchPlan {
     largest: usize,
     seconds_per_item: f64,
 }
 
 impl LaunchPlan {
     /// A plan whose first launch has about `first` items.
-    fn starting_with(first: usize) -> Self {
+    pub fn starting_with(first: usize) -> Self {
         LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0 }
     }
 
@@ -58,10 +57,7 @@ impl LaunchPlan {
 pub struct OpenClTracer {
     context: DeviceContext,
     scene: DeviceScene,
-    render: Kernel,
-    trace_closest: Kernel,
-    trace_any: Kernel,
-    trace_next: Kernel,
+    passes: Passes,
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
@@ -72,7 +68,7 @@ pub struct OpenClTracer {
 }
 
 /// Passes arguments to a kernel one after the other.
-struct Arguments<'a> {
+pub(super) struct Arguments<'a> {
     kernel: &'a mut Kernel,
     next: usize,
 }
@@ -82,14 +78,14 @@ impl<'k> Arguments<'k> {
         Arguments { kernel, next: 0 }
     }
 
-    fn set<'a>(mut self, value: impl Into<KernelArg<'a>>) -> Result<Self> {
+    pub fn set<'a>(mut self, value: impl Into<KernelArg<'a>>) -> Result<Self> {
         self.kernel.set_arg(self.next, value)?;
         self.next += 1;
         Ok(self)
     }
 
     /// Passes the array of work records, which only kernels that count have as an argument.
-    fn set_work<T: Pod>(self, work: &Option<Buffer<T>>) -> Result<Self> {
+    pub fn set_work<T: Pod>(self, work: &Option<Buffer<T>>) -> Result<Self> {
         match work {
             Some(work) => self.set(work),
             None => Ok(self),
@@ -97,12 +93,8 @@ impl<'k> Arguments<'k> {
     }
 }
 
-/// The program that traces `buffers` with `options`, in chains of at most `max_depth` rays.
-pub(super) fn program(
-    buffers: &SceneBuffers,
-    options: &TraceOptions,
-    max_depth: u32,
-) -> (ProgramSource, CompileOptions) {
+/// The definitions of kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays.
+pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, max_depth: u32) -> CompileOptions {
     // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
     // and 8 bound both.
     let compile_options = CompileOptions::new()
@@ -112,7 +104,54 @@ pub(super) fn program(
         .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size())
         .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
-    (ProgramSource::kernels(), DeviceScene::define(compile_options, buffers, options))
+    DeviceScene::define(compile_options, buffers, options)
+}
+
+/// Whether rare decisions are left to a second pass. Kernels that count keep them: what they count is the point, not their speed.
+pub(super) fn defers(options: &TraceOptions) -> bool {
+    options.intersector == Intersector::Exact && !options.counters
+}
+
+/// Passes the scene, with which every kernel's arguments begin.
+pub(super) fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
+    let mut arguments = Arguments::of(kernel)
+        .set(&scene.nodes)?
+        .set(&scene.references)?
+        .set(&scene.vertices)?
+        .set(&scene.bounds)?
+        .set(&scene.transforms)?;
+    if let Some(nodes) = &scene.constant_nodes {
+        arguments = arguments.set(nodes)?;
+    }
+    if let Some(vertices) = &scene.surface_vertices {
+        arguments = arguments.set(vertices)?;
+    }
+    arguments.set(&scene.params)
+}
+
+/// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part. Returns
+/// seconds of device time.
+pub(super) fn launch(
+    kernel: &mut Kernel,
+    plan: &mut LaunchPlan,
+    (total, work_group): (usize, usize),
+    mut progress: impl FnMut(usize),
+) -> Result<f64> {
+    let bounds = kernel.arg_count() - 2;
+    let mut seconds = 0.0;
+    let mut first = 0;
+    while first < total {
+        let items = plan.next(total - first, work_group);
+        kernel.set_arg(bounds, first as u32)?;
+        kernel.set_arg(bounds + 1, (first + items) as u32)?;
+        let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
+        let launch_s = event.wait()?;
+        plan.learn(items, launch_s);
+        seconds += launch_s;
+        first += items;
+        progress(items);
+    }
+    Ok(seconds)
 }
 
 impl OpenClTracer {
@@ -130,8 +169,8 @@ impl OpenClTracer {
         cache: Option<&Cache>,
     ) -> Result<Self> {
         let context = DeviceContext::open(device)?;
-        let (source, compile_options) = program(buffers, options, max_depth);
-        let built = build(&context, &source, &compile_options, cache)?;
+        let compile_options = compile_options(buffers, options, max_depth);
+        let (passes, compile_s, notes) = Passes::new(&context, compile_options, defers(options), cache)?;
 
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
@@ -141,17 +180,14 @@ impl OpenClTracer {
             _ => (16, FIRST_ITEMS),
         };
         Ok(OpenClTracer {
-            render: built.program.kernel("render")?,
-            trace_closest: built.program.kernel("trace_closest")?,
-            trace_any: built.program.kernel("trace_any")?,
-            trace_next: built.program.kernel("trace_next")?,
+            passes,
             trace_plan: LaunchPlan::starting_with(first_items),
             first_items,
             counters: options.counters,
             work_group: work_group.min(context.info().max_work_group_size.max(1)),
-            compile_s: built.compile_s,
+            compile_s,
             upload_s: start.elapsed().as_secs_f64(),
-            notes: built.notes,
+            notes,
             scene,
             context,
         })
@@ -160,47 +196,6 @@ impl OpenClTracer {
     /// Room for `count` work records, if the kernels count.
     fn work_buffer<T: Pod>(&self, count: usize) -> Result<Option<Buffer<T>>> {
         self.counters.then(|| Buffer::empty(&self.context, "work records", count)).transpose()
-    }
-
-    fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        let mut arguments = Arguments::of(kernel)
-            .set(&scene.nodes)?
-            .set(&scene.references)?
-            .set(&scene.vertices)?
-            .set(&scene.bounds)?
-            .set(&scene.transforms)?;
-        if let Some(nodes) = &scene.constant_nodes {
-            arguments = arguments.set(nodes)?;
-        }
-        if let Some(vertices) = &scene.surface_vertices {
-            arguments = arguments.set(vertices)?;
-        }
-        arguments.set(&scene.params)
-    }
-
-    /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,
-    /// counted in units of `unit` items. Returns seconds of device time.
-    fn launch(
-        kernel: &mut Kernel,
-        plan: &mut LaunchPlan,
-        (total, unit, work_group): (usize, usize, usize),
-        mut progress: impl FnMut(usize),
-    ) -> Result<f64> {
-        let bounds = kernel.arg_count() - 2;
-        let mut seconds = 0.0;
-        let mut first = 0;
-        while first < total {
-            let items = plan.next(total - first, unit.max(work_group));
-            kernel.set_arg(bounds, (first / unit) as u32)?;
-            kernel.set_arg(bounds + 1, (first + items).div_ceil(unit) as u32)?;
-            let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
-            let launch_s = event.wait()?;
-            plan.learn(items, launch_s);
-            seconds += launch_s;
-            first += items;
-            progress(items);
-        }
-        Ok(seconds)
     }
 }
 
@@ -233,26 +228,35 @@ impl Tracer for OpenClTracer {
         self.context.finish()?;
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
-        let first_kernel = if job.any_hit { &mut self.trace_any } else { &mut self.trace_closest };
-        Self::geometry_arguments(&self.scene, first_kernel)?.set(&rays)?.set(&hits)?.set_work(&ray_work)?;
-        Self::geometry_arguments(&self.scene, &mut self.trace_next)?
-            .set(&directions)?
-            .set(&hits)?
-            .set(&next_hits)?
-            .set_work(&next_work)?;
+        let doubts = Doubts::new(&self.context, self.passes.defers, total)?;
+        let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
+        let first_entry = if job.any_hit { Entry::TraceAny } else { Entry::TraceClosest };
+        let set_first = |kernel: &mut Kernel| {
+            geometry_arguments(scene, kernel)?
+                .set(&rays)?
+                .set(&hits)?
+                .set_work(&ray_work)?
+                .set(&doubts.items)
+                .map(|_| ())
+        };
+        let set_next = |kernel: &mut Kernel| {
+            let arguments = geometry_arguments(scene, kernel)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+            arguments.set_work(&next_work)?.set(&doubts.items).map(|_| ())
+        };
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
-            let shape = (total, 1, self.work_group);
-            let mut seconds = Self::launch(first_kernel, &mut self.trace_plan, shape, |items| {
+            let shape = (total, *work_group);
+            let mut seconds = passes.run(context, first_entry, &set_first, trace_plan, shape, &doubts, |items| {
                 done += items;
                 progress(done as f64 / work);
             })?;
             if job.next_directions.is_some() {
-                seconds += Self::launch(&mut self.trace_next, &mut self.trace_plan, shape, |_| ())?;
+                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape, &doubts, |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
+        result.second_pass = doubts.resolved();
 
         let start = Instant::now();
         result.hits = hits.read()?;
@@ -270,35 +274,38 @@ impl Tracer for OpenClTracer {
         let film = Buffer::<Float4>::empty(&self.context, "picture", pixel_count)?;
         let counters = Buffer::<u32>::read_write(&self.context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?;
         let work = self.work_buffer::<PixelWork>(pixel_count)?;
-        let scene = &self.scene;
-        Self::geometry_arguments(scene, &mut self.render)?
-            .set(&scene.shading)?
-            .set(&scene.materials)?
-            .set(&scene.lights)?
-            .set(&scene.textures)?
-            .set(&scene.texels)?
-            .set(&scene.srgb_to_linear)?
-            .set(&render_params)?
-            .set(&sample_buffer)?
-            .set(&film)?
-            .set(&counters)?
-            .set_work(&work)?;
-
         let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
-        let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
-        let items = tiles * tile_items;
+        let items = tiles * (TILE_SIDE * TILE_SIDE) as usize;
+        let doubts = Doubts::new(&self.context, self.passes.defers, items)?;
+        let OpenClTracer { context, scene, passes, .. } = self;
+        let set = |kernel: &mut Kernel| {
+            geometry_arguments(scene, kernel)?
+                .set(&scene.shading)?
+                .set(&scene.materials)?
+                .set(&scene.lights)?
+                .set(&scene.textures)?
+                .set(&scene.texels)?
+                .set(&scene.srgb_to_linear)?
+                .set(&render_params)?
+                .set(&sample_buffer)?
+                .set(&film)?
+                .set(&counters)?
+                .set_work(&work)?
+                .set(&doubts.items)
+                .map(|_| ())
+        };
         let mut counts = [0; COUNTERS];
         let mut done = 0;
         let mut failed = None;
         // A work-item traces all samples of its pixel.
         let mut plan = LaunchPlan::starting_with(self.first_items / samples.len().max(1));
-        let shape = (items, tile_items, self.work_group);
-        let kernel_s = Self::launch(&mut self.render, &mut plan, shape, |launched| {
-            done += launched;
-            progress(done as f64 / items as f64);
-            // After every launch, because a 32-bit counter could overflow over a whole picture.
-            failed = failed.take().or(take_counts(&counters, &mut counts).err());
-        })?;
+        let kernel_s =
+            passes.run(context, Entry::Render, &set, &mut plan, (items, self.work_group), &doubts, |launched| {
+                done += launched;
+                progress((done as f64 / items as f64).min(1.0));
+                // After every launch, because a 32-bit counter could overflow over a whole picture.
+                failed = failed.take().or(take_counts(&counters, &mut counts).err());
+            })?;
         if let Some(error) = failed {
             return Err(error);
         }
@@ -307,7 +314,8 @@ impl Tracer for OpenClTracer {
         let pixels = film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
         let film = Film { width: params.width, height: params.height, pixels };
         let work = work.map(|work| work.read()).transpose()?;
-        Ok(RenderResult { film, counts, work, kernel_s, read_s: start.elapsed().as_secs_f64() })
+        let second_pass = doubts.resolved();
+        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s: start.elapsed().as_secs_f64() })
     }
 }
 
