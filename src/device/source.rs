@@ -38,6 +38,9 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shade/texture.cl",
     "cl/shade/light.cl",
     "cl/shade/whitted.cl",
+    "cl/shade/scene.cl",
+    "cl/shade/local_light.cl",
+    "cl/shade/camera.cl",
     "cl/kernels/trace.cl",
     "cl/kernels/render.cl",
 ];

@@ -1,4 +1,4 @@
-//! Twin of `cl/kernels/render.cl`: the colour of one pixel. The reasons are there.
+//! Twin of `cl/kernels/render.cl` and of `cl/shade/{scene,local_light,camera}.cl`: the colour of one pixel. The reasons are there.
 
 use super::light::{LightSample, blinn_phong, sample_light};
 use super::math::{fma3, max_component, normalize3};
@@ -62,7 +62,7 @@ impl Pixel<'_> {
         let mut diffuse = material.diffuse.xyz();
         let mut radiance = material.ambient.xyz();
         if material.texture != NO_TEXTURE {
-            let colour = sample_texture(self.buffers, material.texture, surface.texture_uv);
+            let colour = texture_colour(self.buffers, surface, material);
             diffuse *= colour;
             radiance *= colour;
         }
@@ -100,6 +100,12 @@ impl Pixel<'_> {
         }
         radiance
     }
+}
+
+/// The colour that the material's texture, which it must have, gives the surface.
+#[inline(always)]
+pub fn texture_colour(buffers: &SceneBuffers, surface: &Surface, material: &Material) -> Vec3 {
+    sample_texture(buffers, material.texture, surface.texture_uv)
 }
 
 #[inline(always)]
