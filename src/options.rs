@@ -155,6 +155,27 @@ methods! {
     }
 }
 
+methods! {
+    /// How the work of a picture is shared out among kernels (thesis, section 5.2.1). The pixels are the same; the reference does the
+    /// work of either in one way.
+    pub enum Kernels ("--kernels") {
+        /// One kernel does everything for a pixel.
+        Mega = "mega",
+        /// One kernel for each step of a ray, with queues in memory between them.
+        Split = "split",
+    }
+}
+
+methods! {
+    /// Who evaluates textures (thesis, section 5.2.2). The pixels are the same; on the reference both are the same, too.
+    pub enum TexturePass ("--textures") {
+        /// The kernel that shades.
+        InKernel = "in-kernel",
+        /// The host, between tracing and shading; only with [`Kernels::Split`].
+        HostPass = "host-pass",
+    }
+}
+
 impl Traversal {
     /// Whether it finds every hit. Only [`Traversal::ThesisRestart`] does not.
     pub fn is_exact(self) -> bool {
@@ -230,6 +251,15 @@ pub struct TraceOptions {
     /// How triangle tests find their vertices; [`TriangleOrder::LeafOrder`] only with [`Layout::Split`].
     #[serde(serialize_with = "as_name")]
     pub triangles: TriangleOrder,
+    /// One kernel or several for pictures; batches of rays have one kernel anyway.
+    #[serde(serialize_with = "as_name")]
+    pub kernels: Kernels,
+    /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
+    #[serde(serialize_with = "as_name")]
+    pub textures: TexturePass,
+    /// How many pixels the split kernels work on at a time, at least 1; `None`: as many as fit into the memory that a device gives them.
+    /// Only with [`Kernels::Split`].
+    pub pixels_in_flight: Option<u32>,
 }
 
 fn as_name<T: std::fmt::Display, S: serde::Serializer>(
@@ -257,6 +287,9 @@ impl TraceOptions {
         layout: Layout::Split,
         node_order: NodeOrder::Preorder,
         triangles: TriangleOrder::Indexed,
+        kernels: Kernels::Mega,
+        textures: TexturePass::InKernel,
+        pixels_in_flight: None,
     };
 
     /// Entries of the short stack unless something else is asked for.
@@ -321,6 +354,28 @@ impl TraceOptions {
             let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: --layout split";
             return Err(Error::option("--triangles", reason));
         }
+        self.check_split()
+    }
+
+    /// Checks what only the split kernels know.
+    fn check_split(&self) -> Result<()> {
+        if self.pixels_in_flight == Some(0) {
+            return Err(Error::option("--pixels-in-flight", "must be at least 1"));
+        }
+        if self.kernels == Kernels::Split {
+            return Ok(());
+        }
+        if self.textures == TexturePass::HostPass {
+            let reason =
+                "the mega-kernel does not stop between hit and shading; nearest: --kernels split --textures host-pass";
+            return Err(Error::option("--textures", reason));
+        }
+        if let Some(pixels) = self.pixels_in_flight {
+            let reason = format!(
+                "the mega-kernel keeps its pixels to itself; nearest: --kernels split --pixels-in-flight {pixels}"
+            );
+            return Err(Error::option("--pixels-in-flight", reason));
+        }
         Ok(())
     }
 
@@ -367,8 +422,10 @@ mod tests {
     fn what_does_not_go_together_is_refused_with_the_nearest_that_does() {
         let base = TraceOptions::DEFAULT;
         let short = TraceOptions { traversal: Traversal::ShortStack, ..base };
+        let split = TraceOptions { kernels: Kernels::Split, ..base };
         for good in [
             base,
+            TraceOptions { textures: TexturePass::HostPass, pixels_in_flight: Some(1), ..split },
             TraceOptions { accel: Accel::Brute, ..base },
             TraceOptions { stack_size: Some(1), ..short },
             TraceOptions { stack_size: Some(60), ..short },
@@ -391,6 +448,17 @@ mod tests {
                 "--triangles",
                 "--layout split",
             ),
+            (
+                TraceOptions { textures: TexturePass::HostPass, ..base },
+                "--textures",
+                "--kernels split --textures host-pass",
+            ),
+            (
+                TraceOptions { pixels_in_flight: Some(9), ..base },
+                "--pixels-in-flight",
+                "--kernels split --pixels-in-flight 9",
+            ),
+            (TraceOptions { pixels_in_flight: Some(0), ..split }, "--pixels-in-flight", "at least 1"),
         ] {
             let message = bad.validate().unwrap_err().to_string();
             assert!(message.contains(option) && message.contains(hint), "{message}");

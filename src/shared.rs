@@ -4,6 +4,10 @@
 //! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
+mod split;
+
+pub use split::*;
+
 use crate::layout::{Float4, StructLayout, device_struct};
 
 /// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
@@ -223,7 +227,7 @@ device_struct! {
 }
 
 /// Every shared struct, in the order in which `cl/shared/types.cl` defines them.
-pub const SHARED_STRUCTS: [StructLayout; 9] = [
+pub const SHARED_STRUCTS: [StructLayout; 15] = [
     TraceRay::LAYOUT,
     Hit::LAYOUT,
     KdNode::LAYOUT,
@@ -233,6 +237,12 @@ pub const SHARED_STRUCTS: [StructLayout; 9] = [
     TextureInfo::LAYOUT,
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
+    SplitSlot::LAYOUT,
+    SplitRay::LAYOUT,
+    SplitSurface::LAYOUT,
+    SplitYield::LAYOUT,
+    SplitShadow::LAYOUT,
+    TextureRequest::LAYOUT,
 ];
 
 /// The text of `cl/shared/types.cl`.
@@ -252,6 +262,13 @@ pub fn types_cl() -> String {
         ("TILE_SIDE", TILE_SIDE),
         ("COUNTER_SLOTS", COUNTER_SLOTS),
         ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
+        ("NO_PIXEL", NO_PIXEL),
+        ("SPLIT_KIND_BITS", SPLIT_KIND_BITS),
+        ("QUEUE_ACTIVE", QUEUE_ACTIVE),
+        ("QUEUE_HITS", QUEUE_HITS),
+        ("QUEUE_TEXTURED", QUEUE_TEXTURED),
+        ("QUEUE_PIXELS", QUEUE_PIXELS),
+        ("QUEUE_SHADOWS", QUEUE_SHADOWS),
         ("COUNTERS", COUNTERS as u32),
     ];
     for (name, value) in constants {

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::output::write_json;
 use crate::shared::COUNTERS;
+use crate::tracer::SplitStats;
 
 /// Rays of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -88,6 +89,9 @@ pub struct RunStats {
     /// Copying the result back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub read_s: Option<f64>,
+    /// How the split kernels went.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split: Option<SplitStats>,
     /// From the start of the program to the end of its output.
     pub total_s: f64,
     /// Million rays a second: see [`RunStats::set_rate`].

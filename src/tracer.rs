@@ -46,6 +46,23 @@ pub struct RenderResult {
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.
     pub read_s: f64,
+    /// How the split kernels went, where they rendered.
+    pub split: Option<SplitStats>,
+}
+
+/// What rendering by several kernels took ([`crate::options::Kernels::Split`]).
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct SplitStats {
+    /// Pixels that were worked on at a time.
+    pub pixels_in_flight: usize,
+    /// Waves; in each of them every pixel in flight has one ray traced.
+    pub waves: u64,
+    /// Launches of all kernels.
+    pub launches: u64,
+    /// Hits whose colours the host computed.
+    pub host_colours: u64,
+    /// Seconds that fetching those hits, computing and sending the colours took.
+    pub host_pass_s: f64,
 }
 
 /// Called from time to time with the part of the work that is done, 0..=1.

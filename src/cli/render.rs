@@ -78,6 +78,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     stats.kernel_s = vec![result.kernel_s];
     stats.set_rate();
     stats.read_s = Some(result.read_s);
+    stats.split = result.split;
     stats.total_s = start.elapsed().as_secs_f64();
     stats.width = Some(picture.size.0);
     stats.height = Some(picture.size.1);

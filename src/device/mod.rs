@@ -28,12 +28,14 @@ mod errors;
 mod handle;
 mod image;
 mod kernel;
+mod launch;
 mod list;
 mod program;
 mod report;
 mod scene;
 mod select;
 mod source;
+mod split;
 mod tracer;
 
 pub use buffer::Buffer;

@@ -4,13 +4,15 @@
 //! ignores the directive and counts through the whole source (`<kernel>:94:34`), as Oclgrind's does (`input.cl:94:34`): the host
 //! maps such places back.
 
+use crate::options::Kernels;
+
 /// A table of kernel files: path from the crate root, text.
 macro_rules! kernel_files {
     ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../", $path)))),*] };
 }
 
-/// Every kernel file, one path a line such as `"cl/shared/types.cl"`, in the order in which they are compiled: a file uses only
-/// what stands above it.
+/// The kernel files of every program, one path a line such as `"cl/shared/types.cl"`, in the order in which they are compiled: a file
+/// uses only what stands above it.
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/types.cl",
     "cl/shared/math.cl",
@@ -42,8 +44,11 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shade/local_light.cl",
     "cl/shade/camera.cl",
     "cl/kernels/trace.cl",
-    "cl/kernels/render.cl",
 ];
+
+/// What comes behind them: the kernels that render, one way or the other. Nobody waits for the compilation of the others.
+const MEGA_FILES: &[(&str, &str)] = kernel_files!["cl/kernels/render.cl"];
+const SPLIT_FILES: &[(&str, &str)] = kernel_files!["cl/kernels/split.cl"];
 
 /// Before all files: correctly rounded results must not change where the compiler may fuse a product and a sum.
 const FIRST_LINE: &str = "#pragma OPENCL FP_CONTRACT OFF\n";
@@ -61,9 +66,13 @@ pub struct ProgramSource {
 }
 
 impl ProgramSource {
-    /// All of raybrook's kernels.
-    pub fn kernels() -> Self {
-        Self::new(KERNEL_FILES.iter().copied())
+    /// The kernels that trace batches, and those that render.
+    pub fn kernels(kernels: Kernels) -> Self {
+        let rendering = match kernels {
+            Kernels::Mega => MEGA_FILES,
+            Kernels::Split => SPLIT_FILES,
+        };
+        Self::new(KERNEL_FILES.iter().chain(rendering).copied())
     }
 
     /// A program of the given files: path as logs shall name it, text.

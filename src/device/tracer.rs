@@ -1,62 +1,73 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
+use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::scene::DeviceScene;
-use super::{
-    Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, ProgramSource, build,
-};
+use super::split::SplitPipeline;
+use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, ProgramSource, build};
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::TraceOptions;
+use crate::options::{Kernels, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
+use crate::tracer::{Progress, RenderResult, SplitStats, TraceJob, TraceResult, Tracer};
+use std::sync::Arc;
 use std::time::Instant;
 
-/// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
-const LAUNCH_S: f64 = 0.1;
-/// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
-/// is slower than any device that was seen.
-const FIRST_ITEMS: usize = 4096;
-/// GPUs are not full with that; 16 times as much is still a moment on the smallest.
-const FIRST_ITEMS_GPU: usize = 1 << 16;
-/// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower than another.
-const GROWTH: usize = 2;
-
-/// How many work-items a launch may have, learnt from the launches before.
-#[derive(Debug)]
-struct LaunchPlan {
-    largest: usize,
-    seconds_per_item: f64,
+/// What renders.
+enum Rendering {
+    Mega(Kernel),
+    Split(Box<SplitPipeline>),
 }
 
-impl LaunchPlan {
-    /// A plan whose first launch has about `first` items.
-    fn starting_with(first: usize) -> Self {
-        LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0 }
+/// What every rendering kernel takes beside the scene.
+pub(super) struct PictureBuffers {
+    params: Buffer<RenderParams>,
+    samples: Buffer<[f32; 2]>,
+    film: Buffer<Float4>,
+    counters: Buffer<u32>,
+}
+
+impl PictureBuffers {
+    fn new(context: &DeviceContext, params: &RenderParams, samples: &[[f32; 2]]) -> Result<Self> {
+        let pixel_count = params.width as usize * params.height as usize;
+        Ok(PictureBuffers {
+            params: Buffer::from_slice(context, "picture parameters", &[*params])?,
+            samples: Buffer::from_slice(context, "samples", samples)?,
+            film: Buffer::empty(context, "picture", pixel_count)?,
+            counters: Buffer::read_write(context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?,
+        })
     }
 
-    /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
-    fn next(&self, left: usize, multiple: usize) -> usize {
-        let in_time = (LAUNCH_S / self.seconds_per_item.max(1e-12)) as usize;
-        let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
-        // A rest of less than half a launch goes along: its own launch would leave units idle twice.
-        if items + items / 2 >= left { left } else { items }
+    /// Sets the arguments with which every rendering kernel begins.
+    pub fn arguments<'k>(&self, scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
+        scene.scene_arguments(kernel)?.set(&self.params)?.set(&self.samples)?.set(&self.film)?.set(&self.counters)
     }
 
-    fn learn(&mut self, items: usize, seconds: f64) {
-        if items > 0 {
-            self.seconds_per_item = seconds / items as f64;
-            self.largest = self.largest.max(items);
+    /// Adds the device's counters to `counts` and clears them.
+    pub fn take_counts(&self, counts: &mut [u64; COUNTERS]) -> Result<()> {
+        for slot in self.counters.read()?.chunks_exact(COUNTERS) {
+            for (count, &value) in counts.iter_mut().zip(slot) {
+                *count += u64::from(value);
+            }
         }
+        self.counters.write(&[0; COUNTER_SLOTS as usize * COUNTERS])
     }
+}
+
+/// What rendering took, apart from the picture.
+#[derive(Default)]
+pub(super) struct Rendered {
+    pub counts: [u64; COUNTERS],
+    pub kernel_s: f64,
+    pub split: Option<SplitStats>,
 }
 
 /// A tracer on an OpenCL device.
 pub struct OpenClTracer {
     context: DeviceContext,
     scene: DeviceScene,
-    render: Kernel,
+    rendering: Rendering,
     trace_closest: Kernel,
     trace_any: Kernel,
     trace_next: Kernel,
@@ -68,24 +79,6 @@ pub struct OpenClTracer {
     notes: Vec<String>,
 }
 
-/// Passes arguments to a kernel one after the other.
-struct Arguments<'a> {
-    kernel: &'a mut Kernel,
-    next: usize,
-}
-
-impl<'k> Arguments<'k> {
-    fn of(kernel: &'k mut Kernel) -> Self {
-        Arguments { kernel, next: 0 }
-    }
-
-    fn set<'a>(mut self, value: impl Into<KernelArg<'a>>) -> Result<Self> {
-        self.kernel.set_arg(self.next, value)?;
-        self.next += 1;
-        Ok(self)
-    }
-}
-
 impl OpenClTracer {
     /// Compiles the kernels for `options` (or loads them from `cache`) and sends the scene to the device.
     ///
@@ -95,22 +88,25 @@ impl OpenClTracer {
     /// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory.
     pub fn new(
         device: &DeviceHandle,
-        buffers: &SceneBuffers,
+        buffers: &Arc<SceneBuffers>,
         options: &TraceOptions,
         max_depth: u32,
         cache: Option<&Cache>,
     ) -> Result<Self> {
         let context = DeviceContext::open(device)?;
         // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
-        // and 8 bound both.
+        // and, in the mega-kernel, 8 bound both.
         let compile_options = CompileOptions::new()
             .define("TRAVERSE", options.cl_traverse())
             .define("INTERSECT", options.intersector.cl_function())
             .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
-            .define("SHORT_STACK_SIZE", options.short_stack_size())
-            .define("MAX_PENDING", (max_depth + 1).next_multiple_of(8));
+            .define("SHORT_STACK_SIZE", options.short_stack_size());
+        let compile_options = match options.kernels {
+            Kernels::Mega => compile_options.define("MAX_PENDING", (max_depth + 1).next_multiple_of(8)),
+            Kernels::Split => SplitPipeline::define(compile_options, options),
+        };
         let compile_options = DeviceScene::define(compile_options, buffers, options);
-        let built = build(&context, &ProgramSource::kernels(), &compile_options, cache)?;
+        let built = build(&context, &ProgramSource::kernels(options.kernels), &compile_options, cache)?;
 
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
@@ -120,7 +116,10 @@ impl OpenClTracer {
             _ => (16, FIRST_ITEMS),
         };
         Ok(OpenClTracer {
-            render: built.program.kernel("render")?,
+            rendering: match options.kernels {
+                Kernels::Mega => Rendering::Mega(built.program.kernel("render")?),
+                Kernels::Split => Rendering::Split(Box::new(SplitPipeline::new(&built.program, buffers, options)?)),
+            },
             trace_closest: built.program.kernel("trace_closest")?,
             trace_any: built.program.kernel("trace_any")?,
             trace_next: built.program.kernel("trace_next")?,
@@ -133,22 +132,6 @@ impl OpenClTracer {
             scene,
             context,
         })
-    }
-
-    fn geometry_arguments<'k>(scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        let mut arguments = Arguments::of(kernel)
-            .set(&scene.nodes)?
-            .set(&scene.references)?
-            .set(&scene.vertices)?
-            .set(&scene.bounds)?
-            .set(&scene.transforms)?;
-        if let Some(nodes) = &scene.constant_nodes {
-            arguments = arguments.set(nodes)?;
-        }
-        if let Some(vertices) = &scene.surface_vertices {
-            arguments = arguments.set(vertices)?;
-        }
-        arguments.set(&scene.params)
     }
 
     /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,
@@ -205,8 +188,8 @@ impl Tracer for OpenClTracer {
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
         let first_kernel = if job.any_hit { &mut self.trace_any } else { &mut self.trace_closest };
-        Self::geometry_arguments(&self.scene, first_kernel)?.set(&rays)?.set(&hits)?;
-        Self::geometry_arguments(&self.scene, &mut self.trace_next)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+        self.scene.geometry_arguments(first_kernel)?.set(&rays)?.set(&hits)?;
+        self.scene.geometry_arguments(&mut self.trace_next)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
@@ -229,96 +212,44 @@ impl Tracer for OpenClTracer {
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
-        let pixel_count = params.width as usize * params.height as usize;
-        let render_params = Buffer::from_slice(&self.context, "picture parameters", &[*params])?;
-        let sample_buffer = Buffer::from_slice(&self.context, "samples", samples)?;
-        let film = Buffer::<Float4>::empty(&self.context, "picture", pixel_count)?;
-        let counters = Buffer::<u32>::read_write(&self.context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?;
-        let scene = &self.scene;
-        Self::geometry_arguments(scene, &mut self.render)?
-            .set(&scene.shading)?
-            .set(&scene.materials)?
-            .set(&scene.lights)?
-            .set(&scene.textures)?
-            .set(&scene.texels)?
-            .set(&scene.srgb_to_linear)?
-            .set(&render_params)?
-            .set(&sample_buffer)?
-            .set(&film)?
-            .set(&counters)?;
-
-        let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
-        let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
-        let items = tiles * tile_items;
-        let mut counts = [0; COUNTERS];
-        let mut done = 0;
-        let mut failed = None;
-        // A work-item traces all samples of its pixel.
-        let mut plan = LaunchPlan::starting_with(self.first_items / samples.len().max(1));
-        let shape = (items, tile_items, self.work_group);
-        let kernel_s = Self::launch(&mut self.render, &mut plan, shape, |launched| {
-            done += launched;
-            progress(done as f64 / items as f64);
-            // After every launch, because a 32-bit counter could overflow over a whole picture.
-            failed = failed.take().or(take_counts(&counters, &mut counts).err());
-        })?;
-        if let Some(error) = failed {
-            return Err(error);
-        }
+        let picture = PictureBuffers::new(&self.context, params, samples)?;
+        let shape = (self.first_items, self.work_group);
+        let rendered = match &mut self.rendering {
+            Rendering::Mega(kernel) => render_mega(kernel, &self.scene, &picture, params, shape, progress)?,
+            Rendering::Split(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
+        };
+        let Rendered { counts, kernel_s, split } = rendered;
 
         let start = Instant::now();
-        let pixels = film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
+        let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
         let film = Film { width: params.width, height: params.height, pixels };
-        Ok(RenderResult { film, counts, kernel_s, read_s: start.elapsed().as_secs_f64() })
+        Ok(RenderResult { film, counts, kernel_s, read_s: start.elapsed().as_secs_f64(), split })
     }
 }
 
-/// Adds the device's counters to `counts` and clears them.
-fn take_counts(counters: &Buffer<u32>, counts: &mut [u64; COUNTERS]) -> Result<()> {
-    for slot in counters.read()?.chunks_exact(COUNTERS) {
-        for (count, &value) in counts.iter_mut().zip(slot) {
-            *count += u64::from(value);
-        }
-    }
-    counters.write(&[0; COUNTER_SLOTS as usize * COUNTERS])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
-    fn launches(total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
-        let mut plan = LaunchPlan::starting_with(first);
-        let mut all = Vec::new();
-        let mut done = 0;
-        while done < total {
-            let items = plan.next(total - done, 64);
-            let time = (done..done + items).map(&seconds).sum();
-            plan.learn(items, time);
-            all.push((items, time));
-            done += items;
-        }
-        assert_eq!(done, total);
-        all
-    }
-
-    #[test]
-    fn no_launch_is_long_on_slow_devices_or_in_slow_parts() {
-        // 50,000 rays a second; a part that takes twice as long; a cost that grows a hundredfold across the picture.
-        for all in [
-            launches(200_000, FIRST_ITEMS, |_| 2e-5),
-            launches(1_000_000, FIRST_ITEMS, |i| if (400_000..500_000).contains(&i) { 1e-5 } else { 5e-6 }),
-            launches(1_000_000, FIRST_ITEMS_GPU, |i| 1e-8 + 1e-6 * (i as f64 / 1e6)),
-        ] {
-            let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
-            assert!(longest <= 0.3, "{longest} s");
-        }
-    }
-
-    #[test]
-    fn fast_devices_get_few_launches() {
-        let all = launches(16 << 20, FIRST_ITEMS_GPU, |_| 2.5e-10);
-        assert!(all.len() <= 10, "{all:?}");
-    }
+/// Renders with the mega-kernel; `first_items`: of the first launch.
+fn render_mega(
+    kernel: &mut Kernel,
+    scene: &DeviceScene,
+    picture: &PictureBuffers,
+    params: &RenderParams,
+    (first_items, work_group): (usize, usize),
+    progress: Progress,
+) -> Result<Rendered> {
+    picture.arguments(scene, kernel)?;
+    let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
+    let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
+    let items = tiles * tile_items;
+    let mut rendered = Rendered::default();
+    let mut done = 0;
+    let mut failed = None;
+    // A work-item traces all samples of its pixel.
+    let mut plan = LaunchPlan::starting_with(first_items / (params.sample_count as usize).max(1));
+    rendered.kernel_s = OpenClTracer::launch(kernel, &mut plan, (items, tile_items, work_group), |launched| {
+        done += launched;
+        progress(done as f64 / items as f64);
+        // After every launch, because a 32-bit counter could overflow over a whole picture.
+        failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
+    })?;
+    failed.map_or(Ok(rendered), Err)
 }

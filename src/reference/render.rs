@@ -9,7 +9,9 @@ use super::traverse::traverse;
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::shared::{COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams};
+use crate::shared::{
+    COUNTERS, Hit, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, TextureRequest,
+};
 use glam::Vec3;
 
 /// What every step needs: the scene, how to trace it, and where to count.
@@ -106,6 +108,16 @@ impl Pixel<'_> {
 #[inline(always)]
 pub fn texture_colour(buffers: &SceneBuffers, surface: &Surface, material: &Material) -> Vec3 {
     sample_texture(buffers, material.texture, surface.texture_uv)
+}
+
+/// The same for a hit of a device that asks for it.
+#[inline(always)]
+pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec3 {
+    // Of the ray only the direction matters here.
+    let ray = Ray::new(Vec3::ZERO, request.direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
+    let hit = Hit { t: 0.0, u: request.u, v: request.v, primitive: request.primitive };
+    let surface = surface_at(buffers, &ray, &hit);
+    texture_colour(buffers, &surface, &buffers.materials[surface.material as usize])
 }
 
 #[inline(always)]
