@@ -257,9 +257,9 @@ pub struct TraceOptions {
     /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
     #[serde(serialize_with = "as_name")]
     pub textures: TexturePass,
-    /// How many pixels the split kernels work on at a time, at least 1; `None`: as many as fit into the memory that a device gives them.
-    /// Only with [`Kernels::Split`].
-    pub pixels_in_flight: Option<u32>,
+    /// How many paths (a sample of a pixel and all rays that come of it) the split kernels follow at a time, at least 1; `None`: as
+    /// many as a device has memory for. Only with [`Kernels::Split`].
+    pub paths_in_flight: Option<u32>,
 }
 
 fn as_name<T: std::fmt::Display, S: serde::Serializer>(
@@ -289,7 +289,7 @@ impl TraceOptions {
         triangles: TriangleOrder::Indexed,
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
-        pixels_in_flight: None,
+        paths_in_flight: None,
     };
 
     /// Entries of the short stack unless something else is asked for.
@@ -359,8 +359,8 @@ impl TraceOptions {
 
     /// Checks what only the split kernels know.
     fn check_split(&self) -> Result<()> {
-        if self.pixels_in_flight == Some(0) {
-            return Err(Error::option("--pixels-in-flight", "must be at least 1"));
+        if self.paths_in_flight == Some(0) {
+            return Err(Error::option("--paths-in-flight", "must be at least 1"));
         }
         if self.kernels == Kernels::Split {
             return Ok(());
@@ -370,11 +370,11 @@ impl TraceOptions {
                 "the mega-kernel does not stop between hit and shading; nearest: --kernels split --textures host-pass";
             return Err(Error::option("--textures", reason));
         }
-        if let Some(pixels) = self.pixels_in_flight {
+        if let Some(pixels) = self.paths_in_flight {
             let reason = format!(
-                "the mega-kernel keeps its pixels to itself; nearest: --kernels split --pixels-in-flight {pixels}"
+                "the mega-kernel has as many as the device runs work-items; nearest: --kernels split --paths-in-flight {pixels}"
             );
-            return Err(Error::option("--pixels-in-flight", reason));
+            return Err(Error::option("--paths-in-flight", reason));
         }
         Ok(())
     }
@@ -425,7 +425,7 @@ mod tests {
         let split = TraceOptions { kernels: Kernels::Split, ..base };
         for good in [
             base,
-            TraceOptions { textures: TexturePass::HostPass, pixels_in_flight: Some(1), ..split },
+            TraceOptions { textures: TexturePass::HostPass, paths_in_flight: Some(1), ..split },
             TraceOptions { accel: Accel::Brute, ..base },
             TraceOptions { stack_size: Some(1), ..short },
             TraceOptions { stack_size: Some(60), ..short },
@@ -454,11 +454,11 @@ mod tests {
                 "--kernels split --textures host-pass",
             ),
             (
-                TraceOptions { pixels_in_flight: Some(9), ..base },
-                "--pixels-in-flight",
-                "--kernels split --pixels-in-flight 9",
+                TraceOptions { paths_in_flight: Some(9), ..base },
+                "--paths-in-flight",
+                "--kernels split --paths-in-flight 9",
             ),
-            (TraceOptions { pixels_in_flight: Some(0), ..split }, "--pixels-in-flight", "at least 1"),
+            (TraceOptions { paths_in_flight: Some(0), ..split }, "--paths-in-flight", "at least 1"),
         ] {
             let message = bad.validate().unwrap_err().to_string();
             assert!(message.contains(option) && message.contains(hint), "{message}");

@@ -51,11 +51,11 @@ pub struct RenderResult {
 }
 
 /// What rendering by several kernels took ([`crate::options::Kernels::Split`]).
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct SplitStats {
-    /// Pixels that were worked on at a time.
-    pub pixels_in_flight: usize,
-    /// Waves; in each of them every pixel in flight has one ray traced.
+    /// Paths that were followed at a time.
+    pub paths_in_flight: usize,
+    /// Waves; in each of them every path in flight has one ray traced.
     pub waves: u64,
     /// Launches of all kernels.
     pub launches: u64,

@@ -61,6 +61,9 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
         (&["trace", "one.obj", "text.npz"], 3, &["text.npz"]),
+        (&["trace", "one.obj", "missing.npz", "--kernels", "split"], 2, &["--kernels", "split", "one kernel, mega"]),
+        (&["render", "one.obj", "--textures", "host-pass"], 2, &["--textures", "--kernels split --textures host-pass"]),
+        (&["render", "one.obj", "--paths-in-flight", "8"], 2, &["--kernels split --paths-in-flight 8"]),
         (&["paint"], 2, &["paint"]),
         (&[], 2, &["render", "trace", "check", "info", "devices"]),
     ];

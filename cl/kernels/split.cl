@@ -2,11 +2,12 @@
 // steps in one warp, but all that is known of a ray goes through memory between them.
 // Laine, Karras and Aila, "Megakernels Considered Harmful: Wavefront Path Tracing on GPUs", HPG 2013.
 //
-// A slot holds a pixel: its pending rays, the radiance of the sample and the sum of the samples before. In every wave each slot
-// that is not out of work traces one ray, in the very order of the mega-kernel, so that every sum is the same to the last bit:
+// A path is a sample of a pixel and all the rays that come of it. A slot holds one: its pending rays and its radiance so far. In
+// every wave each slot that is not out of work traces one ray, in the very order of the mega-kernel, so that every sum is the same
+// to the last bit:
 //
-//   split_camera   adds what the last wave's ray has brought; takes the next pending ray, else the next sample's camera ray,
-//                  else the next pixel; lists the slots that have a ray
+//   split_camera   adds what the last wave's ray has brought; takes the next pending ray, else the camera ray of the next path of
+//                  the batch; lists the slots that have a ray
 //   split_trace    finds the closest hit
 //   split_request  only for textures that the host evaluates: asks for the colours of the hits
 //   split_shade    misses: background; hits: light without lamps, secondary rays, and the list of hits
@@ -14,21 +15,28 @@
 //   split_light    what it adds to each hit; lists the shadow rays
 //   split_shadow   traces them and adds what arrives
 //
+// Where no slot has a ray any more the batch, all samples of some pixels, is done:
+//
+//   split_film     adds up each pixel's samples
+//
 // All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and matters to no result.
 //
-// Bad at few pixels: a wave has at most one ray for each, and as many waves are needed as the pixel with most rays has. Each wave
-// costs a launch of every kernel.
+// Bad at the end of a batch: a wave has at most one ray of each path, and the path with most rays decides how many waves there are.
+// Each of them costs a launch of every kernel.
 
+// `rays`: pending rays number 0 of all slots, then number 1, and so on. `lengths`: lengths of the queues, see QUEUE_…
+// `path_radiance`: of the batch's paths, which are the first sample of all its pixels, then the second, and so on; the pixels are
+// numbers first_pixel .. first_pixel + batch_pixels in the order of pixel_in_tiles.
 // `queue`: slots of this wave. `other_queue`: written by split_camera for the next wave, by split_shade with the hits; the host
-// exchanges the two after split_camera. `lengths`: lengths of the queues, see QUEUE_… `film`, `counters`: as of the mega-kernel.
-// `rays`: pending rays number 0 of all slots, then number 1, and so on.
+// exchanges the two after split_camera.
 #define SPLIT_ARGUMENTS                                                                                                 \
     SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,             \
         __global float4* restrict film, volatile __global uint* restrict counters, __global SplitSlot* restrict slots,  \
         __global SplitRay* restrict rays, __global Hit* restrict hits, __global SplitSurface* restrict surfaces,        \
         __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
         __global TextureRequest* restrict requests, __global const float4* restrict colours,                            \
-        volatile __global uint* restrict lengths, const uint slot_count, __global uint* restrict queue,                 \
+        __global float4* restrict path_radiance, volatile __global uint* restrict lengths, const uint slot_count,       \
+        const uint first_pixel, const uint batch_pixels, __global uint* restrict queue,                                 \
         __global uint* restrict other_queue, const uint light, const uint first, const uint end
 
 // 1: the colours of textures come from the host, 0: they are looked up here.
@@ -49,8 +57,8 @@ uint take_place(bool wanted, volatile __global uint* length, volatile __local ui
     return places[1] + place;
 }
 
-// Pixel number `index` in the order in which slots take them, as its number row by row: tile after tile, where those at the right and
-// lower edges may be smaller.
+// Pixel number `index` in the order of the batches, as its number row by row: tile after tile, where those at the right and lower edges
+// may be smaller.
 uint pixel_in_tiles(__global const RenderParams* render, uint index) {
     const uint band_size = TILE_SIDE * render->width;
     const uint band = index / band_size, in_band = index % band_size;
@@ -98,46 +106,35 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     const bool is_item = index < end;
     const uint slot = is_item ? queue[index] : 0u;
     SplitSlot state;
-    state.pixel = NO_PIXEL;
-    if (is_item) {
-        state = slots[slot];
-        if (state.pixel != NO_PIXEL) {
-            state.radiance.xyz += yields[slot].weight.xyz * yields[slot].radiance.xyz;
-            if (state.pending == 0u) {
-                state.sum.xyz += state.radiance.xyz;
-                state.radiance = (float4)(0.0f);
-                state.sample++;
-                if (state.sample >= render->sample_count) {
-                    film[state.pixel] = (float4)(state.sum.xyz * render->sample_weight, 1.0f);
-                    state.pixel = NO_PIXEL;
-                }
-            }
+    state.path = NO_PATH;
+    if (is_item) state = slots[slot];
+    if (state.path != NO_PATH) {
+        state.radiance.xyz += yields[slot].weight.xyz * yields[slot].radiance.xyz;
+        if (state.pending == 0u) {
+            path_radiance[state.path] = state.radiance;
+            state.path = NO_PATH;
         }
     }
 
-    const bool wants_pixel = is_item && state.pixel == NO_PIXEL;
-    const uint number = take_place(wants_pixel, &lengths[QUEUE_PIXELS], places);
-    if (wants_pixel && number < render->width * render->height) {
-        state.pixel = pixel_in_tiles(render, number);
-        state.sample = 0u;
-        state.pending = 0u;
-        state.sum = (float4)(0.0f);
-        state.radiance = (float4)(0.0f);
-    }
-
-    const bool has_ray = state.pixel != NO_PIXEL;
-    if (has_ray && state.pending == 0u) {
-        const float2 sample = samples[state.sample];
-        const float x = (float)(state.pixel % render->width), y = (float)(state.pixel / render->width);
+    const bool wants_path = is_item && state.path == NO_PATH;
+    const uint path = take_place(wants_path, &lengths[QUEUE_PATHS], places);
+    if (wants_path && path < batch_pixels * render->sample_count) {
+        const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
+        const float2 sample = samples[path / batch_pixels];
+        const float x = (float)(pixel % render->width), y = (float)(pixel / render->width);
         PendingRay pending;
         pending.ray = camera_ray(render, x + sample.x, y + sample.y);
         pending.weight = (float3)(1.0f);
         pending.depth = 1u;
         pending.kind = COUNT_CAMERA_CAST;
         store_pending(&rays[slot], &pending);
+        state.path = path;
         state.pending = 1u;
+        state.radiance = (float4)(0.0f);
     }
+
     if (is_item) slots[slot] = state;
+    const bool has_ray = state.path != NO_PATH;
     const uint place = take_place(has_ray, &lengths[QUEUE_ACTIVE], places);
     if (has_ray) other_queue[place] = slot;
 }
@@ -271,4 +268,12 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     const float3 visibility = light_visibility(SCENE_AT(&scene), &point, &sample, counts);
     yields[slot].radiance.xyz += as_float3(reflected_slot.xyz) * visibility;
     add_counts(counts, counters, index);
+}
+
+__kernel void split_film(SPLIT_ARGUMENTS) {
+    const uint index = first + (uint)get_global_id(0);
+    if (index >= end) return;
+    float3 sum = (float3)(0.0f);
+    for (uint s = 0; s < render->sample_count; s++) sum += path_radiance[s * batch_pixels + index].xyz;
+    film[pixel_in_tiles(render, first_pixel + index)] = (float4)(sum * render->sample_weight, 1.0f);
 }

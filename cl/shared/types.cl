@@ -11,12 +11,12 @@
 #define TILE_SIDE 8u
 #define COUNTER_SLOTS 256u
 #define MAX_SHADOW_LAYERS 256u
-#define NO_PIXEL 4294967295u
+#define NO_PATH 4294967295u
 #define SPLIT_KIND_BITS 8u
 #define QUEUE_ACTIVE 0u
 #define QUEUE_HITS 1u
 #define QUEUE_TEXTURED 2u
-#define QUEUE_PIXELS 3u
+#define QUEUE_PATHS 3u
 #define QUEUE_SHADOWS 4u
 #define COUNTERS 8u
 #define COUNT_CAMERA_CAST 0u
@@ -122,14 +122,13 @@ typedef struct {
     float sample_weight; // 1 / sample_count.
 } RenderParams;
 
-// A slot renders one pixel after the other; this is what it keeps from wave to wave.
+// A slot follows one path after the other: a sample of a pixel and all the rays that come of it.
 typedef struct {
-    float4 radiance; // Radiance of the sample so far in x, y, z; w unused.
-    float4 sum; // Sum of the samples before it in x, y, z; w unused.
-    uint pixel; // Number of the pixel, row by row, or NO_PIXEL.
-    uint sample; // Number of the sample.
+    float4 radiance; // Radiance of the path so far in x, y, z; w unused.
+    uint path; // Number of the path in its batch, or NO_PATH.
     uint pending; // How many rays wait to be traced.
     uint request; // Number of this wave's texture request, where there is one.
+    uint pad; // Unused.
 } SplitSlot;
 
 // A ray that waits to be traced. It ends nowhere.
@@ -148,7 +147,7 @@ typedef struct {
     float4 diffuse; // Diffuse colour, textured, in x, y, z; w unused.
 } SplitSurface;
 
-// What the ray of this wave brings its sample.
+// What the ray of this wave brings its path.
 typedef struct {
     float4 radiance; // Radiance along the ray so far in x, y, z; w unused.
     float4 weight; // What it is multiplied by in x, y, z; w unused.

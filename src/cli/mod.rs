@@ -105,9 +105,9 @@ struct MethodArgs {
     kernels: Kernels,
     #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
     textures: TexturePass,
-    /// Pixels that --kernels split works on at a time [default: as many as fit into 256 MiB of the device's memory].
+    /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
     #[arg(long, value_name = "N")]
-    pixels_in_flight: Option<u32>,
+    paths_in_flight: Option<u32>,
 }
 
 impl MethodArgs {
@@ -127,7 +127,7 @@ impl MethodArgs {
             triangles: self.triangles,
             kernels: self.kernels,
             textures: self.textures,
-            pixels_in_flight: self.pixels_in_flight,
+            paths_in_flight: self.paths_in_flight,
         };
         options.validate().map(|()| options)
     }

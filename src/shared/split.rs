@@ -2,8 +2,8 @@
 
 use crate::layout::{Float4, Int4, device_struct};
 
-/// `SplitSlot::pixel` of a slot that renders none.
-pub const NO_PIXEL: u32 = u32::MAX;
+/// `SplitSlot::path` of a slot that follows none.
+pub const NO_PATH: u32 = u32::MAX;
 /// The kind of ray in `SplitRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
 pub const SPLIT_KIND_BITS: u32 = 8;
 /// Of the lengths of the split kernels' queues: slots that trace a ray in this wave.
@@ -12,26 +12,24 @@ pub const QUEUE_ACTIVE: u32 = 0;
 pub const QUEUE_HITS: u32 = 1;
 /// Requests for colours of textures.
 pub const QUEUE_TEXTURED: u32 = 2;
-/// Pixels that were given to slots; slots that came too late count, too.
-pub const QUEUE_PIXELS: u32 = 3;
+/// Paths of the batch that were given to slots; slots that came too late count, too.
+pub const QUEUE_PATHS: u32 = 3;
 /// Shadow rays towards the first light; the other lights' follow.
 pub const QUEUE_SHADOWS: u32 = 4;
 
 device_struct! {
-    /// A slot renders one pixel after the other; this is what it keeps from wave to wave.
+    /// A slot follows one path after the other: a sample of a pixel and all the rays that come of it.
     pub struct SplitSlot {
-        /// Radiance of the sample so far in x, y, z; w unused.
+        /// Radiance of the path so far in x, y, z; w unused.
         pub radiance: Float4,
-        /// Sum of the samples before it in x, y, z; w unused.
-        pub sum: Float4,
-        /// Number of the pixel, row by row, or NO_PIXEL.
-        pub pixel: u32,
-        /// Number of the sample.
-        pub sample: u32,
+        /// Number of the path in its batch, or NO_PATH.
+        pub path: u32,
         /// How many rays wait to be traced.
         pub pending: u32,
         /// Number of this wave's texture request, where there is one.
         pub request: u32,
+        /// Unused.
+        pub pad: u32,
     }
 }
 
@@ -64,7 +62,7 @@ device_struct! {
 }
 
 device_struct! {
-    /// What the ray of this wave brings its sample.
+    /// What the ray of this wave brings its path.
     pub struct SplitYield {
         /// Radiance along the ray so far in x, y, z; w unused.
         pub radiance: Float4,
