@@ -91,13 +91,12 @@ PendingRay load_pending(__global const SplitRay* from) {
     return pending;
 }
 
-SurfacePoint load_point(__global const SplitSurface* from) {
+// Through a pointer: what Oclgrind 21.10 makes of a returned struct here (llvm.experimental.noalias.scope.decl) it cannot run.
+void load_point(__global const SplitSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
-    SurfacePoint point;
-    point.position = position_error.xyz;
-    point.error = position_error.w;
-    point.primitive = as_uint(from->geometric_normal_primitive.w);
-    return point;
+    point->position = position_error.xyz;
+    point->error = position_error.w;
+    point->primitive = as_uint(from->geometric_normal_primitive.w);
 }
 
 __kernel void split_camera(SPLIT_ARGUMENTS) {
@@ -240,7 +239,7 @@ __kernel void split_light(SPLIT_ARGUMENTS) {
         slot = other_queue[index];
         const int4 normal_material = surfaces[slot].normal_material;
         Surface surface; // as far as light_term looks at it
-        surface.point = load_point(&surfaces[slot]);
+        load_point(&surfaces[slot], &surface.point);
         surface.geometric_normal = as_float3(surfaces[slot].geometric_normal_primitive.xyz);
         surface.normal = as_float3(normal_material.xyz);
         const Material material = materials[as_uint(normal_material.w)];
@@ -263,7 +262,8 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     LightSample sample; // as far as light_visibility looks at it
     sample.to_light = to_light_t_far.xyz;
     sample.t_far = to_light_t_far.w;
-    const SurfacePoint point = load_point(&surfaces[slot]);
+    SurfacePoint point;
+    load_point(&surfaces[slot], &point);
     uint counts[COUNTERS] = {0};
     const float3 visibility = light_visibility(SCENE_AT(&scene), &point, &sample, counts);
     yields[slot].radiance.xyz += as_float3(reflected_slot.xyz) * visibility;
