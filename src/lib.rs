@@ -19,17 +19,17 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL and TOML loaders; usable alone |
-//! | [`accel`] | builders of kd-trees, grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
+//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL, PLY, STL, NFF and TOML loaders; usable alone |
+//! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
 //! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |
 //! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch |
-//! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] |
+//! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/`, `kernels/` entry points |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points |
 //!
 //! # Invariants
 //!
@@ -44,7 +44,7 @@
 //! ```
 //! use raybrook::options::TraceOptions;
 //! use raybrook::pack::SceneBuffers;
-//! use raybrook::scene::{Builder, Material};
+//! use raybrook::scene::{Builder, Material, Samples};
 //! use raybrook::session::{Picture, complete, open_tracer, render};
 //! use std::sync::Arc;
 //!
@@ -57,7 +57,8 @@
 //!
 //! let options = TraceOptions::default();
 //! let buffers = Arc::new(SceneBuffers::new(&scene, &options)?);
-//! let picture = Picture { camera: scene.camera.unwrap(), size: (32, 24), samples: 1, depth: 4, kill_weight: None };
+//! let (size, samples) = ((32, 24), Samples::PerPixel(1));
+//! let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: 4, kill_weight: None };
 //! let mut tracer = open_tracer(None, &buffers, &options, picture.depth, None)?; // None: the reference
 //! let result = render(tracer.as_mut(), &buffers, &picture, &|_| ())?;
 //! assert!(result.counts[1] > 100, "camera rays hit the sphere");

@@ -46,6 +46,10 @@ macro_rules! methods {
     };
 }
 
+mod kd;
+
+pub use kd::{KdOptions, SplitAxis, Stop};
+
 methods! {
     /// The structure that rays are traced through.
     pub enum Accel ("--accel") {
@@ -69,8 +73,14 @@ methods! {
     pub enum Build ("--build") {
         /// Axes in turn, plane between the two middle centroids (thesis, section 5.5.1).
         Median = "median",
+        /// The median of a random sample (thesis, section 5.5).
+        SampledMedian = "sampled-median",
+        /// Plane in the middle of the cell (Kaplan 1985).
+        SpatialMedian = "spatial-median",
         /// Surface area heuristic over sorted event lists (Wald and Havran 2006).
         Sah = "sah",
+        /// The same with volumes for areas, as the thesis has it (section 5.5). To study, not to use.
+        Volume = "volume",
     }
 }
 
@@ -95,6 +105,9 @@ methods! {
 methods! {
     /// The ray-triangle test.
     pub enum Intersector ("--intersector") {
+        /// Right: exact arithmetic decides hit or miss and which of two hits is nearer, wherever rounded arithmetic cannot; t, u and v
+        /// are the exact ones rounded once.
+        Exact = "exact",
         /// Two edges and one reciprocal (Möller and Trumbore 1997), two-sided, no epsilon.
         MollerTrumbore = "moller-trumbore",
         /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between neighbours.
@@ -187,11 +200,20 @@ impl Intersector {
     /// The function in `cl/intersect/` that does it.
     pub fn cl_function(self) -> &'static str {
         match self {
+            Intersector::Exact => "intersect_exact",
             Intersector::MollerTrumbore => "intersect_moller_trumbore",
             Intersector::Watertight => "intersect_watertight",
             Intersector::Plucker => "intersect_plucker",
             Intersector::Precomputed => "intersect_precomputed",
             Intersector::Thesis => "intersect_thesis",
+        }
+    }
+
+    /// The function that decides which of two of its hits is nearer.
+    pub fn cl_nearer(self) -> &'static str {
+        match self {
+            Intersector::Exact => "is_nearer_exactly",
+            _ => "is_nearer_rounded",
         }
     }
 
@@ -203,7 +225,7 @@ impl Intersector {
     /// quarters of them of rays in a triangle's plane or close to it, 43 (`moller-trumbore`) and 195 (`plucker`) were others than
     /// brute force's.
     pub fn is_robust(self) -> bool {
-        matches!(self, Intersector::Watertight | Intersector::Precomputed)
+        matches!(self, Intersector::Exact | Intersector::Watertight | Intersector::Precomputed)
     }
 
     /// Whether it reads [`crate::pack::SceneBuffers::transforms`].
@@ -231,11 +253,15 @@ pub struct TraceOptions {
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
     /// A node with at most this many triangles is not split, and a cluster has no more; at least 1. `None`: the build's own
-    /// default: 1 for SAH, 12 for median, 8 for an octree, the square root of the triangles for clusters.
+    /// default: 1 for a kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median and an
+    /// octree, 4 for the others; the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
     /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.
     pub max_depth: Option<u32>,
+    /// How the kd-tree is split, and when no more.
+    #[serde(flatten)]
+    pub kd: KdOptions,
     /// Cells of the grid along x, y, z; their product at most [`TraceOptions::MAX_GRID_CELLS`]. An axis along which the scene has
     /// no extent gets 1. `None`: nearly cubic ones, about 8 for each triangle.
     pub grid_size: Option<[u32; 3]>,
@@ -282,6 +308,7 @@ impl TraceOptions {
         intersector: Intersector::Watertight,
         leaf_size: None,
         max_depth: None,
+        kd: KdOptions::DEFAULT,
         grid_size: None,
         memory: Memory::Global,
         layout: Layout::Split,
@@ -326,6 +353,7 @@ impl TraceOptions {
     /// [`Error::Option`] names the option that is out of its range or has no meaning, and what is possible.
     pub fn validate(&self) -> Result<()> {
         self.check_that_all_apply()?;
+        self.kd.validate(self.build)?;
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
         }
@@ -392,7 +420,8 @@ impl TraceOptions {
             ("--grid-size", self.grid_size.is_some(), &[Grid]),
             ("--node-order", self.node_order != default.node_order, &[Kd]),
         ];
-        for (option, is_set, structures) in options {
+        let of_kd = self.kd.given().map(|(option, is_set)| (option, is_set, &[Kd][..]));
+        for (option, is_set, structures) in options.into_iter().chain(of_kd) {
             if is_set && !structures.contains(&self.accel) {
                 let names: Vec<_> = structures.iter().map(|accel| accel.name()).collect();
                 let nearest = if self.accel == Grid { "; a grid's cells are set by --grid-size X,Y,Z" } else { "" };

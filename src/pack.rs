@@ -1,6 +1,7 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
 mod arrangement;
+mod textures;
 mod transforms;
 
 pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
@@ -10,16 +11,17 @@ use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
     reorder,
 };
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::layout::Float4;
 use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
-use crate::scene::{self, Camera, Falloff, LightKind, Scene};
+use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
 use crate::shared::{
     KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
     SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use std::time::Instant;
+use textures::pack_textures;
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]
@@ -76,7 +78,8 @@ impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything.
     ///
     /// # Errors
-    /// [`Error::Scene`] when an array outgrows 32-bit indices; [`Error::Option`] when the options are out of range.
+    /// [`Scene`](crate::Error::Scene) when an array outgrows 32-bit indices; [`Option`](crate::Error::Option) when the options are
+    /// out of range.
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
         let primitives = scene.hittable();
@@ -91,7 +94,7 @@ impl SceneBuffers {
         let start = Instant::now();
         let build_options = match options.accel {
             Accel::Octree => BuildOptions::octree(primitives.len(), options.leaf_size, options.max_depth),
-            _ => BuildOptions::new(options.build, primitives.len(), options.leaf_size, options.max_depth),
+            _ => BuildOptions::new(options, primitives.len()),
         };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
         let Structure { nodes, references, bounds } = match options.accel {
@@ -118,7 +121,7 @@ impl SceneBuffers {
         };
         let build_s = start.elapsed().as_secs_f64();
 
-        let (textures, texels) = pack_textures(scene)?;
+        let (textures, texels) = pack_textures(scene, scale)?;
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, 0.0),
@@ -152,15 +155,15 @@ impl SceneBuffers {
         })
     }
 
-    /// The picture's parameters for `camera`.
+    /// The picture's parameters for `camera`; `size` must be one that [`Samples::check`] accepts.
     ///
     /// `kill_weight`: secondary rays of less weight are not cast; `None` chooses the largest weight that cannot change an 8-bit
     /// sRGB pixel (half a step at black, where steps are smallest) however bright the scene is.
     pub fn render_params(
         &self,
         camera: &Camera,
-        (width, height): (u32, u32),
-        sample_count: u32,
+        size: (u32, u32),
+        samples: Samples,
         max_depth: u32,
         kill_weight: Option<f32>,
     ) -> RenderParams {
@@ -170,7 +173,8 @@ impl SceneBuffers {
         let right = forward.cross(camera.up.into()).normalize_or(forward.any_orthonormal_vector());
         let up = right.cross(forward);
         let half_height = (f64::from(camera.fov_degrees).to_radians() / 2.0).tan();
-        let half_width = half_height * f64::from(width) / f64::from(height);
+        let half_width = half_height * samples.aspect(size);
+        let (width, height) = size;
         RenderParams {
             eye: Float4::new(camera.eye * self.params.scale, 0.0),
             forward: Float4::new(forward.as_vec3(), 0.0),
@@ -178,18 +182,20 @@ impl SceneBuffers {
             up: Float4::new((up * half_height).as_vec3(), 0.0),
             width,
             height,
-            sample_count,
+            sample_count: samples.per_pixel(),
             max_depth,
             kill_weight: kill_weight.unwrap_or(HALF_STEP_AT_BLACK / self.brightest.max(1.0)),
-            pixel_width: 2.0 / width as f32,
-            pixel_height: 2.0 / height as f32,
-            sample_weight: 1.0 / sample_count as f32,
+            pixel_width: 2.0 / samples.intervals(width) as f32,
+            pixel_height: 2.0 / samples.intervals(height) as f32,
+            sample_weight: 1.0 / samples.per_pixel() as f32,
         }
     }
 }
 
-/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre.
-pub fn sample_positions(count: u32) -> Vec<[f32; 2]> {
+/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre; or
+/// the pixel's upper left corner.
+pub fn sample_positions(samples: Samples) -> Vec<[f32; 2]> {
+    let Samples::PerPixel(count) = samples else { return vec![[0.0; 2]] };
     (0..count)
         .map(|i| {
             let x = (f64::from(i) + 0.5) / f64::from(count);
@@ -236,8 +242,8 @@ fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
         emission: Float4::new(material.emission, 0.0),
         texture: material.diffuse_texture.unwrap_or(NO_TEXTURE),
         transparent: u32::from(material.is_transparent()),
-        pad0: 0,
-        pad1: 0,
+        toon_steps: material.toon.map_or(0, |toon| toon.steps),
+        toon_threshold: material.toon.map_or(0.0, |toon| toon.threshold),
     }
 }
 
@@ -270,18 +276,6 @@ fn pack_light(light: &scene::Light, scale: f32) -> Light {
         }
     }
     packed
-}
-
-fn pack_textures(scene: &Scene) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
-    let mut texels = Vec::new();
-    let mut textures = Vec::new();
-    for texture in &scene.textures {
-        let first = u32::try_from(texels.len())
-            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", texture.name)))?;
-        textures.push(TextureInfo { first, width: texture.width, height: texture.height, pad: 0 });
-        texels.extend(texture.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
-    }
-    Ok((textures, texels))
 }
 
 /// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.

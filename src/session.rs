@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceTracer;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Samples, Scene};
 use crate::tracer::{Progress, RenderResult, Tracer};
 use glam::Vec3;
 use std::sync::Arc;
@@ -53,8 +53,8 @@ pub struct Picture {
     pub camera: Camera,
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Samples per pixel.
-    pub samples: u32,
+    /// Where camera rays pass.
+    pub samples: Samples,
     /// Longest chain of rays, the camera ray counted as 1.
     pub depth: u32,
     /// Weight below which secondary rays are not cast; `None`: where they cannot change an 8-bit pixel.
@@ -64,13 +64,14 @@ pub struct Picture {
 /// Renders a picture of the scene that `tracer` was opened with.
 ///
 /// # Errors
-/// The device failed or cannot hold the picture.
+/// The picture has no such samples, or the device failed or cannot hold it.
 pub fn render(
     tracer: &mut dyn Tracer,
     buffers: &SceneBuffers,
     picture: &Picture,
     progress: Progress,
 ) -> Result<RenderResult> {
+    picture.samples.check(picture.size)?;
     let params =
         buffers.render_params(&picture.camera, picture.size, picture.samples, picture.depth, picture.kill_weight);
     tracer.render(&params, &sample_positions(picture.samples), progress)

@@ -29,6 +29,17 @@ pub const LIGHT_SPOT: u32 = 2;
 /// `Material::texture` of an untextured material.
 pub const NO_TEXTURE: u32 = u32::MAX;
 
+/// `TextureInfo::kind` of a picture.
+pub const TEXTURE_IMAGE: u32 = 0;
+/// `TextureInfo::kind` of a chequerboard in space.
+pub const TEXTURE_CHECKER: u32 = 1;
+/// `TextureInfo::kind` of fractal noise.
+pub const TEXTURE_NOISE: u32 = 2;
+/// `TextureInfo::kind` of marble.
+pub const TEXTURE_MARBLE: u32 = 3;
+/// `TextureInfo::kind` of wood.
+pub const TEXTURE_WOOD: u32 = 4;
+
 /// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.
 pub const TILE_SIDE: u32 = 8;
 /// The ray counters exist this many times on a device, so that work-items seldom meet at one.
@@ -133,10 +144,10 @@ device_struct! {
         pub texture: u32,
         /// 1 when light passes through (transmission above zero), else 0.
         pub transparent: u32,
-        /// Unused.
-        pub pad0: u32,
-        /// Unused.
-        pub pad1: u32,
+        /// Tones above dark of the diffuse light, or 0 for smooth shading.
+        pub toon_steps: u32,
+        /// Cosine from which there is light at all; only with toon_steps.
+        pub toon_threshold: f32,
     }
 }
 
@@ -161,14 +172,32 @@ device_struct! {
 }
 
 device_struct! {
-    /// Where a texture lies in the texel array.
+    /// A texture: where its picture lies in the texel array, or the parameters of a procedural one.
     pub struct TextureInfo {
-        /// Index of its first texel.
+        /// Procedural: how x of the texture's own space comes from a position (factors in x, y, z and a summand in w).
+        pub to_x: Float4,
+        /// Procedural: the same for y.
+        pub to_y: Float4,
+        /// Procedural: the same for z.
+        pub to_z: Float4,
+        /// Procedural: first colour in x, y, z and strength of the turbulence in w.
+        pub colour0_turbulence: Float4,
+        /// Procedural: second colour in x, y, z; w unused.
+        pub colour1: Float4,
+        /// TEXTURE_IMAGE or the kind of procedural texture.
+        pub kind: u32,
+        /// Image: index of its first texel.
         pub first: u32,
-        /// Texels a row.
+        /// Image: texels a row.
         pub width: u32,
-        /// Rows.
+        /// Image: rows.
         pub height: u32,
+        /// Procedural: octaves of the noise.
+        pub octaves: u32,
+        /// Procedural: which noise.
+        pub seed: u32,
+        /// Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
+        pub in_uv: u32,
         /// Unused.
         pub pad: u32,
     }
@@ -217,9 +246,9 @@ device_struct! {
         pub max_depth: u32,
         /// A secondary ray whose weight is below this in every channel is not cast.
         pub kill_weight: f32,
-        /// 2 / width.
+        /// 2 / width; for rays through corners 2 / (width - 1).
         pub pixel_width: f32,
-        /// 2 / height.
+        /// 2 / height; for rays through corners 2 / (height - 1).
         pub pixel_height: f32,
         /// 1 / sample_count.
         pub sample_weight: f32,
@@ -259,6 +288,11 @@ pub fn types_cl() -> String {
         ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
         ("LIGHT_SPOT", LIGHT_SPOT),
         ("NO_TEXTURE", NO_TEXTURE),
+        ("TEXTURE_IMAGE", TEXTURE_IMAGE),
+        ("TEXTURE_CHECKER", TEXTURE_CHECKER),
+        ("TEXTURE_NOISE", TEXTURE_NOISE),
+        ("TEXTURE_MARBLE", TEXTURE_MARBLE),
+        ("TEXTURE_WOOD", TEXTURE_WOOD),
         ("TILE_SIDE", TILE_SIDE),
         ("COUNTER_SLOTS", COUNTER_SLOTS),
         ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::output::write_json;
+use crate::scene::Samples;
 use crate::shared::COUNTERS;
 use crate::tracer::SplitStats;
 
@@ -64,9 +65,9 @@ pub struct RunStats {
     /// Render: rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<u32>,
-    /// Render: samples per pixel.
+    /// Render: samples per pixel, or "corners".
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub samples: Option<u32>,
+    pub samples: Option<Samples>,
     /// Render: longest chain of rays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<u32>,

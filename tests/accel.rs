@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use raybrook::accel::{Aabb, BuildOptions, KdTree, TreeStats, build_kd_tree, check_tree};
-use raybrook::options::{Build, TraceOptions};
+use raybrook::options::{Build, SplitAxis, Stop, TraceOptions};
 use raybrook::shared::KD_LEAF;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -132,11 +132,16 @@ fn all(triangles: &Triangles) -> Vec<u32> {
     (0..triangles.len() as u32).collect()
 }
 
+/// The defaults of `build`.
+fn options_of(build: Build, triangle_count: usize) -> BuildOptions {
+    BuildOptions::new(&TraceOptions { build, ..TraceOptions::DEFAULT }, triangle_count)
+}
+
 fn build_checked(build: Build, name: &str, triangles: &Triangles, options: &BuildOptions) -> KdTree {
     let primitives = all(triangles);
     let start = Instant::now();
     let tree = build_kd_tree(build, triangles, &primitives, options);
-    let limit = Duration::from_secs(5); // hundreds of times what the inputs take here
+    let limit = Duration::from_secs(20); // tens of times what the slowest takes here, not optimised and on a busy machine
     assert!(start.elapsed() < limit, "{build} of '{name}' took {:?}", start.elapsed());
     if let Err(error) = check_tree(&tree, triangles, &primitives, options) {
         panic!("{build} of '{name}': {error}");
@@ -148,11 +153,44 @@ fn build_checked(build: Build, name: &str, triangles: &Triangles, options: &Buil
 fn every_build_of_every_input_is_right() {
     for (name, triangles) in inputs() {
         for &build in Build::ALL {
-            let options = BuildOptions::new(build, triangles.len(), None, None);
+            let options = options_of(build, triangles.len());
             let tree = build_checked(build, name, &triangles, &options);
             let stats = TreeStats::new(&tree, &options);
             println!("{name}: {build}: {stats:?}");
             assert!(stats.references_per_triangle <= 80.0, "{build} of '{name}': {stats:?}");
+        }
+    }
+}
+
+/// Stops and costs that let trees of hostile inputs grow as far as anything does.
+fn extreme_options(build: Build, triangle_count: usize) -> Vec<BuildOptions> {
+    let base = options_of(build, triangle_count);
+    let without_stops = BuildOptions { leaf_size: 1, max_depth: 60, stop: Stop::Size, similar_children: 1.0, ..base };
+    let free_steps = BuildOptions { stop: Stop::Cost, cost_traverse: 0.0, empty_bonus: 1.0, ..without_stops };
+    vec![
+        without_stops,
+        BuildOptions { split_axis: SplitAxis::Longest, sample_size: 1, ..without_stops },
+        free_steps,
+        BuildOptions { cost_traverse: f32::MAX, cost_intersect: f32::from_bits(1), ..without_stops },
+        BuildOptions { cost_traverse: f32::from_bits(1), cost_intersect: f32::MAX, ..free_steps },
+        BuildOptions { stop: Stop::Cost, ..base },
+        BuildOptions { stop: Stop::Size, similar_children: 0.0, ..base },
+        // What no user can ask for must not do harm either.
+        BuildOptions { cost_traverse: f32::NAN, sample_size: 0, leaf_size: 0, max_depth: u32::MAX, ..without_stops },
+    ]
+}
+
+#[test]
+fn hostile_inputs_are_built_without_stops_too() {
+    for (name, triangles) in inputs() {
+        for &build in Build::ALL {
+            for options in extreme_options(build, triangles.len()) {
+                let tree = build_checked(build, &format!("{name}, {options:?}"), &triangles, &options);
+                let stats = TreeStats::new(&tree, &options);
+                // As `build_kd_tree` promises.
+                assert!(stats.references_per_triangle <= 32.0, "{build} of '{name}', {options:?}: {stats:?}");
+                assert!(stats.max_depth <= TraceOptions::MAX_DEPTH, "{build} of '{name}', {options:?}: {stats:?}");
+            }
         }
     }
 }
@@ -162,7 +200,7 @@ fn limits_are_kept() {
     let triangles = soup(11, 400, 0.3);
     for &build in Build::ALL {
         for (leaf_size, max_depth) in [(1, 0), (1, 1), (1, 5), (400, 40), (399, 40), (20, 10), (1, 60), (1, u32::MAX)] {
-            let options = BuildOptions::new(build, triangles.len(), Some(leaf_size), Some(max_depth));
+            let options = BuildOptions { leaf_size, max_depth, ..options_of(build, triangles.len()) };
             let tree = build_checked(build, "limits", &triangles, &options);
             let stats = TreeStats::new(&tree, &options);
             assert!(stats.max_depth <= max_depth.min(TraceOptions::MAX_DEPTH), "{build}: {stats:?}");
@@ -180,17 +218,20 @@ fn only_the_given_primitives_are_in_the_tree() {
     let triangles = soup(12, 500, 0.1);
     let mut primitives: Vec<u32> = (0..500).filter(|i| i % 3 == 1).rev().collect(); // not even sorted
     primitives.push(1); // and one of them twice
+    let mut sorted = primitives.clone();
+    sorted.sort_unstable();
     for &build in Build::ALL {
-        let options = BuildOptions::new(build, primitives.len(), None, None);
+        let options = options_of(build, primitives.len());
         let tree = build_kd_tree(build, &triangles, &primitives, &options);
         assert_eq!(check_tree(&tree, &triangles, &primitives, &options), Ok(()), "{build}");
+        assert!(tree == build_kd_tree(build, &triangles, &sorted, &options), "{build}: the order changes the tree");
     }
 }
 
 #[test]
 fn an_empty_scene_is_one_empty_leaf() {
     for &build in Build::ALL {
-        let tree = build_kd_tree(build, &[], &[], &BuildOptions::new(build, 0, None, None));
+        let tree = build_kd_tree(build, &[], &[], &options_of(build, 0));
         assert_eq!(tree.bounds, Aabb::EMPTY, "{build}");
         assert_eq!((tree.nodes.len(), tree.references.len()), (1, 0), "{build}");
         assert_eq!((tree.nodes[0].flags, tree.nodes[0].right), (KD_LEAF, 0), "{build}");
@@ -204,7 +245,7 @@ fn threads_do_not_change_the_tree() {
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let (one, two) = (pool(1), pool(2));
     for &build in Build::ALL {
-        let options = BuildOptions::new(build, triangles.len(), None, None);
+        let options = options_of(build, triangles.len());
         let alone = one.install(|| build_kd_tree(build, &triangles, &primitives, &options));
         for _ in 0..3 {
             let together = two.install(|| build_kd_tree(build, &triangles, &primitives, &options));
@@ -218,7 +259,7 @@ fn the_numbers_of_a_known_tree_are_right() {
     // Two unit squares at x = 0 and x = 4, seen by a plane at each: empty space between them is cut off.
     let square = [[Vec3::ZERO, Vec3::Y, Vec3::Z], [Vec3::Y, Vec3::Z, Vec3::Y + Vec3::Z]];
     let triangles: Triangles = square.into_iter().chain(square.map(|t| t.map(|p| p + Vec3::X * 4.0))).collect();
-    let options = BuildOptions { cost_traverse: 0.5, ..BuildOptions::new(Build::Median, 4, Some(2), None) };
+    let options = BuildOptions { cost_traverse: 0.5, leaf_size: 2, ..options_of(Build::Median, 4) };
     let tree = build_checked(Build::Median, "squares", &triangles, &options);
     let stats = TreeStats::new(&tree, &options);
     assert_eq!((stats.nodes, stats.inner, stats.leaves, stats.empty_leaves), (3, 1, 2, 0));
@@ -280,7 +321,7 @@ fn trees_of_models_are_right() {
             continue;
         };
         for &build in Build::ALL {
-            let options = BuildOptions::new(build, triangles.len(), None, None);
+            let options = options_of(build, triangles.len());
             let tree = build_checked(build, name, &triangles, &options);
             println!("{name}: {build}: {:?}", TreeStats::new(&tree, &options));
         }
@@ -297,7 +338,7 @@ fn time_builds_of_models() {
         };
         let primitives = all(&triangles);
         for &build in Build::ALL {
-            let options = BuildOptions::new(build, triangles.len(), None, None);
+            let options = options_of(build, triangles.len());
             let mut best = Duration::MAX;
             for _ in 0..10 {
                 let start = Instant::now();

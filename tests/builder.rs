@@ -1,9 +1,10 @@
 //! The builder: solids are closed, face outwards and have the volume they should; transforms and materials persist.
 
-use glam::{Affine3A, DVec3, Mat3A, Vec2, Vec3, Vec3A};
+use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec2, Vec3, Vec3A};
 use raybrook::Error;
 use raybrook::scene::{
-    Builder, Camera, DropReason, Light, LightKind, MAX_SEGMENTS, Material, NO_INDEX, Normals, Primitive, Scene,
+    Builder, Camera, DropReason, Light, LightKind, MAX_SEGMENTS, Material, NO_INDEX, Normals, Pattern, Primitive,
+    Procedural, Scene, Toon,
 };
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -458,6 +459,21 @@ fn faults_are_told_by_finish() {
         ("light 0: intensity", |b| _ = b.light(Light::point(Vec3::ZERO, Vec3::NEG_X))),
         ("there is no texture number 0", |b| {
             _ = b.material(Material { diffuse_texture: Some(0), ..Material::default() })
+        }),
+        ("texture 0: colors", |b| {
+            _ = b.add_texture(Procedural { colours: [Vec3::NAN, Vec3::ONE], ..Procedural::new(Pattern::Wood) })
+        }),
+        ("texture 0: scale", |b| {
+            _ = b.add_texture(Procedural {
+                transform: DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)),
+                ..Procedural::new(Pattern::Noise)
+            })
+        }),
+        ("material '': toon steps is 0", |b| {
+            _ = b.material(Material { toon: Some(Toon { steps: 0, threshold: 0.5 }), ..Material::default() })
+        }),
+        ("material '': toon threshold is NaN", |b| {
+            _ = b.material(Material { toon: Some(Toon { steps: 2, threshold: f32::NAN }), ..Material::default() })
         }),
         ("mirror", |b| _ = b.material(Material { mirror: Vec3::splat(1.5), ..Material::default() })),
         ("shininess", |b| _ = b.material(Material { shininess: f32::NAN, ..Material::default() })),

@@ -47,16 +47,24 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "empty.obj"], 3, &["empty.obj"]),
         (&["render", "bad.obj"], 3, &["bad.obj:3"]),
         (&["render", "bad.toml"], 3, &["bad.toml:2", "widht", "width"]),
-        (&["render", "one.stl"], 3, &["one.stl", ".obj"]),
+        (&["render", "one.fbx"], 3, &["one.fbx", ".obj", ".ply", ".stl"]),
         (&["render", "."], 3, &["."]),
         (&["render", "one.obj", "-o", "x.gif"], 2, &["x.gif", ".png"]),
         (&["render", "one.obj", "-o", "no/such/folder/x.png"], 5, &["no/such/folder/x.png"]),
         (&["render", "one.obj", "--stats", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
         (&["render", "one.obj", "--size", "0x5"], 2, &["--size", "0x5"]),
         (&["render", "one.obj", "--samples", "0"], 2, &["--samples"]),
+        (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
+        (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
         (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, grid"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
+        (&["info", "one.obj", "--build", "middle"], 2, &["--build", "sampled-median", "volume"]),
+        (&["info", "one.obj", "--stop", "never"], 2, &["--stop", "cost, size"]),
+        (&["info", "one.obj", "--empty-bonus", "2"], 2, &["--empty-bonus", "from 0 to 1"]),
+        (&["info", "one.obj", "--build", "median", "--cost-traverse", "2"], 2, &["--cost-traverse", "--stop cost"]),
+        (&["info", "one.obj", "--sample-size", "9"], 2, &["--sample-size", "--build sampled-median"]),
+        (&["info", "one.obj", "--accel", "octree", "--stop", "size"], 2, &["--stop", "--accel kd"]),
         (&["render", "one.obj", "--bit-depth", "12"], 2, &["--bit-depth", "12"]),
         (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
@@ -105,6 +113,25 @@ fn render_writes_every_format_and_stats() {
 }
 
 #[test]
+fn an_nff_file_has_its_size_and_corners_are_cast() {
+    let folder = folder();
+    let at = folder.path();
+    let view = "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 12 8\n";
+    std::fs::write(at.join("a.nff"), format!("{view}l 0 0 9\ns 0 0 0 1\n")).unwrap();
+    let stats = |arguments: &[&str]| -> serde_json::Value {
+        let fixed = ["render", "a.nff", "--device", "reference", "--stats", "stats.json"];
+        let output = raybrook(at, &[&fixed, arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap()
+    };
+    let plain = stats(&["--samples", "2"]);
+    assert_eq!((&plain["width"], &plain["height"], &plain["samples"]), (&12.into(), &8.into(), &2.into()));
+    assert_eq!(plain["rays"]["camera"]["cast"], 12 * 8 * 2);
+    let corners = stats(&["--samples", "corners", "--size", "13x9"]);
+    assert_eq!((&corners["samples"], &corners["rays"]["camera"]["cast"]), (&"corners".into(), &(13 * 9).into()));
+}
+
+#[test]
 fn quiet_is_quiet_and_without_opencl_the_reference_says_so() {
     let folder = folder();
     let at = folder.path();
@@ -139,6 +166,31 @@ fn info_and_devices_print_json() {
     let devices = raybrook(folder.path(), &["devices", "--json"]);
     let devices: serde_json::Value = serde_json::from_slice(&devices.stdout).unwrap();
     assert!(devices["devices"].is_array());
+}
+
+/// Each option in turn must change the tree of a scene of ours, as `raybrook info` tells of it.
+#[test]
+fn info_shows_the_tree_that_the_options_build() {
+    let tree = |arguments: &str| {
+        let arguments = ["info", "scenes/knot.obj", "--json"].into_iter().chain(arguments.split_whitespace());
+        let output = raybrook(Path::new(env!("CARGO_MANIFEST_DIR")), &arguments.collect::<Vec<_>>());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()["tree"].clone()
+    };
+    for (base, others) in [
+        ("", &["--build volume", "--build median", "--cost-traverse 3", "--cost-intersect 3", "--empty-bonus 0"][..]),
+        ("", &["--stop size", "--similar-children 0.4", "--leaf-size 9", "--max-depth 9"]),
+        ("--build median", &["--build sampled-median", "--build spatial-median", "--build median --stop cost"]),
+        ("--build median", &["--build median --split-axis longest", "--build median --similar-children 0.6"]),
+        ("--build median --stop cost", &["--build median --stop cost --cost-traverse 3"]),
+        ("--build sampled-median", &["--build sampled-median --sample-size 5"]),
+    ] {
+        let plain = tree(base);
+        assert!(plain["nodes"].as_u64().unwrap() > 100, "{plain}");
+        for other in others {
+            assert_ne!(tree(other), plain, "'{other}' instead of '{base}'");
+        }
+    }
 }
 
 #[test]

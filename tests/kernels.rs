@@ -10,14 +10,18 @@ use raybrook::layout::Float4;
 use raybrook::options::{Accel, Intersector, Kernels, TexturePass, TraceOptions, Traversal};
 use raybrook::pack::{SceneBuffers, triangle_transform};
 use raybrook::reference::intersect::intersect;
+use raybrook::reference::light::toon_tone;
 use raybrook::reference::math;
+use raybrook::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
 use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
 use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::reference::whitted::refract_direction;
 use raybrook::scene::{Background, Builder, Camera, Light, Material, Texture};
 use raybrook::session::{Picture, open_tracer, render};
-use raybrook::shared::{NO_PRIMITIVE, SHARED_STRUCTS};
+use raybrook::shared::{
+    NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
+};
 use raybrook::tracer::TraceJob;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -30,6 +34,18 @@ const CANARIES: usize = 16;
 
 /// Runs `body`, OpenCL statements that read `in[0..inputs]` and write `out[0..outputs]`, once for each group of `inputs` numbers.
 fn run(device: &raybrook::device::DeviceHandle, body: &str, inputs: usize, outputs: usize, data: &[f32]) -> Vec<f32> {
+    run_with(device, CompileOptions::new(), body, inputs, outputs, data)
+}
+
+/// The same with further definitions.
+fn run_with(
+    device: &raybrook::device::DeviceHandle,
+    options: CompileOptions,
+    body: &str,
+    inputs: usize,
+    outputs: usize,
+    data: &[f32],
+) -> Vec<f32> {
     let kernel = format!(
         "__kernel void probe(__global const float* restrict data, __global float* restrict results) {{\n\
          const size_t item = get_global_id(0);\n\
@@ -37,8 +53,10 @@ fn run(device: &raybrook::device::DeviceHandle, body: &str, inputs: usize, outpu
     );
     let context = DeviceContext::open(device).unwrap();
     let source = ProgramSource::new(KERNEL_FILES.iter().copied().chain([("tests/probe.cl", kernel.as_str())]));
-    let options =
-        CompileOptions::new().define("TRAVERSE", "traverse_kd_stack").define("INTERSECT", "intersect_watertight");
+    let options = options
+        .define("TRAVERSE", "traverse_kd_stack")
+        .define("INTERSECT", "intersect_watertight")
+        .define("NEARER", "is_nearer_rounded");
     let program = build(&context, &source, &options, None).unwrap().program;
     let items = data.len() / inputs;
     let mut results = vec![CANARY; items * outputs + CANARIES];
@@ -104,6 +122,23 @@ fn mixed(random: &mut Random) -> f32 {
         2 => -0.0,
         3 => 1.0,
         _ => random.signed(),
+    }
+}
+
+/// A coordinate for textures: mostly ordinary, many on the borders of cells and just beside them, some beyond all whole numbers.
+fn place(random: &mut Random) -> f32 {
+    let whole = (random.bits() % 17) as f32 - 8.0;
+    match random.bits() % 16 {
+        0 => random.any_float(),
+        1 => whole,
+        2 => whole.next_down(),
+        3 => whole.next_up(),
+        4 => [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30][random.bits() as usize % 5],
+        // Around the last numbers that an int and that a fraction have.
+        5 => random.signed() * 4_294_967_296.0,
+        6 => [2_147_483_648.0, -2_147_483_648.0, 2_147_483_520.0, -2_147_483_520.0][random.bits() as usize % 4],
+        7 => random.signed() * 16_777_216.0,
+        _ => random.signed() * 10.0,
     }
 }
 
@@ -201,6 +236,50 @@ const CASES: &[Case] = &[
         },
     },
     Case {
+        name: "sin_turns",
+        body: "out[0] = sin_turns(in[0]); out[1] = sin_turns(in[1] * 100.0f);",
+        inputs: 2,
+        outputs: 2,
+        input: mixed,
+        twin: |x| vec![math::sin_turns(x[0]), math::sin_turns(x[1] * 100.0)],
+    },
+    Case {
+        name: "toon_tone",
+        body: "out[0] = toon_tone(in[0], 1u, fabs(in[1])); out[1] = toon_tone(in[0], 3u, in[1]);\
+               out[2] = toon_tone(in[2] * 0.25f, 4u, 0.0f); out[3] = toon_tone(in[2], 0xffffffffu, 0.25f);",
+        inputs: 3,
+        outputs: 4,
+        input: |random| {
+            if random.bits().is_multiple_of(4) { (random.bits() % 17) as f32 / 8.0 - 1.0 } else { mixed(random) }
+        },
+        twin: |x| {
+            vec![
+                toon_tone(x[0], 1, x[1].abs()),
+                toon_tone(x[0], 3, x[1]),
+                toon_tone(x[2] * 0.25, 4, 0.0),
+                toon_tone(x[2], u32::MAX, 0.25),
+            ]
+        },
+    },
+    Case {
+        name: "gradient_noise, fractal_noise",
+        body: "float3 p = vload3(0, in); out[0] = gradient_noise(p, 0u); out[1] = gradient_noise(p, 0xfffffffbu);\
+               out[2] = fractal_noise(p, 16u, 0xfffffffbu, false); out[3] = fractal_noise(p, 5u, 7u, true);",
+        inputs: 3,
+        outputs: 4,
+        input: place,
+        twin: |x| {
+            let p = v3(x);
+            let last = 0xffff_fffb; // the octaves' seeds wrap around
+            vec![
+                gradient_noise(p, 0),
+                gradient_noise(p, last),
+                fractal_noise(p, 16, last, false),
+                fractal_noise(p, 5, 7, true),
+            ]
+        },
+    },
+    Case {
         name: "widen_up, widen_down",
         body: "out[0] = widen_up(in[0]); out[1] = widen_down(in[0]);",
         inputs: 1,
@@ -255,7 +334,8 @@ fn intersectors_equal_their_twins() {
     for &intersector in Intersector::ALL {
         let body = format!(
             "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8);\
-             geometry.transforms = (__global const float4*)(in + 20); geometry.scale = in[32]; float t, u, v;\
+             geometry.transforms = (__global const float4*)(in + 20); geometry.scale = in[32];\
+             geometry.low = (float3)(-1.0f); geometry.high = (float3)(1.0f); float t, u, v;\
              bool hit = {}(GEOMETRY_AT(&geometry), &ray, 0, &t, &u, &v);\
              out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
             intersector.cl_function()
@@ -302,6 +382,12 @@ fn intersectors_equal_their_twins() {
         let least = if intersector == Intersector::Thesis { ITEMS } else { 2 * ITEMS };
         assert!(hits > least, "{intersector}: only {hits} hits");
         assert_same_bits(intersector.name(), INPUTS, &data, &run(&device, &body, INPUTS, 4, &data), &expected);
+        if intersector == Intersector::Exact {
+            // Its answers do not depend on the kind of numbers: devices without double give them, too.
+            let float_only = CompileOptions::new().define("FLOAT_ONLY", 1);
+            let found = run_with(&device, float_only, &body, INPUTS, 4, &data);
+            assert_same_bits("exact without double", INPUTS, &data, &found, &expected);
+        }
     }
 }
 
@@ -335,9 +421,47 @@ fn refraction_equals_its_twin() {
     assert_same_bits("refract_direction", 7, &data, &run(&device, body, 7, 7, &data), &expected);
 }
 
+/// Every kind of procedural texture, in the world and in texture coordinates, placed by rows that keep borders where they are, by
+/// random ones, and by nonsense.
+#[test]
+fn procedural_textures_equal_their_twins() {
+    let Some(device) = device() else { return };
+    let body = "vstore3(surface_colour((__global const TextureInfo*)in, 0, 0, 0u, in[31], in[32], vload3(0, in + 28)), 0, out);";
+    const INPUTS: usize = 36; // a texture, a position, texture coordinates, and three to align the next
+    let kinds = [TEXTURE_CHECKER, TEXTURE_NOISE, TEXTURE_MARBLE, TEXTURE_WOOD];
+    let mut random = Random(SEED);
+    let (mut data, mut expected) = (Vec::new(), Vec::new());
+    for i in 0..8 * ITEMS {
+        let row = |axis: Vec3, random: &mut Random| match i / 8 % 4 {
+            0 | 1 => Float4::new(axis, 0.0),
+            2 => Float4::new(4.0 * random.vec3(), random.signed()),
+            _ => Float4 { x: place(random), y: place(random), z: place(random), w: place(random) },
+        };
+        let info = TextureInfo {
+            to_x: row(Vec3::X, &mut random),
+            to_y: row(Vec3::Y, &mut random),
+            to_z: row(Vec3::Z, &mut random),
+            colour0_turbulence: Float4::new(random.vec3().abs(), 2.0 * random.signed()),
+            colour1: Float4::new(random.vec3().abs(), 0.0),
+            kind: kinds[i % 4],
+            octaves: (random.bits() % 6) as u32,
+            seed: random.bits() as u32,
+            in_uv: (i / 4 % 2) as u32,
+            ..TextureInfo::default()
+        };
+        let at = [(); 5].map(|()| place(&mut random));
+        expected.extend(procedural_colour(&info, [at[3], at[4]], v3(&at)).to_array());
+        data.extend_from_slice(bytemuck::cast_slice::<_, f32>(&[info]));
+        data.extend(at);
+        data.resize(INPUTS * (i + 1), 0.0);
+    }
+    assert!(expected.iter().all(|c| (0.0..=1.0).contains(c)), "a colour beyond its two");
+    assert_same_bits("procedural_colour", INPUTS, &data, &run(&device, body, INPUTS, 3, &data), &expected);
+}
+
 fn surface_with(normal: Vec3) -> Surface {
     Surface {
-        point: SurfacePoint { position: Vec3::ZERO, error: 0.0, primitive: 0 },
+        point: SurfacePoint { position: Vec3::ZERO, position_low: Vec3::ZERO, error: 0.0, primitive: 0 },
         geometric_normal: normal,
         normal,
         texture_uv: [0.0; 2],
@@ -428,6 +552,20 @@ fn elementary_functions_keep_their_bounds() {
         if power > 1e-37 && x < 1.0 {
             power_error = power_error.max((f64::from(math::power_fixed(x, exponent)) - power).abs() / power);
         }
+    }
+    let mut sine_error = 0f64;
+    for _ in 0..1_000_000 {
+        let x = random.signed();
+        let exact = (std::f64::consts::TAU * f64::from(x)).sin();
+        sine_error = sine_error.max((f64::from(math::sin_turns(x)) - exact).abs());
+    }
+    println!("worst error of the sine: {:.2} eps", sine_error / EPSILON);
+    assert!(sine_error <= 4.0 * EPSILON, "sin_turns is off by {} eps", sine_error / EPSILON);
+    for x in [0.0, 0.5, -1.0, 4_194_303.5, 8_388_609.0, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        assert_eq!(math::sin_turns(x), 0.0, "the sine of {x} turns");
+    }
+    for (x, sign) in [(0.25, 1.0), (-0.25, -1.0), (262_143.25, 1.0), (-262_143.25, -1.0)] {
+        assert!((math::sin_turns(x) - sign).abs() <= 4.0 * EPSILON as f32, "the sine of {x} turns");
     }
     println!("worst relative errors: log2 {:.2} eps, power {:.1} eps", log_error / EPSILON, power_error / EPSILON);
     assert!(log_error <= 4.0 * EPSILON, "log2_fixed is off by {} eps", log_error / EPSILON);

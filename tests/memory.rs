@@ -7,7 +7,7 @@ use glam::Vec3;
 use raybrook::device::DeviceHandle;
 use raybrook::options::{Accel, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder};
 use raybrook::pack::{CONSTANT_NODES, SceneBuffers};
-use raybrook::scene::{Builder, Material, Scene};
+use raybrook::scene::{Builder, Material, Samples, Scene};
 use raybrook::session::{Picture, complete, open_tracer, render};
 use raybrook::shared::{Hit, TraceRay};
 use raybrook::tracer::TraceJob;
@@ -133,7 +133,13 @@ fn pictures_do_not_depend_on_where_the_scene_lies() {
     builder.quad(Vec3::new(-1.5, -1.0, 1.2), 3.0 * Vec3::X, 1.5 * Vec3::Y, 1);
     let mut scene = builder.finish().unwrap();
     complete(&mut scene, 1.0);
-    let picture = Picture { camera: scene.camera.unwrap(), size: (40, 40), samples: 2, depth: 4, kill_weight: None };
+    let picture = Picture {
+        camera: scene.camera.unwrap(),
+        size: (40, 40),
+        samples: Samples::PerPixel(2),
+        depth: 4,
+        kill_weight: None,
+    };
     let pixels = |device: Option<&DeviceHandle>, options: &TraceOptions| {
         let buffers = Arc::new(SceneBuffers::new(&scene, options).unwrap());
         let mut tracer = open_tracer(device, &buffers, options, picture.depth, None).unwrap();

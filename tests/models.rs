@@ -16,13 +16,20 @@ use std::sync::Arc;
 
 /// Models whose structures are compared with brute force; the large rooms are left to longer runs.
 const MODELS: &[&str] = &[
+    "bunny/bunny-16301.ply",
     "bunny/bunny-69451.obj",
+    "bunny/bunny-closed-948.ply",
     "cornell/cornell_box.obj",
     "cornell/cornellbox_suzanne.obj",
     "objects/cow.obj",
     "objects/fandisk.obj",
     "objects/suzanne.obj",
     "objects/teapot.obj",
+    "ply/cube_blender_uv.ply",
+    "ply/dragon-47794.ply",
+    "ply/fuze.ply",
+    "ply/reference.ply",
+    "ply/sphere.ply",
     "spd/gears.obj",
     "spd/mount.obj",
     "spd/tree.obj",
@@ -31,6 +38,11 @@ const MODELS: &[&str] = &[
     "spot/spot.obj",
     "spot/spot_control_mesh.obj",
     "spot/spot_quadrangulated.obj",
+    "stl/3DSMaxExport.STL",
+    "stl/Spider_ascii.stl",
+    "stl/Spider_binary.stl",
+    "stl/featuretype.STL",
+    "stl/sphereWithHole.stl",
     "viking-room/viking_room.obj",
 ];
 /// Brute force over 69,451 triangles is the slow part.
@@ -120,7 +132,12 @@ fn closed_models_have_no_holes() {
     let mut builder = Builder::new();
     builder.sphere(1.0, 128);
     let mut scenes = vec![("sphere", builder.finish().unwrap(), Vec3::new(0.1, 0.05, -0.07))];
-    for (name, inside) in [("objects/cow.obj", Vec3::new(0.5, 0.0, 0.0)), ("spot/spot.obj", Vec3::new(0.0, 0.1, 0.1))] {
+    for (name, inside) in [
+        ("objects/cow.obj", Vec3::new(0.5, 0.0, 0.0)),
+        ("spot/spot.obj", Vec3::new(0.0, 0.1, 0.1)),
+        ("ply/sphere.ply", Vec3::new(0.1, 0.05, -0.07)),
+        ("bunny/bunny-closed-16302.ply", Vec3::new(0.0, -0.2, 0.0)),
+    ] {
         if let Some(path) = shared(&format!("scenes/{name}")) {
             scenes.push((name, load(path).unwrap(), inside));
         }

@@ -3,25 +3,14 @@
 //! The large tables are those of `../shared/scenes`, a collection beside the repository; where it is absent those tests say
 //! so and pass. All other tests write their own files.
 
-use raybrook::scene::{DropReason, NO_INDEX, Scene, load};
-use std::path::{Path, PathBuf};
+mod common;
 
-/// A file of the collection beside the repository, or `None`, said aloud, without it.
-fn shared(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes").join(name);
-    if !path.exists() {
-        eprintln!("skipped: {} is absent", path.display());
-        return None;
-    }
-    Some(path)
-}
-
-/// The rows of an `expected.tsv`: file and expectation.
-fn rows(table: &str) -> Vec<(String, String)> {
-    let text = std::fs::read_to_string(table).unwrap();
-    let cells = |line: &str| line.split('\t').map(str::to_owned).collect::<Vec<_>>();
-    text.lines().skip(1).map(cells).map(|c| (c[0].clone(), c[1].clone())).collect()
-}
+use common::models::{
+    assert_consistent, assert_warned, check_malformed, image_of, rows, shared_scenes as shared, size_of_picture,
+    total_area,
+};
+use raybrook::scene::{NO_INDEX, Scene, load};
+use std::path::Path;
 
 /// Writes `files` into a fresh folder and loads the first.
 fn load_files(files: &[(&str, &str)]) -> raybrook::Result<Scene> {
@@ -38,51 +27,11 @@ fn load_text(text: &str) -> raybrook::Result<Scene> {
     load_files(&[("a.obj", text)])
 }
 
-fn area(scene: &Scene, primitive: usize) -> f64 {
-    let [a, b, c] = scene.vertices(primitive).map(|p| p.as_dvec3());
-    (b - a).cross(c - a).length() / 2.0
-}
-
-fn total_area(scene: &Scene) -> f64 {
-    (0..scene.triangles.len()).map(|i| area(scene, i)).sum()
-}
-
-/// How many triangles have a corner that is not finite.
-fn not_finite(scene: &Scene) -> usize {
-    (0..scene.triangles.len()).filter(|&i| scene.drop_reason(i) == Some(DropReason::NotFinite)).count()
-}
-
-fn assert_consistent(scene: &Scene, name: &str) {
-    for t in &scene.triangles {
-        assert!(t.positions.iter().all(|&i| (i as usize) < scene.positions.len()), "{name}");
-        assert!(t.normals.iter().all(|&i| i == NO_INDEX || scene.normals[i as usize].is_finite()), "{name}");
-        assert!(t.uvs.iter().all(|&i| i == NO_INDEX || scene.uvs[i as usize].is_finite()), "{name}");
-        assert!((t.material as usize) < scene.materials.len(), "{name}");
-    }
-    for m in &scene.materials {
-        assert!(m.diffuse_texture.is_none_or(|t| (t as usize) < scene.textures.len()), "{name}");
-        for colour in [m.ambient, m.diffuse, m.specular, m.mirror, m.transmission, m.emission] {
-            assert!(colour.is_finite() && colour.min_element() >= 0.0, "{name}: {m:?}");
-        }
-        for colour in [m.ambient, m.diffuse, m.specular, m.mirror, m.transmission] {
-            assert!(colour.max_element() <= 1.0, "{name}: {m:?}");
-        }
-    }
-    for t in &scene.textures {
-        assert_eq!(t.rgba.len(), (t.width * t.height) as usize, "{name}");
-    }
-}
-
-#[track_caller]
-fn assert_warned(scene: &Scene, part: &str) {
-    assert!(scene.warnings.iter().any(|w| w.contains(part)), "no warning has {part:?}: {:#?}", scene.warnings);
-}
-
 #[test]
 fn every_quirk_loads_with_its_triangle_count() {
     let Some(table) = shared("quirks/expected.tsv") else { return };
     let mut checked = 0;
-    for (name, expected) in rows(table.to_str().unwrap()).iter().filter(|(name, _)| name.ends_with(".obj")) {
+    for (name, expected) in rows(&table).iter().filter(|(name, _)| name.ends_with(".obj")) {
         let scene = load(table.with_file_name(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
         let counts = expected.trim_start_matches("ok ").trim_start_matches("either ");
         let (least, most) = counts.split_once("..").unwrap_or((counts, counts));
@@ -128,7 +77,7 @@ fn quirks_give_the_right_materials_and_warnings() {
         let scene = scene(name);
         let texture = scene.materials[scene.triangles[0].material as usize].diffuse_texture;
         assert_eq!(texture, Some(0), "{name}: {:#?}", scene.warnings);
-        assert_eq!((scene.textures[0].width, scene.textures[0].height), (4, 4), "{name}");
+        assert_eq!(size_of_picture(&scene), (4, 4), "{name}");
         assert_eq!(scene.triangles[1].uvs.map(|i| scene.uvs[i as usize].to_array()), [[0., 0.], [1., 1.], [0., 1.]]);
     }
     assert_warned(&scene("map_options.obj"), "map_options.mtl:3: ");
@@ -146,33 +95,7 @@ fn quirks_give_the_right_materials_and_warnings() {
 #[test]
 fn every_malformed_file_behaves_as_listed() {
     let Some(table) = shared("malformed/expected.tsv") else { return };
-    let mut checked = 0;
-    for (name, expected) in rows(table.to_str().unwrap()).iter().filter(|(name, _)| name.ends_with(".obj")) {
-        let started = std::time::Instant::now();
-        let loaded = load(table.with_file_name(name));
-        assert!(started.elapsed().as_secs() < 10, "{name} took {:?}", started.elapsed());
-        checked += 1;
-        let only_error = expected.starts_with("error") && !expected.contains(" or ");
-        match loaded {
-            Err(error) => {
-                assert!(expected.contains("error") || expected == "no crash", "{name}: {error}, but {expected}");
-                assert!(error.to_string().contains(name.as_str()), "{name}: {error}");
-                assert_eq!(error.exit_code(), 3, "{name}");
-            }
-            Ok(scene) => {
-                assert!(!only_error, "{name} loaded, but {expected}");
-                assert_consistent(&scene, name);
-                if expected.contains("drop") {
-                    assert!(not_finite(&scene) > 0, "{name}");
-                    assert_warned(&scene, "NaN or infinite");
-                }
-                if expected.contains("untextured") || expected.contains("outside") {
-                    assert!(scene.textures.is_empty(), "{name}");
-                    assert_warned(&scene, if name.starts_with("mtl_") { "outside the scene" } else { "texture '" });
-                }
-            }
-        }
-    }
+    let checked = check_malformed(&table, ".obj");
     assert!(checked >= 40, "{checked} rows");
 }
 
@@ -336,7 +259,7 @@ fn nothing_outside_the_folder_is_opened() {
     std::fs::write(inside.join("sub/own.mtl"), "newmtl m\nmap_Kd ..\\open.png\n").unwrap();
     std::fs::write(&obj, format!("mtllib sub\\own.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
     let scene = load(&obj).unwrap();
-    assert_eq!(scene.textures[0].rgba, [[4, 5, 6, 255]; 6]);
+    assert_eq!(image_of(&scene, 0).rgba, [[4, 5, 6, 255]; 6]);
     assert_eq!(scene.warnings, [] as [&str; 0]);
 }
 
@@ -359,7 +282,7 @@ fn textures_are_shared_and_only_loaded_for_materials_in_use() {
         scene.triangles.iter().map(|t| scene.materials[t.material as usize].diffuse_texture).collect();
     assert_eq!(textures, [Some(0), Some(0), Some(1), None, None, Some(0)]);
     assert_eq!((scene.textures.len(), scene.materials.len()), (2, 5));
-    assert_eq!((scene.textures[0].width, scene.textures[0].height), (2, 3));
+    assert_eq!(size_of_picture(&scene), (2, 3));
     assert_eq!(scene.materials[0].diffuse.to_array(), [1.0; 3], "no Kd beside a map_Kd is white");
     let broken = scene.warnings.iter().filter(|w| w.contains("broken.png")).count();
     assert_eq!(broken, 1, "one warning for each file: {:#?}", scene.warnings);
@@ -501,7 +424,7 @@ fn every_kind_of_picture_loads_as_8_bit_rgba() {
         std::fs::write(folder.path().join("a.obj"), format!("mtllib m.mtl\nusemtl m\n{TRIANGLE}")).unwrap();
         let scene = load(folder.path().join("a.obj")).unwrap();
         assert_eq!(scene.warnings, [] as [&str; 0], "{name}");
-        let texture = &scene.textures[0];
+        let texture = image_of(&scene, 0);
         assert_eq!((texture.name.as_str(), texture.width, texture.height), (name, 3, 2));
         assert_eq!(&texture.rgba, if name.starts_with("gray") { &gray } else { &expected }, "{name}");
     }

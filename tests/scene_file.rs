@@ -4,8 +4,10 @@
 #[allow(dead_code)] // its main writes the files that are checked here
 mod make_scenes;
 
-use glam::{Vec2, Vec3};
-use raybrook::scene::{Falloff, LightKind, Material, NO_INDEX, Scene, load};
+use glam::{DVec3, Vec2, Vec3};
+use raybrook::scene::{
+    Falloff, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples, Scene, Texture, TextureSpace, load,
+};
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -83,7 +85,10 @@ fn image_camera_and_trace_are_read() {
          [camera]\neye = [1, 2.5, 3]\ntarget = [0, 0, -1]\nup = [0, 0, 2]\nfov = 55.5\n\
          [trace]\ndepth = 7\nambient = 0.25\nbackground = { bottom = [1, 0.5, 0], top = \"#0000ff\" }\n",
     );
-    assert_eq!((full.picture.size, full.picture.samples, full.picture.depth), (Some((640, 480)), Some(9), Some(7)));
+    assert_eq!(
+        (full.picture.size, full.picture.samples, full.picture.depth),
+        (Some((640, 480)), Some(Samples::PerPixel(9)), Some(7))
+    );
     let camera = full.camera.expect("a camera");
     assert_eq!((camera.eye, camera.target), (Vec3::new(1.0, 2.5, 3.0), Vec3::NEG_Z));
     assert_eq!((camera.up, camera.fov_degrees), (Vec3::Z * 2.0, 55.5));
@@ -143,6 +148,7 @@ fn materials_are_read() {
         transmission: Vec3::splat(0.8),
         ior: 1.3,
         emission: Vec3::splat(9.0),
+        toon: None,
     };
     assert_eq!(scene.materials[0], expected);
     let plain = Material { name: "plain".into(), shininess: 50.0, ior: 1.5, ..Material::default() };
@@ -151,7 +157,51 @@ fn materials_are_read() {
     assert_eq!(scene.materials[2].ambient, Vec3::X, "ambient is diffuse unless told otherwise");
     assert_eq!((scene.materials[3].diffuse, scene.materials[3].diffuse_texture), (Vec3::ONE, Some(0)));
     assert_eq!(scene.textures.len(), 1, "one file is one texture");
-    assert_eq!(scene.textures[0].rgba[2], [3, 1, 2, 255]);
+    assert_eq!(scene.textures[0].image().expect("a picture").rgba[2], [3, 1, 2, 255]);
+}
+
+#[test]
+fn procedural_textures_are_read() {
+    let scene = scene(
+        "[material.a]\ntexture = { kind = \"checker\" }\n\
+         [material.b]\ndiffuse = 0.5\ntexture = { kind = \"marble\", colors = [[0.1, 0.2, 0.3], \"#ffffff\"], scale = [2, 4, 8], \
+         rotate = [0, 0, 90], translate = [1, 2, 3], turbulence = -0.5, octaves = 16, seed = 4294967295 }\n\
+         [material.c.texture]\nkind = \"wood\"\nspace = \"uv\"\nrotate = { axis = [0, 0, 2], degrees = 180 }\n\
+         [material.d]\ntexture = { kind = \"noise\", octaves = 2, seed = 3, space = \"world\" }\n\
+         [material.e]\ntexture = { kind = \"checker\" }\n",
+    );
+    let texture = |material: usize| {
+        let id = scene.materials[material].diffuse_texture.expect("a texture");
+        match &scene.textures[id as usize] {
+            Texture::Procedural(procedural) => procedural.clone(),
+            Texture::Image(image) => panic!("a picture: {image:?}"),
+        }
+    };
+    assert_eq!(texture(0), Procedural::new(Pattern::Checker));
+    assert_eq!((scene.materials[0].diffuse, scene.materials[1].diffuse), (Vec3::ONE, Vec3::splat(0.5)));
+    let marble = texture(1);
+    assert_eq!((marble.pattern, marble.colours), (Pattern::Marble, [Vec3::new(0.1, 0.2, 0.3), Vec3::ONE]));
+    assert_eq!((marble.turbulence, marble.octaves, marble.seed), (-0.5, 16, u32::MAX));
+    // Placed as objects are: scaled, then rotated, then moved.
+    assert_eq!(marble.transform.transform_point3(DVec3::X), DVec3::new(1.0, 4.0, 3.0));
+    let wood = texture(2);
+    assert_eq!((wood.pattern, wood.space), (Pattern::Wood, TextureSpace::Uv));
+    assert_eq!(wood.transform.transform_point3(DVec3::X), DVec3::NEG_X);
+    assert_eq!(texture(3), Procedural { octaves: 2, seed: 3, ..Procedural::new(Pattern::Noise) });
+    assert_eq!(scene.textures.len(), 4, "equal textures are one");
+}
+
+#[test]
+fn threshold_shading_is_read() {
+    let toons = scene(
+        "[material.a]\ntoon = 4\n[material.b]\ntoon = { steps = 2, threshold = 0.1 }\n[material.c]\ntoon = { steps = 1 }\n\
+         [material.d]\ntoon = 0\n[material.e]\n",
+    )
+    .materials
+    .into_iter()
+    .map(|m| m.toon.map(|toon| (toon.steps, toon.threshold)))
+    .collect::<Vec<_>>();
+    assert_eq!(toons, [Some((4, 0.2)), Some((2, 0.1)), Some((1, 0.5)), None, None]);
 }
 
 #[test]
@@ -277,6 +327,32 @@ fn obj_files_keep_their_materials_unless_the_object_has_one() {
 }
 
 #[test]
+fn ply_and_stl_files_are_objects_too() {
+    let folder = Folder::new(
+        "[material.gold]\n[[object]]\nfile = \"models/t.PLY\"\ntranslate = [0, 0, 4]\n\
+         [[object]]\nfile = \"t.Stl\"\nscale = 2\n[[object]]\nfile = \"models/t.PLY\"\nmaterial = \"gold\"\n",
+    );
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\n\
+                  property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+    folder.write("models/t.PLY", format!("{header}0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n"));
+    let vertices = "vertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\n";
+    let facet = format!("facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet\n");
+    folder.write("t.Stl", format!("solid\n{facet}endsolid\n"));
+    let scene = folder.load().expect("a scene");
+    let names: Vec<_> = scene.triangles.iter().map(|t| scene.materials[t.material as usize].name.as_str()).collect();
+    assert_eq!(names, ["#ff0000", "", "gold"]);
+    assert_eq!(
+        [scene.vertices(0)[0], scene.vertices(1)[0], scene.vertices(2)[1]],
+        [Vec3::Z * 4.0, Vec3::X * 2.0, Vec3::X]
+    );
+    // A fault of the model names the model.
+    folder.write("t.Stl", "solid\n");
+    let error = folder.load().expect_err("no end").to_string();
+    assert!(error.contains("t.Stl: ") && error.contains("cut short"), "{error}");
+}
+
+#[test]
 fn warnings_of_a_file_are_told_once() {
     let object = "[[object]]\nfile = \"t.obj\"\n";
     let folder = Folder::new(&object.repeat(3));
@@ -290,7 +366,7 @@ fn warnings_of_a_file_are_told_once() {
 
 #[test]
 fn unknown_keys_name_the_nearest_and_their_line() {
-    let cases: [(&str, usize, &[&str]); 12] = [
+    let cases: [(&str, usize, &[&str]); 16] = [
         ("\n\n[camra]\neye = [0, 0, 0]\n", 3, &["'camra'", "did you mean 'camera'?"]),
         ("[image]\nwidth = 4\nheigth = 4\n", 3, &["[image]", "'heigth'", "did you mean 'height'?"]),
         ("[camera]\neye = [0, 0, 1]\n\ntraget = [0, 0, 0]\n", 4, &["'traget'", "did you mean 'target'?"]),
@@ -302,6 +378,22 @@ fn unknown_keys_name_the_nearest_and_their_line() {
         ("[[object]]\nsolid = \"sphere\"\nheight = 2\n", 3, &["the solid sphere has no key 'height'", "radius"]),
         ("[[object]]\nfile = \"a.obj\"\nradius = 2\n", 3, &["an object from a file has no key 'radius'"]),
         ("[[object]]\nsold = \"sphere\"\n", 2, &["'sold'", "did you mean 'solid'?"]),
+        (
+            "[material.x]\ntexture = { kind = \"checker\", colours = [0, 1] }\n",
+            2,
+            &["the texture checker has no key 'colours'", "did you mean 'colors'?"],
+        ),
+        (
+            "[material.x]\n[material.x.texture]\nkind = \"noise\"\n\nturbulence = 1\n",
+            5,
+            &["the texture noise", "'turbulence'"],
+        ),
+        (
+            "[material.x]\ntexture = { kind = \"checker\", octaves = 2 }\n",
+            2,
+            &["the texture checker has no key 'octaves'"],
+        ),
+        ("[material.x]\ntoon = { step = 2 }\n", 2, &["[material.x] toon", "'step'", "did you mean 'steps'?"]),
         ("[image]\nzebra = 1\nyak = 2\n", 2, &["'zebra'", "possible: width, height, samples"]),
     ];
     for (text, line, words) in cases {
@@ -313,6 +405,10 @@ fn unknown_keys_name_the_nearest_and_their_line() {
 fn unknown_names_name_the_nearest_and_their_line() {
     assert_fault("[[object]]\nsolid = \"shpere\"\n", 2, &["solid", "'shpere'", "did you mean 'sphere'?"]);
     assert_fault("[[light]]\nkind = \"pont\"\n", 2, &["kind", "did you mean 'point'?"]);
+    let marbel = "[material.x]\ntexture = { kind = \"marbel\" }\n";
+    assert_fault(marbel, 2, &["[material.x] texture: kind", "'marbel'", "did you mean 'marble'?"]);
+    let space = "[material.x]\ntexture = { kind = \"checker\", space = \"object\" }\n";
+    assert_fault(space, 2, &["[material.x] texture: space", "'object'", "possible: world, uv"]);
     assert_fault(
         "[[light]]\nkind = \"spot\"\nposition = [0, 0, 0]\ndirection = [1, 0, 0]\nfalloff = \"linear\"\n",
         5,
@@ -325,7 +421,7 @@ fn unknown_names_name_the_nearest_and_their_line() {
 
 #[test]
 fn wrong_types_name_key_and_line() {
-    let cases: [(&str, usize, &[&str]); 14] = [
+    let cases: [(&str, usize, &[&str]); 20] = [
         ("image = 4\n", 1, &["[image]", "table", "a whole number"]),
         ("[light]\nkind = \"point\"\n", 1, &["[[light]]"]),
         ("light = [1]\n", 1, &["[[light]]", "table"]),
@@ -337,6 +433,16 @@ fn wrong_types_name_key_and_line() {
         ("[camera]\neye = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = true\n", 4, &["fov", "a number", "true or false"]),
         ("[trace]\nambient = \"red\"\n", 2, &["ambient", "#rrggbb"]),
         ("[trace]\nambient = [1, 2, 3, 4]\n", 2, &["ambient", "4 values"]),
+        ("[material.x]\ntexture = 3\n", 2, &["texture", "a path in quotes or a table", "a whole number"]),
+        ("[material.x]\ntexture = { colors = [0, 1] }\n", 2, &["[material.x] texture: kind is missing"]),
+        ("[material.x]\ntexture = { kind = \"noise\", colors = 1 }\n", 2, &["colors", "an array of two colours"]),
+        (
+            "[material.x]\ntexture = { kind = \"noise\", colors = [1, 0, 1] }\n",
+            2,
+            &["colors", "an array of two colours"],
+        ),
+        ("[material.x]\n\ntoon = true\n", 3, &["toon", "a whole number", "true or false"]),
+        ("[material.x]\ntoon = { threshold = 0.5 }\n", 2, &["[material.x] toon: steps is missing"]),
         ("[[object]]\nsolid = 3\n", 2, &["solid", "a text"]),
         ("[[object]]\nsolid = \"cone\"\ncaps = 1\n", 3, &["caps", "true or false", "a whole number"]),
         ("[[object]]\nsolid = \"cone\"\nscale = 2020-01-01\n", 3, &["scale", "a date"]),
@@ -354,6 +460,7 @@ fn values_out_of_range_name_key_and_line() {
         assert_fault(&with_camera(line), 4, &["[camera]", word]);
     }
     let light = |keys: &str| format!("[[light]]\nkind = \"spot\"\nposition = [0, 0, 0]\n{keys}\n");
+    let texture = |keys: &str| format!("[material.x.texture]\nkind = \"marble\"\n{keys}\n");
     let solid = |name: &str, keys: &str| format!("[[object]]\nsolid = \"{name}\"\n{keys}\n");
     let cases = [
         ("[image]\nwidth = 0\nheight = 4\n".to_owned(), 2, "width"),
@@ -385,6 +492,22 @@ fn values_out_of_range_name_key_and_line() {
         ("[material.x]\nior = 0\n".to_owned(), 2, "ior"),
         ("[material.x]\ndiffuse = -0.5\n".to_owned(), 2, "diffuse"),
         ("[material.x]\ndiffuse = \"#12345\"\n".to_owned(), 2, "#rrggbb"),
+        ("[material.x]\ntoon = 256\n".to_owned(), 2, "toon is 256; it must lie between 0 and 255"),
+        ("[material.x]\ntoon = { steps = 0 }\n".to_owned(), 2, "toon: steps is 0; it must lie between 1 and 255"),
+        (
+            "[material.x]\ntoon = { steps = 2, threshold = 1 }\n".to_owned(),
+            2,
+            "threshold is 1; it must be at least 0 and below 1",
+        ),
+        ("[material.x]\ntoon = { steps = 2, threshold = -0.1 }\n".to_owned(), 2, "threshold is -0.1"),
+        (texture("colors = [0, 1.5]"), 3, "colors is [1.5, 1.5, 1.5]; no component may be above 1"),
+        (texture("colors = [[0, -1, 0], 1]"), 3, "colors is [0, -1, 0]; no component may be negative"),
+        (texture("octaves = 0"), 3, "octaves is 0; it must lie between 1 and 16"),
+        (texture("octaves = 17"), 3, "octaves is 17"),
+        (texture("turbulence = inf"), 3, "turbulence is inf; it must be finite"),
+        (texture("seed = -1"), 3, "seed is -1"),
+        (texture("scale = [1, 0, 1]"), 3, "scale is 0 along an axis"),
+        (texture("rotate = { axis = [0, 0, 0], degrees = 3 }"), 3, "texture rotate: axis is zero"),
         (solid("sphere", "radius = 0"), 3, "radius"),
         (solid("sphere", "segments = 2"), 3, "segments"),
         (solid("sphere", "segments = 5000"), 3, "4096"),
@@ -459,7 +582,7 @@ fn missing_and_foreign_files_name_key_and_line() {
     assert_fault("[[object]]\n\nfile = 'none.obj'\n", 3, &["file", "'none.obj'"]);
     assert_fault("[material.x]\ntexture = 'none.png'\n", 2, &["texture", "'none.png'"]);
     let folder = Folder::new("[[object]]\nfile = 'scene.toml'\n");
-    assert!(fault_in(&folder).1.contains("not a Wavefront .obj"));
+    assert!(fault_in(&folder).1.contains("not a model; possible: .obj, .ply, .stl, .nff"));
     let folder = Folder::new("[material.x]\ntexture = 'scene.toml'\n");
     let (line, message) = fault_in(&folder);
     assert!(line == Some(2) && message.contains("texture 'scene.toml'"), "{message}");
@@ -498,7 +621,10 @@ fn the_showcase_shows_everything() {
     assert!(scene.materials.iter().any(|m| m.mirror.max_element() > 0.5), "a mirror");
     assert!(scene.materials.iter().filter(|m| m.is_transparent()).count() >= 2, "glass");
     assert!(scene.materials.iter().any(|m| m.diffuse_texture.is_some()), "a texture");
-    assert_eq!((scene.picture.size, scene.picture.samples, scene.picture.depth), (Some((1280, 720)), Some(9), Some(8)));
+    assert_eq!(
+        (scene.picture.size, scene.picture.samples, scene.picture.depth),
+        (Some((1280, 720)), Some(Samples::PerPixel(9)), Some(8))
+    );
     assert_eq!(scene.lights.len(), 2);
     // The models come with their normals; these agree with the triangles' sides.
     for (i, t) in scene.triangles.iter().enumerate() {

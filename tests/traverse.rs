@@ -7,7 +7,7 @@ use common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::device::DeviceHandle;
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::options::{Accel, Build, Intersector, KdOptions, SplitAxis, Stop, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
 use raybrook::reference::oracle::Oracle;
@@ -32,6 +32,26 @@ fn all_options() -> Vec<TraceOptions> {
                 all.push(TraceOptions { accel: Accel::Kd, build, traversal, intersector, ..TraceOptions::default() });
             }
         }
+    }
+    all.extend(other_stops());
+    all
+}
+
+/// Every build with a stop that is not its own, with steps that cost nothing, and with axes not in turn.
+fn other_stops() -> Vec<TraceOptions> {
+    let mut all = Vec::new();
+    for &build in Build::ALL {
+        let stop = if build.weighs_costs() { Stop::Size } else { Stop::Cost };
+        let other = KdOptions { stop: Some(stop), similar_children: Some(0.5), ..KdOptions::DEFAULT };
+        let free = KdOptions {
+            stop: Some(Stop::Cost),
+            cost_traverse: Some(0.0),
+            empty_bonus: Some(1.0),
+            ..KdOptions::DEFAULT
+        };
+        let longest = KdOptions { split_axis: SplitAxis::Longest, ..KdOptions::DEFAULT };
+        let choices = [other, free, longest].into_iter().take(if build.weighs_costs() { 2 } else { 3 });
+        all.extend(choices.map(|kd| TraceOptions { build, kd, ..TraceOptions::DEFAULT }));
     }
     all
 }
@@ -109,7 +129,7 @@ fn tying_rays(buffers: &SceneBuffers, count: usize, random: &mut Random) -> Vec<
                 7 => (here - signs * size * 0.5, Vec3::ZERO.with_x(1.0), (-inf, inf)),
                 // Ends and starts on planes.
                 8 => (here - direction * size, direction * size, (0.0, 1.0)),
-                _ => (here - direction, direction, (1.0, inf)),
+                _ => (here - direction * size, direction * size, (1.0, inf)),
             };
             let direction = if i % 10 == 3 { direction - origin } else { direction };
             TraceRay { origin_t_min: Float4::new(origin, limits.0), direction_t_max: Float4::new(direction, limits.1) }
@@ -242,6 +262,26 @@ fn ties_give_the_hits_of_brute_force() {
     }
 }
 
+/// A known failure of every kd-tree: its cells are as wide as the rounding of their planes' t, not as that of the hit's t, which is
+/// larger and grows with the triangle. Here the true t is 0.993, before the ray's start, but the watertight test computes 1.007. The
+/// octree's and the others' cells are wide enough (HIT_ERROR in `cl/shared/ray.cl`), and the exact test computes the true t.
+#[test]
+fn kd_trees_lose_a_hit_that_rounding_moves_past_the_start_of_the_ray() {
+    let scene = scene_of(&sheet(8).into_iter().map(|t| t.map(|p| p.with_z(0.25))).collect::<Vec<_>>());
+    let rays = [TraceRay {
+        origin_t_min: Float4::new(Vec3::new(393_216.72, 524_287.78, 262_143.63), 1.0),
+        direction_t_max: Float4::new(Vec3::new(-0.718_814_85, 0.222_812_77, 0.377_561_93), f32::INFINITY),
+    }];
+    for options in all_options() {
+        let hits = trace(&scene, options, &rays, false, None);
+        match options.intersector {
+            Intersector::Watertight => assert_eq!(is_hit(&hits[0]), options.accel != Accel::Kd, "{options:?}"),
+            Intersector::Exact => assert!(!is_hit(&hits[0]), "{options:?}"),
+            _ => {}
+        }
+    }
+}
+
 #[test]
 fn device_and_twin_agree_on_ties() {
     let Some(device) = device() else { return };
@@ -363,7 +403,8 @@ fn robust_tests_give_the_hits_of_brute_force_in_the_planes_of_triangles() {
         }
     }
     println!("hits that differ from brute force: {:?}", Intersector::ALL.iter().zip(&differ).collect::<Vec<_>>());
-    assert!(differ[0] > 0, "{} has become robust: say so in is_robust", Intersector::ALL[0]);
+    let fragile = Intersector::ALL.iter().position(|&i| i == Intersector::MollerTrumbore).unwrap();
+    assert!(differ[fragile] > 0, "{} has become robust: say so in is_robust", Intersector::ALL[fragile]);
 }
 
 /// Wrong primitives against the oracle. Nothing here is so thin or so far away that float32 could mistake it.

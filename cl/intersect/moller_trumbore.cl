@@ -17,7 +17,7 @@ bool intersect_moller_trumbore(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, f
     const float3 p = cross3(ray->direction, edge2);
     const float inv_det = 1.0f / dot3(edge1, p); // a parallel ray gives infinity or NaN: rejected below
 
-    const float3 from_p0 = ray->origin - p0;
+    const float3 from_p0 = -from_origin(ray, p0);
     *u = dot3(from_p0, p) * inv_det;
     const float3 q = cross3(from_p0, edge1);
     *v = dot3(ray->direction, q) * inv_det;

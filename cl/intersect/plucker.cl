@@ -25,9 +25,9 @@ float edge_volume(float3 a, float3 b, float3 moment_a, float3 moment_b, float di
 }
 
 bool intersect_plucker(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
-    const float3 a = LOAD_VERTEX(geometry, slot, 0) - ray->origin;
-    const float3 b = LOAD_VERTEX(geometry, slot, 1) - ray->origin;
-    const float3 c = LOAD_VERTEX(geometry, slot, 2) - ray->origin;
+    const float3 a = from_origin(ray, LOAD_VERTEX(geometry, slot, 0));
+    const float3 b = from_origin(ray, LOAD_VERTEX(geometry, slot, 1));
+    const float3 c = from_origin(ray, LOAD_VERTEX(geometry, slot, 2));
     const float3 moment_a = cross3(ray->direction, a);
     const float3 moment_b = cross3(ray->direction, b);
     const float3 moment_c = cross3(ray->direction, c);

@@ -21,7 +21,7 @@ bool intersect_precomputed(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float
     const float4 normal_u = LOAD_TRANSFORM(geometry, 3u * slot + 1u);
     const float4 gradient_v = LOAD_TRANSFORM(geometry, 3u * slot + 2u);
     const uint axis = as_uint(corner_axis.w);
-    const float3 from = rotate_to_x(ray->origin - corner_axis.xyz, axis);
+    const float3 from = rotate_to_x(-from_origin(ray, corner_axis.xyz), axis);
     const float3 direction = rotate_to_x(ray->direction, axis);
 
     const float height = fma(normal_u.x, from.y, fma(normal_u.y, from.z, from.x));

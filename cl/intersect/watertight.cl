@@ -9,38 +9,59 @@
 // The components of v in an order that ends with `axis`; even permutations, so that the winding stays.
 float3 rotate_to_z(float3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
 
-bool intersect_watertight(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u,
-                               float* v) {
-    const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
-    const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
-    const float3 p2 = LOAD_VERTEX(geometry, slot, 2);
+// The axis of the largest component of a direction.
+uint major_axis(float3 direction) {
+    const float3 size = abs3(direction);
+    return size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
+}
+
+// The triangle in the sheared space.
+typedef struct {
+    float weight0, weight1, weight2; // edge functions: of one sign where the ray passes inside
+    float az, bz, cz;                // depths of the vertices along the major axis
+    float direction_z;               // by which t is scaled
+    float extent;                    // largest |x| or |y| of a vertex
+} ShearedTriangle;
+
+ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) {
     // The axis of the largest component of the direction becomes z, and x and y are sheared along it. These lines depend on
     // the ray alone; compilers move them out of the loop over triangles.
-    const float3 size = abs3(ray->direction);
-    const uint axis = size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
+    const uint axis = major_axis(ray->direction);
     const float3 direction = rotate_to_z(ray->direction, axis);
     const float inv_z = 1.0f / direction.z;
     const float shear_x = direction.x * inv_z;
     const float shear_y = direction.y * inv_z;
 
-    const float3 a = rotate_to_z(p0 - ray->origin, axis);
-    const float3 b = rotate_to_z(p1 - ray->origin, axis);
-    const float3 c = rotate_to_z(p2 - ray->origin, axis);
+    const float3 a = rotate_to_z(from_origin(ray, p0), axis);
+    const float3 b = rotate_to_z(from_origin(ray, p1), axis);
+    const float3 c = rotate_to_z(from_origin(ray, p2), axis);
     const float ax = fma(-shear_x, a.z, a.x), ay = fma(-shear_y, a.z, a.y);
     const float bx = fma(-shear_x, b.z, b.x), by = fma(-shear_y, b.z, b.y);
     const float cx = fma(-shear_x, c.z, c.x), cy = fma(-shear_y, c.z, c.y);
 
-    const float weight0 = difference_of_products(cx, by, cy, bx);
-    const float weight1 = difference_of_products(ax, cy, ay, cx);
-    const float weight2 = difference_of_products(bx, ay, by, ax);
-    const bool all_positive = weight0 >= 0.0f && weight1 >= 0.0f && weight2 >= 0.0f;
-    const bool all_negative = weight0 <= 0.0f && weight1 <= 0.0f && weight2 <= 0.0f;
+    ShearedTriangle triangle;
+    triangle.weight0 = difference_of_products(cx, by, cy, bx);
+    triangle.weight1 = difference_of_products(ax, cy, ay, cx);
+    triangle.weight2 = difference_of_products(bx, ay, by, ax);
+    triangle.az = a.z;
+    triangle.bz = b.z;
+    triangle.cz = c.z;
+    triangle.direction_z = direction.z;
+    triangle.extent = max_or(max_or(max_or(fabs(ax), fabs(ay)), max_or(fabs(bx), fabs(by))), max_or(fabs(cx), fabs(cy)));
+    return triangle;
+}
+
+bool intersect_watertight(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
+    const ShearedTriangle s = shear_triangle(ray, LOAD_VERTEX(geometry, slot, 0), LOAD_VERTEX(geometry, slot, 1),
+                                             LOAD_VERTEX(geometry, slot, 2));
+    const bool all_positive = s.weight0 >= 0.0f && s.weight1 >= 0.0f && s.weight2 >= 0.0f;
+    const bool all_negative = s.weight0 <= 0.0f && s.weight1 <= 0.0f && s.weight2 <= 0.0f;
     if (!(all_positive || all_negative)) return false;
 
-    const float det = weight0 + weight1 + weight2;
-    const float z_weighted = fma(weight0, a.z, fma(weight1, b.z, weight2 * c.z));
-    *t = z_weighted / (det * direction.z); // a triangle seen edge-on has det = 0: infinite or NaN, rejected
-    *u = weight1 / det;
-    *v = weight2 / det;
+    const float det = s.weight0 + s.weight1 + s.weight2;
+    const float z_weighted = fma(s.weight0, s.az, fma(s.weight1, s.bz, s.weight2 * s.cz));
+    *t = z_weighted / (det * s.direction_z); // a triangle seen edge-on has det = 0: infinite or NaN, rejected
+    *u = s.weight1 / det;
+    *v = s.weight2 / det;
     return is_finite(*t);
 }

@@ -32,16 +32,31 @@ LightSample sample_light(__global const Light* lights, uint index, float3 positi
     return sample;
 }
 
+// The tone of threshold ("cartoon") shading for a cosine: 0 below the threshold, above it one of `steps` equal steps up to 1
+// (thesis, section 3.3.2; Lake et al., "Stylized Rendering Techniques for Scalable Real-Time 3D Animation", NPAR 2000).
+float toon_tone(float cosine, uint steps, float threshold) {
+    const float above = (cosine - threshold) / (1.0f - threshold);
+    if (!(above >= 0.0f)) return 0.0f;
+    const float count = (float)steps;
+    const float step = floor(above * count) + 1.0f;
+    return step < count ? step / count : 1.0f;
+}
+
+// A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
+#define TOON_HIGHLIGHT 0.5f
+
 // Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light is below
 // the surface, judged by both normals: a smooth normal must not let light through the back of its triangle.
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                    const LightSample* sample) {
     const float cosine = dot3(surface->normal, sample->direction);
     if (!(cosine > 0.0f && dot3(surface->geometric_normal, sample->direction) > 0.0f)) return (float3)(0.0f);
-    float3 reflected = diffuse * cosine;
+    const bool toon = material->toon_steps > 0u;
+    float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
     if (max_component(material->specular_shininess.xyz) > 0.0f) {
         const float3 halfway = normalize3(sample->direction - view_direction, surface->normal);
-        const float highlight = power_fixed(clamp01(dot3(surface->normal, halfway)), material->specular_shininess.w);
+        float highlight = power_fixed(clamp01(dot3(surface->normal, halfway)), material->specular_shininess.w);
+        if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }
     return reflected * sample->radiance;

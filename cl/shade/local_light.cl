@@ -8,8 +8,8 @@ typedef struct {
 
 // The colour that the material's texture, which it must have, gives the surface.
 float3 texture_colour(const Scene* scene, const Surface* surface, const Material* material) {
-    return sample_texture(scene->textures, scene->texels, scene->srgb_to_linear, material->texture, surface->texture_u,
-                          surface->texture_v);
+    return surface_colour(scene->textures, scene->texels, scene->srgb_to_linear, material->texture, surface->texture_u,
+                          surface->texture_v, solid_position(surface));
 }
 
 // The light without any lamp: ambient light and what the surface gives off. `colour` is that of the material's texture, and means

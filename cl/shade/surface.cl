@@ -2,8 +2,9 @@
 
 // A point on a triangle, as rays start from it.
 typedef struct {
-    float3 position; // computed from the weights u and v, not from t
-    float error;     // bound of the distance between position and the triangle's plane, on each axis
+    float3 position;     // computed from the weights u and v, not from t; rounded
+    float3 position_low; // what that leaves out
+    float error;         // bound of the distance between position + position_low and the triangle's plane, on each axis
     uint primitive;
 } SurfacePoint;
 
@@ -22,7 +23,7 @@ SurfacePoint surface_point(GEOMETRY_PARAMETERS, const Hit* hit) {
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
     SurfacePoint point;
-    point.position = point_on_triangle(p0, p1, p2, hit->u, hit->v);
+    point_on_triangle(p0, p1, p2, hit->u, hit->v, &point.position, &point.position_low);
     point.error = point_error(p0, p1, p2);
     point.primitive = hit->primitive;
     return point;
@@ -52,10 +53,11 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
 
 // A ray that leaves a surface. The triangle itself is skipped by its number; its neighbours are met too early by at most the
 // error of the position, along an axis on which the ray advances at least 1 per unit of t, plus the rounding of their own
-// vertices' differences from that position, no larger than EPSILON times the same coordinates: twice the error covers both
-// where the surface is met at more than a grazing angle.
+// vertices' differences from that position, of like size: twice the error covers both where the surface is met at more than a
+// grazing angle.
 Ray leave_surface(const SurfacePoint* point, float3 direction, float t_far) {
     Ray ray = make_ray(point->position, direction, 0.0f, t_far, point->primitive);
+    ray.origin_low = point->position_low;
     ray.t_near = max_or(ray.t_near, 2.0f * point->error); // stays infinite for a ray without direction
     return ray;
 }

@@ -1,4 +1,4 @@
-// Textures: 8-bit sRGB texels, repeated, bilinear in linear light.
+// Textures: pictures of 8-bit sRGB texels, repeated, bilinear in linear light; or procedural ones.
 
 // Texel coordinate of wrapped texture coordinate `t` on a side of `size` texels: *low and *high are the two texels around it,
 // the result is the weight of *high. Coordinates without a number become 0.
@@ -18,17 +18,25 @@ float3 texel(__global const uint* texels, __global const float* srgb_to_linear, 
     return (float3)(srgb_to_linear[rgba & 255u], srgb_to_linear[(rgba >> 8) & 255u], srgb_to_linear[(rgba >> 16) & 255u]);
 }
 
-float3 sample_texture(__global const TextureInfo* textures, __global const uint* texels,
-                      __global const float* srgb_to_linear, uint texture, float u, float v) {
-    const TextureInfo info = textures[texture];
+float3 sample_texture(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear, float u,
+                      float v) {
     uint left, right, top, bottom;
-    const float weight_x = wrap_texel(u, info.width, &left, &right);
-    const float weight_y = wrap_texel(-v, info.height, &top, &bottom); // v runs upwards, rows downwards
-    const uint row0 = info.first + top * info.width;
-    const uint row1 = info.first + bottom * info.width;
+    const float weight_x = wrap_texel(u, info->width, &left, &right);
+    const float weight_y = wrap_texel(-v, info->height, &top, &bottom); // v runs upwards, rows downwards
+    const uint row0 = info->first + top * info->width;
+    const uint row1 = info->first + bottom * info->width;
     const float3 c00 = texel(texels, srgb_to_linear, row0 + left), c01 = texel(texels, srgb_to_linear, row0 + right);
     const float3 c10 = texel(texels, srgb_to_linear, row1 + left), c11 = texel(texels, srgb_to_linear, row1 + right);
     const float3 upper = fma3(c01 - c00, weight_x, c00);
     const float3 lower = fma3(c11 - c10, weight_x, c10);
     return fma3(lower - upper, weight_y, upper);
+}
+
+// The colour of a texture on a surface: at texture coordinates u, v for a picture, at `position` (see solid_position()) for a
+// procedural texture. Everything that a texture's colour depends on is an argument.
+float3 surface_colour(__global const TextureInfo* textures, __global const uint* texels,
+                      __global const float* srgb_to_linear, uint texture, float u, float v, float3 position) {
+    const TextureInfo info = textures[texture];
+    if (info.kind != TEXTURE_IMAGE) return procedural_colour(&info, u, v, position);
+    return sample_texture(&info, texels, srgb_to_linear, u, v);
 }

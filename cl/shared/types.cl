@@ -8,6 +8,11 @@
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_SPOT 2u
 #define NO_TEXTURE 4294967295u
+#define TEXTURE_IMAGE 0u
+#define TEXTURE_CHECKER 1u
+#define TEXTURE_NOISE 2u
+#define TEXTURE_MARBLE 3u
+#define TEXTURE_WOOD 4u
 #define TILE_SIDE 8u
 #define COUNTER_SLOTS 256u
 #define MAX_SHADOW_LAYERS 256u
@@ -71,8 +76,8 @@ typedef struct {
     float4 emission; // Emitted light in x, y, z; w unused.
     uint texture; // Index of the diffuse texture, or NO_TEXTURE.
     uint transparent; // 1 when light passes through (transmission above zero), else 0.
-    uint pad0; // Unused.
-    uint pad1; // Unused.
+    uint toon_steps; // Tones above dark of the diffuse light, or 0 for smooth shading.
+    float toon_threshold; // Cosine from which there is light at all; only with toon_steps.
 } Material;
 
 // A light source.
@@ -86,11 +91,20 @@ typedef struct {
     float cos_outer; // Spot: cosine of the angle beyond which there is none.
 } Light;
 
-// Where a texture lies in the texel array.
+// A texture: where its picture lies in the texel array, or the parameters of a procedural one.
 typedef struct {
-    uint first; // Index of its first texel.
-    uint width; // Texels a row.
-    uint height; // Rows.
+    float4 to_x; // Procedural: how x of the texture's own space comes from a position (factors in x, y, z and a summand in w).
+    float4 to_y; // Procedural: the same for y.
+    float4 to_z; // Procedural: the same for z.
+    float4 colour0_turbulence; // Procedural: first colour in x, y, z and strength of the turbulence in w.
+    float4 colour1; // Procedural: second colour in x, y, z; w unused.
+    uint kind; // TEXTURE_IMAGE or the kind of procedural texture.
+    uint first; // Image: index of its first texel.
+    uint width; // Image: texels a row.
+    uint height; // Image: rows.
+    uint octaves; // Procedural: octaves of the noise.
+    uint seed; // Procedural: which noise.
+    uint in_uv; // Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
     uint pad; // Unused.
 } TextureInfo;
 
@@ -117,8 +131,8 @@ typedef struct {
     uint sample_count; // Samples per pixel.
     uint max_depth; // Longest chain of rays, the camera ray counted as 1.
     float kill_weight; // A secondary ray whose weight is below this in every channel is not cast.
-    float pixel_width; // 2 / width.
-    float pixel_height; // 2 / height.
+    float pixel_width; // 2 / width; for rays through corners 2 / (width - 1).
+    float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
 } RenderParams;
 

@@ -23,8 +23,8 @@
 
 // One axis of a leaf, as src/accel/ropes.rs packs it: {low, high, rope below, rope above}, the ropes' bits being node indices.
 // The t at which the ray leaves it, not widened; infinity when it runs along, NaN when it runs in its face.
-float leave_slab(float4 slab, float origin, float direction, float inv_direction) {
-    return ((direction >= 0.0f ? slab.y : slab.x) - origin) * inv_direction;
+float leave_slab(float4 slab, float origin, float origin_low, float direction, float inv_direction) {
+    return (((direction >= 0.0f ? slab.y : slab.x) - origin) - origin_low) * inv_direction;
 }
 
 uint rope_ahead(float4 slab, float direction) { return as_uint(direction >= 0.0f ? slab.w : slab.z); }
@@ -59,9 +59,9 @@ bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, 
         const float4 x = LOAD_BOUNDS(geometry, 3u * (uint)node.w);
         const float4 y = LOAD_BOUNDS(geometry, 3u * (uint)node.w + 1u);
         const float4 z = LOAD_BOUNDS(geometry, 3u * (uint)node.w + 2u);
-        const float3 t = (float3)(leave_slab(x, ray->origin.x, ray->direction.x, ray->inv_direction.x),
-                                  leave_slab(y, ray->origin.y, ray->direction.y, ray->inv_direction.y),
-                                  leave_slab(z, ray->origin.z, ray->direction.z, ray->inv_direction.z));
+        const float3 t = (float3)(leave_slab(x, ray->origin.x, ray->origin_low.x, ray->direction.x, ray->inv_direction.x),
+                                  leave_slab(y, ray->origin.y, ray->origin_low.y, ray->direction.y, ray->inv_direction.y),
+                                  leave_slab(z, ray->origin.z, ray->origin_low.z, ray->direction.z, ray->inv_direction.z));
         const uint axis = t.y < t.x ? (t.z < t.y ? 2u : 1u) : (t.z < t.x ? 2u : 0u);
         const float exit_low = widen_down(component(t, axis));
         const float exit_high = widen_up(component(t, axis));

@@ -24,7 +24,8 @@ typedef struct {
 
 KdSplit kd_split(const Ray* ray, int4 node) {
     const uint axis = (uint)node.x;
-    const float t_split = (as_float(node.w) - component(ray->origin, axis)) * component(ray->inv_direction, axis);
+    const float to_split = (as_float(node.w) - component(ray->origin, axis)) - component(ray->origin_low, axis);
+    const float t_split = to_split * component(ray->inv_direction, axis);
     const bool ascending = component(ray->direction, axis) >= 0.0f;
     KdSplit split;
     split.first = (uint)(ascending ? node.y : node.z);

@@ -10,13 +10,20 @@ Hit no_hit(void) {
     return hit;
 }
 
-// Tests the triangle of one reference. INTERSECT names the function of cl/intersect/ that was chosen.
+// is_nearer() with the parameters of is_nearer_exactly(), for triangle tests whose t is as good as it gets.
+bool is_nearer_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, float t, uint primitive, uint slot) {
+    return is_nearer(ray, hit, t, primitive);
+}
+
+// Tests the triangle of one reference. INTERSECT names the function of cl/intersect/ that was chosen, NEARER the comparison that
+// goes with it.
 void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
     float t, u, v;
     const uint primitive = LOAD_REFERENCE(geometry, reference);
     if (primitive == ray->skip) return;
-    if (!INTERSECT(GEOMETRY, ray, SLOT_OF(reference, primitive), &t, &u, &v)) return;
-    if (!is_nearer(ray, hit, t, primitive)) return;
+    const uint slot = SLOT_OF(reference, primitive);
+    if (!INTERSECT(GEOMETRY, ray, slot, &t, &u, &v)) return;
+    if (!NEARER(GEOMETRY, ray, hit, t, primitive, slot)) return;
     hit->t = t;
     hit->u = u;
     hit->v = v;

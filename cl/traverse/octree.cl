@@ -71,7 +71,7 @@ bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hi
             }
             const uint child = open->next;
             open->next++;
-            const float3 to_centre = LOAD_BOUNDS(geometry, open->centre).xyz - ray->origin;
+            const float3 to_centre = from_origin(ray, LOAD_BOUNDS(geometry, open->centre).xyz);
             t_near = open->t_near;
             t_far = open->t_far;
             clip_to_half(to_centre.x, slack, ray->direction.x, ray->inv_direction.x, child & 1u, &t_near, &t_far);

@@ -9,11 +9,11 @@
 
 // What the radius and the times grow by, in units of D of cl/shared/ray.cl. All lengths here are Euclidean: a vector
 // whose components are at most D is not longer than 1.74 D, and HIT_ERROR becomes 56. To first order:
-// - to_centre is off by 1, along by 4 + 3 + 5 of |to_centre| / |direction| (the product, the square, a division of up to 2.5 ulp),
-//   so beside, which is fma'd once more, by 14 |to_centre| = 25 D. The sum with HIT_ERROR, 81, leaves room for the roundings of
+// - to_centre is off by 2, along by 5 + 3 + 5 of |to_centre| / |direction| (the product, the square, a division of up to 2.5 ulp),
+//   so beside, which is fma'd once more, by 15 |to_centre| = 26 D. The sum with HIT_ERROR, 82, leaves room for the roundings of
 //   the radius and of the squares: 3 + 3 EPSILON each, covered by widen_up and widen_down.
-// - half_chord is off by 16 radius, so by 28 D, along by 12 |to_centre| / |direction|, so by 21 D, and the sums round by 10 D:
-//   59 D in all. The radicand itself is too large: (R + 96)^2 - (b + 25)^2 > (R + 56)^2 - b^2 for b <= R + 56.
+// - half_chord is off by 16 radius, so by 28 D, along by 13 |to_centre| / |direction|, so by 23 D, and the sums round by 10 D:
+//   61 D in all. The radicand itself is too large: (R + 96)^2 - (b + 26)^2 > (R + 56)^2 - b^2 for b <= R + 56.
 #define SPHERE_SLACK (96.0f * EPSILON)
 
 // Whether the ray meets the sphere within its limits before t_hit, a little more often rather than less. Every comparison is
@@ -21,7 +21,7 @@
 // `beside`, not from |to_centre|^2 - along^2, which would cancel for distant spheres (Haines et al., "Precision Improvements
 // for Ray/Sphere Intersection", Ray Tracing Gems 2019).
 bool may_meet_sphere(const Ray* ray, float slack, float4 sphere, float t_hit) {
-    const float3 to_centre = sphere.xyz - ray->origin;
+    const float3 to_centre = from_origin(ray, sphere.xyz);
     const float square = dot3(ray->direction, ray->direction);
     const float along = dot3(ray->direction, to_centre) / square;
     const float3 beside = fma3(ray->direction, -along, to_centre);

@@ -106,10 +106,10 @@ impl EventNode {
             let planar = kinds[PLANAR as usize];
             right -= kinds[END as usize] + planar;
             if cell.is_split_by(axis, plane) {
-                let (cost, planar_left) = plane_cost.with_planar(plane, left, planar, right);
+                let split = plane_cost.split(plane, left, planar, right);
                 // Planes come in ascending order, so the first of equals is kept, as `is_better_than` demands.
-                if best.is_none_or(|best| cost < best.cost) {
-                    best = Some(Split { axis, plane, planar_left, parts: left + planar + right, cost });
+                if best.is_none_or(|best| split.cost < best.cost) {
+                    best = Some(split);
                 }
             }
             left += kinds[START as usize] + planar;

@@ -22,7 +22,7 @@ const MAX_GROWTH: usize = 64;
 /// Rays from up to this many scene extents away walk; the price is the margin, 3/16384 of the extent.
 const REACH: f32 = 64.0;
 
-/// Margin of the boxes in units of EPSILON D (see `cl/traverse/grid.cl`, where 37 are needed).
+/// Margin of the boxes in units of EPSILON D (see `cl/traverse/grid.cl`, where 38 are needed).
 const MARGIN: f64 = 48.0;
 
 /// The most references of a grid: 512 MiB.

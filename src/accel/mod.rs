@@ -2,6 +2,7 @@
 
 mod clip;
 mod cost;
+mod divide;
 mod events;
 mod grid;
 mod median;
@@ -9,23 +10,27 @@ mod node_order;
 mod octree;
 mod ropes;
 mod sah;
+mod sampled_median;
 mod small;
+mod spatial_median;
 mod stats;
+mod stop;
 mod structure;
 mod subtree;
 mod validate;
 mod volumes;
 
+pub use cost::Measure;
 pub use grid::build_grid;
 pub use node_order::reorder;
 pub use octree::build_octree;
 pub use ropes::link_leaves;
-pub use stats::TreeStats;
+pub use stats::{TreeStats, expected_cost};
 pub use structure::{Structure, StructureStats};
 pub use validate::check_tree;
 pub use volumes::{build_boxes, build_spheres};
 
-use crate::options::Build;
+use crate::options::{Build, KdOptions, SplitAxis, Stop, TraceOptions};
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -60,32 +65,47 @@ pub struct BuildOptions {
     pub leaf_size: u32,
     /// No leaf is deeper than this, the root counted as 0.
     pub max_depth: u32,
+    /// Whether a split must also pay.
+    pub stop: Stop,
+    /// A split is refused when both children keep more than this share of the triangles; 1: none is.
+    pub similar_children: f32,
     /// Cost of one traversal step.
     pub cost_traverse: f32,
     /// Cost of one triangle test.
     pub cost_intersect: f32,
     /// Factor by which the cost of a split with an empty side is reduced, in 0..1 (0: not at all).
     pub empty_bonus: f32,
+    /// Which axis the builds that do not weigh costs split first.
+    pub split_axis: SplitAxis,
+    /// Triangles that the sampled median is taken of.
+    pub sample_size: u32,
 }
 
 impl BuildOptions {
-    /// The defaults for a tree of `triangle_count` triangles with `build`; `leaf_size` and `max_depth` override them.
-    pub fn new(build: Build, triangle_count: usize, leaf_size: Option<u32>, max_depth: Option<u32>) -> Self {
+    /// What `options` ask for in a kd-tree of `triangle_count` triangles, and the defaults of their build for the rest.
+    pub fn new(options: &TraceOptions, triangle_count: usize) -> Self {
         // Havran (2000, section 4.4): depth 8 + 1.3 log2 N. On the bunny and sponza 12 levels more gain 0.1 % of cost.
         let depth = 8.0 + 1.3 * (triangle_count.max(1) as f32).log2();
-        let default_leaf = match build {
-            Build::Sah => 1, // the cost decides
-            // The least expected cost of 4, 8, 12, 16, … 64 on the bunny; on sponza 1 % above the least, with half its nodes.
-            Build::Median => 12,
+        let (build, kd) = (options.build, options.kd);
+        let stop = kd.stop(build);
+        // By size: within 3 % of the least expected cost of 1, 2, 4, 8, 12, 16, 24 and 32 on bunny, sponza, teapot and gears.
+        let default_leaf = match (stop, build) {
+            (Stop::Cost, _) => 1, // the cost decides
+            (Stop::Size, Build::Median | Build::SampledMedian) => 12,
+            (Stop::Size, Build::SpatialMedian) => 8,
+            (Stop::Size, Build::Sah | Build::Volume) => 4,
         };
+        let default_share = if build.weighs_costs() { 1.0 } else { KdOptions::SIMILAR_CHILDREN };
         BuildOptions {
-            leaf_size: leaf_size.unwrap_or(default_leaf),
-            max_depth: max_depth.unwrap_or(depth as u32),
-            // Wald and Havran (2006) take 15 : 20 and a bonus of 20 %. Equal costs gave the same expected cost, even counted
-            // at 15 : 20 (bunny 959 against 962, sponza 1226 against 1229), with 25 % fewer nodes and 13 % fewer references.
-            cost_traverse: 1.0,
-            cost_intersect: 1.0,
-            empty_bonus: 0.2,
+            leaf_size: options.leaf_size.unwrap_or(default_leaf),
+            max_depth: options.max_depth.unwrap_or(depth as u32),
+            stop,
+            similar_children: kd.similar_children.unwrap_or(default_share),
+            cost_traverse: kd.cost_traverse.unwrap_or(KdOptions::COST),
+            cost_intersect: kd.cost_intersect.unwrap_or(KdOptions::COST),
+            empty_bonus: kd.empty_bonus.unwrap_or(KdOptions::EMPTY_BONUS),
+            split_axis: kd.split_axis,
+            sample_size: kd.sample_size.unwrap_or(KdOptions::SAMPLE_SIZE),
         }
     }
 }
@@ -116,6 +136,9 @@ pub struct KdTree {
 pub fn build_kd_tree(build: Build, vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
     match build {
         Build::Median => median::build(vertices, primitives, options),
-        Build::Sah => sah::build(vertices, primitives, options),
+        Build::SampledMedian => sampled_median::build(vertices, primitives, options),
+        Build::SpatialMedian => spatial_median::build(vertices, primitives, options),
+        Build::Sah => sah::build(Measure::Surface, vertices, primitives, options),
+        Build::Volume => sah::build(Measure::Volume, vertices, primitives, options),
     }
 }

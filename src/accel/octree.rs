@@ -10,7 +10,7 @@ use super::clip::Reference;
 use super::subtree::{Cell, ascending, growth_after};
 use super::{Aabb, BuildOptions, Structure};
 use crate::layout::Float4;
-use crate::options::{Build, TraceOptions};
+use crate::options::TraceOptions;
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -24,12 +24,11 @@ impl BuildOptions {
     /// Four more are for details smaller than that.
     pub fn octree(triangle_count: usize, leaf_size: Option<u32>, max_depth: Option<u32>) -> Self {
         let depth = 4.0 + 0.5 * (triangle_count.max(1) as f32).log2();
-        BuildOptions::new(
-            Build::Median,
-            triangle_count,
-            leaf_size.or(Some(LEAF_SIZE)),
-            max_depth.or(Some(depth as u32)),
-        )
+        BuildOptions {
+            leaf_size: leaf_size.unwrap_or(LEAF_SIZE),
+            max_depth: max_depth.unwrap_or(depth as u32),
+            ..BuildOptions::new(&TraceOptions::DEFAULT, triangle_count)
+        }
     }
 }
 
@@ -98,7 +97,7 @@ fn divide(vertices: &[[Vec3; 3]], cell: &Cell, references: &[Reference]) -> Opti
     let mut is_cut = false;
     // The last axis cut is bit 0 of a part's number.
     for axis in [2, 1, 0] {
-        let middle = cell.low[axis] * 0.5 + cell.high[axis] * 0.5;
+        let middle = cell.middle(axis);
         let cuts = cell.is_split_by(axis, middle);
         if cuts {
             centre[axis] = middle;

@@ -96,9 +96,7 @@ impl SmallNode {
             for lane in 0..LANES.min(candidate_count - tile * LANES) {
                 let plane = planes[lane];
                 let planar = if has_planar { count_planar(lows, highs, plane) } else { 0 };
-                let (cost, planar_left) = plane_cost.with_planar(plane, left[lane], planar, right[lane]);
-                let parts = left[lane] + planar + right[lane];
-                let split = Split { axis, plane, planar_left, parts, cost };
+                let split = plane_cost.split(plane, left[lane], planar, right[lane]);
                 if best.is_none_or(|best| split.is_better_than(&best)) {
                     *best = Some(split);
                 }

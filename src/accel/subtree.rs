@@ -67,10 +67,9 @@ impl Cell {
         (f64::from(self.high[axis]) - f64::from(self.low[axis])).max(0.0)
     }
 
-    /// Half the surface area, in f64: squares of float32 lengths neither over- nor underflow there.
-    pub fn half_area(&self) -> f64 {
-        let [x, y, z] = [self.extent(0), self.extent(1), self.extent(2)];
-        x * y + y * z + z * x
+    /// The middle between the two faces across an axis; it may round onto one of them.
+    pub fn middle(&self, axis: usize) -> f32 {
+        self.low[axis] * 0.5 + self.high[axis] * 0.5
     }
 }
 

@@ -179,14 +179,14 @@ fn cut(polygon: &[DVec3], axis: usize, plane: f64, sign: f64) -> Polygon {
 mod tests {
     use super::super::build_kd_tree;
     use super::*;
-    use crate::options::Build;
+    use crate::options::{Build, TraceOptions};
 
     /// Triangles in a row along x, and a tree of them.
     fn row() -> (Vec<[Vec3; 3]>, Vec<u32>, BuildOptions, KdTree) {
         let vertices: Vec<_> =
             (0..8).map(|i| [Vec3::ZERO, Vec3::new(1.5, 0.0, 1.0), Vec3::Y].map(|p| p + Vec3::X * i as f32)).collect();
         let primitives: Vec<_> = (0..8).collect();
-        let options = BuildOptions::new(Build::Sah, primitives.len(), None, None);
+        let options = BuildOptions::new(&TraceOptions::DEFAULT, primitives.len());
         let tree = build_kd_tree(Build::Sah, &vertices, &primitives, &options);
         (vertices, primitives, options, tree)
     }

@@ -5,9 +5,10 @@ use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
 use raybrook::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
 use raybrook::film::check_output;
 use raybrook::output::{check_writable, write_json};
-use raybrook::pack::SceneBuffers;
+use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::ReferenceTracer;
 use raybrook::reference::render::camera_direction;
+use raybrook::scene::Samples;
 use raybrook::session::{Picture, render};
 use raybrook::shared::{COUNTER_NAMES, TraceRay};
 use raybrook::tracer::{RenderResult, TraceJob, Tracer};
@@ -64,7 +65,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
             "there is no OpenCL device to check against the reference; `raybrook devices` tells what is missing";
         return Err(Error::NoDevice(message.into()));
     };
-    let loaded = open::load(&args.scene.scene, args.picture.size, talk)?;
+    let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened = open::open(&loaded, Some(&device), &args.device, options, picture.depth, talk)?;
     let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
@@ -77,7 +78,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
 
     let run_on = |tracer: &mut dyn Tracer, name: &str| {
         let bar = Bar::new(name, talk);
-        let camera_rays = rays.len() as f64 * f64::from(picture.samples) / 1e6;
+        let camera_rays = rays.len() as f64 * f64::from(picture.samples.per_pixel()) / 1e6;
         render(tracer, &opened.buffers, &picture, &|done| bar.update(done, camera_rays, "M camera rays"))
     };
     let on_device = run_on(opened.tracer.as_mut(), "device")?;
@@ -105,10 +106,16 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     Ok(if findings.passed { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// One ray through the middle of each pixel.
+/// One ray through the middle of each pixel, or through its corner.
 fn camera_rays(buffers: &SceneBuffers, picture: &Picture) -> Vec<TraceRay> {
-    let params = buffers.render_params(&picture.camera, picture.size, 1, 1, None);
-    let pixels = (0..params.height).flat_map(|y| (0..params.width).map(move |x| (x as f32 + 0.5, y as f32 + 0.5)));
+    let samples = match picture.samples {
+        Samples::PerPixel(_) => Samples::PerPixel(1),
+        Samples::Corners => Samples::Corners,
+    };
+    let params = buffers.render_params(&picture.camera, picture.size, samples, 1, None);
+    let [x_in_pixel, y_in_pixel] = sample_positions(samples)[0];
+    let pixels =
+        (0..params.height).flat_map(|y| (0..params.width).map(move |x| (x as f32 + x_in_pixel, y as f32 + y_in_pixel)));
     pixels
         .map(|(x, y)| TraceRay {
             origin_t_min: params.eye,

@@ -12,6 +12,7 @@ macro_rules! say {
 mod check;
 mod devices;
 mod info;
+mod kd;
 mod open;
 mod progress;
 mod render;
@@ -22,7 +23,7 @@ use raybrook::Error;
 use raybrook::options::{
     Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, TexturePass, TraceOptions, Traversal, TriangleOrder,
 };
-use raybrook::scene::PictureDefaults;
+use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -82,7 +83,8 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
-    /// Do not split nodes of up to N triangles [default: 1 for sah, where the cost decides; 12 for median; 8 for octree];
+    /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
+    /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
     /// put up to N into one box or sphere [default: the square root of the triangles].
     #[arg(long, value_name = "N")]
     leaf_size: Option<u32>,
@@ -90,6 +92,8 @@ struct MethodArgs {
     /// most 60].
     #[arg(long, value_name = "N")]
     max_depth: Option<u32>,
+    #[command(flatten)]
+    kd: kd::KdArgs,
     /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_grid_size)]
     grid_size: Option<[u32; 3]>,
@@ -120,6 +124,7 @@ impl MethodArgs {
             intersector: self.intersector,
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
+            kd: self.kd.options(),
             grid_size: self.grid_size,
             memory: self.memory,
             layout: self.layout,
@@ -151,9 +156,10 @@ struct PictureArgs {
     /// Width and height in pixels [default: the scene's, else 1024x768].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
-    /// Samples per pixel, in a fixed pattern [default: the scene's, else 1].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_SAMPLES)))]
-    samples: Option<u32>,
+    /// Samples per pixel, in a fixed pattern, or `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
+    /// pixels [default: the scene's, else 1].
+    #[arg(long, value_name = "N|corners")]
+    samples: Option<Samples>,
     /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
@@ -190,7 +196,7 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// Scene: a .toml scene file (see scenes/README.md) or a Wavefront .obj.
+    /// Scene: a .toml scene file (see scenes/README.md), a Wavefront .obj, a .ply, a .stl or Haines' .nff.
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
 }

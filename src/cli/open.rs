@@ -1,10 +1,10 @@
 //! What every command that traces does first: load the scene, choose the device, build, compile, upload.
 
-use super::{DeviceArgs, Talk};
+use super::{DeviceArgs, PictureArgs, Talk};
 use raybrook::device::{Cache, DeviceHandle, Selection, select};
 use raybrook::options::TraceOptions;
 use raybrook::pack::SceneBuffers;
-use raybrook::scene::{self, Scene};
+use raybrook::scene::{self, Samples, Scene};
 use raybrook::session::{complete, open_tracer};
 use raybrook::stats::RunStats;
 use raybrook::tracer::Tracer;
@@ -27,8 +27,11 @@ pub struct Loaded {
 /// Size of a picture that neither the scene nor an option sizes.
 const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
-/// Loads a scene, prints its warnings, and gives it what it needs to be rendered: also a size, which `size` overrides.
-pub fn load(path: &Path, size: Option<(u32, u32)>, talk: Talk) -> Result<Loaded> {
+/// Samples of a picture of which neither the scene nor an option tells.
+const DEFAULT_SAMPLES: Samples = Samples::PerPixel(1);
+
+/// Loads a scene, prints its warnings, and gives it what it needs to be rendered: also a size and samples, which `args` override.
+pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loaded> {
     let start = Instant::now();
     let mut scene = scene::load(path)?;
     if !talk.quiet {
@@ -40,9 +43,11 @@ pub fn load(path: &Path, size: Option<(u32, u32)>, talk: Talk) -> Result<Loaded>
             eprintln!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    let size = size.or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
-    scene.picture.size = Some(size);
-    complete(&mut scene, size.0 as f32 / size.1 as f32);
+    let size = args.and_then(|a| a.size).or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
+    let samples = args.and_then(|a| a.samples).or(scene.picture.samples).unwrap_or(DEFAULT_SAMPLES);
+    samples.check(size)?;
+    (scene.picture.size, scene.picture.samples) = (Some(size), Some(samples));
+    complete(&mut scene, samples.aspect(size) as f32);
     Ok(Loaded { scene, load_s: start.elapsed().as_secs_f64() })
 }
 

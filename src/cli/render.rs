@@ -38,7 +38,7 @@ impl PictureArgs {
         Picture {
             camera: scene.camera.expect("a completed scene has a camera"),
             size: scene.picture.size.expect("a completed scene has a size"),
-            samples: self.samples.or(scene.picture.samples).unwrap_or(1),
+            samples: scene.picture.samples.expect("a completed scene has samples"),
             depth: self.depth.or(scene.picture.depth).unwrap_or(DEFAULT_DEPTH),
             kill_weight: self.kill_weight,
         }
@@ -57,12 +57,12 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     check_output(&output, Some(format))?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let loaded = open::load(&args.scene.scene, args.picture.size, talk)?;
+    let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, picture.depth, talk)?;
 
     let bar = Bar::new("render", talk);
-    let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples);
+    let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples.per_pixel());
     let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
     let result = render(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
     drop(bar);

@@ -99,6 +99,7 @@ impl OpenClTracer {
         let compile_options = CompileOptions::new()
             .define("TRAVERSE", options.cl_traverse())
             .define("INTERSECT", options.intersector.cl_function())
+            .define("NEARER", options.intersector.cl_nearer())
             .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
             .define("SHORT_STACK_SIZE", options.short_stack_size());
         let compile_options = match options.kernels {

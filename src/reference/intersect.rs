@@ -1,11 +1,13 @@
 //! Twins of `cl/intersect/`: the ray-triangle tests. The reasons are there.
 
-use super::math::{abs3, cross3, difference_of_products, dot3};
+use super::exact::{intersect_exact, is_nearer_exactly};
+use super::math::{abs3, cross3, difference_of_products, dot3, max_or};
 use super::ray::Ray;
 use super::traverse::vertices;
 use crate::layout::Float4;
 use crate::options::Intersector;
 use crate::pack::SceneBuffers;
+use crate::shared::Hit;
 use glam::Vec3;
 
 /// Distance and weights of vertices 1 and 2.
@@ -23,6 +25,7 @@ pub struct Intersection {
 #[inline(always)]
 pub fn intersect(buffers: &SceneBuffers, intersector: Intersector, ray: &Ray, primitive: u32) -> Option<Intersection> {
     match intersector {
+        Intersector::Exact => intersect_exact(buffers, ray, vertices(buffers, primitive)),
         Intersector::MollerTrumbore => intersect_moller_trumbore(ray, vertices(buffers, primitive)),
         Intersector::Watertight => intersect_watertight(ray, vertices(buffers, primitive)),
         Intersector::Plucker => intersect_plucker(ray, vertices(buffers, primitive)),
@@ -35,6 +38,22 @@ pub fn intersect(buffers: &SceneBuffers, intersector: Intersector, ray: &Ray, pr
     }
 }
 
+/// Whether a hit at t is inside the ray's limits and nearer than `hit`, as the chosen test tells hits apart.
+#[inline(always)]
+pub fn is_nearer(
+    buffers: &SceneBuffers,
+    intersector: Intersector,
+    ray: &Ray,
+    hit: &Hit,
+    t: f32,
+    primitive: u32,
+) -> bool {
+    match intersector {
+        Intersector::Exact => is_nearer_exactly(buffers, ray, hit, t, primitive),
+        _ => ray.is_nearer(hit, t, primitive),
+    }
+}
+
 /// Twin of `cl/intersect/moller_trumbore.cl`.
 #[inline(always)]
 pub fn intersect_moller_trumbore(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Intersection> {
@@ -42,7 +61,7 @@ pub fn intersect_moller_trumbore(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<I
     let edge2 = p2 - p0;
     let p = cross3(ray.direction, edge2);
     let inv_det = 1.0 / dot3(edge1, p);
-    let from_p0 = ray.origin - p0;
+    let from_p0 = -ray.from_origin(p0);
     let u = dot3(from_p0, p) * inv_det;
     let q = cross3(from_p0, edge1);
     let v = dot3(ray.direction, q) * inv_det;
@@ -59,38 +78,71 @@ fn rotate_to_z(v: Vec3, axis: usize) -> Vec3 {
     }
 }
 
-/// Twin of `cl/intersect/watertight.cl`.
+/// The axis of the largest component of a direction.
 #[inline(always)]
-pub fn intersect_watertight(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Intersection> {
-    let size = abs3(ray.direction);
-    let axis = if size.x >= size.y {
+fn major_axis(direction: Vec3) -> usize {
+    let size = abs3(direction);
+    if size.x >= size.y {
         if size.x >= size.z { 0 } else { 2 }
     } else if size.y >= size.z {
         1
     } else {
         2
-    };
+    }
+}
+
+/// A triangle in the space where the ray is the z axis.
+#[derive(Debug, Clone, Copy)]
+pub struct ShearedTriangle {
+    /// Edge functions.
+    pub weights: [f32; 3],
+    /// Depths of the vertices along the major axis.
+    pub depths: [f32; 3],
+    /// By which t is scaled.
+    pub direction_z: f32,
+    /// Largest |x| or |y| of a vertex.
+    pub extent: f32,
+}
+
+/// Brings a triangle into that space.
+#[inline(always)]
+pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
+    let axis = major_axis(ray.direction);
     let direction = rotate_to_z(ray.direction, axis);
     let inv_z = 1.0 / direction.z;
     let shear_x = direction.x * inv_z;
     let shear_y = direction.y * inv_z;
     let shear = |p: Vec3| {
-        let p = rotate_to_z(p - ray.origin, axis);
+        let p = rotate_to_z(ray.from_origin(p), axis);
         Vec3::new((-shear_x).mul_add(p.z, p.x), (-shear_y).mul_add(p.z, p.y), p.z)
     };
     let (a, b, c) = (shear(p0), shear(p1), shear(p2));
+    let larger = |p: Vec3| max_or(p.x.abs(), p.y.abs());
+    ShearedTriangle {
+        weights: [
+            difference_of_products(c.x, b.y, c.y, b.x),
+            difference_of_products(a.x, c.y, a.y, c.x),
+            difference_of_products(b.x, a.y, b.y, a.x),
+        ],
+        depths: [a.z, b.z, c.z],
+        direction_z: direction.z,
+        extent: max_or(max_or(larger(a), larger(b)), larger(c)),
+    }
+}
 
-    let weight0 = difference_of_products(c.x, b.y, c.y, b.x);
-    let weight1 = difference_of_products(a.x, c.y, a.y, c.x);
-    let weight2 = difference_of_products(b.x, a.y, b.y, a.x);
+/// Twin of `cl/intersect/watertight.cl`.
+#[inline(always)]
+pub fn intersect_watertight(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
+    let ShearedTriangle { weights: [weight0, weight1, weight2], depths: [az, bz, cz], direction_z, .. } =
+        shear_triangle(ray, triangle);
     let all_positive = weight0 >= 0.0 && weight1 >= 0.0 && weight2 >= 0.0;
     let all_negative = weight0 <= 0.0 && weight1 <= 0.0 && weight2 <= 0.0;
     if !(all_positive || all_negative) {
         return None;
     }
     let det = weight0 + weight1 + weight2;
-    let z_weighted = weight0.mul_add(a.z, weight1.mul_add(b.z, weight2 * c.z));
-    let t = z_weighted / (det * direction.z);
+    let z_weighted = weight0.mul_add(az, weight1.mul_add(bz, weight2 * cz));
+    let t = z_weighted / (det * direction_z);
     t.is_finite().then_some(Intersection { t, u: weight1 / det, v: weight2 / det })
 }
 
@@ -111,7 +163,7 @@ fn edge_volume(a: Vec3, b: Vec3, moment_a: Vec3, moment_b: Vec3, distance_a: f32
 /// Twin of `cl/intersect/plucker.cl`.
 #[inline(always)]
 pub fn intersect_plucker(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Intersection> {
-    let (a, b, c) = (p0 - ray.origin, p1 - ray.origin, p2 - ray.origin);
+    let (a, b, c) = (ray.from_origin(p0), ray.from_origin(p1), ray.from_origin(p2));
     let moment = |vertex| cross3(ray.direction, vertex);
     let (moment_a, moment_b, moment_c) = (moment(a), moment(b), moment(c));
     let (distance_a, distance_b, distance_c) =
@@ -144,7 +196,7 @@ fn rotate_to_x(v: Vec3, axis: u32) -> Vec3 {
 #[inline(always)]
 pub fn intersect_precomputed(ray: &Ray, [corner_axis, normal_u, gradient_v]: [Float4; 3]) -> Option<Intersection> {
     let axis = corner_axis.w.to_bits();
-    let from = rotate_to_x(ray.origin - corner_axis.xyz(), axis);
+    let from = rotate_to_x(-ray.from_origin(corner_axis.xyz()), axis);
     let direction = rotate_to_x(ray.direction, axis);
 
     let height = normal_u.x.mul_add(from.y, normal_u.y.mul_add(from.z, from.x));

@@ -112,6 +112,28 @@ pub fn normalize3(v: Vec3, otherwise: Vec3) -> Vec3 {
     }
 }
 
+/// Sine of `x` turns.
+#[inline(always)]
+pub fn sin_turns(x: f32) -> f32 {
+    let mut r = if x.abs() < 4_194_304.0 { x - (x + 0.5).floor() } else { 0.0 };
+    r = if r > 0.25 {
+        0.5 - r
+    } else if r < -0.25 {
+        -0.5 - r
+    } else {
+        r
+    };
+    let r2 = r * r;
+    let mut p = 3.819_952_59_f32;
+    p = p.mul_add(r2, -15.094_642_6);
+    p = p.mul_add(r2, 42.058_693_9);
+    p = p.mul_add(r2, -76.705_859_8);
+    p = p.mul_add(r2, 81.605_249_3);
+    p = p.mul_add(r2, -41.341_702_2);
+    p = p.mul_add(r2, std::f32::consts::TAU);
+    p * r
+}
+
 /// Logarithm of a normal `x > 0` to base 2.
 #[inline(always)]
 pub fn log2_fixed(x: f32) -> f32 {

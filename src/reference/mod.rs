@@ -1,13 +1,16 @@
 //! The scalar reference tracer: the same algorithms as the kernels, file for file, in plain Rust.
 //!
 //! The f32 twin repeats every operation of the kernels in their order (`mul_add` for `fma`), so that hits and pictures agree bit
-//! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: brute force in f64, against which accuracy is
+//! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which accuracy is
 //! measured.
 
+pub mod exact;
+pub mod integer;
 pub mod intersect;
 pub mod light;
 pub mod math;
 pub mod oracle;
+pub mod procedural;
 pub mod ray;
 pub mod render;
 pub mod surface;

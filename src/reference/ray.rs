@@ -6,8 +6,8 @@ use glam::Vec3;
 
 /// The largest relative error of one rounding.
 pub const EPSILON: f32 = 1.0 / 16_777_216.0;
-const WIDEN_UP: f32 = 1.0 + 6.0 * EPSILON;
-const WIDEN_DOWN: f32 = 1.0 - 6.0 * EPSILON;
+const WIDEN_UP: f32 = 1.0 + 8.0 * EPSILON;
+const WIDEN_DOWN: f32 = 1.0 - 8.0 * EPSILON;
 
 /// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
 pub const HIT_ERROR: f32 = 32.0;
@@ -19,6 +19,8 @@ pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
 pub struct Ray {
     /// Tracing space.
     pub origin: Vec3,
+    /// The ray starts at `origin + origin_low` exactly.
+    pub origin_low: Vec3,
     /// Largest component in [1, 2).
     pub direction: Vec3,
     /// Component-wise reciprocal.
@@ -49,6 +51,7 @@ impl Ray {
         let direction = direction + Vec3::ZERO; // -0 becomes +0
         Ray {
             origin,
+            origin_low: Vec3::ZERO,
             direction,
             inv_direction: Vec3::new(
                 reciprocal_or_nan(direction.x),
@@ -62,14 +65,21 @@ impl Ray {
         }
     }
 
+    /// Where `p` lies as seen from the start of the ray.
+    #[inline(always)]
+    pub fn from_origin(&self, p: Vec3) -> Vec3 {
+        (p - self.origin) - self.origin_low
+    }
+
     /// The part of the ray inside the box, or `None`.
     #[inline(always)]
     pub fn clip_to_box(&self, low: Vec3, high: Vec3) -> Option<(f32, f32)> {
         let (mut t_near, mut t_far) = (self.t_near, self.t_far);
+        let (to_low, to_high) = (self.from_origin(low), self.from_origin(high));
         for axis in 0..3 {
             let inv_direction = self.inv_direction[axis];
-            let t_low = (low[axis] - self.origin[axis]) * inv_direction;
-            let t_high = (high[axis] - self.origin[axis]) * inv_direction;
+            let t_low = to_low[axis] * inv_direction;
+            let t_high = to_high[axis] * inv_direction;
             narrow_interval(t_low, t_high, inv_direction, &mut t_near, &mut t_far);
         }
         (t_near <= t_far).then_some((t_near, t_far))
@@ -79,10 +89,11 @@ impl Ray {
     #[inline(always)]
     pub fn clip_to_thick_box(&self, slack: f32, low: Vec3, high: Vec3) -> Option<(f32, f32)> {
         let (mut t_near, mut t_far) = (self.t_near, self.t_far);
+        let (to_low, to_high) = (self.from_origin(low), self.from_origin(high));
         for axis in 0..3 {
             let inv_direction = self.inv_direction[axis];
-            let t_low = ((low[axis] - self.origin[axis]) - slack) * inv_direction;
-            let t_high = ((high[axis] - self.origin[axis]) + slack) * inv_direction;
+            let t_low = (to_low[axis] - slack) * inv_direction;
+            let t_high = (to_high[axis] + slack) * inv_direction;
             narrow_interval(t_low, t_high, inv_direction, &mut t_near, &mut t_far);
         }
         (t_near <= t_far).then_some((t_near, t_far))
@@ -91,8 +102,8 @@ impl Ray {
     /// No corner of the box is farther from the origin on any axis.
     #[inline(always)]
     pub fn farthest_distance(&self, low: Vec3, high: Vec3) -> f32 {
-        let to_low = abs3(low - self.origin);
-        let to_high = abs3(high - self.origin);
+        let to_low = abs3(self.from_origin(low));
+        let to_high = abs3(self.from_origin(high));
         let farthest = max_or(max_component(to_low), max_component(to_high));
         if is_finite3(self.origin) { farthest } else { f32::NAN }
     }
@@ -129,15 +140,17 @@ pub fn widen_down(t: f32) -> f32 {
     t * if t > 0.0 { WIDEN_DOWN } else { WIDEN_UP }
 }
 
-/// The point with weights `u` and `v` of vertices 1 and 2.
+/// The point with weights `u` and `v` of vertices 1 and 2, rounded, and what that leaves out.
 #[inline(always)]
-pub fn point_on_triangle([p0, p1, p2]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    fma3(p0, (1.0 - u) - v, fma3(p1, u, p2 * v))
+pub fn point_on_triangle([p0, p1, p2]: [Vec3; 3], u: f32, v: f32) -> (Vec3, Vec3) {
+    let from_p0 = fma3(p1 - p0, u, (p2 - p0) * v);
+    let sum = p0 + from_p0;
+    let part = sum - p0;
+    (sum, (p0 - (sum - part)) + (from_p0 - part))
 }
 
 /// Bound of that point's distance from the triangle's plane, on each axis.
 #[inline(always)]
 pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
-    let largest = max_or(max_component(abs3(p0)), max_or(max_component(abs3(p1)), max_component(abs3(p2))));
-    6.0 * EPSILON * largest
+    4.0 * EPSILON * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)))
 }

@@ -2,9 +2,10 @@
 
 use super::light::{LightSample, blinn_phong, sample_light};
 use super::math::{fma3, max_component, normalize3};
+use super::procedural::solid_position;
 use super::ray::Ray;
 use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_point};
-use super::texture::sample_texture;
+use super::texture::surface_colour;
 use super::traverse::traverse;
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
 use crate::options::TraceOptions;
@@ -107,7 +108,7 @@ impl Pixel<'_> {
 /// The colour that the material's texture, which it must have, gives the surface.
 #[inline(always)]
 pub fn texture_colour(buffers: &SceneBuffers, surface: &Surface, material: &Material) -> Vec3 {
-    sample_texture(buffers, material.texture, surface.texture_uv)
+    surface_colour(buffers, material.texture, surface.texture_uv, solid_position(surface))
 }
 
 /// The same for a hit of a device that asks for it.

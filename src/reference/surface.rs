@@ -10,8 +10,10 @@ use glam::Vec3;
 /// A point on a triangle, as rays start from it.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfacePoint {
-    /// Tracing space.
+    /// Tracing space, rounded.
     pub position: Vec3,
+    /// What that leaves out.
+    pub position_low: Vec3,
     /// Bound of its distance from the triangle's plane, on each axis.
     pub error: f32,
     /// The triangle.
@@ -39,11 +41,8 @@ pub struct Surface {
 #[inline(always)]
 pub fn surface_point(buffers: &SceneBuffers, hit: &Hit) -> SurfacePoint {
     let triangle = vertices(buffers, hit.primitive);
-    SurfacePoint {
-        position: point_on_triangle(triangle, hit.u, hit.v),
-        error: point_error(triangle),
-        primitive: hit.primitive,
-    }
+    let (position, position_low) = point_on_triangle(triangle, hit.u, hit.v);
+    SurfacePoint { position, position_low, error: point_error(triangle), primitive: hit.primitive }
 }
 
 /// What a hit is.
@@ -74,6 +73,7 @@ pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
 #[inline(always)]
 pub fn leave_surface(point: &SurfacePoint, direction: Vec3, t_far: f32) -> Ray {
     let mut ray = Ray::new(point.position, direction, 0.0, t_far, point.primitive);
+    ray.origin_low = point.position_low;
     ray.t_near = max_or(ray.t_near, 2.0 * point.error);
     ray
 }

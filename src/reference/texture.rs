@@ -1,7 +1,9 @@
-//! Twin of `cl/shade/texture.cl`: bilinear sRGB textures. The reasons are there.
+//! Twin of `cl/shade/texture.cl`: bilinear sRGB pictures, or procedural textures. The reasons are there.
 
 use super::math::fma3;
+use super::procedural::procedural_colour;
 use crate::pack::SceneBuffers;
+use crate::shared::{TEXTURE_IMAGE, TextureInfo};
 use glam::Vec3;
 
 #[inline(always)]
@@ -28,10 +30,8 @@ fn texel(buffers: &SceneBuffers, index: u32) -> Vec3 {
     Vec3::new(linear(0), linear(8), linear(16))
 }
 
-/// Linear RGB of texture number `texture` at (u, v).
 #[inline(always)]
-pub fn sample_texture(buffers: &SceneBuffers, texture: u32, [u, v]: [f32; 2]) -> Vec3 {
-    let info = &buffers.textures[texture as usize];
+fn sample_texture(buffers: &SceneBuffers, info: &TextureInfo, [u, v]: [f32; 2]) -> Vec3 {
     let (left, right, weight_x) = wrap_texel(u, info.width);
     let (top, bottom, weight_y) = wrap_texel(-v, info.height);
     let row0 = info.first + top * info.width;
@@ -41,4 +41,15 @@ pub fn sample_texture(buffers: &SceneBuffers, texture: u32, [u, v]: [f32; 2]) ->
     let upper = fma3(c01 - c00, weight_x, c00);
     let lower = fma3(c11 - c10, weight_x, c10);
     fma3(lower - upper, weight_y, upper)
+}
+
+/// Linear RGB of texture number `texture` on a surface: at texture coordinates `uv` for a picture, at `position`
+/// ([`solid_position`](super::procedural::solid_position), tracing space) for a procedural texture.
+#[inline(always)]
+pub fn surface_colour(buffers: &SceneBuffers, texture: u32, uv: [f32; 2], position: Vec3) -> Vec3 {
+    let info = &buffers.textures[texture as usize];
+    if info.kind != TEXTURE_IMAGE {
+        return procedural_colour(info, uv, position);
+    }
+    sample_texture(buffers, info, uv)
 }

@@ -3,7 +3,7 @@
 //!
 //! Transforms are kept in f64 and every vertex is rounded once, so that a stack of many transforms costs no accuracy.
 
-use super::check::{camera_fault, light_fault, material_fault};
+use super::check::{camera_fault, light_fault, material_fault, procedural_fault};
 use super::mesh::{Corner, Mesh, sin_cos_degrees};
 use super::{
     Background, Camera, Light, LightKind, Material, MaterialId, NO_INDEX, PictureDefaults, Scene, Texture, TextureId,
@@ -103,12 +103,16 @@ impl Builder {
 
     /// Adds `material` without making it the current one, unless the scene has an equal one, and tells its number.
     pub fn add_material(&mut self, material: Material) -> MaterialId {
-        let materials = &mut self.scene.materials;
-        let id = materials.iter().position(|m| *m == material).unwrap_or_else(|| {
-            materials.push(material);
-            materials.len() - 1
-        });
-        id as MaterialId
+        match self.scene.materials.iter().position(|m| *m == material) {
+            Some(id) => id as MaterialId,
+            None => self.push_material(material),
+        }
+    }
+
+    /// As [`Builder::add_material`], for a caller that knows that the scene has no equal one: looking takes time with many.
+    pub(super) fn push_material(&mut self, material: Material) -> MaterialId {
+        self.scene.materials.push(material);
+        (self.scene.materials.len() - 1) as MaterialId
     }
 
     /// Makes material number `id` the current one.
@@ -127,7 +131,8 @@ impl Builder {
     }
 
     /// Adds a texture for [`Material::diffuse_texture`], unless the scene has an equal one, and tells its number.
-    pub fn add_texture(&mut self, texture: Texture) -> TextureId {
+    pub fn add_texture(&mut self, texture: impl Into<Texture>) -> TextureId {
+        let texture = texture.into();
         let textures = &mut self.scene.textures;
         let id = textures.iter().position(|t| *t == texture).unwrap_or_else(|| {
             textures.push(texture);
@@ -198,7 +203,13 @@ impl Builder {
         self.multiply("scale", DAffine3::from_scale(factors.as_dvec3()))
     }
 
-    fn multiply(&mut self, caller: &str, transform: DAffine3) -> &mut Self {
+    /// The current transform, object to world.
+    pub(super) fn current_transform(&self) -> DAffine3 {
+        self.transform
+    }
+
+    /// As [`Builder::transform`], in f64; `caller` begins the message of a fault.
+    pub(super) fn multiply(&mut self, caller: &str, transform: DAffine3) -> &mut Self {
         if !transform.is_finite() {
             return self.fail(format!("{caller}: a value is not finite"));
         }
@@ -464,6 +475,11 @@ impl Builder {
             faults.extend(material_fault(m).map(|f| format!("material '{}': {} {}", m.name, f.key, f.message)));
             if let Some(t) = m.diffuse_texture.filter(|&t| t as usize >= scene.textures.len()) {
                 faults.push(format!("material '{}': there is no texture number {t}", m.name));
+            }
+        }
+        for (i, texture) in scene.textures.iter().enumerate() {
+            if let Texture::Procedural(procedural) = texture {
+                faults.extend(procedural_fault(procedural).map(|f| format!("texture {i}: {} {}", f.key, f.message)));
             }
         }
         for (what, colour) in

@@ -1,8 +1,8 @@
-//! The rules that cameras, lights and materials obey, in one place: the builder and the scene files both ask here.
+//! The rules that cameras, lights, materials and procedural textures obey, in one place: the builder and the scene files both ask here.
 //!
 //! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
 
-use super::{Camera, Light, LightKind, Material};
+use super::{Camera, Light, LightKind, Material, Procedural, Toon};
 use glam::{DVec3, Vec3};
 
 /// What is wrong with which value.
@@ -83,6 +83,39 @@ pub(super) fn material_fault(material: &Material) -> Option<Fault> {
     }
     if !(ior > 0.0 && ior.is_finite()) {
         return fault("ior", format!("is {ior}; it must be finite and above 0"));
+    }
+    let toon = material.toon.as_ref().and_then(toon_fault)?;
+    fault("toon", format!("{} {}", toon.key, toon.message))
+}
+
+/// What is wrong with `toon`, if anything.
+pub(super) fn toon_fault(toon: &Toon) -> Option<Fault> {
+    let (steps, threshold) = (toon.steps, toon.threshold);
+    if !(1..=Toon::MAX_STEPS).contains(&steps) {
+        return fault("steps", format!("is {steps}; it must lie between 1 and {}", Toon::MAX_STEPS));
+    }
+    if !(0.0..1.0).contains(&threshold) {
+        return fault("threshold", format!("is {threshold}; it must be at least 0 and below 1"));
+    }
+    None
+}
+
+/// What is wrong with `procedural`, if anything.
+pub(super) fn procedural_fault(procedural: &Procedural) -> Option<Fault> {
+    // Above 1 a surface would give back more light than it gets.
+    let colours = procedural.colours.iter().find_map(|&colour| zero_to_one("colors", colour));
+    if colours.is_some() {
+        return colours;
+    }
+    let (octaves, turbulence) = (procedural.octaves, procedural.turbulence);
+    if !(1..=Procedural::MAX_OCTAVES).contains(&octaves) {
+        return fault("octaves", format!("is {octaves}; it must lie between 1 and {}", Procedural::MAX_OCTAVES));
+    }
+    if !turbulence.is_finite() {
+        return fault("turbulence", format!("is {turbulence}; it must be finite"));
+    }
+    if !(procedural.transform.is_finite() && procedural.transform.inverse().is_finite()) {
+        return fault("scale", "leaves the pattern no extent, or one beyond all numbers");
     }
     None
 }

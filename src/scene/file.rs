@@ -5,17 +5,19 @@
 
 mod object;
 mod table;
+mod texture;
 
-use super::check::{camera_fault, light_fault, material_fault};
-use super::texture::load_texture;
+use super::check::{Fault, camera_fault, light_fault, material_fault};
 use super::{
-    Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Scene, TextureId,
+    Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
+    TextureId,
 };
 use crate::error::{Error, Result};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+pub(super) use table::linear;
 use table::{Source, Table};
 use toml::de::{DeTable, DeValue};
 
@@ -87,7 +89,11 @@ impl<'a> Reader<'a> {
                 (None, None) => None,
                 (width, height) => Some((image.required("width", width)?, image.required("height", height)?)),
             };
-            picture.samples = image.whole("samples", 1..=PictureDefaults::MAX_SAMPLES)?;
+            picture.samples = read_samples(&image)?;
+            if let (Some(size), Some(Samples::Corners)) = (picture.size, picture.samples) {
+                image
+                    .check(Samples::Corners.fault(size).map(|message| Fault { key: "samples", message }), "samples")?;
+            }
         }
         if let Some(value) = root.get("trace") {
             let trace =
@@ -164,13 +170,20 @@ impl<'a> Reader<'a> {
     }
 
     fn read_material(&mut self, name: &'a str, title: &str, value: &'a toml::Spanned<DeValue<'a>>) -> Result<Material> {
-        const KEYS: [&str; 9] =
-            ["ambient", "diffuse", "texture", "specular", "shininess", "mirror", "transmission", "ior", "emission"];
+        const KEYS: [&str; 10] = [
+            "ambient",
+            "diffuse",
+            "texture",
+            "specular",
+            "shininess",
+            "mirror",
+            "transmission",
+            "ior",
+            "emission",
+            "toon",
+        ];
         let table = Table::of(self.source, title, value)?.allow(title, &KEYS)?;
-        let diffuse_texture = match table.text("texture")? {
-            Some(file) => Some(self.texture(&table, file)?),
-            None => None,
-        };
+        let diffuse_texture = self.read_texture(&table)?;
         // A texture is shown as it is; without one, the same grey as Material::default().
         let diffuse =
             table.colour("diffuse")?.unwrap_or(if diffuse_texture.is_some() { Vec3::ONE } else { Vec3::splat(0.8) });
@@ -186,20 +199,10 @@ impl<'a> Reader<'a> {
             transmission: table.colour("transmission")?.unwrap_or(default.transmission),
             ior: table.number("ior")?.unwrap_or(default.ior),
             emission: table.colour("emission")?.unwrap_or(default.emission),
+            toon: texture::read_toon(&table)?,
         };
         table.check(material_fault(&material), "")?;
         Ok(material)
-    }
-
-    fn texture(&mut self, table: &Table, file: &str) -> Result<TextureId> {
-        if let Some(&id) = self.textures.get(file) {
-            return Ok(id);
-        }
-        self.inside_folder(table, "texture", file)?;
-        let texture = load_texture(self.folder, file).map_err(|e| table.error("texture", format!("'{file}': {e}")))?;
-        let id = self.builder.add_texture(texture);
-        self.textures.insert(file.to_owned(), id);
-        Ok(id)
     }
 
     /// The path of `file`, which `key` of `table` names: in the scene file's folder or below, and there.
@@ -234,6 +237,14 @@ impl<'a> Reader<'a> {
 const DEFAULT_IOR: f32 = 1.5;
 /// The Blinn–Phong exponent of a material whose file does not tell; without `specular` it is of no consequence.
 const DEFAULT_SHININESS: f32 = 50.0;
+
+/// A count for each pixel, or "corners".
+fn read_samples(image: &Table) -> Result<Option<Samples>> {
+    if image.get("samples").is_some_and(|value| value.get_ref().is_str()) {
+        return Ok(image.choice("samples", &[Samples::CORNERS])?.map(|_| Samples::Corners));
+    }
+    Ok(image.whole("samples", 1..=PictureDefaults::MAX_SAMPLES)?.map(Samples::PerPixel))
+}
 
 /// A light, and the key that stands for its direction.
 fn read_light(table: &Table) -> Result<(Light, &'static str)> {

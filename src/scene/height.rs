@@ -1,6 +1,6 @@
 //! Heights for height fields of scene files: from a picture or from a formula.
 
-use super::Texture;
+use super::Image;
 use std::f32::consts::TAU;
 
 /// The built-in formulas, as scene files name them.
@@ -31,7 +31,7 @@ pub(super) fn formula(formula: usize, amplitude: f32, frequency: f32, seed: u32)
 
 /// The height between 0 and `height` at (x, z), both -1/2..1/2, from the red of `picture`: 0 is black and `height` white,
 /// proportional to the stored 8-bit value (heights are no colours), bilinear between texels; the top row lies at z = -1/2.
-pub(super) fn from_picture(picture: &Texture, height: f32) -> impl Fn(f32, f32) -> f32 {
+pub(super) fn from_picture(picture: &Image, height: f32) -> impl Fn(f32, f32) -> f32 {
     let (last_column, last_row) = (picture.width - 1, picture.height - 1);
     move |x, z| {
         let along = |t: f32, last: u32| {
@@ -98,14 +98,14 @@ mod tests {
     #[test]
     fn pictures_are_met_at_their_texels() {
         let rgba = [0u8, 51, 102, 153, 204, 255].map(|v| [v, 9, 9, 255]).to_vec();
-        let picture = Texture { name: String::new(), width: 3, height: 2, rgba };
+        let picture = Image { name: String::new(), width: 3, height: 2, rgba };
         let height = from_picture(&picture, 10.0);
         for (x, z, expected) in
             [(-0.5, -0.5, 0.0), (0.0, -0.5, 2.0), (0.5, -0.5, 4.0), (-0.5, 0.5, 6.0), (0.5, 0.5, 10.0), (0.0, 0.0, 5.0)]
         {
             assert!((height(x, z) - expected).abs() < 1e-5, "at {x}, {z}: {}", height(x, z));
         }
-        let dot = Texture { name: String::new(), width: 1, height: 1, rgba: vec![[255; 4]] };
+        let dot = Image { name: String::new(), width: 1, height: 1, rgba: vec![[255; 4]] };
         assert_eq!(from_picture(&dot, 3.0)(0.3, -0.2), 3.0);
     }
 }

@@ -1,22 +1,45 @@
 //! Loads a scene by the kind of its file.
 
-use super::{Scene, file, obj};
+use super::{Scene, file, nff, obj, ply, stl};
 use crate::error::{Error, Result};
+use std::fs::File;
 use std::path::Path;
 
-/// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`) or a Wavefront `.obj`.
+/// The endings of the files that hold a model: what an object of a scene file can name.
+pub(super) const MODELS: [&str; 4] = ["obj", "ply", "stl", "nff"];
+
+/// The ending of `path`, which tells its kind, in lower case.
+pub(super) fn ending(path: &Path) -> Option<String> {
+    path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
+}
+
+/// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or an `.nff`.
 ///
 /// # Errors
 /// The file cannot be read, is not of a known kind, or what it holds is not usable; the error names file and line.
 pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
     let path = path.as_ref();
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+    match ending(path).as_deref() {
         Some("toml") => file::load(path),
         Some("obj") => obj::load(path),
+        Some("ply") => ply::load(path),
+        Some("nff") => nff::load(path),
+        Some("stl") => stl::load(path),
         _ => Err(Error::input(
             path,
             None,
-            "not a known kind of scene; raybrook reads .toml scene files and Wavefront .obj",
+            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl and Haines' .nff",
         )),
     }
+}
+
+/// Opens the regular file `path` for reading, and tells its size in bytes.
+pub(super) fn open_regular(path: &Path) -> Result<(File, u64)> {
+    let unreadable = |e| Error::io("read", path, e);
+    let metadata = path.metadata().map_err(unreadable)?;
+    // Before opening: a pipe would block, a device may have no end.
+    if !metadata.is_file() {
+        return Err(Error::input(path, None, "is not a regular file"));
+    }
+    Ok((File::open(path).map_err(unreadable)?, metadata.len()))
 }

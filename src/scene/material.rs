@@ -32,6 +32,29 @@ pub struct Material {
     pub ior: f32,
     /// Light given off by the surface itself (seen by rays, does not light others).
     pub emission: Vec3,
+    /// Threshold ("cartoon") shading of diffuse light and highlights.
+    pub toon: Option<Toon>,
+}
+
+/// Threshold ("cartoon") shading (thesis, section 3.3.2): in place of the cosine of Lambert's law there are a few tones, each from
+/// a threshold of the cosine on, and a highlight has full strength or none. It applies to each light by itself; shadows, the
+/// lights' falloff, textures and ambient light are what they are without it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Toon {
+    /// Tones above dark, 1..=[`Toon::MAX_STEPS`], of 1 / `steps`, 2 / `steps`, ..., 1.
+    pub steps: u32,
+    /// The cosine from which there is the first of them, 0..1, 1 excluded; those of the others divide the rest evenly.
+    pub threshold: f32,
+}
+
+impl Toon {
+    /// The most tones: more cannot be told apart in a picture of 8 bits.
+    pub const MAX_STEPS: u32 = 255;
+
+    /// `steps` tones and dark, all of the same share of the cosine's range.
+    pub fn new(steps: u32) -> Toon {
+        Toon { steps, threshold: 1.0 / (steps as f32 + 1.0) }
+    }
 }
 
 impl Material {
@@ -62,6 +85,7 @@ impl Default for Material {
             transmission: Vec3::ZERO,
             ior: 1.0,
             emission: Vec3::ZERO,
+            toon: None,
         }
     }
 }

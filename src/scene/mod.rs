@@ -13,9 +13,14 @@ mod load;
 mod material;
 mod mesh;
 mod mtl;
+mod nff;
 mod obj;
 mod obj_clean;
+mod ply;
+mod procedural;
+mod samples;
 mod solids;
+mod stl;
 mod texture;
 mod triangulate;
 
@@ -23,9 +28,11 @@ pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
-pub use material::{Material, MaterialId};
+pub use material::{Material, MaterialId, Toon};
+pub use procedural::{Pattern, Procedural, TextureSpace};
+pub use samples::Samples;
 pub use solids::MAX_SEGMENTS;
-pub use texture::{Texture, TextureId};
+pub use texture::{Image, Texture, TextureId};
 
 use glam::{DVec3, Vec2, Vec3};
 
@@ -65,8 +72,8 @@ impl Default for Background {
 pub struct PictureDefaults {
     /// Width and height in pixels.
     pub size: Option<(u32, u32)>,
-    /// Samples per pixel.
-    pub samples: Option<u32>,
+    /// Where camera rays pass.
+    pub samples: Option<Samples>,
     /// Longest chain of rays, the camera ray counted as 1.
     pub depth: Option<u32>,
 }

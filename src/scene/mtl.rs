@@ -46,7 +46,7 @@ const MAX_LIBRARY_BYTES: u64 = 16 << 20;
 const MAX_LIBRARIES: usize = 1000;
 
 /// How many materials the libraries of a file may define: each takes about a kilobyte.
-const MAX_MATERIALS: usize = 65_536;
+pub(super) const MAX_MATERIALS: usize = 65_536;
 
 /// What a library says of one material.
 #[derive(Debug, Clone, Default)]
@@ -266,7 +266,7 @@ impl Library {
             let decoded = decode(&path, name);
             let id = decoded.is_ok().then_some(self.textures.len() as TextureId);
             self.texture_ids.insert(path, id);
-            self.textures.push(decoded?);
+            self.textures.push(decoded?.into());
             Ok(id)
         });
         found.unwrap_or_else(|reason| {

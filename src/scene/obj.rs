@@ -6,8 +6,9 @@
 //!
 //! Bad at: memory. A file is read whole, and while it is turned into a scene takes about five times its size.
 
+use super::load::open_regular;
 use super::mtl::Library;
-use super::obj_clean::{Cleaner, Survey, Tally, quote};
+use super::obj_clean::{Cleaner, Survey, Tally, Warnings, quote};
 use super::triangulate::Triangulator;
 use super::{DropReason, MaterialId, NO_INDEX, Scene, Triangle};
 use crate::error::{Error, Result};
@@ -15,7 +16,7 @@ use glam::{Vec2, Vec3};
 use std::io::Read;
 use std::path::Path;
 
-/// The largest OBJ file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex takes at least
+/// The largest OBJ or NFF file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex takes at least
 /// 8 bytes of text, a triangle of a polygon 2.
 const MAX_FILE_BYTES: u64 = 1 << 30;
 
@@ -55,41 +56,35 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
         });
     }
     if triangulator.fans > 0 {
-        let message = format!("large concave polygons split as if convex, perhaps wrongly: {}", triangulator.fans);
-        library.warnings.add(path, None, message);
+        library.warnings.add(path, None, triangulator.fans_message());
     }
     if scene.triangles.is_empty() {
         return Err(Error::input(path, None, "has no face of three or more corners"));
     }
-    warn_of_dropped(path, &scene, &mut library);
+    warn_of_dropped(path, &scene, &mut library.warnings);
     scene.materials = library.materials;
     scene.textures = library.textures;
     scene.warnings = library.warnings.into_vec();
     Ok(scene)
 }
 
-/// Reads a regular file that may be OBJ text.
-fn read_text(path: &Path) -> Result<Vec<u8>> {
+/// Reads a regular file that may be OBJ or NFF text.
+pub(super) fn read_text(path: &Path) -> Result<Vec<u8>> {
     let unreadable = |e| Error::io("read", path, e);
-    let metadata = path.metadata().map_err(unreadable)?;
-    // Before opening: a pipe would block, a device may have no end.
-    if !metadata.is_file() {
-        return Err(Error::input(path, None, "is not a regular file"));
-    }
-    if metadata.len() > MAX_FILE_BYTES {
+    let (mut file, bytes) = open_regular(path)?;
+    if bytes > MAX_FILE_BYTES {
         let message = format!("is larger than {} MiB, the most that is read; split it", MAX_FILE_BYTES >> 20);
         return Err(Error::input(path, None, message));
     }
-    let mut file = std::fs::File::open(path).map_err(unreadable)?;
     let mut text = Vec::new();
     (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut text).map_err(unreadable)?;
     if text.starts_with(b"\xff\xfe") || text.starts_with(b"\xfe\xff") {
         return Err(Error::input(path, 1, "is UTF-16 text; save it as UTF-8"));
     }
     if text.contains(&0) {
-        return Err(Error::input(path, None, "is not text (it has NUL bytes); raybrook reads the text form of OBJ"));
+        return Err(Error::input(path, None, "is not text (it has NUL bytes); only the text form is read"));
     }
-    text.reserve_exact(metadata.len() as usize);
+    text.reserve_exact(bytes as usize);
     file.take(MAX_FILE_BYTES).read_to_end(&mut text).map_err(unreadable)?;
     Ok(text)
 }
@@ -173,7 +168,7 @@ fn warn_of_lines(path: &Path, tally: Tally, what: &str, library: &mut Library) {
 }
 
 /// One warning for each reason why triangles cannot be hit.
-fn warn_of_dropped(path: &Path, scene: &Scene, library: &mut Library) {
+pub(super) fn warn_of_dropped(path: &Path, scene: &Scene, warnings: &mut Warnings) {
     let (mut not_finite, mut zero_area) = (Tally::default(), Tally::default());
     for primitive in 0..scene.triangles.len() {
         match scene.drop_reason(primitive) {
@@ -185,7 +180,7 @@ fn warn_of_dropped(path: &Path, scene: &Scene, library: &mut Library) {
     for (tally, what) in [(not_finite, "with NaN or infinite vertices"), (zero_area, "without area")] {
         if tally.count > 0 {
             let message = format!("triangles {what} left out: {}, the first is number {}", tally.count, tally.first);
-            library.warnings.add(path, None, message);
+            warnings.add(path, None, message);
         }
     }
 }

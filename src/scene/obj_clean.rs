@@ -18,7 +18,7 @@ use std::io::{self, BufRead, Read};
 use std::path::Path;
 
 /// The largest number of corners of one face: bounds the memory that splitting it takes.
-const MAX_CORNERS: usize = 65_536;
+pub(super) const MAX_CORNERS: usize = 65_536;
 
 /// `tobj` keeps about 30 bytes per corner of a group until the group ends; a new group after this many corners bounds that.
 const CORNERS_PER_GROUP: usize = 1 << 18;

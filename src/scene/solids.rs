@@ -14,6 +14,9 @@ use glam::{DVec3, Vec3};
 /// the keyboard does not fill the memory.
 pub const MAX_SEGMENTS: u32 = 4096;
 
+/// Segments around a solid of a file that does not tell: at this many a sphere of 500 pixels shows no corners.
+pub(super) const DEFAULT_SEGMENTS: u32 = 64;
+
 /// The axes of a box's faces as (normal, u, v) with u x v = normal; u runs to the right and v upwards seen from outside.
 const BOX_FACES: [[DVec3; 3]; 6] = [
     [DVec3::X, DVec3::NEG_Z, DVec3::Y],

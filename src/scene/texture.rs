@@ -1,8 +1,9 @@
-//! Textures: 8-bit sRGB pictures. Decoding is bounded in size, memory and kind.
+//! Textures: 8-bit sRGB pictures, or procedural ones. Decoding is bounded in size, memory and kind.
 //!
 //! PNG, JPEG, BMP and TGA, decoded by the `image` crate. Samples of 16 bits keep the upper 8, which is what a picture of 8
 //! bits shows. Colour profiles and EXIF orientation are not read.
 
+use super::Procedural;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs::File;
 use std::io::BufReader;
@@ -11,9 +12,40 @@ use std::path::{Path, PathBuf};
 /// Index of a texture in its scene.
 pub type TextureId = u32;
 
+/// What gives a surface more than one colour.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Texture {
+    /// A picture.
+    Image(Image),
+    /// A computed pattern.
+    Procedural(Procedural),
+}
+
+impl Texture {
+    /// The picture, if it is one.
+    pub fn image(&self) -> Option<&Image> {
+        match self {
+            Texture::Image(image) => Some(image),
+            Texture::Procedural(_) => None,
+        }
+    }
+}
+
+impl From<Image> for Texture {
+    fn from(image: Image) -> Texture {
+        Texture::Image(image)
+    }
+}
+
+impl From<Procedural> for Texture {
+    fn from(procedural: Procedural) -> Texture {
+        Texture::Procedural(procedural)
+    }
+}
+
 /// A picture for a surface.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Texture {
+pub struct Image {
     /// File it came from, for messages.
     pub name: String,
     /// Texels a row.
@@ -36,7 +68,7 @@ const MAX_BYTES: u64 = 160 << 20;
 /// # Errors
 /// One clause for a warning, without the name: not found, outside, not a regular file, too large, not a picture.
 #[allow(dead_code)] // for textures that a scene file names itself
-pub(super) fn load_texture(folder: &Path, name: &str) -> Result<Texture, String> {
+pub(super) fn load_texture(folder: &Path, name: &str) -> Result<Image, String> {
     let root = folder.canonicalize().map_err(|e| format!("its folder cannot be found: {e}"))?;
     decode(&find_inside(&root, &root, name)?, name)
 }
@@ -54,7 +86,7 @@ pub(super) fn find_inside(root: &Path, folder: &Path, name: &str) -> Result<Path
 }
 
 /// Decodes the picture at `path`; `name` is for messages.
-pub(super) fn decode(path: &Path, name: &str) -> Result<Texture, String> {
+pub(super) fn decode(path: &Path, name: &str) -> Result<Image, String> {
     let unreadable = |e: std::io::Error| format!("cannot be read: {e}");
     let file = File::open(path).map_err(unreadable)?;
     let file_bytes = file.metadata().map_err(unreadable)?.len();
@@ -85,7 +117,7 @@ pub(super) fn decode(path: &Path, name: &str) -> Result<Texture, String> {
         return Err(too_large(bytes));
     }
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| format!("cannot be decoded: {e}"))?;
-    Ok(Texture { name: name.to_owned(), width, height, rgba: texels(picture) })
+    Ok(Image { name: name.to_owned(), width, height, rgba: texels(picture) })
 }
 
 /// The texels of a picture; the common kinds without a second copy of all of it.

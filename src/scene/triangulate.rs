@@ -62,6 +62,11 @@ impl Triangulator {
         &self.triangles
     }
 
+    /// The warning about [`Triangulator::fans`].
+    pub(super) fn fans_message(&self) -> String {
+        format!("large concave polygons split as if convex, perhaps wrongly: {}", self.fans)
+    }
+
     /// Projects a polygon so that it winds counter-clockwise; false when it has no plane.
     fn project(&mut self, polygon: &[Vec3]) -> bool {
         let normal = newell_normal(polygon);

@@ -1,6 +1,9 @@
 //! What several test files need: a device, deterministic random numbers, small scenes, and the shared models.
 #![allow(dead_code)] // every test file uses another part
 
+pub mod models;
+pub mod ply;
+
 use glam::Vec3;
 use raybrook::device::{DeviceHandle, Selection, select};
 use raybrook::scene::{Material, NO_INDEX, Scene, Triangle};

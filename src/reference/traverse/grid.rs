@@ -13,6 +13,7 @@ struct GridAxis {
     low: f32,
     size: f32,
     origin: f32,
+    origin_low: f32,
     inv_direction: f32,
     cell: i32,
     last: i32,
@@ -28,13 +29,14 @@ impl GridAxis {
             low: buffers.bounds[0].xyz()[axis],
             size: buffers.bounds[1].xyz()[axis],
             origin,
+            origin_low: ray.origin_low[axis],
             inv_direction: ray.inv_direction[axis],
             cell: 0,
             last: 0,
             step: if direction < 0.0 { -1 } else { 1 },
             t_next: 0.0,
         };
-        let from_low = t_start.mul_add(direction, origin - this.low);
+        let from_low = t_start.mul_add(direction, -((this.low - origin) - this.origin_low));
         let guess = min_or(max_or(from_low * buffers.bounds[2].xyz()[axis], 0.0), (count - 1) as f32);
         this.cell = guess as i32;
         while this.cell > 0 && from_low < this.plane(this.cell) - this.low {
@@ -64,7 +66,7 @@ impl GridAxis {
         if self.cell == self.last {
             return f32::INFINITY;
         }
-        (self.plane(self.cell + i32::from(self.step > 0)) - self.origin) * self.inv_direction
+        ((self.plane(self.cell + i32::from(self.step > 0)) - self.origin) - self.origin_low) * self.inv_direction
     }
 
     #[inline(always)]

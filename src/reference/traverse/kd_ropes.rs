@@ -16,7 +16,8 @@ const NO_AXIS: usize = 3;
 /// The t at which the ray leaves one axis of a leaf.
 #[inline(always)]
 fn leave_slab(slab: &Float4, ray: &Ray, axis: usize) -> f32 {
-    ((if ray.direction[axis] >= 0.0 { slab.y } else { slab.x }) - ray.origin[axis]) * ray.inv_direction[axis]
+    let plane = if ray.direction[axis] >= 0.0 { slab.y } else { slab.x };
+    ((plane - ray.origin[axis]) - ray.origin_low[axis]) * ray.inv_direction[axis]
 }
 
 #[inline(always)]

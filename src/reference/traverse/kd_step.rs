@@ -32,7 +32,7 @@ pub struct KdSplit {
 #[inline(always)]
 pub fn kd_split(ray: &Ray, node: &KdNode) -> KdSplit {
     let axis = node.flags as usize;
-    let t_split = (node.split - ray.origin[axis]) * ray.inv_direction[axis];
+    let t_split = ((node.split - ray.origin[axis]) - ray.origin_low[axis]) * ray.inv_direction[axis];
     let ascending = ray.direction[axis] >= 0.0;
     let (first, second) = if ascending { (node.left, node.right) } else { (node.right, node.left) };
     KdSplit { first, second, t_low: widen_down(t_split), t_high: widen_up(t_split) }

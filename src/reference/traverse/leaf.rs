@@ -2,7 +2,7 @@
 
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::intersect::intersect;
+use crate::reference::intersect::{intersect, is_nearer};
 use crate::reference::ray::Ray;
 use crate::shared::{Hit, KdNode, NO_PRIMITIVE};
 use std::ops::Range;
@@ -15,7 +15,7 @@ fn test_triangle(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, refe
         return;
     }
     if let Some(found) = intersect(buffers, options.intersector, ray, primitive)
-        && ray.is_nearer(hit, found.t, primitive)
+        && is_nearer(buffers, options.intersector, ray, hit, found.t, primitive)
     {
         *hit = Hit { t: found.t, u: found.u, v: found.v, primitive };
     }

@@ -78,7 +78,7 @@ pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray
             }
             let child = open.next;
             open.next += 1;
-            let to_centre = buffers.bounds[open.centre as usize].xyz() - ray.origin;
+            let to_centre = ray.from_origin(buffers.bounds[open.centre as usize].xyz());
             (t_near, t_far) = (open.t_near, open.t_far);
             for axis in 0..3 {
                 let along = (ray.direction[axis], ray.inv_direction[axis]);

@@ -15,7 +15,7 @@ pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
 /// Whether the ray may meet the sphere within its limits before `t_hit`.
 #[inline(always)]
 pub fn may_meet_sphere(ray: &Ray, slack: f32, sphere: Float4, t_hit: f32) -> bool {
-    let to_centre = sphere.xyz() - ray.origin;
+    let to_centre = ray.from_origin(sphere.xyz());
     let square = dot3(ray.direction, ray.direction);
     let along = dot3(ray.direction, to_centre) / square;
     let beside = fma3(ray.direction, -along, to_centre);

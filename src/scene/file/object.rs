@@ -3,8 +3,10 @@
 use super::Reader;
 use super::table::{Table, suggestion};
 use crate::error::Result;
+use crate::scene::load::{MODELS, ending, load};
+use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::texture::load_texture;
-use crate::scene::{MAX_SEGMENTS, MaterialId, height, obj};
+use crate::scene::{Builder, MAX_SEGMENTS, MaterialId, height};
 use glam::{Vec2, Vec3};
 use std::collections::hash_map::Entry;
 use toml::de::DeValue;
@@ -27,8 +29,6 @@ const SOLIDS: [(&str, &[&str]); 8] = [
     ),
 ];
 
-/// Segments around a solid whose file does not tell: at this many a sphere of 500 pixels shows no corners.
-const SEGMENTS: u32 = 64;
 /// Segments along each side of a height field.
 const FIELD_SEGMENTS: u32 = 128;
 
@@ -40,14 +40,14 @@ impl<'a> Reader<'a> {
             match (table.text("file")?, table.choice("solid", &SOLIDS.map(|(name, _)| name))?) {
                 (Some(file), None) => {
                     let table = table.allow("an object from a file", &COMMON_KEYS)?;
-                    self.place(&table)?;
+                    place(&table, &mut self.builder)?;
                     self.add_file(&table, file)?;
                 }
                 (None, Some(solid)) => {
                     let (name, keys) = SOLIDS[solid];
                     let keys = [&COMMON_KEYS, keys].concat();
                     let table = table.allow(&format!("the solid {name}"), &keys)?;
-                    self.place(&table)?;
+                    place(&table, &mut self.builder)?;
                     self.add_solid(&table, name)?;
                 }
                 (Some(_), Some(_)) => {
@@ -67,43 +67,6 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Scales, then rotates, then moves what follows.
-    fn place(&mut self, table: &Table) -> Result<()> {
-        if let Some(offset) = table.vector("translate")? {
-            self.builder.translate(offset);
-        }
-        self.rotate(table)?;
-        if let Some(factors) = table.vector_or_number("scale")? {
-            if factors.to_array().contains(&0.0) {
-                return Err(table.error("scale", "is 0 along an axis, which flattens the object to nothing"));
-            }
-            self.builder.scale(factors);
-        }
-        Ok(())
-    }
-
-    /// Angles about x, then y, then z, or a table of axis and angle.
-    fn rotate(&mut self, table: &Table) -> Result<()> {
-        match table.get("rotate") {
-            Some(value) if matches!(value.get_ref(), DeValue::Table(_)) => {
-                let name = "[[object]] rotate";
-                let turn = Table::of(self.source, name, value)?.allow(name, &["axis", "degrees"])?;
-                let axis = turn.required("axis", turn.vector("axis")?)?;
-                if axis == Vec3::ZERO {
-                    return Err(turn.error("axis", "is zero: it has no direction"));
-                }
-                let degrees = turn.required("degrees", turn.number("degrees")?)?;
-                self.builder.rotate(axis, degrees);
-            }
-            _ => {
-                let Some(angles) = table.vector("rotate")? else { return Ok(()) };
-                // The last call acts first.
-                self.builder.rotate(Vec3::Z, angles.z).rotate(Vec3::Y, angles.y).rotate(Vec3::X, angles.x);
-            }
-        }
-        Ok(())
-    }
-
     /// The material that `table` names.
     fn object_material(&self, table: &Table) -> Result<Option<MaterialId>> {
         let Some(name) = table.text("material")? else { return Ok(None) };
@@ -118,13 +81,13 @@ impl<'a> Reader<'a> {
     fn add_file(&mut self, table: &Table, file: &str) -> Result<()> {
         let material = self.object_material(table)?;
         let path = self.inside_folder(table, "file", file)?;
-        if path.extension().and_then(|e| e.to_str()).is_none_or(|e| !e.eq_ignore_ascii_case("obj")) {
-            return Err(table.error("file", format!("'{file}' is not a Wavefront .obj")));
+        if ending(&path).is_none_or(|e| !MODELS.contains(&e.as_str())) {
+            return Err(table.error("file", format!("'{file}' is not a model; possible: .{}", MODELS.join(", ."))));
         }
         let scene = match self.files.entry(path) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
-                let scene = obj::load(new.key())?;
+                let scene = load(new.key())?;
                 new.insert(scene)
             }
         };
@@ -147,17 +110,19 @@ impl<'a> Reader<'a> {
             |key: &str, least: u32, default: u32| Ok(table.whole(key, least..=MAX_SEGMENTS)?.unwrap_or(default));
         let builder = &mut self.builder;
         match name {
-            "sphere" => builder.sphere(positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?),
+            "sphere" => builder.sphere(positive("radius", 1.0)?, segments("segments", 3, DEFAULT_SEGMENTS)?),
             "box" => builder.cuboid(table.vector_or_number("size")?.unwrap_or(Vec3::ONE)),
             "cylinder" | "cone" => {
                 let radius = positive("radius", 1.0)?;
                 let top = if name == "cylinder" { radius } else { number("top-radius", 0.0)? };
                 let caps = table.boolean("caps")?.unwrap_or(true);
-                builder.frustum(radius, top, positive("height", 1.0)?, segments("segments", 3, SEGMENTS)?, caps)
+                builder.frustum(radius, top, positive("height", 1.0)?, segments("segments", 3, DEFAULT_SEGMENTS)?, caps)
             }
-            "disc" => {
-                builder.disc(number("inner-radius", 0.0)?, positive("radius", 1.0)?, segments("segments", 3, SEGMENTS)?)
-            }
+            "disc" => builder.disc(
+                number("inner-radius", 0.0)?,
+                positive("radius", 1.0)?,
+                segments("segments", 3, DEFAULT_SEGMENTS)?,
+            ),
             "quad" => {
                 let origin = vector("origin", Vec3::new(-0.5, 0.0, 0.5))?;
                 let (u, v) = (vector("edge-u", Vec3::X)?, vector("edge-v", Vec3::NEG_Z)?);
@@ -165,7 +130,12 @@ impl<'a> Reader<'a> {
             }
             "torus" => {
                 let (major, minor) = (positive("major-radius", 1.0)?, positive("minor-radius", 0.25)?);
-                builder.torus(major, minor, segments("segments", 3, SEGMENTS)?, segments("sides", 3, SEGMENTS / 2)?)
+                builder.torus(
+                    major,
+                    minor,
+                    segments("segments", 3, DEFAULT_SEGMENTS)?,
+                    segments("sides", 3, DEFAULT_SEGMENTS / 2)?,
+                )
             }
             _ => return self.add_height_field(table),
         };
@@ -203,4 +173,41 @@ impl<'a> Reader<'a> {
         self.builder.height_field(segments, segments, height::formula(formula, amplitude, frequency, seed));
         Ok(())
     }
+}
+
+/// Scales, then rotates, then moves what follows.
+pub(super) fn place(table: &Table, builder: &mut Builder) -> Result<()> {
+    if let Some(offset) = table.vector("translate")? {
+        builder.translate(offset);
+    }
+    rotate(table, builder)?;
+    if let Some(factors) = table.vector_or_number("scale")? {
+        if factors.to_array().contains(&0.0) {
+            return Err(table.error("scale", "is 0 along an axis, which flattens everything to nothing"));
+        }
+        builder.scale(factors);
+    }
+    Ok(())
+}
+
+/// Angles about x, then y, then z, or a table of axis and angle.
+fn rotate(table: &Table, builder: &mut Builder) -> Result<()> {
+    match table.get("rotate") {
+        Some(value) if matches!(value.get_ref(), DeValue::Table(_)) => {
+            let name = table.name_of("rotate");
+            let turn = Table::of(table.source, &name, value)?.allow(&name, &["axis", "degrees"])?;
+            let axis = turn.required("axis", turn.vector("axis")?)?;
+            if axis == Vec3::ZERO {
+                return Err(turn.error("axis", "is zero: it has no direction"));
+            }
+            let degrees = turn.required("degrees", turn.number("degrees")?)?;
+            builder.rotate(axis, degrees);
+        }
+        _ => {
+            let Some(angles) = table.vector("rotate")? else { return Ok(()) };
+            // The last call acts first.
+            builder.rotate(Vec3::Z, angles.z).rotate(Vec3::Y, angles.y).rotate(Vec3::X, angles.x);
+        }
+    }
+    Ok(())
 }

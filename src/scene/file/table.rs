@@ -68,6 +68,11 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// What messages call the table `key` in this one: `[camera] key`.
+    pub fn name_of(&self, key: &str) -> String {
+        format!("{} {key}", self.name)
+    }
+
     /// The value of `key`, if it is there.
     pub fn get(&self, key: &str) -> Option<&'a Spanned<DeValue<'a>>> {
         self.entries.get(key)
@@ -109,7 +114,8 @@ impl<'a> Table<'a> {
         value.ok_or_else(|| self.error(key, "is missing"))
     }
 
-    fn wrong_type(&self, key: &str, wanted: &str, found: &DeValue) -> Error {
+    /// An error that the value of `key` should be something else.
+    pub fn wrong_type(&self, key: &str, wanted: &str, found: &DeValue) -> Error {
         self.error(key, format!("must be {wanted}, not {}", kind_of(found)))
     }
 
@@ -186,8 +192,23 @@ impl<'a> Table<'a> {
 
     /// A linear RGB colour: an array, a number for a grey, or "#rrggbb" in sRGB. Not negative.
     pub fn colour(&self, key: &str) -> Result<Option<Vec3>> {
+        self.get(key).map(|value| self.colour_in(key, value.get_ref())).transpose()
+    }
+
+    /// An array of two colours.
+    pub fn two_colours(&self, key: &str) -> Result<Option<[Vec3; 2]>> {
         let Some(value) = self.get(key) else { return Ok(None) };
-        let colour = match value.get_ref() {
+        let two = value.get_ref().as_array().and_then(|array| Some((array.first()?, array.get(1)?, array.len())));
+        match two {
+            Some((first, second, 2)) => {
+                Ok(Some([self.colour_in(key, first.get_ref())?, self.colour_in(key, second.get_ref())?]))
+            }
+            _ => Err(self.error(key, "must be an array of two colours")),
+        }
+    }
+
+    fn colour_in(&self, key: &str, value: &DeValue) -> Result<Vec3> {
+        let colour = match value {
             DeValue::String(text) => from_hex(text).ok_or_else(|| {
                 self.error(
                     key,
@@ -200,7 +221,7 @@ impl<'a> Table<'a> {
         if colour.min_element() < 0.0 {
             return Err(self.error(key, format!("is {colour}; no component may be negative")));
         }
-        Ok(Some(colour))
+        Ok(colour)
     }
 
     fn numbers_in<const N: usize>(&self, key: &str, value: &DeValue, wanted: &str) -> Result<[f32; N]> {
@@ -273,7 +294,7 @@ fn from_hex(text: &str) -> Option<Vec3> {
 }
 
 /// The linear value of an 8-bit sRGB one (IEC 61966-2-1).
-fn linear(srgb: u8) -> f32 {
+pub(in crate::scene) fn linear(srgb: u8) -> f32 {
     let c = f64::from(srgb) / 255.0;
     (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
 }

@@ -1,0 +1,182 @@
+// Whole numbers of any length that a ray-triangle test needs, for the rare decisions that no rounded arithmetic can make.
+//
+// Every float is a whole number times a power of two. Multiplied by a common power of two, the coordinates of a ray and a triangle
+// are whole numbers, and so are all sums and products of them: their signs and quotients are exact. Two's complement, least
+// significant limb first; every function takes the number n of limbs that the caller has found to suffice.
+
+#define MAX_LIMBS 40 // see whole_units() in cl/intersect/exact.cl
+
+// Functions that are called too seldom to be worth a copy at each place. They are not worth a copy either.
+#define RARE __attribute__((noinline))
+
+typedef struct {
+    uint limb[MAX_LIMBS];
+} Integer;
+
+bool integer_is_negative(const Integer* a, int n) { return (a->limb[n - 1] >> 31) != 0u; }
+
+bool integer_is_zero(const Integer* a, int n) {
+    uint any = 0;
+    for (int i = 0; i < n; i++) any |= a->limb[i];
+    return any == 0u;
+}
+
+// -1, 0 or 1.
+int integer_sign(const Integer* a, int n) {
+    return integer_is_negative(a, n) ? -1 : integer_is_zero(a, n) ? 0 : 1;
+}
+
+void integer_set_zero(Integer* a, int n) {
+    for (int i = 0; i < n; i++) a->limb[i] = 0;
+}
+
+// *a = *a + sign * b for sign 1 or -1.
+void integer_add(Integer* a, const Integer* b, int sign, int n) {
+    const uint flip = sign < 0 ? 0xffffffffu : 0u;
+    ulong carry = flip & 1u;
+    for (int i = 0; i < n; i++) {
+        carry += (ulong)a->limb[i] + (b->limb[i] ^ flip);
+        a->limb[i] = (uint)carry;
+        carry >>= 32;
+    }
+}
+
+// *a = |a|; returns the sign that a had.
+int integer_take_sign(Integer* a, int n) {
+    const int sign = integer_sign(a, n);
+    if (sign < 0) {
+        ulong carry = 1;
+        for (int i = 0; i < n; i++) {
+            carry += ~a->limb[i];
+            a->limb[i] = (uint)carry;
+            carry >>= 32;
+        }
+    }
+    return sign;
+}
+
+// *r = *r + sign * a * b. In two's complement the product's lower limbs are right whatever the signs.
+void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sign, int n) {
+    const uint flip = sign < 0 ? 0xffffffffu : 0u;
+    Integer product;
+    integer_set_zero(&product, n);
+    for (int i = 0; i < n; i++) {
+        const ulong factor = a->limb[i];
+        if (factor == 0) continue;
+        ulong carry = 0;
+        for (int j = 0; i + j < n; j++) {
+            carry += factor * b->limb[j] + product.limb[i + j];
+            product.limb[i + j] = (uint)carry;
+            carry >>= 32;
+        }
+    }
+    integer_add(r, &product, sign, n);
+}
+
+// Position of the highest bit of a >= 0, counted from 1; 0 for zero.
+int integer_bits(const Integer* a, int n) {
+    for (int i = n - 1; i >= 0; i--)
+        if (a->limb[i] != 0u) return 32 * (i + 1) - (int)clz(a->limb[i]);
+    return 0;
+}
+
+// *a = a * 2^shift for shift >= 0.
+void integer_shift_up(Integer* a, int shift, int n) {
+    const int limbs = shift / 32, bits = shift % 32;
+    for (int i = n - 1; i >= 0; i--) {
+        const uint high = i >= limbs ? a->limb[i - limbs] : 0u;
+        const uint low = i > limbs ? a->limb[i - limbs - 1] : 0u;
+        a->limb[i] = bits == 0 ? high : (high << bits) | (low >> (32 - bits));
+    }
+}
+
+// *a = floor(a / 2).
+void integer_halve(Integer* a, int n) {
+    for (int i = 0; i < n; i++) {
+        const uint above = i + 1 < n ? a->limb[i + 1] : (integer_is_negative(a, n) ? 0xffffffffu : 0u);
+        a->limb[i] = (a->limb[i] >> 1) | (above << 31);
+    }
+}
+
+// The float's significand as a whole number, and *exponent with |x| = significand * 2^exponent; x is finite.
+uint float_significand(float x, int* exponent) {
+    const uint bits = as_uint(x);
+    const uint field = (bits >> 23) & 255u;
+    *exponent = (int)(field == 0u ? 1u : field) - 150;
+    return (bits & 0x7fffffu) | (field == 0u ? 0u : 0x800000u);
+}
+
+// Widens *lowest..*highest to the exponents of the lowest and behind the highest bit of x; zero has none.
+void widen_exponents(float x, int* lowest, int* highest) {
+    int exponent;
+    const uint significand = float_significand(x, &exponent);
+    if (significand == 0u) return;
+    const int trailing = 31 - (int)clz(significand & (0u - significand));
+    const int low = exponent + trailing, high = exponent + 32 - (int)clz(significand);
+    *lowest = low < *lowest ? low : *lowest;
+    *highest = high > *highest ? high : *highest;
+}
+
+// *r = x / 2^exponent; bits below 1 are dropped.
+void integer_from_float(Integer* r, float x, int exponent, int n) {
+    int own;
+    uint significand = float_significand(x, &own);
+    integer_set_zero(r, n);
+    if (significand == 0u) return;
+    int shift = own - exponent;
+    if (shift < 0) {
+        significand = shift > -32 ? significand >> -shift : 0u;
+        shift = 0;
+    }
+    r->limb[0] = significand;
+    integer_shift_up(r, shift, n);
+    if (as_uint(x) >> 31) {
+        Integer positive = *r;
+        integer_set_zero(r, n);
+        integer_add(r, &positive, -1, n);
+    }
+}
+
+// significand * 2^exponent, which must be a float; significand up to 2^24.
+float float_from_parts(uint significand, int exponent) {
+    const int lift = exponent < -102 ? 24 : 0; // a power of two of its own would be subnormal
+    return (float)significand * as_float((uint)(exponent + lift + 127) << 23) * (lift != 0 ? 0x1p-24f : 1.0f);
+}
+
+// The float nearest to numerator / denominator * 2^exponent, ties to even; infinity where there is none. n limbs hold both, and
+// have 26 bits to spare. The numbers are used up.
+float integer_quotient(Integer* numerator, Integer* denominator, int exponent, int n) {
+    const int sign = integer_take_sign(numerator, n) * integer_take_sign(denominator, n);
+    if (sign == 0) return 0.0f;
+    // Scaled so that the quotient has 25 or 26 bits: two more than a float.
+    const int scale = 25 + integer_bits(denominator, n) - integer_bits(numerator, n);
+    if (scale >= 0) {
+        integer_shift_up(numerator, scale, n);
+        integer_shift_up(denominator, 25, n);
+    } else {
+        integer_shift_up(denominator, 25 - scale, n);
+    }
+    uint quotient = 0;
+    for (int i = 0; i < 26; i++) {
+        quotient <<= 1;
+        integer_add(numerator, denominator, -1, n);
+        if (integer_is_negative(numerator, n)) {
+            integer_add(numerator, denominator, 1, n);
+        } else {
+            quotient |= 1u;
+        }
+        integer_halve(denominator, n);
+    }
+    const bool is_inexact = !integer_is_zero(numerator, n);
+    // quotient * 2^(exponent - scale) with the bits below the float's last one dropped; subnormal floats have fewer.
+    const int bits = 32 - (int)clz(quotient);
+    const int unit = exponent - scale;
+    const int dropped = max(bits - 24, -149 - unit);
+    if (dropped > 27) return 0.0f;
+    if (unit + bits > 129) return sign > 0 ? INFINITY : -INFINITY;
+    uint significand = quotient >> dropped;
+    const uint rest = quotient - (significand << dropped);
+    const uint half_unit = 1u << (dropped - 1);
+    if (rest > half_unit || (rest == half_unit && (is_inexact || (significand & 1u)))) significand++;
+    return (sign < 0 ? -1.0f : 1.0f) * float_from_parts(significand, unit + dropped);
+}

@@ -1,0 +1,135 @@
+//! The colours and textures of a PLY file as materials.
+//!
+//! A surface has one material, so each colour becomes a matt one, named by its code. Until all faces are known a triangle has a
+//! *paint* for a material: its colour, its texture, or neither.
+
+use crate::scene::file::linear;
+use crate::scene::obj_clean::{Warnings, quote};
+use crate::scene::texture::{decode, find_inside};
+use crate::scene::{Image, Material, MaterialId, TextureId, Triangle};
+use glam::Vec3;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// The most colours that become a material each. With more, red, green and blue are rounded to [`LEVELS`] values each, which
+/// makes at most as many.
+const MAX_COLOURS: usize = 4096;
+
+/// Values of red, green and blue after rounding: the cube root of [`MAX_COLOURS`].
+pub(super) const LEVELS: u32 = 16;
+
+/// What the name of a texture follows in a comment; MeshLab's convention.
+const TEXTURE_COMMENT: &str = "TextureFile ";
+
+/// The paint of a triangle without colour or texture.
+pub(super) const PLAIN: MaterialId = MaterialId::MAX;
+
+/// What marks a texture in a paint; a colour has 24 bits.
+const TEXTURED: MaterialId = 1 << 31;
+
+/// The paint of a triangle with a texture.
+pub(super) fn textured(texture: TextureId) -> MaterialId {
+    TEXTURED | texture
+}
+
+/// The paint of a triangle of one colour.
+pub(super) fn coloured([red, green, blue]: [u8; 3]) -> MaterialId {
+    u32::from_be_bytes([0, red, green, blue])
+}
+
+/// The nearest 8-bit value; 0 for NaN.
+pub(super) fn to_8_bits(value: f32) -> u8 {
+    value.round() as u8 // saturates
+}
+
+/// The mean of three colours, as displayed.
+pub(super) fn mean(colours: [[u8; 3]; 3]) -> [u8; 3] {
+    [0, 1, 2].map(|part| ((colours.iter().map(|c| u32::from(c[part])).sum::<u32>() + 1) / 3) as u8)
+}
+
+/// Turns the paints of `triangles` into materials, in order of first use; whether colours were rounded.
+pub(super) fn materials(triangles: &mut [Triangle], textures: &[Image]) -> (Vec<Material>, bool) {
+    let mut colours = HashSet::new();
+    let too_many =
+        triangles.iter().any(|t| t.material < TEXTURED && colours.insert(t.material) && colours.len() > MAX_COLOURS);
+    let mut materials = Vec::new();
+    let mut ids: HashMap<MaterialId, MaterialId> = HashMap::new();
+    for triangle in triangles {
+        let paint =
+            if too_many && triangle.material < TEXTURED { rounded(triangle.material) } else { triangle.material };
+        triangle.material = *ids.entry(paint).or_insert_with(|| {
+            materials.push(material(paint, textures));
+            (materials.len() - 1) as MaterialId
+        });
+    }
+    (materials, too_many)
+}
+
+/// The nearest colour of those whose parts have [`LEVELS`] values.
+fn rounded(colour: MaterialId) -> MaterialId {
+    let step = 255 / (LEVELS - 1); // 17, without remainder
+    let [_, parts @ ..] = colour.to_be_bytes();
+    coloured(parts.map(|part| ((u32::from(part) + step / 2) / step * step) as u8))
+}
+
+fn material(paint: MaterialId, textures: &[Image]) -> Material {
+    if paint == PLAIN {
+        return Material::default();
+    }
+    if paint >= TEXTURED {
+        let texture = paint - TEXTURED;
+        let name = textures[texture as usize].name.clone();
+        return Material { name, diffuse_texture: Some(texture), ..Material::matt(Vec3::ONE) };
+    }
+    let [_, parts @ ..] = paint.to_be_bytes();
+    Material { name: format!("#{paint:06x}"), ..Material::matt(parts.map(linear).into()) }
+}
+
+/// Loads the textures that `comments` of the PLY file `path` name: which of them each number of a face means, and the textures.
+pub(super) fn load_textures(
+    path: &Path,
+    comments: &[String],
+    warnings: &mut Warnings,
+) -> (Vec<Option<TextureId>>, Vec<Image>) {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (mut numbers, mut textures) = (Vec::new(), Vec::new());
+    let mut known: HashMap<PathBuf, Option<TextureId>> = HashMap::new();
+    for name in comments.iter().filter_map(|c| c.strip_prefix(TEXTURE_COMMENT)) {
+        let root = folder.canonicalize().map_err(|e| format!("cannot be opened: {e}"));
+        let found = root.and_then(|root| find_inside(&root, &root, name)).and_then(|file| {
+            if let Some(&id) = known.get(&file) {
+                return Ok(id);
+            }
+            let decoded = decode(&file, name);
+            let id = decoded.is_ok().then_some(textures.len() as TextureId);
+            known.insert(file, id);
+            textures.push(decoded?);
+            Ok(id)
+        });
+        numbers.push(found.unwrap_or_else(|reason| {
+            warnings.add(path, None, format!("texture '{}' {reason}; it is left out", quote(name.as_bytes())));
+            None
+        }));
+    }
+    (numbers, textures)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_keeps_the_ends_and_goes_to_the_nearest() {
+        for (colour, expected) in [(0, 0), (0xff_ff_ff, 0xff_ff_ff), (0x08_09_19, 0x00_11_11), (0x1a_80_7f, 0x22_88_77)]
+        {
+            assert_eq!(rounded(colour), expected, "{colour:06x}");
+        }
+        let all: HashSet<_> = (0..256).map(rounded).collect();
+        assert_eq!((all.len() as u32, all.len().pow(3)), (LEVELS, MAX_COLOURS));
+    }
+
+    #[test]
+    fn a_mean_is_rounded_to_the_nearest() {
+        assert_eq!(mean([[0, 255, 1], [0, 255, 0], [1, 255, 1]]), [0, 255, 1]);
+    }
+}

@@ -1,0 +1,287 @@
+//! The exact triangle test against whole numbers of any length from a library: every decision, every rounding, every order.
+
+mod common;
+
+use common::{Random, SEED, device, scene_of};
+use glam::Vec3;
+use num_bigint::{BigInt, Sign};
+use raybrook::device::DeviceHandle;
+use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
+use raybrook::pack::SceneBuffers;
+use raybrook::reference::exact::{Decision, intersect_whole, intersect_wide};
+use raybrook::reference::intersect::Intersection;
+use raybrook::reference::ray::Ray;
+use raybrook::session::open_tracer;
+use raybrook::shared::{Hit, NO_PRIMITIVE, TraceRay};
+use raybrook::tracer::TraceJob;
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+/// x * 2^149: whole for every float.
+fn whole(x: f32) -> BigInt {
+    let bits = x.to_bits();
+    let (field, fraction) = (bits >> 23 & 255, bits & 0x7f_ffff);
+    let magnitude = match field {
+        0 => BigInt::from(fraction),
+        _ => BigInt::from(fraction | 0x80_0000) << (field - 1),
+    };
+    if x.is_sign_negative() { -magnitude } else { magnitude }
+}
+
+type Vector = [BigInt; 3];
+
+fn vector(v: Vec3) -> Vector {
+    v.to_array().map(whole)
+}
+
+fn minus(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| &a[i] - &b[i])
+}
+
+fn cross(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        &a[j] * &b[k] - &a[k] * &b[j]
+    })
+}
+
+fn dot(a: &Vector, b: &Vector) -> BigInt {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+/// Exact numbers of a triangle that is hit: t = distance / det, u = weight1 / det, v = weight2 / det, and det > 0.
+struct Exact {
+    distance: BigInt,
+    weight1: BigInt,
+    weight2: BigInt,
+    det: BigInt,
+}
+
+impl Exact {
+    fn new(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<Exact> {
+        let (o, d) = (vector(ray.origin), vector(ray.direction));
+        let [a, b, c] = [p0, p1, p2].map(|p| minus(&vector(p), &o));
+        let weights = [dot(&d, &cross(&c, &b)), dot(&d, &cross(&a, &c)), dot(&d, &cross(&b, &a))];
+        let det: BigInt = weights.iter().sum();
+        let sign = match det.sign() {
+            Sign::NoSign => return None,
+            Sign::Plus => BigInt::from(1),
+            Sign::Minus => BigInt::from(-1),
+        };
+        let [weight0, weight1, weight2] = weights.map(|weight| weight * &sign);
+        if [&weight0, &weight1, &weight2].iter().any(|weight| weight.sign() == Sign::Minus) {
+            return None;
+        }
+        let normal = cross(&minus(&b, &a), &minus(&c, &a));
+        // (p1 - p0) x (p2 - p0) = -(a x c + b x a + c x b), whose products with d are the weights.
+        let distance = -dot(&normal, &a) * &sign;
+        Some(Exact { distance, weight1, weight2, det: det * sign })
+    }
+
+    fn compare_t(&self, other: &Exact) -> Ordering {
+        (&self.distance * &other.det).cmp(&(&other.distance * &self.det))
+    }
+}
+
+/// Whether `x` is the float nearest to numerator / denominator, ties to even.
+fn is_nearest(x: f32, numerator: &BigInt, denominator: &BigInt) -> bool {
+    if !x.is_finite() {
+        return false;
+    }
+    // The sign of the exact value minus the middle of x and its neighbour.
+    let against_middle = |neighbour: f32| {
+        let twice_middle = whole(x) + if neighbour.is_finite() { whole(neighbour) } else { whole(f32::MAX) };
+        let scaled: BigInt = numerator * 2;
+        (scaled << 149u32).cmp(&(twice_middle * denominator))
+    };
+    let even = x.to_bits() & 1 == 0;
+    let below = against_middle(x.next_up());
+    let above = against_middle(x.next_down());
+    (below == Ordering::Less || (below == Ordering::Equal && even))
+        && (above == Ordering::Greater || (above == Ordering::Equal && even))
+}
+
+fn assert_nearest(found: Intersection, exact: &Exact, what: &str) {
+    for (name, value, numerator) in
+        [("t", found.t, &exact.distance), ("u", found.u, &exact.weight1), ("v", found.v, &exact.weight2)]
+    {
+        assert!(is_nearest(value, numerator, &exact.det), "{what}: {name} = {value:e} is not the nearest float");
+    }
+}
+
+/// A number of many or few digits, near or far, zero at times.
+fn coordinate(kind: u64, random: &mut Random) -> f32 {
+    match kind {
+        0 => random.signed(),
+        1 => (4.0 * random.signed()).round(),
+        2 => 1e5 + random.signed(),
+        3 => random.signed() * 2f32.powi((random.bits() % 40) as i32 - 20),
+        4 => (4.0 * random.signed()).round() + random.signed() * 1e-6,
+        _ => random.signed() * 2f32.powi((random.bits() % 140) as i32 - 120),
+    }
+}
+
+const KINDS: u64 = 6;
+
+fn point(kind: u64, random: &mut Random) -> Vec3 {
+    Vec3::from_array([(); 3].map(|()| coordinate(kind, random)))
+}
+
+/// A ray and a triangle; most of the rays aim at edges, vertices, the inside, or run in the plane.
+fn case(i: usize, random: &mut Random) -> (Ray, [Vec3; 3]) {
+    let kind = random.bits() % KINDS;
+    let mut triangle = [(); 3].map(|()| point(kind, random));
+    if i.is_multiple_of(5) {
+        triangle[2] = triangle[0].lerp(triangle[1], random.unit()) + random.vec3() * 1e-5 * triangle[1].length();
+    }
+    let origin = match random.bits() % 4 {
+        0 => point(kind, random),
+        1 => triangle[0] + point(1, random),
+        2 => 100.0 * point(kind, random),
+        _ => point(1, random),
+    };
+    let (a, b) = (random.unit(), random.unit());
+    let target = match random.bits() % 6 {
+        0 => triangle[0],
+        1 => triangle[1].lerp(triangle[2], a),
+        2 => triangle[0].midpoint(triangle[1]),
+        3 => triangle[0] + (triangle[1] - triangle[0]) * (a * (1.0 - b)) + (triangle[2] - triangle[0]) * b,
+        4 => origin + (triangle[1] - triangle[0]) * a.round() + (triangle[2] - triangle[0]),
+        _ => point(kind, random),
+    };
+    (Ray::new(origin, target - origin, f32::NEG_INFINITY, f32::INFINITY, NO_PRIMITIVE), triangle)
+}
+
+#[test]
+fn every_step_is_right() {
+    const CASES: usize = 60_000;
+    let mut random = Random(SEED);
+    let (mut hits, mut doubtful, mut on_edges) = (0, 0, 0);
+    for i in 0..CASES {
+        let (ray, triangle) = case(i, &mut random);
+        let is_ray = ray.t_near <= ray.t_far && triangle.iter().all(|p| p.is_finite());
+        if !is_ray {
+            continue;
+        }
+        let exact = Exact::new(&ray, triangle);
+        let what = format!("case {i} (seed {SEED}): {ray:?} {triangle:?}");
+        match (intersect_whole(&ray, triangle), &exact) {
+            (Some(found), Some(exact)) => {
+                assert_nearest(found, exact, &what);
+                hits += 1;
+                on_edges += usize::from(found.u == 0.0 || found.v == 0.0);
+            }
+            // Only for a t beyond every float.
+            (None, Some(exact)) => assert!(!is_nearest(f32::MAX, &exact.distance, &exact.det), "{what}: missed"),
+            (found, None) => assert_eq!(found, None, "{what}"),
+        }
+        match (intersect_wide(&ray, triangle), &exact) {
+            (Decision::Doubtful, _) => doubtful += 1,
+            (Decision::Hit(found), Some(exact)) => assert_nearest(found, exact, &what),
+            (Decision::Miss, None) => {}
+            (decision, _) => panic!("{what}: {decision:?}, but hit is {}", exact.is_some()),
+        }
+    }
+    assert!(hits > CASES / 5 && on_edges > CASES / 100, "{hits} hits, {on_edges} on edges");
+    // These rays were made to be doubtful, and still not all are.
+    assert!(doubtful > CASES / 50 && doubtful < CASES / 2, "{doubtful} doubtful");
+}
+
+/// Closest hit by brute force in exact arithmetic: primitive and numbers.
+fn closest(ray: &Ray, triangles: &[[Vec3; 3]]) -> Option<(u32, Exact)> {
+    let mut best: Option<(u32, Exact)> = None;
+    for (i, &triangle) in triangles.iter().enumerate() {
+        let Some(found) = Exact::new(ray, triangle) else { continue };
+        let limit = |t: f32| Exact {
+            distance: whole(t),
+            weight1: BigInt::ZERO,
+            weight2: BigInt::ZERO,
+            det: BigInt::from(1) << 149u32,
+        };
+        let is_inside = found.compare_t(&limit(ray.t_near)) != Ordering::Less
+            && found.compare_t(&limit(ray.t_far)) != Ordering::Greater;
+        if is_inside && best.as_ref().is_none_or(|(_, best)| found.compare_t(best) == Ordering::Less) {
+            best = Some((i as u32, found));
+        }
+    }
+    best
+}
+
+fn trace(
+    device: Option<&DeviceHandle>,
+    buffers: &Arc<SceneBuffers>,
+    options: &TraceOptions,
+    rays: &[TraceRay],
+) -> Vec<Hit> {
+    let mut tracer = open_tracer(device, buffers, options, 1, None).unwrap();
+    tracer.trace(&TraceJob { rays, next_directions: None, any_hit: false, repeat: 1 }, &|_| ()).unwrap().hits
+}
+
+/// Layers that differ by a few units in the last place, through which rays run to where they cross or coincide.
+fn layers(random: &mut Random) -> Vec<[Vec3; 3]> {
+    let mut triangles = Vec::new();
+    for i in 0..24 {
+        let ulps = |x: f32, n: u64| f32::from_bits(x.to_bits() + n as u32);
+        let corner = |x: f32, y: f32, random: &mut Random| {
+            Vec3::new(x, y, ulps(1.0 + 0.25 * x, random.bits() % 4)) // planes within 3 ulp of a common one
+        };
+        let triangle = [corner(-1.0, -1.0, random), corner(3.0, -1.0, random), corner(-1.0, 3.0, random)];
+        triangles.push(if i % 2 == 0 { triangle } else { [triangle[1], triangle[0], triangle[2]] });
+    }
+    triangles
+}
+
+#[test]
+fn the_closest_hit_is_the_exact_one() {
+    let device = device();
+    let mut random = Random(SEED);
+    let triangles = layers(&mut random);
+    let scene = scene_of(&triangles);
+    let queries: Vec<(Vec3, Vec3, [f32; 2])> = (0..3000)
+        .map(|i| {
+            let from = Vec3::new(random.signed(), random.signed(), -1.0);
+            let vertices = triangles[random.bits() as usize % triangles.len()];
+            let target = match i % 4 {
+                0 => vertices[0].midpoint(vertices[1]),
+                1 => vertices[i % 3],
+                _ => Vec3::new(0.5 * random.signed(), 0.5 * random.signed(), 1.0),
+            };
+            // Limits at the layers' own distance: straight up t is the layers' height above the origin.
+            match i % 4 {
+                3 => (target.with_z(0.0), Vec3::Z, [1.0 + 0.25 * target.x, f32::INFINITY]),
+                _ => (from, target - from, [0.0, f32::INFINITY]),
+            }
+        })
+        .collect();
+    for options in [
+        TraceOptions { intersector: Intersector::Exact, accel: Accel::Brute, ..TraceOptions::DEFAULT },
+        TraceOptions { intersector: Intersector::Exact, traversal: Traversal::ShortStack, ..TraceOptions::DEFAULT },
+    ] {
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let rays: Vec<_> = queries.iter().map(|&(o, d, [near, far])| buffers.trace_ray(o, d, near, far)).collect();
+        let hits = trace(None, &buffers, &options, &rays);
+        let packed: Vec<[Vec3; 3]> =
+            buffers.vertices.chunks_exact(3).map(|t| std::array::from_fn(|i| t[i].xyz())).collect();
+        let mut ties = 0;
+        for (i, (query, hit)) in rays.iter().zip(&hits).enumerate() {
+            let (o, d) = (query.origin_t_min, query.direction_t_max);
+            let ray = Ray::new(o.xyz(), d.xyz(), o.w, d.w, NO_PRIMITIVE);
+            let expected = closest(&ray, &packed);
+            let what = format!("ray {i} (seed {SEED}) {query:?}: {hit:?}");
+            assert_eq!(hit.primitive, expected.as_ref().map_or(NO_PRIMITIVE, |(i, _)| *i), "{what}");
+            if let Some((_, exact)) = expected {
+                let found = Intersection { t: hit.t / ray.t_scale, u: hit.u, v: hit.v };
+                assert_nearest(found, &exact, &what);
+                let same_float = |other: &[Vec3; 3]| {
+                    Exact::new(&ray, *other).is_some_and(|o| is_nearest(found.t, &o.distance, &o.det))
+                };
+                ties += usize::from(packed.iter().filter(|triangle| same_float(triangle)).count() > 1);
+            }
+        }
+        assert!(ties > 1000, "only {ties} rays with several triangles at the same float");
+        if let Some(device) = &device {
+            let on_device = trace(Some(device), &buffers, &options, &rays);
+            assert_eq!(bytemuck::cast_slice::<_, u32>(&on_device), bytemuck::cast_slice::<_, u32>(&hits));
+        }
+    }
+}
