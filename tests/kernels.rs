@@ -17,7 +17,7 @@ use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
 use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::reference::whitted::refract_direction;
-use raybrook::scene::{Background, Builder, Camera, Light, Material, Texture};
+use raybrook::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
 use raybrook::session::{Picture, open_tracer, render};
 use raybrook::shared::{
     NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
@@ -506,7 +506,7 @@ fn split_kernels_equal_the_twin() {
     let Some(device) = device() else { return };
     let mut builder = Builder::new();
     let rgba = vec![[230, 220, 200, 255], [40, 60, 90, 255]];
-    let diffuse_texture = Some(builder.add_texture(Texture { name: "two".into(), width: 2, height: 1, rgba }));
+    let diffuse_texture = Some(builder.add_texture(Image { name: "two".into(), width: 2, height: 1, rgba }));
     builder.material(Material { diffuse_texture, mirror: Vec3::splat(0.4), ..Material::matt(Vec3::ONE) });
     builder.quad(Vec3::new(-2.0, -2.0, -1.0), Vec3::X * 4.0, Vec3::Y * 4.0, 1);
     builder.material(Material { transmission: Vec3::new(0.9, 0.8, 0.7), ior: 1.5, ..Material::matt(Vec3::ZERO) });
@@ -520,7 +520,7 @@ fn split_kernels_equal_the_twin() {
     ];
     scene.background = Background { bottom: Vec3::X, top: Vec3::Z };
     let camera = Camera { eye: Vec3::new(0.3, 0.2, 6.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
-    let picture = Picture { camera, size: (9, 7), samples: 2, depth: 4, kill_weight: None };
+    let picture = Picture { camera, size: (9, 7), samples: Samples::PerPixel(2), depth: 4, kill_weight: None };
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
         let options =
             TraceOptions { kernels: Kernels::Split, textures, paths_in_flight: Some(40), ..TraceOptions::DEFAULT };

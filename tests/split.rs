@@ -8,7 +8,10 @@ use glam::Vec3;
 use raybrook::options::{Accel, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ray::Ray;
-use raybrook::scene::{self, Background, Builder, Camera, Falloff, Light, LightKind, Material, Scene, Texture};
+use raybrook::scene::{
+    self, Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
+    Toon,
+};
 use raybrook::session::{Picture, complete, open_tracer, render};
 use raybrook::tracer::{RenderResult, Tracer};
 use std::path::Path;
@@ -41,7 +44,13 @@ impl Tracers {
     }
 
     fn picture(&self, size: (u32, u32), samples: u32, depth: u32) -> Picture {
-        Picture { camera: self.scene.camera.unwrap(), size, samples, depth, kill_weight: None }
+        Picture {
+            camera: self.scene.camera.unwrap(),
+            size,
+            samples: Samples::PerPixel(samples),
+            depth,
+            kill_weight: None,
+        }
     }
 
     /// Renders with the split kernels, mega-kernel and twin, and compares; `options` are of the first.
@@ -79,11 +88,11 @@ fn complete_camera(scene: &mut Scene) {
     }
 }
 
-/// Two mirrors, which see each other, a glass ball and panes of glass over a textured floor.
+/// Two mirrors, which see each other, a glass ball and panes of glass over a textured floor, before a wall of marble.
 fn glass_house(lights: Vec<Light>) -> Scene {
     let mut builder = Builder::new();
     let texels = (0..64u8).map(|i| if (i / 8 + i % 8) % 2 == 0 { [230, 220, 200, 255] } else { [40, 60, 90, 255] });
-    let checker = Texture { name: "checker".into(), width: 8, height: 8, rgba: texels.collect() };
+    let checker = Image { name: "checker".into(), width: 8, height: 8, rgba: texels.collect() };
     let diffuse_texture = Some(builder.add_texture(checker));
     builder.material(Material {
         diffuse_texture,
@@ -92,6 +101,10 @@ fn glass_house(lights: Vec<Light>) -> Scene {
         ..Material::matt(Vec3::ONE)
     });
     builder.quad(Vec3::new(-3.0, -1.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 2);
+    let toon = Some(Toon::new(3));
+    let diffuse_texture = Some(builder.add_texture(Procedural::new(Pattern::Marble)));
+    builder.material(Material { diffuse_texture, toon, ..Material::matt(Vec3::ONE) });
+    builder.quad(Vec3::new(-3.0, -1.0, -3.0), Vec3::X * 6.0, Vec3::Y * 3.0, 1);
     builder.material(Material { mirror: Vec3::new(0.9, 0.8, 0.7), ..Material::matt(Vec3::splat(0.05)) });
     builder.quad(Vec3::new(-3.0, -1.0, 3.0), Vec3::NEG_Z * 6.0, Vec3::Y * 3.0, 1);
     builder.quad(Vec3::new(3.0, -1.0, -3.0), Vec3::Z * 6.0, Vec3::Y * 3.0, 1);
@@ -149,6 +162,11 @@ fn every_scene_has_the_same_pixels() {
         let depths = [1, 2, 3, 5, DEPTH].map(|depth| tracers.picture((37, 29), 1, depth));
         let samples = tracers.picture((29, 21), 3, DEPTH);
         tracers.compare(&SPLIT, &[&depths[..], &[samples]].concat());
+        if !tracers.scene.textures.is_empty() {
+            let host_pass = TraceOptions { textures: TexturePass::HostPass, ..SPLIT };
+            let result = &tracers.compare(&host_pass, &depths[4..])[0];
+            assert!(result.split.unwrap().host_colours > 0, "{}", file.display());
+        }
     }
 }
 
