@@ -73,11 +73,13 @@ int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
 
 void store_pending(__global SplitRay* to, const PendingRay* pending) {
     to->origin_t_near = (float4)(pending->ray.origin, pending->ray.t_near);
+    to->origin_low = (float4)(pending->ray.origin_low, 0.0f);
     to->direction_skip = pack_bits(pending->ray.direction, pending->ray.skip);
     to->weight_kind_depth = pack_bits(pending->weight, pending->depth << SPLIT_KIND_BITS | pending->kind);
 }
 
-// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more.
+// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin is
+// not its business.
 PendingRay load_pending(__global const SplitRay* from) {
     const float4 origin_t_near = from->origin_t_near;
     const int4 direction_skip = from->direction_skip, weight_kind_depth = from->weight_kind_depth;
@@ -85,6 +87,7 @@ PendingRay load_pending(__global const SplitRay* from) {
     PendingRay pending;
     pending.ray = make_ray(origin_t_near.xyz, as_float3(direction_skip.xyz), origin_t_near.w, INFINITY,
                            as_uint(direction_skip.w));
+    pending.ray.origin_low = from->origin_low.xyz;
     pending.weight = as_float3(weight_kind_depth.xyz);
     pending.kind = kind_depth & ((1u << SPLIT_KIND_BITS) - 1u);
     pending.depth = kind_depth >> SPLIT_KIND_BITS;
@@ -95,6 +98,7 @@ PendingRay load_pending(__global const SplitRay* from) {
 void load_point(__global const SplitSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
     point->position = position_error.xyz;
+    point->position_low = from->position_low.xyz;
     point->error = position_error.w;
     point->primitive = as_uint(from->geometric_normal_primitive.w);
 }
@@ -206,6 +210,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             const LocalLight without_lamps = begin_local_light(&material, colour);
             radiance = without_lamps.radiance;
             surfaces[slot].position_error = (float4)(surface.point.position, surface.point.error);
+            surfaces[slot].position_low = (float4)(surface.point.position_low, 0.0f);
             surfaces[slot].geometric_normal_primitive = pack_bits(surface.geometric_normal, hit.primitive);
             surfaces[slot].normal_material = pack_bits(surface.normal, surface.material);
             surfaces[slot].view_direction = (float4)(direction, 0.0f);

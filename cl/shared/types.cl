@@ -148,6 +148,7 @@ typedef struct {
 // A ray that waits to be traced. It ends nowhere.
 typedef struct {
     float4 origin_t_near; // Origin in x, y, z and t_near in w.
+    float4 origin_low; // What that leaves out of the origin in x, y, z; w unused.
     int4 direction_skip; // Bits of the direction in x, y, z and the triangle that it starts on in w.
     int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
 } SplitRay;
@@ -155,6 +156,7 @@ typedef struct {
 // What the lights need to know of a hit.
 typedef struct {
     float4 position_error; // Position in x, y, z and bound of its error in w.
+    float4 position_low; // What that leaves out of the position in x, y, z; w unused.
     int4 geometric_normal_primitive; // Bits of the geometric normal in x, y, z and the triangle in w.
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
     float4 view_direction; // Unit direction of the ray that found it in x, y, z; w unused.

@@ -38,6 +38,8 @@ device_struct! {
     pub struct SplitRay {
         /// Origin in x, y, z and t_near in w.
         pub origin_t_near: Float4,
+        /// What that leaves out of the origin in x, y, z; w unused.
+        pub origin_low: Float4,
         /// Bits of the direction in x, y, z and the triangle that it starts on in w.
         pub direction_skip: Int4,
         /// Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
@@ -50,6 +52,8 @@ device_struct! {
     pub struct SplitSurface {
         /// Position in x, y, z and bound of its error in w.
         pub position_error: Float4,
+        /// What that leaves out of the position in x, y, z; w unused.
+        pub position_low: Float4,
         /// Bits of the geometric normal in x, y, z and the triangle in w.
         pub geometric_normal_primitive: Int4,
         /// Bits of the shading normal in x, y, z and the material in w.

@@ -9,7 +9,7 @@ use crate::shared::{
     TextureRequest,
 };
 
-/// Memory for the paths in flight and their batch: at 840 bytes each with a depth of 8 room for 320,000, more than the largest GPUs run
+/// Memory for the paths in flight and their batch: at 970 bytes each with a depth of 8 room for 270,000, more than the largest GPUs run
 /// work-items at a time. Smaller devices give half of the memory that they have left.
 const STATE_BYTES: u64 = 256 << 20;
 
