@@ -28,6 +28,7 @@
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over |
+//! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points |
 //!
@@ -69,6 +70,7 @@
 #![warn(missing_docs)]
 
 pub mod accel;
+pub mod aov;
 pub mod compare;
 pub mod device;
 pub mod error;
@@ -85,5 +87,6 @@ pub mod session;
 pub mod shared;
 pub mod stats;
 pub mod tracer;
+pub mod work;
 
 pub use error::{Error, Result};

@@ -238,7 +238,7 @@ impl Layout {
 /// An array to be written: numbers of this machine's byte order in C order.
 pub(crate) struct NpyArray<'a> {
     /// Its name.
-    pub(crate) name: &'static str,
+    pub(crate) name: &'a str,
     /// NumPy's type code without the byte order: "f4", "i4", "u1".
     pub(crate) type_code: &'static str,
     /// Its length.

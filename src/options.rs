@@ -35,16 +35,17 @@ macro_rules! methods {
         }
 
         impl std::str::FromStr for $enum {
-            type Err = Error;
+            type Err = $crate::error::Error;
 
-            fn from_str(text: &str) -> Result<Self> {
+            fn from_str(text: &str) -> $crate::error::Result<Self> {
                 $enum::ALL.iter().copied().find(|m| m.name() == text).ok_or_else(|| {
-                    Error::option($option, format!("no '{text}'; possible: {}", $enum::names()))
+                    $crate::error::Error::option($option, format!("no '{text}'; possible: {}", $enum::names()))
                 })
             }
         }
     };
 }
+pub(crate) use methods;
 
 mod kd;
 
@@ -286,6 +287,13 @@ pub struct TraceOptions {
     /// How many paths (a sample of a pixel and all rays that come of it) the split kernels follow at a time, at least 1; `None`: as
     /// many as a device has memory for. Only with [`Kernels::Split`].
     pub paths_in_flight: Option<u32>,
+    /// Whether to count the work on every ray ([`crate::shared::WorkCounter`]), by kernels of their own: nothing else changes.
+    #[serde(skip_serializing_if = "is_off")]
+    pub counters: bool,
+}
+
+fn is_off(option: &bool) -> bool {
+    !option
 }
 
 fn as_name<T: std::fmt::Display, S: serde::Serializer>(
@@ -317,6 +325,7 @@ impl TraceOptions {
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
         paths_in_flight: None,
+        counters: false,
     };
 
     /// Entries of the short stack unless something else is asked for.
@@ -391,7 +400,8 @@ impl TraceOptions {
             return Err(Error::option("--paths-in-flight", "must be at least 1"));
         }
         if self.kernels == Kernels::Split {
-            return Ok(());
+            let reason = "only the mega-kernel counts work, and rays take the same in either; nearest: --kernels mega";
+            return if self.counters { Err(Error::option("--counters", reason)) } else { Ok(()) };
         }
         if self.textures == TexturePass::HostPass {
             let reason =
@@ -487,6 +497,7 @@ mod tests {
                 "--paths-in-flight",
                 "--kernels split --paths-in-flight 9",
             ),
+            (TraceOptions { counters: true, ..split }, "--counters", "--kernels mega"),
             (TraceOptions { paths_in_flight: Some(0), ..split }, "--paths-in-flight", "at least 1"),
         ] {
             let message = bad.validate().unwrap_err().to_string();

@@ -16,6 +16,8 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::npz::{NpyArray, NpzFile, write_npz};
+use crate::shared::WorkCounter;
+use crate::work::RayWork;
 
 /// Names of the arrays that a batch may have.
 const ARRAY_NAMES: [&str; 5] = ["origin", "direction", "t_min", "t_max", "next_direction"];
@@ -104,11 +106,16 @@ pub struct HitBatch {
     pub next_t: Option<Vec<f32>>,
     /// `primitive` of the second ray.
     pub next_primitive: Option<Vec<i32>>,
+    /// The work on each ray.
+    pub work: Option<Vec<RayWork>>,
+    /// The work on the second ray.
+    pub next_work: Option<Vec<RayWork>>,
 }
 
 impl HitBatch {
     /// Writes an `.npz` file with arrays named like the fields: `t`, `u`, `v`, `next_t` float32, `primitive`,
-    /// `next_primitive` int32, `hit` uint8; absent ones are left out. The file appears when it is complete.
+    /// `next_primitive` int32, `hit` uint8, and for each [`WorkCounter`] `work_…` and `next_work_…` uint32; absent ones are left
+    /// out. The file appears when it is complete.
     ///
     /// # Errors
     /// As [`crate::output::write_atomically`].
@@ -118,8 +125,23 @@ impl HitBatch {
         arrays.extend(self.hit.iter().map(|m| NpyArray { name: "hit", type_code: "u1", len: m.len(), bytes: m }));
         arrays.extend(self.next_t.iter().map(|t| floats("next_t", t)));
         arrays.extend(self.next_primitive.iter().map(|p| ints("next_primitive", p)));
+        let work = [("work", &self.work), ("next_work", &self.next_work)];
+        let columns: Vec<_> = work.into_iter().flat_map(|(name, work)| columns_of(name, work.as_deref())).collect();
+        arrays.extend(columns.iter().map(|(name, counts)| NpyArray {
+            name,
+            type_code: "u4",
+            len: counts.len(),
+            bytes: bytemuck::cast_slice(counts),
+        }));
         write_npz(path.as_ref(), &arrays)
     }
+}
+
+/// Each counter of the work, if there is any, as an array of its own, and that one's name.
+fn columns_of(name: &str, work: Option<&[RayWork]>) -> Vec<(String, Vec<u32>)> {
+    let column = |counter: WorkCounter, work: &[RayWork]| work.iter().map(|ray| ray.get(counter)).collect();
+    let named = |&counter: &WorkCounter| Some((format!("{name}_{}", counter.key()), column(counter, work?)));
+    WorkCounter::ALL.iter().filter_map(named).collect()
 }
 
 fn floats<'a>(name: &'static str, numbers: &'a [f32]) -> NpyArray<'a> {

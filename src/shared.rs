@@ -9,6 +9,7 @@ mod split;
 pub use split::*;
 
 use crate::layout::{Float4, StructLayout, device_struct};
+use crate::options::methods;
 
 /// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
 pub const NO_PRIMITIVE: u32 = u32::MAX;
@@ -60,6 +61,56 @@ pub const COUNTER_NAMES: [&str; COUNTERS] = [
     "REFRACTED_CAST",
     "REFRACTED_HIT",
 ];
+
+methods! {
+    /// What kernels built with `COUNT_WORK`, and the twin, count while they trace a ray; the values index the counters.
+    ///
+    /// | structure | a step is | a leaf is | entries of the stack |
+    /// |---|---|---|---|
+    /// | kd-tree | an inner node visited | a leaf visited | far children (`stack`, `short-stack`); else none |
+    /// | octree | a child cell tested against the ray | a leaf visited | open nodes |
+    /// | grid | a move to the next cell | a cell visited, so with the first one a leaf more than steps | none |
+    /// | boxes, spheres | a volume tested | a cluster whose volume was met | none |
+    /// | brute force | none | none: its one list is no leaf | none |
+    ///
+    /// What is visited again after a restart counts again. A ray that starts too far from a grid tests its list of all triangles
+    /// and counts no leaf. Shading reads vertices, too; those do not count.
+    pub enum WorkCounter ("--aov") {
+        /// Steps through the structure from one leaf to the next.
+        Steps = "steps",
+        /// Leaves visited.
+        Leaves = "leaves",
+        /// Those of them without triangles.
+        EmptyLeaves = "empty-leaves",
+        /// Ray-triangle tests. The triangle that a ray starts on is not tested.
+        Tests = "tests",
+        /// Descents that began anew; with ropes rays that `push-down` traces again, and its restarts.
+        Restarts = "restarts",
+        /// Entries that the short stack forgot.
+        Overflows = "overflows",
+        /// Bytes of nodes, boxes, spheres, planes and ropes that were read.
+        NodeBytes = "node-bytes",
+        /// Bytes of references, vertices and precomputed data of triangles that were read for tests.
+        TriangleBytes = "triangle-bytes",
+        /// The most entries on the traversal's stack: a maximum where the others are sums.
+        DeepestStack = "deepest-stack",
+    }
+}
+
+/// How many work counters there are.
+pub const WORK_COUNTERS: usize = WorkCounter::ALL.len();
+
+impl WorkCounter {
+    /// The name as keys of JSON and arrays have it: `empty_leaves`.
+    pub fn key(self) -> String {
+        self.name().replace('-', "_")
+    }
+
+    /// Whether it is a maximum and not a sum.
+    pub fn is_maximum(self) -> bool {
+        self == WorkCounter::DeepestStack
+    }
+}
 
 device_struct! {
     /// One ray of a batch query.
@@ -304,12 +355,16 @@ pub fn types_cl() -> String {
         ("QUEUE_PATHS", QUEUE_PATHS),
         ("QUEUE_SHADOWS", QUEUE_SHADOWS),
         ("COUNTERS", COUNTERS as u32),
+        ("WORK_COUNTERS", WORK_COUNTERS as u32),
     ];
     for (name, value) in constants {
         text += &format!("#define {name} {value}u\n");
     }
     for (index, name) in COUNTER_NAMES.iter().enumerate() {
         text += &format!("#define COUNT_{name} {index}u\n");
+    }
+    for &counter in WorkCounter::ALL {
+        text += &format!("#define WORK_{} {}u\n", counter.key().to_uppercase(), counter as u32);
     }
     for layout in SHARED_STRUCTS {
         text += &format!("\n{}", layout.cl_typedef());

@@ -6,12 +6,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::aov::AovRange;
 use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::output::write_json;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
 use crate::tracer::SplitStats;
+use crate::work::WorkSum;
 
 /// Rays of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -48,6 +50,18 @@ impl RayCounts {
     }
 }
 
+/// Counted work of one run.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct WorkStats {
+    /// On camera rays, or the rays of a batch.
+    pub camera: WorkSum,
+    /// On all rays; for a batch also the second ones.
+    pub all: WorkSum,
+    /// What the colours of the pictures mean that were written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub aovs: Vec<AovRange>,
+}
+
 /// One run. What does not apply to it is `None` and left out of the file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct RunStats {
@@ -73,6 +87,9 @@ pub struct RunStats {
     pub depth: Option<u32>,
     /// Rays of one repeat.
     pub rays: RayCounts,
+    /// With [`TraceOptions::counters`]: the work on those rays.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub work: Option<WorkStats>,
     /// Reading the scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_s: Option<f64>,

@@ -5,6 +5,7 @@ use crate::film::Film;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
 
 /// A batch of rays to trace. All coordinates and distances are in tracing space: see [`SceneBuffers::trace_ray`].
@@ -27,6 +28,10 @@ pub struct TraceResult {
     pub hits: Vec<Hit>,
     /// The second rays' hits, if they were asked for.
     pub next_hits: Option<Vec<Hit>>,
+    /// With [`crate::options::TraceOptions::counters`] the work on each ray.
+    pub work: Option<Vec<RayWork>>,
+    /// The same of the second rays; none on a ray that was not cast because the first one missed.
+    pub next_work: Option<Vec<RayWork>>,
     /// Seconds of device time of each repeat, transfers left out; second rays included.
     pub kernel_s: Vec<f64>,
     /// Seconds that it took to send the rays.
@@ -42,6 +47,8 @@ pub struct RenderResult {
     pub film: Film,
     /// Rays by [`crate::shared::COUNTER_NAMES`].
     pub counts: [u64; COUNTERS],
+    /// With [`crate::options::TraceOptions::counters`] the work on the rays of each pixel, top row first.
+    pub work: Option<Vec<PixelWork>>,
     /// Seconds of device time, transfers left out.
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.

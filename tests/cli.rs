@@ -65,6 +65,8 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["info", "one.obj", "--build", "median", "--cost-traverse", "2"], 2, &["--cost-traverse", "--stop cost"]),
         (&["info", "one.obj", "--sample-size", "9"], 2, &["--sample-size", "--build sampled-median"]),
         (&["info", "one.obj", "--accel", "octree", "--stop", "size"], 2, &["--stop", "--accel kd"]),
+        (&["render", "one.obj", "--aov", "steps,speed"], 2, &["--aov", "speed", "steps, leaves, empty-leaves"]),
+        (&["render", "one.obj", "-o", "no/such/folder/x.png", "--aov", "steps"], 5, &["no/such/folder/x.png"]),
         (&["render", "one.obj", "--bit-depth", "12"], 2, &["--bit-depth", "12"]),
         (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
@@ -230,6 +232,65 @@ fn trace_answers_a_batch() {
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
     assert_eq!(stats["kernel_s"].as_array().unwrap().len(), 3);
     assert_eq!((&stats["rays"]["camera"]["cast"], &stats["rays"]["camera"]["hit"]), (&3.into(), &1.into()));
+}
+
+#[test]
+fn counted_work_is_written_as_numbers_and_colours() {
+    let folder = folder();
+    let at = folder.path();
+    let fixed = ["render", "one.obj", "--device", "reference", "--size", "20x10", "--stats", "s.json"];
+    for (arguments, pictures, files) in [
+        (&["--aov", "steps,empty-leaves"][..], 2, &["one-steps.png", "one-empty-leaves.png"][..]),
+        (&["-o", "one.exr", "--aov", "tests"], 1, &["one-tests.png", "one-tests.exr"]),
+        (&["-o", "one.pfm", "--aov", "tests"], 1, &["one-tests.pfm"]),
+        (&["--counters"], 0, &[]),
+    ] {
+        let output = raybrook(at, &[&fixed, arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(said.contains(" tests, ") && said.contains("deepest stack 0"), "{said}");
+        assert_eq!(said.matches("(black)").count(), pictures, "{said}");
+        for file in files {
+            std::fs::remove_file(at.join(file)).expect(file);
+        }
+        let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
+        assert_eq!(stats["options"]["counters"], true);
+        let work = &stats["work"];
+        assert_eq!(
+            (&work["camera"]["rays"], &work["camera"]["sum"]["leaves"]),
+            (&200.into(), &work["camera"]["sum"]["tests"])
+        );
+        // The scene's box is flat: shadow rays are out of it as soon as they start.
+        assert!(work["all"]["rays"].as_u64() > work["camera"]["rays"].as_u64());
+        assert_eq!(work["all"]["sum"], work["camera"]["sum"]);
+        assert_eq!(work["all"]["deepest_stack"], 0);
+        assert_eq!(work["aovs"].as_array().map_or(0, Vec::len), pictures);
+    }
+
+    write_npz(
+        &at.join("rays.npz"),
+        &[
+            ("origin", 3, &[0.25, 0.25, 1.0, 5.0, 5.0, 1.0]),
+            ("direction", 3, &[0.0, 0.0, -1.0, 0.0, 0.0, -1.0]),
+            ("next_direction", 3, &[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]),
+        ],
+    );
+    let fixed = ["trace", "one.obj", "rays.npz", "-o", "hits.npz", "--device", "reference", "--stats", "s.json"];
+    let output = raybrook(at, &[&fixed[..], &["--counters"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let numbers = |name: &str| read_npz(&at.join("hits.npz"), name);
+    assert_eq!((numbers("work_leaves"), numbers("work_tests")), (vec![1, 0], vec![1, 0]));
+    assert_eq!((numbers("work_node_bytes"), numbers("work_triangle_bytes")), (vec![16, 0], vec![52, 0]));
+    // The second ray runs in the triangle on which it starts: a leaf and a reference are read, and nothing is tested.
+    assert_eq!((numbers("next_work_tests"), numbers("next_work_triangle_bytes")), (vec![0, 0], vec![4, 0]));
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
+    assert_eq!((&stats["work"]["camera"]["rays"], &stats["work"]["all"]["rays"]), (&2.into(), &3.into()));
+    assert_eq!(stats["work"]["all"]["mean"]["triangle_bytes"], 56.0 / 3.0);
+    assert!(stats["options"]["counters"] == true && stats["work"].get("aovs").is_none());
+
+    assert!(raybrook(at, &fixed).status.success());
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
+    assert!(stats.get("work").is_none() && stats["options"].get("counters").is_none());
 }
 
 #[test]

@@ -12,6 +12,7 @@ use raybrook::pack::{SceneBuffers, triangle_transform};
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::light::toon_tone;
 use raybrook::reference::math;
+use raybrook::reference::memory::NoWork;
 use raybrook::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
 use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
@@ -373,7 +374,7 @@ fn intersectors_equal_their_twins() {
                 buffers.vertices = triangle.map(|p| Float4::new(p, 0.0)).to_vec();
                 buffers.transforms = triangle_transform(triangle).to_vec();
                 buffers.params.scale = x[32];
-                let found = intersect(&buffers, intersector, &ray_of(x), 0);
+                let found = intersect(&buffers, intersector, &ray_of(x), 0, &mut NoWork);
                 hits += usize::from(found.is_some());
                 found.map_or([0.0; 4], |f| [1.0, f.t, f.u, f.v])
             })
@@ -470,7 +471,7 @@ fn surface_with(normal: Vec3) -> Surface {
     }
 }
 
-/// Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
+/// With counted work and without. Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
 /// `tests/traverse.rs`.
 #[test]
 fn traversals_equal_their_twins() {
@@ -493,9 +494,13 @@ fn traversals_equal_their_twins() {
             })
             .collect();
         let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-        let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
-        let expected = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
-        assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
+        for counters in [false, true] {
+            let options = TraceOptions { counters, ..options };
+            let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+            let expected = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+            assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
+            assert_eq!(got.work, expected.work, "{options:?} (seed {SEED})");
+        }
     }
 }
 

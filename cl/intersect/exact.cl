@@ -233,15 +233,16 @@ int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, flo
 
 // As is_nearer_exactly, where a comparison of floats leaves it open.
 RARE bool is_nearer_whole(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, float t, uint primitive, uint slot) {
-    float3 vertices[6];
+    float3 corners[6];
     const bool is_tie = t == hit->t;
     for (uint i = 0; i < 3u; i++) {
-        vertices[i] = LOAD_VERTEX(geometry, slot, i);
-        vertices[i + 3u] = is_tie ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, i) : vertices[i];
+        corners[i] = LOAD_VERTEX(geometry, slot, i);
+        COUNT(geometry, TRIANGLE_BYTES, is_tie ? sizeof(float4) : 0);
+        corners[i + 3u] = is_tie ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, i) : corners[i];
     }
-    const WholeUnits units = whole_units(ray, vertices, 2);
+    const WholeUnits units = whole_units(ray, corners, 2);
     WholeNumbers numbers;
-    whole_numbers(ray, vertices, &units, &numbers);
+    whole_numbers(ray, corners, &units, &numbers);
     if (integer_take_sign(&numbers.det, units.n) < 0) {
         Integer distance = numbers.distance;
         integer_set_zero(&numbers.distance, units.n);
@@ -251,7 +252,7 @@ RARE bool is_nearer_whole(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, f
     if (t == ray->t_far && compare_with_limit(&numbers, &units, ray->t_far) > 0) return false;
     if (!is_tie) return true;
     WholeNumbers best;
-    whole_numbers(ray, vertices + 3, &units, &best);
+    whole_numbers(ray, corners + 3, &units, &best);
     const int best_sign = integer_sign(&best.det, units.n);
     Integer difference; // T D' - T' D, times the sign of D'
     integer_set_zero(&difference, units.n);

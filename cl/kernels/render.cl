@@ -50,9 +50,10 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
 }
 
 // Work-item g of a launch renders pixel g % 64 of tile first_tile + g / 64. `film`: linear RGB, row by row, top row first.
+// Work records: two a pixel, of its camera rays and of all others.
 __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
-                     __global float4* restrict film, volatile __global uint* restrict counters, const uint first_tile,
-                     const uint end_tile) {
+                     __global float4* restrict film, volatile __global uint* restrict counters,
+                     WORK_ARGUMENT const uint first_tile, const uint end_tile) {
     const uint item = (uint)get_global_id(0);
     const uint tile = first_tile + item / (TILE_SIDE * TILE_SIDE);
     const uint in_tile = item % (TILE_SIDE * TILE_SIDE);
@@ -61,6 +62,8 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint y = tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE;
     if (tile >= end_tile || x >= render->width || y >= render->height) return;
 
+    WORK_SUMS(work)
+    WORK_SUMS(camera_work)
     const Scene scene = MAKE_SCENE;
     uint counts[COUNTERS] = {0};
     float3 sum = (float3)(0.0f);
@@ -69,5 +72,7 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
         sum += radiance_along(SCENE_AT(&scene), render, ray, counts);
     }
     film[y * render->width + x] = (float4)(sum * render->sample_weight, 1.0f);
+    STORE_WORK(&scene.camera_geometry, 2u * (y * render->width + x));
+    STORE_WORK(&scene.geometry, 2u * (y * render->width + x) + 1u);
     add_counts(counts, counters, item);
 }

@@ -7,6 +7,7 @@
 //   CONSTANT_REFERENCES, CONSTANT_VERTICES  that array lies in __constant memory
 //   LEAF_ORDER           vertices and transforms are copied for each reference, in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle, not in an array of its own
+//   COUNT_WORK           what is read, and what traversals COUNT, is added up in the Geometry: see COUNT below
 //
 // Images cannot be members of a struct (OpenCL C 1.2, section 6.9 b), so they are parameters of their own. Every function that
 // reads the scene begins its parameters with GEOMETRY_PARAMETERS and is called with GEOMETRY, or GEOMETRY_AT(&a_geometry).
@@ -61,6 +62,9 @@ typedef struct {
     float3 low, high;     // box around all triangles
     uint reference_count; // for brute force
     float scale;          // tracing space = world units times this
+#ifdef COUNT_WORK
+    uint* work; // WORK_COUNTERS sums
+#endif
 } Geometry;
 
 // GEOMETRY_ARGUMENTS: what every tracing kernel's arguments begin with. MAKE_GEOMETRY: the Geometry made of them.
@@ -78,6 +82,11 @@ typedef struct {
 #define SURFACE_VERTICES_ARGUMENT
 #define SURFACE_VERTICES_VALUE
 #endif
+#ifdef COUNT_WORK
+#define WORK_VALUE(sums) , sums
+#else
+#define WORK_VALUE(sums)
+#endif
 #define SCENE_VALUES                                                                                                     \
     CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
         scene_params->scale
@@ -86,44 +95,81 @@ typedef struct {
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS                                                                                              \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY { SCENE_VALUES }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #define NODE_FROM_BUFFER(geometry, index) read_imagei(nodes, IMAGE_AT(index))
-#define LOAD_REFERENCE(geometry, index) read_imageui(references, IMAGE_AT(index)).x
+#define REFERENCE_RECORD(geometry, index) read_imageui(references, IMAGE_AT(index)).x
 #define VERTEX_RECORD(geometry, index) as_float4(read_imagei(vertices, IMAGE_AT(index)))
-#define LOAD_BOUNDS(geometry, index) as_float4(read_imagei(bounds, IMAGE_AT(index)))
-#define LOAD_TRANSFORM(geometry, index) as_float4(read_imagei(transforms, IMAGE_AT(index)))
+#define BOUNDS_RECORD(geometry, index) as_float4(read_imagei(bounds, IMAGE_AT(index)))
+#define TRANSFORM_RECORD(geometry, index) as_float4(read_imagei(transforms, IMAGE_AT(index)))
 #else
 #define GEOMETRY_ARGUMENTS                                                                                              \
     __global const int4* restrict nodes, REFERENCES_IN const uint* restrict references,                                 \
         VERTICES_IN const float4* restrict vertices, __global const float4* restrict bounds,                            \
         __global const float4* restrict transforms,                                                                     \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY { nodes, references, vertices, bounds, transforms, SCENE_VALUES }
+#define MAKE_GEOMETRY_COUNTING(sums) \
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #define NODE_FROM_BUFFER(geometry, index) ((geometry)->nodes[index])
-#define LOAD_REFERENCE(geometry, index) ((geometry)->references[index])
+#define REFERENCE_RECORD(geometry, index) ((geometry)->references[index])
 #define VERTEX_RECORD(geometry, index) ((geometry)->vertices[index])
-#define LOAD_BOUNDS(geometry, index) ((geometry)->bounds[index])
-#define LOAD_TRANSFORM(geometry, index) ((geometry)->transforms[index])
+#define BOUNDS_RECORD(geometry, index) ((geometry)->bounds[index])
+#define TRANSFORM_RECORD(geometry, index) ((geometry)->transforms[index])
 #endif
 
+#define MAKE_GEOMETRY MAKE_GEOMETRY_COUNTING(work)
 #define GEOMETRY_PARAMETERS const Geometry* geometry IMAGE_PARAMETERS
 #define GEOMETRY_AT(pointer) pointer IMAGE_VALUES
 #define GEOMETRY GEOMETRY_AT(geometry)
 
 #define ALL_NODES 0xffffffffu
 #if !defined(CONSTANT_NODES)
-#define LOAD_NODE(geometry, index) NODE_FROM_BUFFER(geometry, index)
+#define NODE_RECORD(geometry, index) NODE_FROM_BUFFER(geometry, index)
 #else
 int4 load_node(const Geometry* geometry, uint index) {
     if (CONSTANT_NODES == ALL_NODES || index < CONSTANT_NODES) return geometry->constant_nodes[index];
     return geometry->nodes[index];
 }
-#define LOAD_NODE(geometry, index) load_node(geometry, index)
+#define NODE_RECORD(geometry, index) load_node(geometry, index)
 #endif
+
+// Counting (WorkCounter in src/shared.rs says what is what). A sum that outgrows 32 bits stays at the largest number. Without
+// COUNT_WORK nothing of it is in the code.
+//   WORK_SUMS        declares the sums of a Geometry; those of MAKE_GEOMETRY are called `work`
+//   COUNT            adds n to a counter
+//   COUNT_DEEPEST    raises the deepest stack to so many entries
+//   COUNTED          a value that was read, counted as so many bytes
+//   WORK_ARGUMENT    the kernels' array of WORK_COUNTERS numbers a ray or pixel, before the last two arguments
+//   STORE_WORK       writes what was counted in a Geometry as record `index` of that array
+#ifdef COUNT_WORK
+void count_work(uint* work, uint counter, uint n) { work[counter] = add_sat(work[counter], n); }
+void store_work(__global uint* records, uint index, const Geometry* geometry) {
+    for (uint i = 0; i < WORK_COUNTERS; i++) records[(size_t)index * WORK_COUNTERS + i] = geometry->work[i];
+}
+#define WORK_SUMS(name) uint name[WORK_COUNTERS] = {0};
+#define COUNT(geometry, counter, n) count_work((geometry)->work, WORK_##counter, n)
+#define COUNT_DEEPEST(geometry, n) (geometry)->work[WORK_DEEPEST_STACK] = max((geometry)->work[WORK_DEEPEST_STACK], n)
+#define COUNTED(geometry, counter, bytes, value) (COUNT(geometry, counter, bytes), value)
+#define WORK_ARGUMENT __global uint* restrict work_records,
+#define STORE_WORK(geometry, index) store_work(work_records, index, geometry)
+#else
+#define WORK_SUMS(name)
+#define COUNT(geometry, counter, n)
+#define COUNT_DEEPEST(geometry, n)
+#define COUNTED(geometry, counter, bytes, value) value
+#define WORK_ARGUMENT
+#define STORE_WORK(geometry, index)
+#endif
+
+#define LOAD_NODE(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(int4), NODE_RECORD(geometry, index))
+#define LOAD_BOUNDS(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(float4), BOUNDS_RECORD(geometry, index))
+#define LOAD_REFERENCE(geometry, index) COUNTED(geometry, TRIANGLE_BYTES, sizeof(uint), REFERENCE_RECORD(geometry, index))
+#define LOAD_TRANSFORM(geometry, index) COUNTED(geometry, TRIANGLE_BYTES, sizeof(float4), TRANSFORM_RECORD(geometry, index))
+#define LOAD_VERTEX(geometry, slot, corner) \
+    COUNTED(geometry, TRIANGLE_BYTES, sizeof(float4), TRIANGLE_VERTEX(geometry, slot, corner))
 
 // Where the data for testing reference `index` of triangle `primitive` lies: what the triangle tests call the slot.
 #ifdef LEAF_ORDER
@@ -131,9 +177,9 @@ int4 load_node(const Geometry* geometry, uint index) {
 #define LOAD_SURFACE_VERTEX(geometry, triangle, corner) ((geometry)->surface_vertices[3u * (triangle) + (corner)].xyz)
 #else
 #define SLOT_OF(index, primitive) (primitive)
-#define LOAD_SURFACE_VERTEX(geometry, triangle, corner) LOAD_VERTEX(geometry, triangle, corner)
+#define LOAD_SURFACE_VERTEX(geometry, triangle, corner) TRIANGLE_VERTEX(geometry, triangle, corner)
 #endif
-#define LOAD_VERTEX(geometry, slot, corner) (VERTEX_RECORD(geometry, VERTEX_STRIDE * (slot) + (corner)).xyz)
+#define TRIANGLE_VERTEX(geometry, slot, corner) (VERTEX_RECORD(geometry, VERTEX_STRIDE * (slot) + (corner)).xyz)
 
 // Shading data of a triangle, and of these its material alone. `shading` is the array of those, which WHOLE_TRIANGLES leaves empty.
 #ifdef WHOLE_TRIANGLES

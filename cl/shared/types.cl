@@ -24,6 +24,7 @@
 #define QUEUE_PATHS 3u
 #define QUEUE_SHADOWS 4u
 #define COUNTERS 8u
+#define WORK_COUNTERS 9u
 #define COUNT_CAMERA_CAST 0u
 #define COUNT_CAMERA_HIT 1u
 #define COUNT_SHADOW_CAST 2u
@@ -32,6 +33,15 @@
 #define COUNT_REFLECTED_HIT 5u
 #define COUNT_REFRACTED_CAST 6u
 #define COUNT_REFRACTED_HIT 7u
+#define WORK_STEPS 0u
+#define WORK_LEAVES 1u
+#define WORK_EMPTY_LEAVES 2u
+#define WORK_TESTS 3u
+#define WORK_RESTARTS 4u
+#define WORK_OVERFLOWS 5u
+#define WORK_NODE_BYTES 6u
+#define WORK_TRIANGLE_BYTES 7u
+#define WORK_DEEPEST_STACK 8u
 
 // One ray of a batch query.
 typedef struct {

@@ -13,6 +13,7 @@ bool traverse_boxes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
     const float slack = SLACK * farthest_distance(ray, geometry->low, geometry->high);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
     for (uint cluster = 0; cluster < count; cluster++) {
+        COUNT(geometry, STEPS, 1);
         const float3 low = LOAD_BOUNDS(geometry, 2u * cluster).xyz;
         const float3 high = LOAD_BOUNDS(geometry, 2u * cluster + 1u).xyz;
         float t_near, t_far;

@@ -83,6 +83,7 @@ bool traverse_grid(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
         if (test_leaf(GEOMETRY, ray, cell, any_hit, hit)) return true;
         const float t_next = min_or(x.t_next, min_or(y.t_next, z.t_next));
         if (!(t_next <= t_far && t_next <= hit->t)) return hit->primitive != NO_PRIMITIVE;
+        COUNT(geometry, STEPS, 1);
         if (x.t_next == t_next) {
             grid_step(&x);
         } else if (y.t_next == t_next) {

@@ -18,6 +18,7 @@ bool push_down(GEOMETRY_PARAMETERS, const Ray* ray, KdCell start, const bool any
         float t_pending = INFINITY; // the least t_near of a pending child
         int4 node = LOAD_NODE(geometry, cell.node);
         while ((uint)node.x != KD_LEAF) {
+            COUNT(geometry, STEPS, 1);
             // Push the start down.
             if (pending == 0) {
                 start = cell;
@@ -42,6 +43,7 @@ bool push_down(GEOMETRY_PARAMETERS, const Ray* ray, KdCell start, const bool any
 
         if (pending == 0 || hit->t < t_pending) return hit->primitive != NO_PRIMITIVE;
         trail = next_trail(trail, pending);
+        COUNT(geometry, RESTARTS, 1);
     }
 }
 

@@ -35,6 +35,7 @@ bool traverse_kd_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit
         float t_pending = INFINITY; // the least t_near of a pending child
         int4 node = LOAD_NODE(geometry, 0);
         while ((uint)node.x != KD_LEAF) {
+            COUNT(geometry, STEPS, 1);
             KdCell second;
             if (kd_step(ray, node, &cell, &second)) {
                 if (trail & branch) {
@@ -52,5 +53,6 @@ bool traverse_kd_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit
 
         if (pending == 0 || hit->t < t_pending) return hit->primitive != NO_PRIMITIVE;
         trail = next_trail(trail, pending);
+        COUNT(geometry, RESTARTS, 1);
     }
 }

@@ -42,12 +42,14 @@ bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, 
         // Go down to the leaf behind the face.
         int4 node = LOAD_NODE(geometry, next);
         while ((uint)node.x != KD_LEAF) {
+            COUNT(geometry, STEPS, 1);
             const KdSplit split = kd_split(ray, node);
             if (split.t_high < face_low) {
                 next = split.second;
             } else if ((uint)node.x == face_axis || split.t_low > face_high) {
                 next = split.first;
             } else {
+                COUNT(geometry, RESTARTS, 1);
                 return push_down(GEOMETRY, ray, root, any_hit, hit);
             }
             node = LOAD_NODE(geometry, next);
@@ -69,7 +71,10 @@ bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, 
         // Start over unless the chain is single (1 and 2 above). A NaN, of a ray in a face, fails a comparison.
         const bool single = (axis == 0u || widen_down(t.x) > exit_high) && (axis == 1u || widen_down(t.y) > exit_high) &&
                             (axis == 2u || widen_down(t.z) > exit_high) && (axis == face_axis || exit_low > face_high);
-        if (!single) return push_down(GEOMETRY, ray, root, any_hit, hit);
+        if (!single) {
+            COUNT(geometry, RESTARTS, 1);
+            return push_down(GEOMETRY, ray, root, any_hit, hit);
+        }
 
         // Follow the rope, unless the neighbour lies behind the hit, behind the ray's end, or outside the scene.
         next = axis == 0u   ? rope_ahead(x, ray->direction.x)

@@ -29,6 +29,7 @@ bool traverse_kd_short_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any
         // Descend to the first leaf, or along the trail.
         int4 node = LOAD_NODE(geometry, cell.node);
         while ((uint)node.x != KD_LEAF) {
+            COUNT(geometry, STEPS, 1);
             if (pending == 0) {
                 start = cell;
                 trail >>= branches;
@@ -43,6 +44,7 @@ bool traverse_kd_short_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any
                     pending |= branch;
                     if (stored == SHORT_STACK_SIZE) {
                         t_forgotten = min_or(ring[top].t_near, t_forgotten);
+                        COUNT(geometry, OVERFLOWS, 1);
                     } else {
                         stored++;
                     }
@@ -53,6 +55,7 @@ bool traverse_kd_short_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any
             }
             node = LOAD_NODE(geometry, cell.node);
         }
+        COUNT_DEEPEST(geometry, stored);
 
         if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 
@@ -63,6 +66,7 @@ bool traverse_kd_short_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any
             if (stored == 0) {
                 // All that is pending was forgotten: restart.
                 if (hit->t < t_forgotten) return hit->primitive != NO_PRIMITIVE;
+                COUNT(geometry, RESTARTS, 1);
                 t_forgotten = INFINITY;
                 cell = start;
                 pending = 0;

@@ -19,10 +19,12 @@ bool traverse_kd_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, 
         // Descend to the first leaf of the interval, and remember the far children.
         int4 node = LOAD_NODE(geometry, cell.node);
         while ((uint)node.x != KD_LEAF) {
+            COUNT(geometry, STEPS, 1);
             KdCell second;
             if (kd_step(ray, node, &cell, &second)) stack[stacked++] = second;
             node = LOAD_NODE(geometry, cell.node);
         }
+        COUNT_DEEPEST(geometry, stacked);
 
         if (test_leaf(GEOMETRY, ray, node, any_hit, hit)) return true;
 

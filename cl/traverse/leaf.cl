@@ -21,6 +21,7 @@ void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit
     float t, u, v;
     const uint primitive = LOAD_REFERENCE(geometry, reference);
     if (primitive == ray->skip) return;
+    COUNT(geometry, TESTS, 1);
     const uint slot = SLOT_OF(reference, primitive);
     if (!INTERSECT(GEOMETRY, ray, slot, &t, &u, &v)) return;
     if (!NEARER(GEOMETRY, ray, hit, t, primitive, slot)) return;
@@ -41,5 +42,7 @@ bool test_triangles(GEOMETRY_PARAMETERS, const Ray* ray, uint first, uint end, c
 
 // The same for the references of a leaf record {KD_LEAF, first, count, _}.
 bool test_leaf(GEOMETRY_PARAMETERS, const Ray* ray, int4 leaf, const bool any_hit, Hit* hit) {
+    COUNT(geometry, LEAVES, 1);
+    COUNT(geometry, EMPTY_LEAVES, leaf.z == 0 ? 1 : 0);
     return test_triangles(GEOMETRY, ray, (uint)leaf.y, (uint)leaf.y + (uint)leaf.z, any_hit, hit);
 }

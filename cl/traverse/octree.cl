@@ -57,6 +57,7 @@ bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hi
             const OpenNode open = {(uint)node.y, (uint)node.z, 0u, t_near, t_far};
             stack[depth] = open;
             depth++;
+            COUNT_DEEPEST(geometry, depth);
         }
 
         // Go on with the next child that the ray meets before the hit. In the ray's order no child comes before one that the
@@ -71,6 +72,7 @@ bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hi
             }
             const uint child = open->next;
             open->next++;
+            COUNT(geometry, STEPS, 1);
             const float3 to_centre = from_origin(ray, LOAD_BOUNDS(geometry, open->centre).xyz);
             t_near = open->t_near;
             t_far = open->t_far;

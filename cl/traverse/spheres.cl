@@ -40,6 +40,7 @@ bool traverse_spheres(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, H
     const float slack = SPHERE_SLACK * farthest_distance(ray, geometry->low, geometry->high);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
     for (uint cluster = 0; cluster < count; cluster++) {
+        COUNT(geometry, STEPS, 1);
         if (!may_meet_sphere(ray, slack, LOAD_BOUNDS(geometry, cluster), hit->t)) continue;
         if (test_leaf(GEOMETRY, ray, LOAD_NODE(geometry, 1u + cluster), any_hit, hit)) return true;
     }

@@ -17,10 +17,12 @@ bool traverse_thesis_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any
 
     float t_max = scene_min;
     while (t_max < scene_max) { // t_max grows at each turn, or the loop ends
+        COUNT(geometry, RESTARTS, t_max > scene_min ? 1 : 0);
         const float t_min = t_max;
         t_max = scene_max;
         int4 node = LOAD_NODE(geometry, 0);
         while ((uint)node.x != KD_LEAF) {
+            COUNT(geometry, STEPS, 1);
             const uint axis = (uint)node.x;
             const float direction = component(ray->direction, axis);
             const float t_split = (as_float(node.w) - component(ray->origin, axis)) / direction;

@@ -17,6 +17,7 @@ mod open;
 mod progress;
 mod render;
 mod trace;
+mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
@@ -133,6 +134,7 @@ impl MethodArgs {
             kernels: self.kernels,
             textures: self.textures,
             paths_in_flight: self.paths_in_flight,
+            counters: false,
         };
         options.validate().map(|()| options)
     }

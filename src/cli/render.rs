@@ -1,13 +1,15 @@
 //! `raybrook render`.
 
 use super::progress::Bar;
-use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::Result;
 use raybrook::film::{ImageFormat, check_output};
 use raybrook::output::check_writable;
 use raybrook::scene::Scene;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
-use raybrook::stats::RayCounts;
+use raybrook::shared::WorkCounter;
+use raybrook::stats::{RayCounts, WorkStats};
+use raybrook::work::WorkSum;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -27,6 +29,11 @@ pub struct RenderArgs {
     method: MethodArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
+    #[arg(long)]
+    counters: bool,
+    #[arg(long, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
+    aov: Vec<WorkCounter>,
     /// Write device, options, ray counts and times to a JSON file.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
@@ -47,7 +54,8 @@ impl PictureArgs {
 
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
-    let options = args.method.options()?;
+    let mut options = args.method.options()?;
+    options.counters = args.counters || !args.aov.is_empty();
     let output = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
@@ -55,6 +63,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let format = ImageFormat::from_path(&output)?;
     let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
     check_output(&output, Some(format))?;
+    work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
@@ -75,6 +84,13 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
 
     let stats = &mut opened.stats;
     stats.rays = RayCounts::from_counters(&result.counts);
+    if let Some(pixels) = &result.work {
+        stats.work = Some(WorkStats {
+            camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
+            all: WorkSum::new(stats.rays.total_cast(), pixels.iter().flat_map(|pixel| [pixel.camera, pixel.secondary])),
+            aovs: work::write_aovs(&output, format, &args.aov, pixels, (result.film.width, result.film.height))?,
+        });
+    }
     stats.kernel_s = vec![result.kernel_s];
     stats.set_rate();
     stats.read_s = Some(result.read_s);
@@ -98,6 +114,12 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             stats.mrays_per_s.unwrap_or_default(),
             stats.total_s
         );
+    }
+    if let Some(counted) = &stats.work {
+        work::say_work(counted, talk);
+        if !talk.quiet {
+            work::say_ranges(&output, &counted.aovs);
+        }
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! `raybrook trace`.
 
 use super::progress::Bar;
-use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open};
+use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
 use raybrook::layout::Float4;
 use raybrook::options::Kernels;
@@ -9,8 +9,9 @@ use raybrook::output::check_writable;
 use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
 use raybrook::shared::{Hit, TraceRay};
-use raybrook::stats::RayCount;
+use raybrook::stats::{RayCount, WorkStats};
 use raybrook::tracer::{TraceJob, TraceResult, is_hit};
+use raybrook::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -24,7 +25,7 @@ pub struct TraceArgs {
     #[arg(value_name = "RAYS.npz")]
     rays: PathBuf,
     /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`; with --any-hit `hit`; with next_direction
-    /// `next_t` and `next_primitive`.
+    /// `next_t` and `next_primitive`; with --counters `work_steps` and so on, and `next_work_steps` and so on.
     #[arg(short, long, value_name = "HITS.npz")]
     output: Option<PathBuf>,
     /// Only find out whether each ray hits anything.
@@ -37,6 +38,9 @@ pub struct TraceArgs {
     method: MethodArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the hits stay the same).
+    #[arg(long)]
+    counters: bool,
     /// Write device, options and times to a JSON file.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
@@ -68,16 +72,19 @@ fn hit_batch(result: &TraceResult, buffers: &SceneBuffers, any_hit: bool) -> Hit
         hit: any_hit.then(|| hits.iter().map(|hit| u8::from(is_hit(hit))).collect()),
         next_t: next.as_deref().map(times),
         next_primitive: next.as_deref().map(primitives),
+        work: result.work.clone(),
+        next_work: result.next_work.clone(),
     }
 }
 
 pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
-    let options = args.method.options()?;
+    let mut options = args.method.options()?;
     if options.kernels != Kernels::Mega {
         let message = format!("{} is for pictures: a batch of rays has one kernel, {}", options.kernels, Kernels::Mega);
         return Err(Error::option("--kernels", message));
     }
+    options.counters = args.counters;
     for output in args.output.iter().chain(&args.stats) {
         check_writable(output)?;
     }
@@ -109,6 +116,16 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let stats = &mut opened.stats;
     // The rays of a batch count as camera rays, whatever the caller makes of them.
     stats.rays.camera = RayCount { cast: rays.len() as u64, hit: hits as u64 };
+    if let Some(first) = &result.work {
+        let next = result.next_work.as_deref().unwrap_or_default();
+        // A ray that missed has no second one.
+        let next_count = if next.is_empty() { 0 } else { hits as u64 };
+        stats.work = Some(WorkStats {
+            camera: WorkSum::new(rays.len() as u64, first.iter().copied()),
+            all: WorkSum::new(rays.len() as u64 + next_count, first.iter().chain(next).copied()),
+            aovs: Vec::new(),
+        });
+    }
     stats.kernel_s = result.kernel_s;
     stats.set_rate();
     stats.upload_s = stats.upload_s.map(|s| s + result.upload_s);
@@ -126,6 +143,9 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
             stats.mrays_per_s.unwrap_or_default(),
             stats.total_s
         );
+    }
+    if let Some(counted) = &stats.work {
+        work::say_work(counted, talk);
     }
     Ok(())
 }

@@ -1,7 +1,8 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
-use super::{Kernel, KernelArg};
+use super::{Buffer, Kernel, KernelArg};
 use crate::error::Result;
+use bytemuck::Pod;
 
 /// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
 const LAUNCH_S: f64 = 0.1;
@@ -63,6 +64,14 @@ impl<'k> Arguments<'k> {
         self.kernel.set_arg(self.next, value)?;
         self.next += 1;
         Ok(self)
+    }
+
+    /// Passes the array of work records, which only kernels that count have as an argument.
+    pub fn set_work<T: Pod>(self, work: &Option<Buffer<T>>) -> Result<Self> {
+        match work {
+            Some(work) => self.set(work),
+            None => Ok(self),
+        }
     }
 }
 

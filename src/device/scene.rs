@@ -130,6 +130,9 @@ impl DeviceScene {
         if options.triangles == TriangleOrder::LeafOrder {
             compile = compile.define("LEAF_ORDER", 1);
         }
+        if options.counters {
+            compile = compile.define("COUNT_WORK", 1);
+        }
         match options.memory {
             Memory::Global => compile,
             Memory::BufferImage => compile.define("MEMORY_BUFFER_IMAGE", 1),

@@ -11,6 +11,8 @@ use crate::options::{Kernels, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, TraceJob, TraceResult, Tracer};
+use crate::work::{PixelWork, RayWork};
+use bytemuck::Pod;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -74,6 +76,7 @@ pub struct OpenClTracer {
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
+    counters: bool,
     compile_s: f64,
     upload_s: f64,
     notes: Vec<String>,
@@ -126,6 +129,7 @@ impl OpenClTracer {
             trace_next: built.program.kernel("trace_next")?,
             trace_plan: LaunchPlan::starting_with(first_items),
             first_items,
+            counters: options.counters,
             work_group: work_group.min(context.info().max_work_group_size.max(1)),
             compile_s: built.compile_s,
             upload_s: start.elapsed().as_secs_f64(),
@@ -133,6 +137,11 @@ impl OpenClTracer {
             scene,
             context,
         })
+    }
+
+    /// Room for `count` work records, if the kernels count.
+    fn work_buffer<T: Pod>(&self, count: usize) -> Result<Option<Buffer<T>>> {
+        self.counters.then(|| Buffer::empty(&self.context, "work records", count)).transpose()
     }
 
     /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,
@@ -185,12 +194,19 @@ impl Tracer for OpenClTracer {
         let hits = Buffer::<Hit>::empty(&self.context, "hits", total)?;
         let directions = Buffer::from_slice(&self.context, "next directions", job.next_directions.unwrap_or_default())?;
         let next_hits = Buffer::<Hit>::empty(&self.context, "next hits", job.next_directions.map_or(0, <[_]>::len))?;
+        let ray_work = self.work_buffer::<RayWork>(total)?;
+        let next_work = self.work_buffer::<RayWork>(next_hits.len())?;
         self.context.finish()?;
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
         let first_kernel = if job.any_hit { &mut self.trace_any } else { &mut self.trace_closest };
-        self.scene.geometry_arguments(first_kernel)?.set(&rays)?.set(&hits)?;
-        self.scene.geometry_arguments(&mut self.trace_next)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+        self.scene.geometry_arguments(first_kernel)?.set(&rays)?.set(&hits)?.set_work(&ray_work)?;
+        self.scene
+            .geometry_arguments(&mut self.trace_next)?
+            .set(&directions)?
+            .set(&hits)?
+            .set(&next_hits)?
+            .set_work(&next_work)?;
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
@@ -208,15 +224,21 @@ impl Tracer for OpenClTracer {
         let start = Instant::now();
         result.hits = hits.read()?;
         result.next_hits = job.next_directions.map(|_| next_hits.read()).transpose()?;
+        result.work = ray_work.map(|work| work.read()).transpose()?;
+        result.next_work = next_work.filter(|_| job.next_directions.is_some()).map(|work| work.read()).transpose()?;
         result.read_s = start.elapsed().as_secs_f64();
         Ok(result)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
         let picture = PictureBuffers::new(&self.context, params, samples)?;
+        let work = self.work_buffer::<PixelWork>(params.width as usize * params.height as usize)?;
         let shape = (self.first_items, self.work_group);
         let rendered = match &mut self.rendering {
-            Rendering::Mega(kernel) => render_mega(kernel, &self.scene, &picture, params, shape, progress)?,
+            Rendering::Mega(kernel) => {
+                picture.arguments(&self.scene, kernel)?.set_work(&work)?;
+                render_mega(kernel, &picture, params, shape, progress)?
+            }
             Rendering::Split(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
         };
         let Rendered { counts, kernel_s, split } = rendered;
@@ -224,20 +246,19 @@ impl Tracer for OpenClTracer {
         let start = Instant::now();
         let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
         let film = Film { width: params.width, height: params.height, pixels };
-        Ok(RenderResult { film, counts, kernel_s, read_s: start.elapsed().as_secs_f64(), split })
+        let work = work.map(|work| work.read()).transpose()?;
+        Ok(RenderResult { film, counts, work, kernel_s, read_s: start.elapsed().as_secs_f64(), split })
     }
 }
 
-/// Renders with the mega-kernel; `first_items`: of the first launch.
+/// Renders with the mega-kernel, whose arguments are set but for those of the launch; `first_items`: of the first launch.
 fn render_mega(
     kernel: &mut Kernel,
-    scene: &DeviceScene,
     picture: &PictureBuffers,
     params: &RenderParams,
     (first_items, work_group): (usize, usize),
     progress: Progress,
 ) -> Result<Rendered> {
-    picture.arguments(scene, kernel)?;
     let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
     let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
     let items = tiles * tile_items;

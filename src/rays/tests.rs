@@ -295,6 +295,16 @@ fn optional_hits_are_written_and_an_empty_batch_too() {
     assert!(bytes.windows(5).any(|w| w == b"'|u1'"));
     assert_eq!(&bytes[bytes.len() - 2..], [1, 0]);
     assert_eq!(member_names(&path)[4..], ["hit.npy", "next_t.npy", "next_primitive.npy"]);
+    let mut work = RayWork::default();
+    work.count(WorkCounter::Tests, 513);
+    HitBatch { work: Some(vec![work; 2]), next_work: Some(Vec::new()), ..sample_hits() }.write(&path).unwrap();
+    let names = member_names(&path);
+    assert_eq!(names.len(), 4 + 2 * WorkCounter::ALL.len());
+    assert_eq!(names[4..7], ["work_steps.npy", "work_leaves.npy", "work_empty_leaves.npy"]);
+    assert_eq!(names.last().unwrap(), "next_work_deepest_stack.npy");
+    let bytes = member(&path, "work_tests.npy");
+    assert!(bytes.windows(5).any(|w| w == b"'<u4'"));
+    assert_eq!(&bytes[bytes.len() - 8..], [1, 2, 0, 0, 1, 2, 0, 0]);
     HitBatch::default().write(&path).unwrap();
     let bytes = member(&path, "u.npy");
     assert!(bytes.windows(4).any(|w| w == b"(0,)") && bytes.len() == 128);

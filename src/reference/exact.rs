@@ -3,8 +3,8 @@
 use super::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
 use super::intersect::{Intersection, ShearedTriangle, shear_triangle};
 use super::math::{abs3, dot3, max_or, min_or};
+use super::memory::{Work, load_vertices};
 use super::ray::{EPSILON, Ray};
-use super::traverse::vertices;
 use crate::pack::SceneBuffers;
 use crate::shared::Hit;
 use glam::{DVec3, Vec3};
@@ -236,10 +236,10 @@ pub fn intersect_exact(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -
 }
 
 #[inline(never)]
-fn is_nearer_whole(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, primitive: u32) -> bool {
+fn is_nearer_whole(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, primitive: u32, work: &mut impl Work) -> bool {
     let is_tie = t == hit.t;
-    let triangle = vertices(buffers, primitive);
-    let other = if is_tie { vertices(buffers, hit.primitive) } else { triangle };
+    let triangle = load_vertices(buffers, primitive, work);
+    let other = if is_tie { load_vertices(buffers, hit.primitive, work) } else { triangle };
     let units = WholeUnits::new(ray, &[triangle, other]);
     let n = units.n;
     let mut numbers = WholeNumbers::new(ray, triangle, &units);
@@ -266,7 +266,14 @@ fn is_nearer_whole(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, primiti
 
 /// Twin of `is_nearer_exactly`.
 #[inline(always)]
-pub fn is_nearer_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, primitive: u32) -> bool {
+pub fn is_nearer_exactly(
+    buffers: &SceneBuffers,
+    ray: &Ray,
+    hit: &Hit,
+    t: f32,
+    primitive: u32,
+    work: &mut impl Work,
+) -> bool {
     let is_possible = t >= ray.t_near && t <= ray.t_far && t <= hit.t;
     if !is_possible {
         return false;
@@ -277,5 +284,5 @@ pub fn is_nearer_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, p
     if primitive == hit.primitive {
         return false;
     }
-    is_nearer_whole(buffers, ray, hit, t, primitive)
+    is_nearer_whole(buffers, ray, hit, t, primitive, work)
 }

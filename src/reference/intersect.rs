@@ -2,8 +2,8 @@
 
 use super::exact::{intersect_exact, is_nearer_exactly};
 use super::math::{abs3, cross3, difference_of_products, dot3, max_or};
+use super::memory::{Work, load_transform, load_vertices};
 use super::ray::Ray;
-use super::traverse::vertices;
 use crate::layout::Float4;
 use crate::options::Intersector;
 use crate::pack::SceneBuffers;
@@ -23,18 +23,20 @@ pub struct Intersection {
 
 /// Where the ray's line meets the closed triangle, by the chosen test.
 #[inline(always)]
-pub fn intersect(buffers: &SceneBuffers, intersector: Intersector, ray: &Ray, primitive: u32) -> Option<Intersection> {
+pub fn intersect(
+    buffers: &SceneBuffers,
+    intersector: Intersector,
+    ray: &Ray,
+    primitive: u32,
+    work: &mut impl Work,
+) -> Option<Intersection> {
     match intersector {
-        Intersector::Exact => intersect_exact(buffers, ray, vertices(buffers, primitive)),
-        Intersector::MollerTrumbore => intersect_moller_trumbore(ray, vertices(buffers, primitive)),
-        Intersector::Watertight => intersect_watertight(ray, vertices(buffers, primitive)),
-        Intersector::Plucker => intersect_plucker(ray, vertices(buffers, primitive)),
-        Intersector::Precomputed => {
-            let first = 3 * primitive as usize;
-            let transforms = &buffers.transforms;
-            intersect_precomputed(ray, [transforms[first], transforms[first + 1], transforms[first + 2]])
-        }
-        Intersector::Thesis => intersect_thesis(ray, vertices(buffers, primitive), buffers.params.scale),
+        Intersector::Exact => intersect_exact(buffers, ray, load_vertices(buffers, primitive, work)),
+        Intersector::MollerTrumbore => intersect_moller_trumbore(ray, load_vertices(buffers, primitive, work)),
+        Intersector::Watertight => intersect_watertight(ray, load_vertices(buffers, primitive, work)),
+        Intersector::Plucker => intersect_plucker(ray, load_vertices(buffers, primitive, work)),
+        Intersector::Precomputed => intersect_precomputed(ray, load_transform(buffers, primitive, work)),
+        Intersector::Thesis => intersect_thesis(ray, load_vertices(buffers, primitive, work), buffers.params.scale),
     }
 }
 
@@ -47,9 +49,10 @@ pub fn is_nearer(
     hit: &Hit,
     t: f32,
     primitive: u32,
+    work: &mut impl Work,
 ) -> bool {
     match intersector {
-        Intersector::Exact => is_nearer_exactly(buffers, ray, hit, t, primitive),
+        Intersector::Exact => is_nearer_exactly(buffers, ray, hit, t, primitive, work),
         _ => ray.is_nearer(hit, t, primitive),
     }
 }

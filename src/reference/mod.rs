@@ -9,6 +9,7 @@ pub mod integer;
 pub mod intersect;
 pub mod light;
 pub mod math;
+pub mod memory;
 pub mod oracle;
 pub mod procedural;
 pub mod ray;
@@ -25,8 +26,11 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
+use crate::work::{PixelWork, RayWork};
+use memory::{NoWork, Work};
 use ray::Ray;
 use rayon::prelude::*;
+use render::{RenderedPixel, render_pixel};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -75,44 +79,118 @@ macro_rules! with_fma {
 }
 
 with_fma! {
-    /// Renders one row of pixels.
+    /// Renders one row of pixels and adds its rays to `counts`; counts the work if there is room for it.
     fn render_row(
         tracer: &ReferenceTracer,
         params: &RenderParams,
         samples: &[[f32; 2]],
-        y: u32,
+        y: usize,
         row: &mut [[f32; 3]],
         counts: &mut [u64; COUNTERS],
+        work: Option<&mut [PixelWork]>,
     ) {
-        render::render_row(&tracer.buffers, &tracer.options, params, samples, y, row, counts)
-    }
-}
-
-with_fma! {
-    /// Traces some rays.
-    fn trace_chunk(tracer: &ReferenceTracer, rays: &[TraceRay], any_hit: bool, hits: &mut [Hit]) {
-        for (query, hit) in rays.iter().zip(hits) {
-            let (origin, direction) = (query.origin_t_min, query.direction_t_max);
-            let ray = Ray::new(origin.xyz(), direction.xyz(), origin.w, direction.w, NO_PRIMITIVE);
-            *hit = traverse(&tracer.buffers, &tracer.options, &ray, any_hit);
-            hit.t *= ray.t_scale;
+        match work {
+            None => tracer.render_row::<NoWork>(params, samples, y, row, counts, |_, _| ()),
+            Some(work) => tracer.render_row::<RayWork>(params, samples, y, row, counts, |x, pixel| {
+                work[x] = PixelWork { camera: pixel.camera_work, secondary: pixel.secondary_work };
+            }),
         }
     }
 }
 
 with_fma! {
-    /// Traces the second rays of some hits.
-    fn trace_next_chunk(tracer: &ReferenceTracer, directions: &[Float4], hits: &[Hit], next_hits: &mut [Hit]) {
-        for ((direction, from), hit) in directions.iter().zip(hits).zip(next_hits) {
-            *hit = NO_HIT;
-            if is_hit(from) {
-                let point = surface_point(&tracer.buffers, from);
-                let ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
-                *hit = traverse(&tracer.buffers, &tracer.options, &ray, false);
-                hit.t *= ray.t_scale;
+    /// Traces some rays; counts the work if there is room for it.
+    fn trace_chunk(
+        tracer: &ReferenceTracer,
+        rays: &[TraceRay],
+        any_hit: bool,
+        hits: &mut [Hit],
+        work: Option<&mut [RayWork]>,
+    ) {
+        let queries = rays.iter().zip(hits);
+        match work {
+            None => queries.for_each(|(ray, hit)| *hit = tracer.trace_query(ray, any_hit, &mut NoWork)),
+            Some(work) => queries.zip(work).for_each(|((ray, hit), work)| {
+                *work = RayWork::default();
+                *hit = tracer.trace_query(ray, any_hit, work);
+            }),
+        }
+    }
+}
+
+with_fma! {
+    /// Traces the second rays of some hits; counts the work if there is room for it.
+    fn trace_next_chunk(
+        tracer: &ReferenceTracer,
+        directions: &[Float4],
+        hits: &[Hit],
+        next_hits: &mut [Hit],
+        work: Option<&mut [RayWork]>,
+    ) {
+        let queries = directions.iter().zip(hits).zip(next_hits);
+        match work {
+            None => queries.for_each(|((to, from), hit)| *hit = tracer.trace_next_query(to, from, &mut NoWork)),
+            Some(work) => queries.zip(work).for_each(|(((to, from), hit), work)| {
+                *work = RayWork::default();
+                *hit = tracer.trace_next_query(to, from, work);
+            }),
+        }
+    }
+}
+
+impl ReferenceTracer {
+    #[inline(always)]
+    fn render_row<W: Work>(
+        &self,
+        params: &RenderParams,
+        samples: &[[f32; 2]],
+        y: usize,
+        row: &mut [[f32; 3]],
+        counts: &mut [u64; COUNTERS],
+        mut done: impl FnMut(usize, RenderedPixel<W>),
+    ) {
+        for (x, out) in row.iter_mut().enumerate() {
+            let pixel = render_pixel(&self.buffers, &self.options, params, samples, x, y);
+            *out = pixel.radiance.to_array();
+            for (total, count) in counts.iter_mut().zip(pixel.counts) {
+                *total += u64::from(count);
             }
+            done(x, pixel);
         }
     }
+
+    #[inline(always)]
+    fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
+        let (origin, direction) = (query.origin_t_min, query.direction_t_max);
+        let ray = Ray::new(origin.xyz(), direction.xyz(), origin.w, direction.w, NO_PRIMITIVE);
+        let hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
+        Hit { t: hit.t * ray.t_scale, ..hit }
+    }
+
+    #[inline(always)]
+    fn trace_next_query(&self, direction: &Float4, from: &Hit, work: &mut impl Work) -> Hit {
+        if !is_hit(from) {
+            return NO_HIT;
+        }
+        let ray = leave_surface(&surface_point(&self.buffers, from), direction.xyz(), f32::INFINITY);
+        let hit = traverse(&self.buffers, &self.options, &ray, false, work);
+        Hit { t: hit.t * ray.t_scale, ..hit }
+    }
+
+    /// Room for the work on `count` rays or pixels, if it is to be counted.
+    fn room_for_work<T: Clone + Default>(&self, count: usize) -> Option<Vec<T>> {
+        self.options.counters.then(|| vec![T::default(); count])
+    }
+}
+
+/// The parts of `work` that belong to parts of `size` items each; `None` for each of them where there is none.
+fn work_of_parts<T: Send>(
+    work: &mut Option<Vec<T>>,
+    parts: usize,
+    size: usize,
+) -> impl IndexedParallelIterator<Item = Option<&mut [T]>> {
+    let mut all = work.as_mut().map(|work| work.chunks_mut(size.max(1)));
+    (0..parts).map(|_| all.as_mut().and_then(Iterator::next)).collect::<Vec<_>>().into_par_iter()
 }
 
 with_fma! {
@@ -149,21 +227,26 @@ impl Tracer for ReferenceTracer {
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let mut result = TraceResult { hits: vec![NO_HIT; job.rays.len()], ..TraceResult::default() };
         let mut next_hits = vec![NO_HIT; job.next_directions.map_or(0, <[_]>::len)];
+        result.work = self.room_for_work(job.rays.len());
+        result.next_work = job.next_directions.and_then(|directions| self.room_for_work(directions.len()));
+        let chunks = job.rays.len().div_ceil(CHUNK);
         let done = AtomicUsize::new(0);
         let total = job.rays.len() * job.repeat as usize;
         for _ in 0..job.repeat {
             let start = Instant::now();
-            result.hits.par_chunks_mut(CHUNK).zip(job.rays.par_chunks(CHUNK)).for_each(|(hits, rays)| {
-                trace_chunk(self, rays, job.any_hit, hits);
+            let work = work_of_parts(&mut result.work, chunks, CHUNK);
+            let hits = result.hits.par_chunks_mut(CHUNK).zip(work);
+            hits.zip(job.rays.par_chunks(CHUNK)).for_each(|((hits, work), rays)| {
+                trace_chunk(self, rays, job.any_hit, hits, work);
                 progress((done.fetch_add(rays.len(), Ordering::Relaxed) + rays.len()) as f64 / total as f64);
             });
             if let Some(directions) = job.next_directions {
-                let hits = result.hits.par_chunks(CHUNK);
-                next_hits
-                    .par_chunks_mut(CHUNK)
-                    .zip(directions.par_chunks(CHUNK))
-                    .zip(hits)
-                    .for_each(|((next_hits, directions), hits)| trace_next_chunk(self, directions, hits, next_hits));
+                let from = directions.par_chunks(CHUNK).zip(result.hits.par_chunks(CHUNK));
+                let work = work_of_parts(&mut result.next_work, chunks, CHUNK);
+                let next = next_hits.par_chunks_mut(CHUNK).zip(work).zip(from);
+                next.for_each(|((next_hits, work), (directions, hits))| {
+                    trace_next_chunk(self, directions, hits, next_hits, work);
+                });
             }
             result.kernel_s.push(start.elapsed().as_secs_f64());
         }
@@ -175,18 +258,20 @@ impl Tracer for ReferenceTracer {
         let start = Instant::now();
         let width = params.width as usize;
         let mut pixels = vec![[0.0; 3]; width * params.height as usize];
+        let mut work = self.room_for_work(pixels.len());
         let done = AtomicUsize::new(0);
         let counts = pixels
             .par_chunks_mut(width)
+            .zip(work_of_parts(&mut work, params.height as usize, width))
             .enumerate()
-            .map(|(y, row)| {
+            .map(|(y, (row, work))| {
                 let mut counts = [0; COUNTERS];
-                render_row(self, params, samples, y as u32, row, &mut counts);
+                render_row(self, params, samples, y, row, &mut counts, work);
                 progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
                 counts
             })
             .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
         let film = Film { width: params.width, height: params.height, pixels };
-        Ok(RenderResult { film, counts, kernel_s: start.elapsed().as_secs_f64(), read_s: 0.0, split: None })
+        Ok(RenderResult { film, counts, work, kernel_s: start.elapsed().as_secs_f64(), read_s: 0.0, split: None })
     }
 }

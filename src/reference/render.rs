@@ -2,6 +2,7 @@
 
 use super::light::{LightSample, blinn_phong, sample_light};
 use super::math::{fma3, max_component, normalize3};
+use super::memory::Work;
 use super::procedural::solid_position;
 use super::ray::Ray;
 use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_point};
@@ -16,32 +17,33 @@ use crate::shared::{
 use glam::Vec3;
 
 /// What every step needs: the scene, how to trace it, and where to count.
-struct Pixel<'a> {
+struct Pixel<'a, W> {
     buffers: &'a SceneBuffers,
     options: &'a TraceOptions,
     params: &'a RenderParams,
-    counts: [u32; COUNTERS],
+    rendered: RenderedPixel<W>,
     stack: Vec<PendingRay>,
 }
 
-impl Pixel<'_> {
+impl<W: Work> Pixel<'_, W> {
     #[inline(always)]
     fn count(&mut self, kind: RayKind, hit: bool) {
-        self.counts[kind as usize] += 1;
-        self.counts[kind as usize + 1] += u32::from(hit);
+        self.rendered.counts[kind as usize] += 1;
+        self.rendered.counts[kind as usize + 1] += u32::from(hit);
     }
 
     #[inline(always)]
     fn light_visibility(&mut self, from: &SurfacePoint, sample: &LightSample) -> Vec3 {
         let mut ray = leave_surface(from, sample.to_light, sample.t_far);
         if self.buffers.params.has_transparent == 0 {
-            let blocked = traverse(self.buffers, self.options, &ray, true).primitive != NO_PRIMITIVE;
+            let hit = traverse(self.buffers, self.options, &ray, true, &mut self.rendered.secondary_work);
+            let blocked = hit.primitive != NO_PRIMITIVE;
             self.count(RayKind::Shadow, blocked);
             return Vec3::splat(if blocked { 0.0 } else { 1.0 });
         }
         let mut tint = Vec3::ONE;
         for _ in 0..MAX_SHADOW_LAYERS {
-            let hit = traverse(self.buffers, self.options, &ray, false);
+            let hit = traverse(self.buffers, self.options, &ray, false, &mut self.rendered.secondary_work);
             if hit.primitive == NO_PRIMITIVE {
                 self.count(RayKind::Shadow, false);
                 return tint;
@@ -87,7 +89,11 @@ impl Pixel<'_> {
         self.stack.push(PendingRay { ray: camera_ray, weight: Vec3::ONE, depth: 1, kind: RayKind::Camera });
         while let Some(pending) = self.stack.pop() {
             let direction = normalize3(pending.ray.direction, Vec3::ZERO);
-            let hit = traverse(self.buffers, self.options, &pending.ray, false);
+            let work = match pending.kind {
+                RayKind::Camera => &mut self.rendered.camera_work,
+                _ => &mut self.rendered.secondary_work,
+            };
+            let hit = traverse(self.buffers, self.options, &pending.ray, false, work);
             self.count(pending.kind, hit.primitive != NO_PRIMITIVE);
             if hit.primitive == NO_PRIMITIVE {
                 radiance += pending.weight * background(self.buffers, direction);
@@ -142,26 +148,33 @@ pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
     fma3(params.right.xyz(), right, fma3(params.up.xyz(), up, params.forward.xyz()))
 }
 
-/// Renders pixels `0..row.len()` of row `y` and adds to `counts` what rays that took.
+/// A rendered pixel and what it took.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RenderedPixel<W> {
+    /// Linear radiance.
+    pub radiance: Vec3,
+    /// Rays by kind and outcome.
+    pub counts: [u32; COUNTERS],
+    /// Work on the camera rays.
+    pub camera_work: W,
+    /// Work on all other rays.
+    pub secondary_work: W,
+}
+
+/// Renders pixel (x, y).
 #[inline(always)]
-pub fn render_row(
+pub fn render_pixel<W: Work>(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     params: &RenderParams,
     samples: &[[f32; 2]],
-    y: u32,
-    row: &mut [[f32; 3]],
-    counts: &mut [u64; COUNTERS],
-) {
-    for (x, out) in row.iter_mut().enumerate() {
-        let mut pixel = Pixel { buffers, options, params, counts: [0; COUNTERS], stack: Vec::new() };
-        let mut sum = Vec3::ZERO;
-        for [sample_x, sample_y] in samples {
-            sum += pixel.radiance_along(camera_ray(params, x as f32 + sample_x, y as f32 + sample_y));
-        }
-        *out = (sum * params.sample_weight).to_array();
-        for (total, count) in counts.iter_mut().zip(pixel.counts) {
-            *total += u64::from(count);
-        }
+    x: usize,
+    y: usize,
+) -> RenderedPixel<W> {
+    let mut pixel = Pixel { buffers, options, params, rendered: RenderedPixel::default(), stack: Vec::new() };
+    let mut sum = Vec3::ZERO;
+    for [sample_x, sample_y] in samples {
+        sum += pixel.radiance_along(camera_ray(params, x as f32 + sample_x, y as f32 + sample_y));
     }
+    RenderedPixel { radiance: sum * params.sample_weight, ..pixel.rendered }
 }

@@ -2,11 +2,13 @@
 
 use super::NO_HIT;
 use super::leaf::{test_leaf, test_triangles};
+use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::{max_or, min_or};
+use crate::reference::memory::{Work, load_bounds, load_node};
 use crate::reference::ray::{Ray, SLACK};
-use crate::shared::Hit;
+use crate::shared::{Hit, WorkCounter};
 
 #[derive(Clone, Copy)]
 struct GridAxis {
@@ -23,11 +25,11 @@ struct GridAxis {
 
 impl GridAxis {
     #[inline(always)]
-    fn new(buffers: &SceneBuffers, axis: usize, count: i32, ray: &Ray, t_start: f32) -> GridAxis {
+    fn new([low, size, per_unit]: &[Float4; 3], axis: usize, count: i32, ray: &Ray, t_start: f32) -> GridAxis {
         let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
         let mut this = GridAxis {
-            low: buffers.bounds[0].xyz()[axis],
-            size: buffers.bounds[1].xyz()[axis],
+            low: low.xyz()[axis],
+            size: size.xyz()[axis],
             origin,
             origin_low: ray.origin_low[axis],
             inv_direction: ray.inv_direction[axis],
@@ -37,7 +39,7 @@ impl GridAxis {
             t_next: 0.0,
         };
         let from_low = t_start.mul_add(direction, -((this.low - origin) - this.origin_low));
-        let guess = min_or(max_or(from_low * buffers.bounds[2].xyz()[axis], 0.0), (count - 1) as f32);
+        let guess = min_or(max_or(from_low * per_unit.xyz()[axis], 0.0), (count - 1) as f32);
         this.cell = guess as i32;
         while this.cell > 0 && from_low < this.plane(this.cell) - this.low {
             this.cell -= 1;
@@ -78,30 +80,39 @@ impl GridAxis {
 
 /// Twin of `cl/traverse/grid.cl`.
 #[inline(always)]
-pub fn traverse_grid(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_grid(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let distance = ray.farthest_distance(low, high);
     let mut hit = NO_HIT;
-    let is_within_reach = distance <= buffers.bounds[3].x; // false for NaN
+    let reach = load_bounds(buffers, 3, work);
+    let is_within_reach = distance <= reach.x; // false for NaN
     if !is_within_reach {
-        let all = buffers.bounds[3].y.to_bits() as usize..buffers.references.len();
-        test_triangles(buffers, options, ray, all, any_hit, &mut hit);
+        let all = reach.y.to_bits() as usize..buffers.references.len();
+        test_triangles(buffers, options, ray, all, any_hit, &mut hit, work);
         return hit;
     }
     let Some((t_near, t_far)) = ray.clip_to_thick_box(SLACK * distance, low, high) else {
         return hit;
     };
-    let count = [0, 1, 2].map(|axis| buffers.bounds[axis].w.to_bits() as i32);
-    let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| GridAxis::new(buffers, axis, count[axis], ray, t_near));
+    let bounds = [0, 1, 2].map(|i| load_bounds(buffers, i, work));
+    let count = bounds.map(|axis| axis.w.to_bits() as i32);
+    let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| GridAxis::new(&bounds, axis, count[axis], ray, t_near));
     loop {
-        let cell = &buffers.nodes[((z.cell * count[1] + y.cell) * count[0] + x.cell) as usize];
-        if test_leaf(buffers, options, ray, cell, any_hit, &mut hit) {
+        let cell = load_node(buffers, ((z.cell * count[1] + y.cell) * count[0] + x.cell) as usize, work);
+        if test_leaf(buffers, options, ray, &cell, any_hit, &mut hit, work) {
             return hit;
         }
         let t_next = min_or(x.t_next, min_or(y.t_next, z.t_next));
         if !(t_next <= t_far && t_next <= hit.t) {
             return hit;
         }
+        work.count(WorkCounter::Steps, 1);
         if x.t_next == t_next {
             x.step();
         } else if y.t_next == t_next {

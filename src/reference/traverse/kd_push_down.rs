@@ -7,8 +7,9 @@ use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
+use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
-use crate::shared::{Hit, KD_LEAF};
+use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 /// Looks for nearer hits than `hit` in all leaves that the ray meets below `start`.
 #[inline(always)]
@@ -19,6 +20,7 @@ pub fn push_down(
     mut start: KdCell,
     any_hit: bool,
     mut hit: Hit,
+    work: &mut impl Work,
 ) -> Hit {
     let mut trail = 0u64;
     loop {
@@ -26,14 +28,15 @@ pub fn push_down(
         let mut branches = 0;
         let mut pending = 0u64;
         let mut t_pending = f32::INFINITY;
-        let mut node = &buffers.nodes[cell.node as usize];
+        let mut node = load_node(buffers, cell.node as usize, work);
         while node.flags != KD_LEAF {
+            work.count(WorkCounter::Steps, 1);
             if pending == 0 {
                 start = cell;
                 trail >>= branches;
                 branches = 0;
             }
-            if let Some(second) = kd_step(ray, node, &mut cell) {
+            if let Some(second) = kd_step(ray, &node, &mut cell) {
                 let branch = 1u64 << branches;
                 if trail & branch != 0 {
                     cell = second;
@@ -43,20 +46,27 @@ pub fn push_down(
                 }
                 branches += 1;
             }
-            node = &buffers.nodes[cell.node as usize];
+            node = load_node(buffers, cell.node as usize, work);
         }
-        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+        if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
             return hit;
         }
         if pending == 0 || hit.t < t_pending {
             return hit;
         }
         trail = next_trail(trail, pending);
+        work.count(WorkCounter::Restarts, 1);
     }
 }
 
 #[inline(always)]
-pub fn traverse_kd_push_down(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_kd_push_down(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let Some(root) = root_cell(buffers, ray) else { return NO_HIT };
-    push_down(buffers, options, ray, root, any_hit, NO_HIT)
+    push_down(buffers, options, ray, root, any_hit, NO_HIT, work)
 }

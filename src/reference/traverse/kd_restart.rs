@@ -6,8 +6,9 @@ use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
+use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
-use crate::shared::{Hit, KD_LEAF};
+use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 /// The trail that leads to the second child of the deepest pending branch.
 #[inline(always)]
@@ -17,7 +18,13 @@ pub fn next_trail(trail: u64, pending: u64) -> u64 {
 }
 
 #[inline(always)]
-pub fn traverse_kd_restart(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_kd_restart(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let mut hit = NO_HIT;
     let Some(root) = root_cell(buffers, ray) else { return hit };
     let mut trail = 0u64;
@@ -26,9 +33,10 @@ pub fn traverse_kd_restart(buffers: &SceneBuffers, options: &TraceOptions, ray: 
         let mut branch = 1u64;
         let mut pending = 0u64;
         let mut t_pending = f32::INFINITY;
-        let mut node = &buffers.nodes[0];
+        let mut node = load_node(buffers, 0, work);
         while node.flags != KD_LEAF {
-            if let Some(second) = kd_step(ray, node, &mut cell) {
+            work.count(WorkCounter::Steps, 1);
+            if let Some(second) = kd_step(ray, &node, &mut cell) {
                 if trail & branch != 0 {
                     cell = second;
                 } else if hit.t >= second.t_near {
@@ -37,14 +45,15 @@ pub fn traverse_kd_restart(buffers: &SceneBuffers, options: &TraceOptions, ray: 
                 }
                 branch <<= 1;
             }
-            node = &buffers.nodes[cell.node as usize];
+            node = load_node(buffers, cell.node as usize, work);
         }
-        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+        if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
             return hit;
         }
         if pending == 0 || hit.t < t_pending {
             return hit;
         }
         trail = next_trail(trail, pending);
+        work.count(WorkCounter::Restarts, 1);
     }
 }

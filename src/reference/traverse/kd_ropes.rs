@@ -7,9 +7,9 @@ use super::leaf::test_leaf;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::ray::Ray;
-use crate::reference::ray::{widen_down, widen_up};
-use crate::shared::{Hit, KD_LEAF, NO_ROPE};
+use crate::reference::memory::{Work, load_bounds, load_node};
+use crate::reference::ray::{Ray, widen_down, widen_up};
+use crate::shared::{Hit, KD_LEAF, NO_ROPE, WorkCounter};
 
 const NO_AXIS: usize = 3;
 
@@ -26,7 +26,13 @@ fn rope_ahead(slab: &Float4, direction: f32) -> u32 {
 }
 
 #[inline(always)]
-pub fn traverse_kd_ropes(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_kd_ropes(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let mut hit = NO_HIT;
     let Some(root) = root_cell(buffers, ray) else { return hit };
     let mut next = 0;
@@ -34,23 +40,25 @@ pub fn traverse_kd_ropes(buffers: &SceneBuffers, options: &TraceOptions, ray: &R
     let mut face_low = root.t_near;
     let mut face_high = f32::NEG_INFINITY;
     loop {
-        let mut node = &buffers.nodes[next as usize];
+        let mut node = load_node(buffers, next as usize, work);
         while node.flags != KD_LEAF {
-            let split = kd_split(ray, node);
+            work.count(WorkCounter::Steps, 1);
+            let split = kd_split(ray, &node);
             if split.t_high < face_low {
                 next = split.second;
             } else if node.flags as usize == face_axis || split.t_low > face_high {
                 next = split.first;
             } else {
-                return push_down(buffers, options, ray, root, any_hit, hit);
+                work.count(WorkCounter::Restarts, 1);
+                return push_down(buffers, options, ray, root, any_hit, hit, work);
             }
-            node = &buffers.nodes[next as usize];
+            node = load_node(buffers, next as usize, work);
         }
-        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+        if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
             return hit;
         }
         let first_slab = 3 * node.split.to_bits() as usize;
-        let slabs = &buffers.bounds[first_slab..first_slab + 3];
+        let slabs = [0, 1, 2].map(|axis| load_bounds(buffers, first_slab + axis, work));
         let t: [f32; 3] = std::array::from_fn(|axis| leave_slab(&slabs[axis], ray, axis));
         let axis = if t[1] < t[0] {
             if t[2] < t[1] { 2 } else { 1 }
@@ -66,7 +74,8 @@ pub fn traverse_kd_ropes(buffers: &SceneBuffers, options: &TraceOptions, ray: &R
             && (axis == 2 || widen_down(t[2]) > exit_high)
             && (axis == face_axis || exit_low > face_high);
         if !single {
-            return push_down(buffers, options, ray, root, any_hit, hit);
+            work.count(WorkCounter::Restarts, 1);
+            return push_down(buffers, options, ray, root, any_hit, hit, work);
         }
         next = rope_ahead(&slabs[axis], ray.direction[axis]);
         if hit.t < exit_low || exit_low > root.t_far || next == NO_ROPE {

@@ -7,11 +7,18 @@ use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
+use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
-use crate::shared::{Hit, KD_LEAF};
+use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 #[inline(always)]
-pub fn traverse_kd_short_stack(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_kd_short_stack(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let mut hit = NO_HIT;
     let Some(mut start) = root_cell(buffers, ray) else { return hit };
     let size = options.short_stack_size() as usize;
@@ -24,14 +31,15 @@ pub fn traverse_kd_short_stack(buffers: &SceneBuffers, options: &TraceOptions, r
     let mut pending = 0u64;
     let mut branches = 0;
     loop {
-        let mut node = &buffers.nodes[cell.node as usize];
+        let mut node = load_node(buffers, cell.node as usize, work);
         while node.flags != KD_LEAF {
+            work.count(WorkCounter::Steps, 1);
             if pending == 0 {
                 start = cell;
                 trail >>= branches;
                 branches = 0;
             }
-            if let Some(second) = kd_step(ray, node, &mut cell) {
+            if let Some(second) = kd_step(ray, &node, &mut cell) {
                 let branch = 1u64 << branches;
                 if trail & branch != 0 {
                     cell = second;
@@ -39,6 +47,7 @@ pub fn traverse_kd_short_stack(buffers: &SceneBuffers, options: &TraceOptions, r
                     pending |= branch;
                     if stored == size {
                         t_forgotten = min_or(ring[top].t_near, t_forgotten);
+                        work.count(WorkCounter::Overflows, 1);
                     } else {
                         stored += 1;
                     }
@@ -47,9 +56,10 @@ pub fn traverse_kd_short_stack(buffers: &SceneBuffers, options: &TraceOptions, r
                 }
                 branches += 1;
             }
-            node = &buffers.nodes[cell.node as usize];
+            node = load_node(buffers, cell.node as usize, work);
         }
-        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+        work.count(WorkCounter::DeepestStack, stored as u32);
+        if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
             return hit;
         }
         loop {
@@ -61,6 +71,7 @@ pub fn traverse_kd_short_stack(buffers: &SceneBuffers, options: &TraceOptions, r
                 if hit.t < t_forgotten {
                     return hit;
                 }
+                work.count(WorkCounter::Restarts, 1);
                 t_forgotten = f32::INFINITY;
                 cell = start;
                 pending = 0;

@@ -5,25 +5,34 @@ use super::kd_step::{KdCell, kd_step, root_cell};
 use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
-use crate::shared::{Hit, KD_LEAF};
+use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 #[inline(always)]
-pub fn traverse_kd_stack(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_kd_stack(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let mut hit = NO_HIT;
     let Some(mut cell) = root_cell(buffers, ray) else { return hit };
     let mut stack = [KdCell::default(); TraceOptions::MAX_DEPTH as usize];
     let mut stacked = 0;
     loop {
-        let mut node = &buffers.nodes[cell.node as usize];
+        let mut node = load_node(buffers, cell.node as usize, work);
         while node.flags != KD_LEAF {
-            if let Some(second) = kd_step(ray, node, &mut cell) {
+            work.count(WorkCounter::Steps, 1);
+            if let Some(second) = kd_step(ray, &node, &mut cell) {
                 stack[stacked] = second;
                 stacked += 1;
             }
-            node = &buffers.nodes[cell.node as usize];
+            node = load_node(buffers, cell.node as usize, work);
         }
-        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+        work.count(WorkCounter::DeepestStack, stacked as u32);
+        if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
             return hit;
         }
         loop {

@@ -3,19 +3,28 @@
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::intersect::{intersect, is_nearer};
+use crate::reference::memory::{Work, load_reference};
 use crate::reference::ray::Ray;
-use crate::shared::{Hit, KdNode, NO_PRIMITIVE};
+use crate::shared::{Hit, KdNode, NO_PRIMITIVE, WorkCounter};
 use std::ops::Range;
 
 /// Tests the triangle of one reference.
 #[inline(always)]
-fn test_triangle(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, reference: usize, hit: &mut Hit) {
-    let primitive = buffers.references[reference];
+fn test_triangle(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    reference: usize,
+    hit: &mut Hit,
+    work: &mut impl Work,
+) {
+    let primitive = load_reference(buffers, reference, work);
     if primitive == ray.skip {
         return;
     }
-    if let Some(found) = intersect(buffers, options.intersector, ray, primitive)
-        && is_nearer(buffers, options.intersector, ray, hit, found.t, primitive)
+    work.count(WorkCounter::Tests, 1);
+    if let Some(found) = intersect(buffers, options.intersector, ray, primitive, work)
+        && is_nearer(buffers, options.intersector, ray, hit, found.t, primitive, work)
     {
         *hit = Hit { t: found.t, u: found.u, v: found.v, primitive };
     }
@@ -30,9 +39,10 @@ pub fn test_triangles(
     references: Range<usize>,
     any_hit: bool,
     hit: &mut Hit,
+    work: &mut impl Work,
 ) -> bool {
     for reference in references {
-        test_triangle(buffers, options, ray, reference, hit);
+        test_triangle(buffers, options, ray, reference, hit, work);
         if any_hit && hit.primitive != NO_PRIMITIVE {
             return true;
         }
@@ -49,6 +59,10 @@ pub fn test_leaf(
     leaf: &KdNode,
     any_hit: bool,
     hit: &mut Hit,
+    work: &mut impl Work,
 ) -> bool {
-    test_triangles(buffers, options, ray, leaf.left as usize..(leaf.left + leaf.right) as usize, any_hit, hit)
+    work.count(WorkCounter::Leaves, 1);
+    work.count(WorkCounter::EmptyLeaves, u32::from(leaf.right == 0));
+    let references = leaf.left as usize..(leaf.left + leaf.right) as usize;
+    test_triangles(buffers, options, ray, references, any_hit, hit, work)
 }

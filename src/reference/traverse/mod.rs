@@ -13,6 +13,7 @@ mod octree;
 mod thesis_restart;
 pub mod volumes;
 
+use super::memory::Work;
 use super::ray::Ray;
 use crate::options::{Accel, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
@@ -32,22 +33,24 @@ pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
     [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
 }
 
-/// The closest hit of the ray, or with `any_hit` some hit; in the ray's own units of t.
+/// The closest hit of the ray, or with `any_hit` some hit; in the ray's own units of t. Adds to `work` what that took.
 #[inline(always)]
-pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool, work: &mut impl Work) -> Hit {
     match (options.accel, options.traversal) {
-        (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit),
-        (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit),
-        (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit),
-        (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit),
-        (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit),
-        (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit),
-        (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit),
-        (Accel::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit),
-        (Accel::Kd, Traversal::ShortStack) => kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit),
-        (Accel::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit),
+        (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
+        (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
+        (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),
+        (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit, work),
+        (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit, work),
+        (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit, work),
+        (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work),
+        (Accel::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work),
+        (Accel::Kd, Traversal::ShortStack) => {
+            kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit, work)
+        }
+        (Accel::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit, work),
         (Accel::Kd, Traversal::ThesisRestart) => {
-            thesis_restart::traverse_thesis_restart(buffers, options, ray, any_hit)
+            thesis_restart::traverse_thesis_restart(buffers, options, ray, any_hit, work)
         }
     }
 }

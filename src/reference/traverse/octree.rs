@@ -4,8 +4,9 @@ use super::NO_HIT;
 use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::reference::memory::{Work, load_bounds, load_node};
 use crate::reference::ray::{Ray, SLACK, widen_down, widen_up};
-use crate::shared::{Hit, KD_LEAF};
+use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 #[derive(Clone, Copy, Default)]
 struct OpenNode {
@@ -43,7 +44,13 @@ fn clip_to_half(
 
 /// Twin of `cl/traverse/octree.cl`.
 #[inline(always)]
-pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_octree(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let mut hit = NO_HIT;
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let slack = SLACK * ray.farthest_distance(low, high);
@@ -56,14 +63,15 @@ pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray
     let mut depth = 0;
     let mut node_index = 0;
     loop {
-        let node = &buffers.nodes[node_index as usize];
+        let node = load_node(buffers, node_index as usize, work);
         if node.flags == KD_LEAF {
-            if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+            if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
                 return hit;
             }
         } else {
             stack[depth] = OpenNode { first_child: node.left, centre: node.right, next: 0, t_near, t_far };
             depth += 1;
+            work.count(WorkCounter::DeepestStack, depth as u32);
         }
 
         let mut found = false;
@@ -78,7 +86,8 @@ pub fn traverse_octree(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray
             }
             let child = open.next;
             open.next += 1;
-            let to_centre = ray.from_origin(buffers.bounds[open.centre as usize].xyz());
+            work.count(WorkCounter::Steps, 1);
+            let to_centre = ray.from_origin(load_bounds(buffers, open.centre as usize, work).xyz());
             (t_near, t_far) = (open.t_near, open.t_far);
             for axis in 0..3 {
                 let along = (ray.direction[axis], ray.inv_direction[axis]);

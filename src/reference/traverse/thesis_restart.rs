@@ -5,19 +5,28 @@ use super::kd_step::root_cell;
 use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
-use crate::shared::{Hit, KD_LEAF};
+use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 #[inline(always)]
-pub fn traverse_thesis_restart(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_thesis_restart(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let mut hit = NO_HIT;
     let Some(scene) = root_cell(buffers, ray) else { return hit };
     let mut t_max = scene.t_near;
     while t_max < scene.t_far {
+        work.count(WorkCounter::Restarts, u32::from(t_max > scene.t_near));
         let t_min = t_max;
         t_max = scene.t_far;
-        let mut node = &buffers.nodes[0];
+        let mut node = load_node(buffers, 0, work);
         while node.flags != KD_LEAF {
+            work.count(WorkCounter::Steps, 1);
             let axis = node.flags as usize;
             let direction = ray.direction[axis];
             let t_split = (node.split - ray.origin[axis]) / direction;
@@ -30,9 +39,9 @@ pub fn traverse_thesis_restart(buffers: &SceneBuffers, options: &TraceOptions, r
             } else {
                 t_max = t_split;
             }
-            node = &buffers.nodes[next as usize];
+            node = load_node(buffers, next as usize, work);
         }
-        if test_leaf(buffers, options, ray, node, any_hit, &mut hit) {
+        if test_leaf(buffers, options, ray, &node, any_hit, &mut hit, work) {
             return hit;
         }
     }

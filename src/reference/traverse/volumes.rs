@@ -6,8 +6,9 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::{dot3, fma3};
+use crate::reference::memory::{Work, load_bounds, load_node};
 use crate::reference::ray::{EPSILON, Ray, SLACK, widen_down, widen_up};
-use crate::shared::Hit;
+use crate::shared::{Hit, WorkCounter};
 
 /// What a sphere grows by, in units of the farthest distance.
 pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
@@ -32,20 +33,22 @@ pub fn may_meet_sphere(ray: &Ray, slack: f32, sphere: Float4, t_hit: f32) -> boo
 }
 
 #[inline(always)]
-fn traverse_clusters(
+fn traverse_clusters<W: Work>(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     ray: &Ray,
     any_hit: bool,
-    may_meet: impl Fn(usize, &Hit) -> bool,
+    work: &mut W,
+    may_meet: impl Fn(usize, &Hit, &mut W) -> bool,
 ) -> Hit {
     let mut hit = NO_HIT;
-    for cluster in 0..buffers.nodes[0].right as usize {
-        if !may_meet(cluster, &hit) {
+    for cluster in 0..load_node(buffers, 0, work).right as usize {
+        work.count(WorkCounter::Steps, 1);
+        if !may_meet(cluster, &hit, work) {
             continue;
         }
-        let leaf = &buffers.nodes[1 + cluster];
-        if test_leaf(buffers, options, ray, leaf, any_hit, &mut hit) {
+        let leaf = load_node(buffers, 1 + cluster, work);
+        if test_leaf(buffers, options, ray, &leaf, any_hit, &mut hit, work) {
             return hit;
         }
     }
@@ -54,19 +57,32 @@ fn traverse_clusters(
 
 /// Twin of `cl/traverse/boxes.cl`.
 #[inline(always)]
-pub fn traverse_boxes(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_boxes(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let slack = SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
-    traverse_clusters(buffers, options, ray, any_hit, |cluster, hit| {
-        let (low, high) = (buffers.bounds[2 * cluster].xyz(), buffers.bounds[2 * cluster + 1].xyz());
+    traverse_clusters(buffers, options, ray, any_hit, work, |cluster, hit, work| {
+        let low = load_bounds(buffers, 2 * cluster, work).xyz();
+        let high = load_bounds(buffers, 2 * cluster + 1, work).xyz();
         ray.clip_to_thick_box(slack, low, high).is_some_and(|(t_near, _)| hit.t >= t_near)
     })
 }
 
 /// Twin of `cl/traverse/spheres.cl`.
 #[inline(always)]
-pub fn traverse_spheres(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool) -> Hit {
+pub fn traverse_spheres(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
     let slack = SPHERE_SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
-    traverse_clusters(buffers, options, ray, any_hit, |cluster, hit| {
-        may_meet_sphere(ray, slack, buffers.bounds[cluster], hit.t)
+    traverse_clusters(buffers, options, ray, any_hit, work, |cluster, hit, work| {
+        may_meet_sphere(ray, slack, load_bounds(buffers, cluster, work), hit.t)
     })
 }

@@ -1,0 +1,67 @@
+//! Twin of `cl/shared/memory.cl`: what traversals read of the scene, and how that and their work is counted. The rest is there.
+
+use crate::layout::Float4;
+use crate::pack::SceneBuffers;
+use crate::shared::{KdNode, WorkCounter};
+use crate::work::RayWork;
+use glam::Vec3;
+
+/// Where a traversal counts its work.
+pub trait Work: Default {
+    /// Counts `n` more; of a maximum, raises it to `n`.
+    fn count(&mut self, counter: WorkCounter, n: u32);
+}
+
+/// Counts nothing and costs nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoWork;
+
+impl Work for NoWork {
+    #[inline(always)]
+    fn count(&mut self, _: WorkCounter, _: u32) {}
+}
+
+impl Work for RayWork {
+    #[inline(always)]
+    fn count(&mut self, counter: WorkCounter, n: u32) {
+        RayWork::count(self, counter, n);
+    }
+}
+
+#[inline(always)]
+fn read<T: Copy>(array: &[T], index: usize, counter: WorkCounter, work: &mut impl Work) -> T {
+    work.count(counter, size_of::<T>() as u32);
+    array[index]
+}
+
+/// A node.
+#[inline(always)]
+pub fn load_node(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -> KdNode {
+    read(&buffers.nodes, index, WorkCounter::NodeBytes, work)
+}
+
+/// A record of `bounds`.
+#[inline(always)]
+pub fn load_bounds(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -> Float4 {
+    read(&buffers.bounds, index, WorkCounter::NodeBytes, work)
+}
+
+/// The triangle of a reference.
+#[inline(always)]
+pub fn load_reference(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -> u32 {
+    read(&buffers.references, index, WorkCounter::TriangleBytes, work)
+}
+
+/// The vertices of a triangle, tracing space, for a test.
+#[inline(always)]
+pub fn load_vertices(buffers: &SceneBuffers, primitive: u32, work: &mut impl Work) -> [Vec3; 3] {
+    let first = 3 * primitive as usize;
+    [0, 1, 2].map(|corner| read(&buffers.vertices, first + corner, WorkCounter::TriangleBytes, work).xyz())
+}
+
+/// The precomputed data of a triangle.
+#[inline(always)]
+pub fn load_transform(buffers: &SceneBuffers, primitive: u32, work: &mut impl Work) -> [Float4; 3] {
+    let first = 3 * primitive as usize;
+    [0, 1, 2].map(|row| read(&buffers.transforms, first + row, WorkCounter::TriangleBytes, work))
+}
