@@ -86,6 +86,7 @@ pub mod scene;
 pub mod session;
 pub mod shared;
 pub mod stats;
+pub mod stress;
 pub mod tracer;
 pub mod work;
 

@@ -243,6 +243,8 @@ pub(crate) struct NpyArray<'a> {
     pub(crate) type_code: &'static str,
     /// Its length.
     pub(crate) len: usize,
+    /// Numbers in each row of an array of two dimensions; `None` for one dimension.
+    pub(crate) columns: Option<usize>,
     /// Its data.
     pub(crate) bytes: &'a [u8],
 }
@@ -279,8 +281,11 @@ fn header_of(array: &NpyArray) -> Vec<u8> {
         _ if cfg!(target_endian = "big") => '>',
         _ => '<',
     };
-    let mut text =
-        format!("{{'descr': '{byte_order}{}', 'fortran_order': False, 'shape': ({},), }}", array.type_code, array.len);
+    let columns = array.columns.map_or(String::new(), |columns| format!(" {columns}"));
+    let mut text = format!(
+        "{{'descr': '{byte_order}{}', 'fortran_order': False, 'shape': ({},{columns}), }}",
+        array.type_code, array.len
+    );
     let grown = text.len() + GROWTH_DIGITS - array.len.to_string().len();
     let text_bytes = (PREFIX_BYTES + grown + 1).next_multiple_of(ALIGNMENT_BYTES) - PREFIX_BYTES;
     text += &" ".repeat(text_bytes - 1 - text.len());

@@ -313,7 +313,7 @@ impl TraceOptions {
         build: Build::Sah,
         traversal: Traversal::Stack,
         stack_size: None,
-        intersector: Intersector::Watertight,
+        intersector: Intersector::Exact,
         leaf_size: None,
         max_depth: None,
         kd: KdOptions::DEFAULT,

@@ -78,6 +78,18 @@ impl RayBatch {
         Ok(batch)
     }
 
+    /// Writes an `.npz` file that [`RayBatch::read`] reads; absent arrays are left out. The file appears when it is complete.
+    ///
+    /// # Errors
+    /// As [`crate::output::write_atomically`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let mut arrays = vec![rows("origin", &self.origins), rows("direction", &self.directions)];
+        arrays.extend(self.t_min.iter().map(|t| floats("t_min", t)));
+        arrays.extend(self.t_max.iter().map(|t| floats("t_max", t)));
+        arrays.extend(self.next_directions.iter().map(|d| rows("next_direction", d)));
+        write_npz(path.as_ref(), &arrays)
+    }
+
     /// The number of rays.
     pub fn len(&self) -> usize {
         self.origins.len()
@@ -122,7 +134,13 @@ impl HitBatch {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let mut arrays =
             vec![floats("t", &self.t), ints("primitive", &self.primitive), floats("u", &self.u), floats("v", &self.v)];
-        arrays.extend(self.hit.iter().map(|m| NpyArray { name: "hit", type_code: "u1", len: m.len(), bytes: m }));
+        arrays.extend(self.hit.iter().map(|m| NpyArray {
+            name: "hit",
+            type_code: "u1",
+            len: m.len(),
+            columns: None,
+            bytes: m,
+        }));
         arrays.extend(self.next_t.iter().map(|t| floats("next_t", t)));
         arrays.extend(self.next_primitive.iter().map(|p| ints("next_primitive", p)));
         let work = [("work", &self.work), ("next_work", &self.next_work)];
@@ -131,6 +149,7 @@ impl HitBatch {
             name,
             type_code: "u4",
             len: counts.len(),
+            columns: None,
             bytes: bytemuck::cast_slice(counts),
         }));
         write_npz(path.as_ref(), &arrays)
@@ -145,11 +164,15 @@ fn columns_of(name: &str, work: Option<&[RayWork]>) -> Vec<(String, Vec<u32>)> {
 }
 
 fn floats<'a>(name: &'static str, numbers: &'a [f32]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "f4", len: numbers.len(), bytes: bytemuck::cast_slice(numbers) }
+    NpyArray { name, type_code: "f4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
+}
+
+fn rows<'a>(name: &'static str, rows: &'a [[f32; 3]]) -> NpyArray<'a> {
+    NpyArray { name, type_code: "f4", len: rows.len(), columns: Some(3), bytes: bytemuck::cast_slice(rows) }
 }
 
 fn ints<'a>(name: &'static str, numbers: &'a [i32]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "i4", len: numbers.len(), bytes: bytemuck::cast_slice(numbers) }
+    NpyArray { name, type_code: "i4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
 }
 
 #[cfg(test)]

@@ -353,6 +353,7 @@ pub fn types_cl() -> String {
         ("QUEUE_HITS", QUEUE_HITS),
         ("QUEUE_TEXTURED", QUEUE_TEXTURED),
         ("QUEUE_PATHS", QUEUE_PATHS),
+        ("QUEUE_RESOLVED", QUEUE_RESOLVED),
         ("QUEUE_SHADOWS", QUEUE_SHADOWS),
         ("COUNTERS", COUNTERS as u32),
         ("WORK_COUNTERS", WORK_COUNTERS as u32),

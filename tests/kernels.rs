@@ -504,8 +504,8 @@ fn traversals_equal_their_twins() {
     }
 }
 
-/// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture and more paths than are in flight: that the split kernels
-/// stay within their arrays and do not meet in them. Larger ones are the business of `tests/split.rs`.
+/// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture, a second pass and more paths than are in flight: that the
+/// split kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/split.rs`.
 #[test]
 fn split_kernels_equal_the_twin() {
     let Some(device) = device() else { return };
@@ -524,8 +524,8 @@ fn split_kernels_equal_the_twin() {
         Light::directional(Vec3::new(0.3, -0.2, -1.0), Vec3::splat(0.4)),
     ];
     scene.background = Background { bottom: Vec3::X, top: Vec3::Z };
-    let camera = Camera { eye: Vec3::new(0.3, 0.2, 6.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
-    let picture = Picture { camera, size: (9, 7), samples: Samples::PerPixel(2), depth: 4, kill_weight: None };
+    let camera = Camera { eye: Vec3::Z * 6.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
+    let picture = Picture { camera, size: (9, 7), samples: Samples::PerPixel(1), depth: 4, kill_weight: None };
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
         let options =
             TraceOptions { kernels: Kernels::Split, textures, paths_in_flight: Some(40), ..TraceOptions::DEFAULT };
@@ -536,6 +536,8 @@ fn split_kernels_equal_the_twin() {
         });
         assert!(rendered[1].counts.iter().all(|&count| count > 0), "{:?}", rendered[1].counts);
         assert_eq!(rendered[0].counts, rendered[1].counts, "{textures}");
+        // The ray in the middle meets the diagonal between two triangles.
+        assert!(rendered[0].second_pass > Some(0), "{textures}");
         assert_eq!(rendered[0].film.pixels, rendered[1].film.pixels, "{textures}");
     }
 }

@@ -5,7 +5,7 @@ mod common;
 
 use common::{Random, SEED, device};
 use glam::Vec3;
-use raybrook::options::{Accel, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder};
+use raybrook::options::{Accel, Intersector, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ray::Ray;
 use raybrook::scene::{
@@ -263,6 +263,30 @@ fn split_kernels_read_every_kind_of_memory() {
         let pictures = [tracers.picture((20, 17), 1, 5)];
         tracers.compare(&options, &pictures);
     }
+}
+
+/// Rays through the diagonals that the triangles of a quad share: only whole numbers tell which of the two they hit.
+#[test]
+fn rays_in_doubt_take_the_second_pass() {
+    let mut builder = Builder::new();
+    for (z, side, transmission) in [(0.0, 4.0, Vec3::ZERO), (1.0, 1.0, Vec3::ZERO), (2.0, 2.0, Vec3::splat(0.7))] {
+        builder.material(Material { transmission, ior: 1.0, ..Material::matt(Vec3::ONE) });
+        builder.quad(Vec3::new(-side / 2.0, -side / 2.0, z), Vec3::X * side, Vec3::Y * side, 1);
+    }
+    let mut scene = builder.finish().unwrap();
+    scene.camera = Some(Camera { eye: Vec3::Z * 4.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 90.0 });
+    let lights = vec![Light::directional(Vec3::NEG_Z, Vec3::splat(0.5)), Light::point(Vec3::Z * 8.0, Vec3::splat(0.3))];
+    let mut resolved = Vec::new();
+    for (lights, depth) in [(Vec::new(), 1), (Vec::new(), 4), (lights, 4)] {
+        let Some(mut tracers) = Tracers::of(Scene { lights, ..scene.clone() }, SPLIT) else { return };
+        let pictures = [tracers.picture((16, 16), 1, depth)];
+        resolved.push(tracers.compare(&SPLIT, &pictures)[0].second_pass.unwrap());
+        let watertight = TraceOptions { intersector: Intersector::Watertight, ..SPLIT };
+        let Some(mut tracers) = Tracers::of(tracers.scene, watertight) else { return };
+        assert_eq!(tracers.compare(&watertight, &pictures)[0].second_pass, None);
+    }
+    // The camera's rays to the diagonal of the glass, then those that go on through it, then shadow rays as well.
+    assert!(resolved[0] >= 8 && resolved[1] > resolved[0] && resolved[2] > resolved[1], "{resolved:?}");
 }
 
 /// The split kernels store origin, direction and t_near of a ray and make it anew from these.

@@ -380,6 +380,27 @@ fn work_on_the_bunny_is_as_published() {
     assert_work_is_as_published("bunny", &scene);
 }
 
+/// Published (Havran 1999): a grid of 35 x 35 x 35 on the rays of SPD tetra at depth 5 visits about 16.0 cells and makes about 10.0
+/// tests a ray.
+#[test]
+fn a_grid_on_tetra_costs_what_was_published() {
+    let Some(path) = shared("spd/tetra.nff") else { return };
+    let mut scene = scene::load(&path).unwrap();
+    complete(&mut scene, 1.0);
+    let options = TraceOptions { accel: Accel::Grid, grid_size: Some([35; 3]), ..COUNTED };
+    let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+    let size = (513, 513);
+    let picture =
+        Picture { camera: scene.camera.unwrap(), size, samples: Samples::Corners, depth: 5, kill_weight: Some(0.0) };
+    let mut tracer = open_tracer(None, &buffers, &options, picture.depth, None).unwrap();
+    let result = render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap();
+    let rays = RayCounts::from_counters(&result.counts).total_cast();
+    let sum = WorkSum::new(rays, result.work.unwrap().iter().map(|pixel| pixel.total()));
+    let (cells, tests) = (sum.mean(WorkCounter::Leaves), sum.mean(WorkCounter::Tests));
+    println!("tetra: {cells:.2} cells and {tests:.2} tests a ray");
+    assert_eq!((cells.round(), tests.round()), (16.0, 10.0), "{cells} cells, {tests} tests");
+}
+
 /// Sums of 32 bits stay at the largest number, and say so.
 #[test]
 fn counts_saturate_and_say_so() {

@@ -5,7 +5,8 @@
 // Computational Geometry 18, 1997, with whole numbers in place of his expansions, which underflow:
 //  1. float32 edge functions (watertight.cl) and a bound of their error discard nearly every triangle that the ray misses.
 //  2. Arithmetic of twice the precision (cl/shared/wide.cl) with bounds decides nearly all the rest.
-//  3. Whole numbers (cl/shared/integer.cl) decide what is left: rays through edges and vertices, in planes, equal distances.
+//  3. Whole numbers (cl/shared/integer.cl) decide what is left: rays through edges and vertices, in planes, equal distances. They
+//     need so many registers that the kernels leave it to a second pass over the few rays concerned (DECIDE in memory.cl).
 // Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the same on
 // devices with and without double. Weakness: the second step's instructions, and registers where hits are many.
 
@@ -110,8 +111,9 @@ typedef struct {
 // difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the others 2 p + d + 6; a comparison of two t multiplies T
 // by D: 5 p + d + 12. A quotient needs 26 bits to spare, a comparison with a limit 24, and all need a sign. MAX_LIMBS suffice for
 // p = 217: positions whose largest is 10^65 times the last bit of the smallest. Beyond that the lowest bits of positions go.
-WholeUnits whole_units(const Ray* ray, const float3* vertices, int count) {
+RARE WholeUnits whole_units(const Ray* ray, const float3* vertices, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000;
+#pragma unroll 1
     for (int i = -2; i < 3 * count; i++) {
         const float3 p = i == -2 ? ray->origin_low : i == -1 ? ray->origin : vertices[i];
         widen_exponents(p.x, &low_p, &high_p);
@@ -131,7 +133,7 @@ WholeUnits whole_units(const Ray* ray, const float3* vertices, int count) {
         units.position += bits_p - most;
         bits_p = most;
     }
-    units.n = (count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) / 32 + 1;
+    units.n = ((count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) + 31) / 32;
     return units;
 }
 
@@ -139,7 +141,7 @@ typedef struct {
     Integer distance, det, weight1, weight2; // T, D, U, V
 } WholeNumbers;
 
-void whole_numbers(const Ray* ray, const float3* vertices, const WholeUnits* units, WholeNumbers* numbers) {
+RARE void whole_numbers(const Ray* ray, const float3* vertices, const WholeUnits* units, WholeNumbers* numbers) {
     const int n = units->n;
     Integer edge1[3], edge2[3], from[3], direction[3];
     const float origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
@@ -148,6 +150,7 @@ void whole_numbers(const Ray* ray, const float3* vertices, const WholeUnits* uni
     const float p0[3] = {vertices[0].x, vertices[0].y, vertices[0].z};
     const float p1[3] = {vertices[1].x, vertices[1].y, vertices[1].z};
     const float p2[3] = {vertices[2].x, vertices[2].y, vertices[2].z};
+#pragma unroll 1
     for (int k = 0; k < 3; k++) {
         Integer corner, start;
         integer_from_float(&corner, p0[k], units->position, n);
@@ -166,6 +169,7 @@ void whole_numbers(const Ray* ray, const float3* vertices, const WholeUnits* uni
     integer_set_zero(&numbers->det, n);
     integer_set_zero(&numbers->weight1, n);
     integer_set_zero(&numbers->weight2, n);
+#pragma unroll 1
     for (int k = 0; k < 3; k++) {
         const int i = (k + 1) % 3, j = (k + 2) % 3;
         Integer component;
@@ -212,12 +216,12 @@ bool intersect_exact(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, f
     const ShearedTriangle sheared = shear_triangle(ray, p0, p1, p2);
     if (surely_misses(&sheared, farthest_distance(ray, geometry->low, geometry->high))) return false;
     const int result = intersect_wide(ray, p0, p1, p2, t, u, v);
-    if (result == DOUBTFUL) return intersect_whole(ray, p0, p1, p2, t, u, v);
+    if (result == DOUBTFUL) return DECIDE(geometry, intersect_whole(ray, p0, p1, p2, t, u, v));
     return result == HIT;
 }
 
 // The sign of the exact t = T / D of a triangle minus `limit`, which is the float nearest to it. D > 0.
-int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, float limit) {
+RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, float limit) {
     int exponent;
     const float significand = (float)float_significand(limit, &exponent);
     Integer factor, distance = numbers->distance, scaled;
@@ -235,6 +239,7 @@ int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, flo
 RARE bool is_nearer_whole(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, float t, uint primitive, uint slot) {
     float3 corners[6];
     const bool is_tie = t == hit->t;
+#pragma unroll 1
     for (uint i = 0; i < 3u; i++) {
         corners[i] = LOAD_VERTEX(geometry, slot, i);
         COUNT(geometry, TRIANGLE_BYTES, is_tie ? sizeof(float4) : 0);
@@ -267,5 +272,5 @@ bool is_nearer_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, floa
     if (!(t >= ray->t_near && t <= ray->t_far && t <= hit->t)) return false;
     if (t > ray->t_near && t < ray->t_far && t < hit->t) return true;
     if (primitive == hit->primitive) return false; // met again in another leaf
-    return is_nearer_whole(GEOMETRY, ray, hit, t, primitive, slot);
+    return DECIDE(geometry, is_nearer_whole(GEOMETRY, ray, hit, t, primitive, slot));
 }

@@ -49,19 +49,22 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
     return radiance;
 }
 
-// Work-item g of a launch renders pixel g % 64 of tile first_tile + g / 64. `film`: linear RGB, row by row, top row first.
+// Pixels are numbered tile by tile: item i is pixel i % 64 of tile i / 64. `film`: linear RGB, row by row, top row first.
 // Work records: two a pixel, of its camera rays and of all others.
 __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
                      __global float4* restrict film, volatile __global uint* restrict counters,
-                     WORK_ARGUMENT const uint first_tile, const uint end_tile) {
-    const uint item = (uint)get_global_id(0);
-    const uint tile = first_tile + item / (TILE_SIDE * TILE_SIDE);
+                     WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+    const uint number = first + (uint)get_global_id(0);
+    if (number >= end) return;
+    const uint item = ITEM_OF(number);
+    const uint tile = item / (TILE_SIDE * TILE_SIDE);
     const uint in_tile = item % (TILE_SIDE * TILE_SIDE);
     const uint tiles_per_row = (render->width + TILE_SIDE - 1u) / TILE_SIDE;
     const uint x = tile % tiles_per_row * TILE_SIDE + in_tile % TILE_SIDE;
     const uint y = tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE;
-    if (tile >= end_tile || x >= render->width || y >= render->height) return;
+    if (x >= render->width || y >= render->height) return;
 
+    DOUBT_FLAG
     WORK_SUMS(work)
     WORK_SUMS(camera_work)
     const Scene scene = MAKE_SCENE;
@@ -71,6 +74,8 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
         const Ray ray = camera_ray(render, (float)x + samples[s].x, (float)y + samples[s].y);
         sum += radiance_along(SCENE_AT(&scene), render, ray, counts);
     }
+    NOTE_DOUBT(item);
+    if (IN_DOUBT) return;
     film[y * render->width + x] = (float4)(sum * render->sample_weight, 1.0f);
     STORE_WORK(&scene.camera_geometry, 2u * (y * render->width + x));
     STORE_WORK(&scene.geometry, 2u * (y * render->width + x) + 1u);

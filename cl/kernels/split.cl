@@ -19,6 +19,9 @@
 //
 //   split_film     adds up each pixel's samples
 //
+// Where kernels leave doubts to a second pass (cl/shared/memory.cl), split_trace and split_shadow exist once more, run behind the first
+// ones, and do what these have left.
+//
 // All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and matters to no result.
 //
 // Bad at the end of a batch: a wave has at most one ray of each path, and the path with most rays decides how many waves there are.
@@ -35,7 +38,8 @@
         __global SplitRay* restrict rays, __global Hit* restrict hits, __global SplitSurface* restrict surfaces,        \
         __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
         __global TextureRequest* restrict requests, __global const float4* restrict colours,                            \
-        __global float4* restrict path_radiance, volatile __global uint* restrict lengths, const uint slot_count,       \
+        __global float4* restrict path_radiance, volatile __global uint* restrict lengths, DOUBTS_ARGUMENT              \
+        const uint slot_count,                                                                                          \
         const uint first_pixel, const uint batch_pixels, __global uint* restrict queue,                                 \
         __global uint* restrict other_queue, const uint light, const uint first, const uint end
 
@@ -43,6 +47,16 @@
 #ifndef HOST_TEXTURES
 #define HOST_TEXTURES 0
 #endif
+
+// Whether these kernels are the second pass, which traces the rays on the list of doubts and no others.
+#ifdef RESOLVE_DOUBTS
+#define IS_SECOND_PASS true
+#else
+#define IS_SECOND_PASS false
+#endif
+
+// The end of a queue of rays, or of the list of doubts about them.
+uint traced_end(uint end, volatile __global const uint* doubts) { return IS_SECOND_PASS ? min(end, doubts[0]) : end; }
 
 // A place in the queue of this length for every work-item that wants one. All work-items of a group must come here; only one
 // of them meets the other groups at the counter. `places`: two words for the group.
@@ -106,6 +120,7 @@ void load_point(__global const SplitSurface* from, SurfacePoint* point) {
 __kernel void split_camera(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
+    if (index == 0u) doubts[0] = 0u; // for split_trace
     const bool is_item = index < end;
     const uint slot = is_item ? queue[index] : 0u;
     SplitSlot state;
@@ -142,20 +157,31 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     if (has_ray) other_queue[place] = slot;
 }
 
+// Empties the lists that the kernels after split_trace fill.
+void clear_lists(volatile __global uint* lengths, uint light_count) {
+    lengths[QUEUE_HITS] = 0u;
+    lengths[QUEUE_TEXTURED] = 0u;
+    lengths[QUEUE_RESOLVED] = 0u;
+    for (uint i = 0; i < light_count; i++) lengths[QUEUE_SHADOWS + i] = 0u;
+}
+
 __kernel void split_trace(SPLIT_ARGUMENTS) {
-    const uint index = first + (uint)get_global_id(0);
-    if (index == 0u) { // empties the lists that the kernels after this one fill
-        lengths[QUEUE_HITS] = 0u;
-        lengths[QUEUE_TEXTURED] = 0u;
-        for (uint i = 0; i < scene_params->light_count; i++) lengths[QUEUE_SHADOWS + i] = 0u;
+    const uint number = first + (uint)get_global_id(0);
+    if (number == 0u) {
+        if (IS_SECOND_PASS) lengths[QUEUE_RESOLVED] += doubts[0];
+        else clear_lists(lengths, scene_params->light_count);
     }
-    if (index >= end) return;
+    if (number >= traced_end(end, doubts)) return;
+    const uint index = ITEM_OF(number);
+    DOUBT_FLAG
     const Scene scene = MAKE_SCENE;
     const uint slot = queue[index];
     const PendingRay pending = load_pending(&rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot]);
     uint counts[COUNTERS] = {0};
     Hit hit;
     trace_pending(SCENE_AT(&scene), &pending, &hit, counts);
+    NOTE_DOUBT(index);
+    if (IN_DOUBT) return;
     hits[slot] = hit;
     add_counts(counts, counters, index);
 }
@@ -163,6 +189,7 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
 __kernel void split_request(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
+    DOUBT_FLAG
     const Scene scene = MAKE_SCENE;
     bool is_textured = false;
     uint slot = 0u;
@@ -188,6 +215,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
 __kernel void split_shade(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
+    DOUBT_FLAG
     const Scene scene = MAKE_SCENE;
     if (index == 0u) lengths[QUEUE_ACTIVE] = 0u; // for the next wave
     bool is_hit = false;
@@ -235,7 +263,9 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
 __kernel void split_light(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
+    DOUBT_FLAG
     const Scene scene = MAKE_SCENE;
+    if (index == 0u) doubts[0] = 0u; // for split_shadow
     bool adds = false;
     uint slot = 0u;
     LightSample sample;
@@ -258,8 +288,11 @@ __kernel void split_light(SPLIT_ARGUMENTS) {
 }
 
 __kernel void split_shadow(SPLIT_ARGUMENTS) {
-    const uint index = first + (uint)get_global_id(0);
-    if (index >= min(end, lengths[QUEUE_SHADOWS + light])) return;
+    const uint number = first + (uint)get_global_id(0);
+    if (IS_SECOND_PASS && number == 0u) lengths[QUEUE_RESOLVED] += doubts[0];
+    if (number >= traced_end(min(end, lengths[QUEUE_SHADOWS + light]), doubts)) return;
+    const uint index = ITEM_OF(number);
+    DOUBT_FLAG
     const Scene scene = MAKE_SCENE;
     const float4 to_light_t_far = shadows[index].to_light_t_far;
     const int4 reflected_slot = shadows[index].reflected_slot;
@@ -271,6 +304,8 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     load_point(&surfaces[slot], &point);
     uint counts[COUNTERS] = {0};
     const float3 visibility = light_visibility(SCENE_AT(&scene), &point, &sample, counts);
+    NOTE_DOUBT(index);
+    if (IN_DOUBT) return;
     yields[slot].radiance.xyz += as_float3(reflected_slot.xyz) * visibility;
     add_counts(counts, counters, index);
 }

@@ -22,33 +22,41 @@ void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hi
 
 // The closest hit of each ray.
 __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                            WORK_ARGUMENT const uint first, const uint end) {
-    const uint index = first + (uint)get_global_id(0);
-    if (index >= end) return;
+                            WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+    const uint item = first + (uint)get_global_id(0);
+    if (item >= end) return;
+    const uint index = ITEM_OF(item);
+    DOUBT_FLAG
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false);
     STORE_WORK(&geometry, index);
+    NOTE_DOUBT(index);
 }
 
 // Some hit of each ray: whether there is one is the answer, which one depends on the structure.
 __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                        WORK_ARGUMENT const uint first, const uint end) {
-    const uint index = first + (uint)get_global_id(0);
-    if (index >= end) return;
+                        WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+    const uint item = first + (uint)get_global_id(0);
+    if (item >= end) return;
+    const uint index = ITEM_OF(item);
+    DOUBT_FLAG
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true);
     STORE_WORK(&geometry, index);
+    NOTE_DOUBT(index);
 }
 
 // The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A first
 // ray that missed has no second one.
 __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict next_directions,
                          __global const Hit* restrict hits, __global Hit* restrict next_hits,
-                         WORK_ARGUMENT const uint first, const uint end) {
-    const uint index = first + (uint)get_global_id(0);
-    if (index >= end) return;
+                         WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+    const uint item = first + (uint)get_global_id(0);
+    if (item >= end) return;
+    const uint index = ITEM_OF(item);
+    DOUBT_FLAG
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     const Hit from = hits[index];
@@ -61,4 +69,5 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict nex
     }
     next_hits[index] = hit;
     STORE_WORK(&geometry, index);
+    NOTE_DOUBT(index);
 }

@@ -6,7 +6,7 @@
 
 #define MAX_LIMBS 40 // see whole_units() in cl/intersect/exact.cl
 
-// Functions that are called too seldom to be worth a copy at each place. They are not worth a copy either.
+// A copy of a function at each of its many calls would take compilers longer than all tracing takes: 17 s on NVIDIA's.
 #define RARE __attribute__((noinline))
 
 typedef struct {
@@ -17,6 +17,7 @@ bool integer_is_negative(const Integer* a, int n) { return (a->limb[n - 1] >> 31
 
 bool integer_is_zero(const Integer* a, int n) {
     uint any = 0;
+#pragma unroll 1
     for (int i = 0; i < n; i++) any |= a->limb[i];
     return any == 0u;
 }
@@ -27,13 +28,15 @@ int integer_sign(const Integer* a, int n) {
 }
 
 void integer_set_zero(Integer* a, int n) {
+#pragma unroll 1
     for (int i = 0; i < n; i++) a->limb[i] = 0;
 }
 
 // *a = *a + sign * b for sign 1 or -1.
-void integer_add(Integer* a, const Integer* b, int sign, int n) {
+RARE void integer_add(Integer* a, const Integer* b, int sign, int n) {
     const uint flip = sign < 0 ? 0xffffffffu : 0u;
     ulong carry = flip & 1u;
+#pragma unroll 1
     for (int i = 0; i < n; i++) {
         carry += (ulong)a->limb[i] + (b->limb[i] ^ flip);
         a->limb[i] = (uint)carry;
@@ -46,6 +49,7 @@ int integer_take_sign(Integer* a, int n) {
     const int sign = integer_sign(a, n);
     if (sign < 0) {
         ulong carry = 1;
+#pragma unroll 1
         for (int i = 0; i < n; i++) {
             carry += ~a->limb[i];
             a->limb[i] = (uint)carry;
@@ -56,14 +60,16 @@ int integer_take_sign(Integer* a, int n) {
 }
 
 // *r = *r + sign * a * b. In two's complement the product's lower limbs are right whatever the signs.
-void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sign, int n) {
+RARE void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sign, int n) {
     const uint flip = sign < 0 ? 0xffffffffu : 0u;
     Integer product;
     integer_set_zero(&product, n);
+#pragma unroll 1
     for (int i = 0; i < n; i++) {
         const ulong factor = a->limb[i];
         if (factor == 0) continue;
         ulong carry = 0;
+#pragma unroll 1
         for (int j = 0; i + j < n; j++) {
             carry += factor * b->limb[j] + product.limb[i + j];
             product.limb[i + j] = (uint)carry;
@@ -75,26 +81,23 @@ void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sig
 
 // Position of the highest bit of a >= 0, counted from 1; 0 for zero.
 int integer_bits(const Integer* a, int n) {
+#pragma unroll 1
     for (int i = n - 1; i >= 0; i--)
         if (a->limb[i] != 0u) return 32 * (i + 1) - (int)clz(a->limb[i]);
     return 0;
 }
 
-// *a = a * 2^shift for shift >= 0.
-void integer_shift_up(Integer* a, int shift, int n) {
+// *a = a * 2^shift for shift >= 0. Without a shift of two words at once, for which Oclgrind knows no function.
+RARE void integer_shift_up(Integer* a, int shift, int n) {
     const int limbs = shift / 32, bits = shift % 32;
-    for (int i = n - 1; i >= 0; i--) {
-        const uint high = i >= limbs ? a->limb[i - limbs] : 0u;
-        const uint low = i > limbs ? a->limb[i - limbs - 1] : 0u;
-        a->limb[i] = bits == 0 ? high : (high << bits) | (low >> (32 - bits));
-    }
-}
-
-// *a = floor(a / 2).
-void integer_halve(Integer* a, int n) {
+#pragma unroll 1
+    for (int i = n - 1; i >= 0; i--) a->limb[i] = i >= limbs ? a->limb[i - limbs] : 0u;
+    ulong carry = 0;
+#pragma unroll 1
     for (int i = 0; i < n; i++) {
-        const uint above = i + 1 < n ? a->limb[i + 1] : (integer_is_negative(a, n) ? 0xffffffffu : 0u);
-        a->limb[i] = (a->limb[i] >> 1) | (above << 31);
+        carry += (ulong)a->limb[i] << bits;
+        a->limb[i] = (uint)carry;
+        carry >>= 32;
     }
 }
 
@@ -118,7 +121,7 @@ void widen_exponents(float x, int* lowest, int* highest) {
 }
 
 // *r = x / 2^exponent; bits below 1 are dropped.
-void integer_from_float(Integer* r, float x, int exponent, int n) {
+RARE void integer_from_float(Integer* r, float x, int exponent, int n) {
     int own;
     uint significand = float_significand(x, &own);
     integer_set_zero(r, n);
@@ -143,20 +146,20 @@ float float_from_parts(uint significand, int exponent) {
     return (float)significand * as_float((uint)(exponent + lift + 127) << 23) * (lift != 0 ? 0x1p-24f : 1.0f);
 }
 
-// The float nearest to numerator / denominator * 2^exponent, ties to even; infinity where there is none. n limbs hold both, and
-// have 26 bits to spare. The numbers are used up.
-float integer_quotient(Integer* numerator, Integer* denominator, int exponent, int n) {
+// The float nearest to numerator / denominator * 2^exponent, ties to even; infinity where there is none. n limbs hold either with
+// two bits to spare. The numbers are used up.
+RARE float integer_quotient(Integer* numerator, Integer* denominator, int exponent, int n) {
     const int sign = integer_take_sign(numerator, n) * integer_take_sign(denominator, n);
     if (sign == 0) return 0.0f;
-    // Scaled so that the quotient has 25 or 26 bits: two more than a float.
-    const int scale = 25 + integer_bits(denominator, n) - integer_bits(numerator, n);
+    // Brought to the same number of bits, and divided bit by bit to 25 or 26 bits: two more than a float has.
+    const int scale = integer_bits(denominator, n) - integer_bits(numerator, n);
     if (scale >= 0) {
         integer_shift_up(numerator, scale, n);
-        integer_shift_up(denominator, 25, n);
     } else {
-        integer_shift_up(denominator, 25 - scale, n);
+        integer_shift_up(denominator, -scale, n);
     }
     uint quotient = 0;
+#pragma unroll 1
     for (int i = 0; i < 26; i++) {
         quotient <<= 1;
         integer_add(numerator, denominator, -1, n);
@@ -165,12 +168,12 @@ float integer_quotient(Integer* numerator, Integer* denominator, int exponent, i
         } else {
             quotient |= 1u;
         }
-        integer_halve(denominator, n);
+        integer_add(numerator, numerator, 1, n);
     }
     const bool is_inexact = !integer_is_zero(numerator, n);
-    // quotient * 2^(exponent - scale) with the bits below the float's last one dropped; subnormal floats have fewer.
+    // quotient * 2^unit with the bits below the float's last one dropped; subnormal floats have fewer.
     const int bits = 32 - (int)clz(quotient);
-    const int unit = exponent - scale;
+    const int unit = exponent - scale - 25;
     const int dropped = max(bits - 24, -149 - unit);
     if (dropped > 27) return 0.0f;
     if (unit + bits > 129) return sign > 0 ? INFINITY : -INFINITY;

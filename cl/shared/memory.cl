@@ -7,6 +7,9 @@
 //   CONSTANT_REFERENCES, CONSTANT_VERTICES  that array lies in __constant memory
 //   LEAF_ORDER           vertices and transforms are copied for each reference, in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle, not in an array of its own
+//   DEFER_DOUBTS         what only whole numbers can decide is left to a second pass over the rays or pixels that met it, so that
+//                        their many registers are not in the kernels that all others run: see DECIDE below
+//   RESOLVE_DOUBTS       the kernels are that second pass
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in the Geometry: see COUNT below
 //
 // Images cannot be members of a struct (OpenCL C 1.2, section 6.9 b), so they are parameters of their own. Every function that
@@ -65,6 +68,9 @@ typedef struct {
 #ifdef COUNT_WORK
     uint* work; // WORK_COUNTERS sums
 #endif
+#ifdef DEFER_DOUBTS
+    uint* doubt; // set to 1 when something was left undecided
+#endif
 } Geometry;
 
 // GEOMETRY_ARGUMENTS: what every tracing kernel's arguments begin with. MAKE_GEOMETRY: the Geometry made of them.
@@ -87,6 +93,11 @@ typedef struct {
 #else
 #define WORK_VALUE(sums)
 #endif
+#ifdef DEFER_DOUBTS
+#define DOUBT_VALUE , &doubt
+#else
+#define DOUBT_VALUE
+#endif
 #define SCENE_VALUES                                                                                                     \
     CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
         scene_params->scale
@@ -95,7 +106,7 @@ typedef struct {
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS                                                                                              \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #define NODE_FROM_BUFFER(geometry, index) read_imagei(nodes, IMAGE_AT(index))
@@ -110,7 +121,7 @@ typedef struct {
         __global const float4* restrict transforms,                                                                     \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) \
-    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) }
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #define NODE_FROM_BUFFER(geometry, index) ((geometry)->nodes[index])
@@ -134,6 +145,30 @@ int4 load_node(const Geometry* geometry, uint index) {
     return geometry->nodes[index];
 }
 #define NODE_RECORD(geometry, index) load_node(geometry, index)
+#endif
+
+// Doubts. Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
+//   DOUBT_FLAG         declares the flag that MAKE_GEOMETRY takes
+//   DECIDE             what `call` decides; or false, and the flag is set
+//   NOTE_DOUBT         puts an item on the list if the flag is set
+//   ITEM_OF            the item of work-item number i: in the second pass that on the list
+#define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
+#ifdef DEFER_DOUBTS
+#define DOUBT_FLAG uint doubt = 0;
+#define DECIDE(geometry, call) (*(geometry)->doubt = 1u, false)
+#define IN_DOUBT (doubt != 0u)
+#define NOTE_DOUBT(item)    \
+    if (IN_DOUBT) doubts[1u + atomic_inc(&doubts[0])] = item
+#else
+#define DOUBT_FLAG
+#define DECIDE(geometry, call) call
+#define IN_DOUBT false
+#define NOTE_DOUBT(item)
+#endif
+#ifdef RESOLVE_DOUBTS
+#define ITEM_OF(i) doubts[1u + (i)]
+#else
+#define ITEM_OF(i) (i)
 #endif
 
 // Counting (WorkCounter in src/shared.rs says what is what). A sum that outgrows 32 bits stays at the largest number. Without

@@ -22,7 +22,8 @@
 #define QUEUE_HITS 1u
 #define QUEUE_TEXTURED 2u
 #define QUEUE_PATHS 3u
-#define QUEUE_SHADOWS 4u
+#define QUEUE_RESOLVED 4u
+#define QUEUE_SHADOWS 5u
 #define COUNTERS 8u
 #define WORK_COUNTERS 9u
 #define COUNT_CAMERA_CAST 0u

@@ -16,6 +16,7 @@ mod kd;
 mod open;
 mod progress;
 mod render;
+mod stress;
 mod trace;
 mod work;
 
@@ -29,7 +30,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 done; 1 `check` found a difference above its tolerance; 2 wrong option or argument; 3 the scene or another input is \
+Exit codes: 0 done; 1 `check` found a difference above its tolerance, or `stress` a wrong answer; 2 wrong option or argument; 3 the scene or another input is \
 missing or wrong; 4 no such device, or the device failed; 5 the output could not be written.
 
 Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels (default: \
@@ -68,6 +69,8 @@ enum Command {
     Info(info::InfoArgs),
     /// List the OpenCL devices, or what is missing to have one.
     Devices(devices::DevicesArgs),
+    /// Trace hard rays whose exact answers are known, and count the wrong ones.
+    Stress(stress::StressArgs),
 }
 
 /// What to trace with.
@@ -212,6 +215,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Check(args) => check::run(&args, cli.talk),
         Command::Info(args) => info::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Devices(args) => devices::run(&args).map(|()| ExitCode::SUCCESS),
+        Command::Stress(args) => stress::run(&args, cli.talk),
     }
 }
 

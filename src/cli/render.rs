@@ -92,6 +92,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         });
     }
     stats.kernel_s = vec![result.kernel_s];
+    stats.second_pass = result.second_pass;
     stats.set_rate();
     stats.read_s = Some(result.read_s);
     stats.split = result.split;

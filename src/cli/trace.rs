@@ -127,6 +127,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         });
     }
     stats.kernel_s = result.kernel_s;
+    stats.second_pass = result.second_pass;
     stats.set_rate();
     stats.upload_s = stats.upload_s.map(|s| s + result.upload_s);
     stats.read_s = Some(result.read_s);

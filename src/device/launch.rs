@@ -75,6 +75,31 @@ impl<'k> Arguments<'k> {
     }
 }
 
+/// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part. Returns
+/// seconds of device time.
+pub(super) fn launch(
+    kernel: &mut Kernel,
+    plan: &mut LaunchPlan,
+    (total, work_group): (usize, usize),
+    mut progress: impl FnMut(usize),
+) -> Result<f64> {
+    let bounds = kernel.arg_count() - 2;
+    let mut seconds = 0.0;
+    let mut first = 0;
+    while first < total {
+        let items = plan.next(total - first, work_group);
+        kernel.set_arg(bounds, first as u32)?;
+        kernel.set_arg(bounds + 1, (first + items) as u32)?;
+        let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
+        let launch_s = event.wait()?;
+        plan.learn(items, launch_s);
+        seconds += launch_s;
+        first += items;
+        progress(items);
+    }
+    Ok(seconds)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -30,6 +30,7 @@ mod image;
 mod kernel;
 mod launch;
 mod list;
+mod passes;
 mod program;
 mod report;
 mod scene;

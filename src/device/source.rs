@@ -4,8 +4,6 @@
 //! ignores the directive and counts through the whole source (`<kernel>:94:34`), as Oclgrind's does (`input.cl:94:34`): the host
 //! maps such places back.
 
-use crate::options::Kernels;
-
 /// A table of kernel files: path from the crate root, text.
 macro_rules! kernel_files {
     ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../", $path)))),*] };
@@ -47,12 +45,11 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shade/scene.cl",
     "cl/shade/local_light.cl",
     "cl/shade/camera.cl",
-    "cl/kernels/trace.cl",
 ];
 
-/// What comes behind them: the kernels that render, one way or the other. Nobody waits for the compilation of the others.
-const MEGA_FILES: &[(&str, &str)] = kernel_files!["cl/kernels/render.cl"];
-const SPLIT_FILES: &[(&str, &str)] = kernel_files!["cl/kernels/split.cl"];
+/// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation of the others.
+const ENTRY_FILES: &[(&str, &str)] =
+    kernel_files!["cl/kernels/trace.cl", "cl/kernels/render.cl", "cl/kernels/split.cl"];
 
 /// Before all files: correctly rounded results must not change where the compiler may fuse a product and a sum.
 const FIRST_LINE: &str = "#pragma OPENCL FP_CONTRACT OFF\n";
@@ -70,13 +67,10 @@ pub struct ProgramSource {
 }
 
 impl ProgramSource {
-    /// The kernels that trace batches, and those that render.
-    pub fn kernels(kernels: Kernels) -> Self {
-        let rendering = match kernels {
-            Kernels::Mega => MEGA_FILES,
-            Kernels::Split => SPLIT_FILES,
-        };
-        Self::new(KERNEL_FILES.iter().chain(rendering).copied())
+    /// The kernels of `entry_files`, such as `"cl/kernels/trace.cl"`, and all that they need.
+    pub fn kernels(entry_files: &[&str]) -> Self {
+        let entries = ENTRY_FILES.iter().filter(|(path, _)| entry_files.contains(path));
+        Self::new(KERNEL_FILES.iter().chain(entries).copied())
     }
 
     /// A program of the given files: path as logs shall name it, text.

@@ -5,16 +5,19 @@ mod state;
 mod step;
 
 use super::launch::LaunchPlan;
+use super::passes::{Passes, SPLIT_FILE};
 use super::scene::DeviceScene;
 use super::tracer::{PictureBuffers, Rendered};
-use super::{Buffer, CompileOptions, DeviceContext, Program};
+use super::{Buffer, Built, CompileOptions, DeviceContext};
 use crate::error::Result;
 use crate::options::{TexturePass, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::texture_colours;
-use crate::shared::{QUEUE_ACTIVE, QUEUE_PATHS, QUEUE_SHADOWS, QUEUE_TEXTURED, RenderParams, TextureRequest};
+use crate::shared::{
+    QUEUE_ACTIVE, QUEUE_PATHS, QUEUE_RESOLVED, QUEUE_SHADOWS, QUEUE_TEXTURED, RenderParams, TextureRequest,
+};
 use crate::tracer::{Progress, SplitStats};
-use state::{Shape, State};
+use state::{Setup, Shape, State};
 use std::mem::swap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,10 +32,17 @@ pub(super) struct SplitPipeline {
     light: Step,
     shadow: Step,
     film: Step,
-    light_count: u32,
-    paths_in_flight: Option<u32>,
+    /// What traces the rays that the first pass leaves in doubt, if it leaves any.
+    second: Option<SecondPass>,
+    setup: Setup,
     /// The scene, where the host evaluates its textures.
     host_textures: Option<Arc<SceneBuffers>>,
+}
+
+/// Tracing again.
+struct SecondPass {
+    trace: Step,
+    shadow: Step,
 }
 
 /// A picture on its way.
@@ -65,26 +75,50 @@ impl SplitPipeline {
         compile.define("HOST_TEXTURES", u32::from(options.textures == TexturePass::HostPass))
     }
 
-    pub fn new(program: &Program, buffers: &Arc<SceneBuffers>, options: &TraceOptions) -> Result<Self> {
-        let step = |name: &str| Step::new(program, name, false);
-        let tracing_step = |name: &str| Step::new(program, name, true);
+    /// Takes the kernels of `built`, the first of the `passes`; compiles the second, too, and adds what that takes.
+    pub fn new(
+        context: &DeviceContext,
+        passes: &Passes,
+        built: &mut Built,
+        buffers: &Arc<SceneBuffers>,
+        options: &TraceOptions,
+    ) -> Result<Self> {
+        let mut second = None;
+        if passes.defers {
+            // Now, not at the first doubt: whether there is one only the device knows while it renders.
+            let second_built = passes.second_program(context, SPLIT_FILE)?;
+            built.compile_s += second_built.compile_s;
+            built.notes.extend(second_built.notes);
+            second = Some(SecondPass {
+                trace: Step::new(&second_built.program, "split_trace", true)?,
+                shadow: Step::new(&second_built.program, "split_shadow", true)?,
+            });
+        }
+        let step = |name: &str, traces: bool| Step::new(&built.program, name, traces);
+        let host_textures = options.textures == TexturePass::HostPass;
         Ok(SplitPipeline {
-            camera: step("split_camera")?,
-            trace: tracing_step("split_trace")?,
-            request: step("split_request")?,
-            shade: step("split_shade")?,
-            light: step("split_light")?,
-            shadow: tracing_step("split_shadow")?,
-            film: step("split_film")?,
-            light_count: buffers.params.light_count,
-            paths_in_flight: options.paths_in_flight,
-            host_textures: (options.textures == TexturePass::HostPass).then(|| buffers.clone()),
+            camera: step("split_camera", false)?,
+            trace: step("split_trace", true)?,
+            request: step("split_request", false)?,
+            shade: step("split_shade", false)?,
+            light: step("split_light", false)?,
+            shadow: step("split_shadow", true)?,
+            film: step("split_film", false)?,
+            second,
+            setup: Setup {
+                lights: buffers.params.light_count as usize,
+                host_textures,
+                defers: passes.defers,
+                paths_in_flight: options.paths_in_flight,
+            },
+            host_textures: host_textures.then(|| buffers.clone()),
         })
     }
 
-    fn steps(&mut self) -> [&mut Step; 7] {
-        let SplitPipeline { camera, trace, request, shade, light, shadow, film, .. } = self;
-        [camera, trace, request, shade, light, shadow, film]
+    fn steps(&mut self) -> impl Iterator<Item = &mut Step> {
+        let SplitPipeline { camera, trace, request, shade, light, shadow, film, second, .. } = self;
+        let second = second.iter_mut().flat_map(|second| [&mut second.trace, &mut second.shadow]);
+        [camera, trace, request, shade, light, shadow, film].into_iter().chain(second)
     }
 
     /// Renders a picture; `first_items`: of the first launch of each kernel.
@@ -97,8 +131,7 @@ impl SplitPipeline {
         (first_items, work_group): (usize, usize),
         progress: Progress,
     ) -> Result<Rendered> {
-        let (lights, host_textures) = (self.light_count as usize, self.host_textures.is_some());
-        let shape = Shape::new(context, params, lights, host_textures, self.paths_in_flight);
+        let shape = Shape::new(context, params, self.setup);
         let state = State::new(context, &shape)?;
         for step in self.steps() {
             state.set_arguments(step, scene, picture)?;
@@ -109,7 +142,7 @@ impl SplitPipeline {
             work_group,
             plan: LaunchPlan::starting_with(first_items),
             uncounted: 0,
-            rendered: Rendered::default(),
+            rendered: Rendered { second_pass: self.setup.defers.then_some(0), ..Rendered::default() },
             stats: SplitStats { paths_in_flight: shape.slots, ..SplitStats::default() },
         };
         let pixels = params.width as usize * params.height as usize;
@@ -145,21 +178,28 @@ impl SplitPipeline {
             let tracing_s = self.wait(run)?;
             let shadow_rays: usize = lengths[QUEUE_SHADOWS as usize..].iter().map(|&n| n as usize).sum();
             run.plan.learn_from_several(largest, traced + shadow_rays, tracing_s);
+            if let Some(resolved) = &mut run.rendered.second_pass {
+                *resolved += u64::from(lengths[QUEUE_RESOLVED as usize]);
+            }
             active = lengths[QUEUE_ACTIVE as usize] as usize;
             progress(lengths[QUEUE_PATHS as usize] as usize, active);
             if active == 0 {
                 return Ok(());
             }
-            run.take_counts(active * (1 + self.light_count as usize))?;
+            run.take_counts(active * (1 + self.setup.lights))?;
             run.stats.waves += 1;
             traced = active;
             swap(&mut queue, &mut other_queue);
             self.set_queues(queue, other_queue)?;
             largest = self.trace.launch(&run.plan, active, run.work_group)?;
+            if let Some(second) = &mut self.second {
+                second.trace.launch(&run.plan, active, run.work_group)?;
+            }
             self.evaluate_textures(run, active)?;
             self.shade.launch(&run.plan, active, run.work_group)?;
-            for light in 0..self.light_count {
-                for step in [&mut self.light, &mut self.shadow] {
+            for light in 0..self.setup.lights as u32 {
+                let second = self.second.as_mut().map(|second| &mut second.shadow);
+                for step in [&mut self.light, &mut self.shadow].into_iter().chain(second) {
                     step.set(Late::Light, light)?;
                     // Only the device knows how long their lists are; items behind the end have nothing to do.
                     step.launch(&run.plan, active, run.work_group)?;

@@ -1,13 +1,14 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
+use super::passes::{Doubts, Entry, Passes};
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
-use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, ProgramSource, build};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel};
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Kernels, TraceOptions};
+use crate::options::{Intersector, Kernels, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, TraceJob, TraceResult, Tracer};
@@ -15,12 +16,6 @@ use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// What renders.
-enum Rendering {
-    Mega(Kernel),
-    Split(Box<SplitPipeline>),
-}
 
 /// What every rendering kernel takes beside the scene.
 pub(super) struct PictureBuffers {
@@ -62,6 +57,7 @@ impl PictureBuffers {
 pub(super) struct Rendered {
     pub counts: [u64; COUNTERS],
     pub kernel_s: f64,
+    pub second_pass: Option<u64>,
     pub split: Option<SplitStats>,
 }
 
@@ -69,10 +65,9 @@ pub(super) struct Rendered {
 pub struct OpenClTracer {
     context: DeviceContext,
     scene: DeviceScene,
-    rendering: Rendering,
-    trace_closest: Kernel,
-    trace_any: Kernel,
-    trace_next: Kernel,
+    passes: Passes,
+    /// What renders in place of the mega-kernel, if it was asked for.
+    split: Option<Box<SplitPipeline>>,
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
@@ -110,7 +105,13 @@ impl OpenClTracer {
             Kernels::Split => SplitPipeline::define(compile_options, options),
         };
         let compile_options = DeviceScene::define(compile_options, buffers, options);
-        let built = build(&context, &ProgramSource::kernels(options.kernels), &compile_options, cache)?;
+        // Kernels that count keep the rare decisions: what they count is the point, not their speed.
+        let defers = options.intersector == Intersector::Exact && !options.counters;
+        let (passes, mut built) = Passes::new(&context, options.kernels, compile_options, defers, cache)?;
+        let split = match options.kernels {
+            Kernels::Mega => None,
+            Kernels::Split => Some(Box::new(SplitPipeline::new(&context, &passes, &mut built, buffers, options)?)),
+        };
 
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
@@ -120,13 +121,8 @@ impl OpenClTracer {
             _ => (16, FIRST_ITEMS),
         };
         Ok(OpenClTracer {
-            rendering: match options.kernels {
-                Kernels::Mega => Rendering::Mega(built.program.kernel("render")?),
-                Kernels::Split => Rendering::Split(Box::new(SplitPipeline::new(&built.program, buffers, options)?)),
-            },
-            trace_closest: built.program.kernel("trace_closest")?,
-            trace_any: built.program.kernel("trace_any")?,
-            trace_next: built.program.kernel("trace_next")?,
+            passes,
+            split,
             trace_plan: LaunchPlan::starting_with(first_items),
             first_items,
             counters: options.counters,
@@ -142,31 +138,6 @@ impl OpenClTracer {
     /// Room for `count` work records, if the kernels count.
     fn work_buffer<T: Pod>(&self, count: usize) -> Result<Option<Buffer<T>>> {
         self.counters.then(|| Buffer::empty(&self.context, "work records", count)).transpose()
-    }
-
-    /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part,
-    /// counted in units of `unit` items. Returns seconds of device time.
-    fn launch(
-        kernel: &mut Kernel,
-        plan: &mut LaunchPlan,
-        (total, unit, work_group): (usize, usize, usize),
-        mut progress: impl FnMut(usize),
-    ) -> Result<f64> {
-        let bounds = kernel.arg_count() - 2;
-        let mut seconds = 0.0;
-        let mut first = 0;
-        while first < total {
-            let items = plan.next(total - first, unit.max(work_group));
-            kernel.set_arg(bounds, (first / unit) as u32)?;
-            kernel.set_arg(bounds + 1, (first + items).div_ceil(unit) as u32)?;
-            let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
-            let launch_s = event.wait()?;
-            plan.learn(items, launch_s);
-            seconds += launch_s;
-            first += items;
-            progress(items);
-        }
-        Ok(seconds)
     }
 }
 
@@ -199,27 +170,36 @@ impl Tracer for OpenClTracer {
         self.context.finish()?;
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
-        let first_kernel = if job.any_hit { &mut self.trace_any } else { &mut self.trace_closest };
-        self.scene.geometry_arguments(first_kernel)?.set(&rays)?.set(&hits)?.set_work(&ray_work)?;
-        self.scene
-            .geometry_arguments(&mut self.trace_next)?
-            .set(&directions)?
-            .set(&hits)?
-            .set(&next_hits)?
-            .set_work(&next_work)?;
+        let doubts = Doubts::new(&self.context, self.passes.defers, total)?;
+        let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
+        let first_entry = if job.any_hit { Entry::TraceAny } else { Entry::TraceClosest };
+        let set_first = |kernel: &mut Kernel| {
+            scene
+                .geometry_arguments(kernel)?
+                .set(&rays)?
+                .set(&hits)?
+                .set_work(&ray_work)?
+                .set(&doubts.items)
+                .map(|_| ())
+        };
+        let set_next = |kernel: &mut Kernel| {
+            let arguments = scene.geometry_arguments(kernel)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+            arguments.set_work(&next_work)?.set(&doubts.items).map(|_| ())
+        };
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
-            let shape = (total, 1, self.work_group);
-            let mut seconds = Self::launch(first_kernel, &mut self.trace_plan, shape, |items| {
+            let shape = (total, *work_group);
+            let mut seconds = passes.run(context, first_entry, &set_first, trace_plan, shape, &doubts, |items| {
                 done += items;
                 progress(done as f64 / work);
             })?;
             if job.next_directions.is_some() {
-                seconds += Self::launch(&mut self.trace_next, &mut self.trace_plan, shape, |_| ())?;
+                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape, &doubts, |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
+        result.second_pass = doubts.resolved();
 
         let start = Instant::now();
         result.hits = hits.read()?;
@@ -234,44 +214,49 @@ impl Tracer for OpenClTracer {
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.width as usize * params.height as usize)?;
         let shape = (self.first_items, self.work_group);
-        let rendered = match &mut self.rendering {
-            Rendering::Mega(kernel) => {
-                picture.arguments(&self.scene, kernel)?.set_work(&work)?;
-                render_mega(kernel, &picture, params, shape, progress)?
-            }
-            Rendering::Split(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
+        let rendered = match &mut self.split {
+            Some(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
+            None => self.render_mega(&picture, &work, params, progress)?,
         };
-        let Rendered { counts, kernel_s, split } = rendered;
+        let Rendered { counts, kernel_s, second_pass, split } = rendered;
 
         let start = Instant::now();
         let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
         let film = Film { width: params.width, height: params.height, pixels };
         let work = work.map(|work| work.read()).transpose()?;
-        Ok(RenderResult { film, counts, work, kernel_s, read_s: start.elapsed().as_secs_f64(), split })
+        let read_s = start.elapsed().as_secs_f64();
+        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split })
     }
 }
 
-/// Renders with the mega-kernel, whose arguments are set but for those of the launch; `first_items`: of the first launch.
-fn render_mega(
-    kernel: &mut Kernel,
-    picture: &PictureBuffers,
-    params: &RenderParams,
-    (first_items, work_group): (usize, usize),
-    progress: Progress,
-) -> Result<Rendered> {
-    let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
-    let tile_items = (TILE_SIDE * TILE_SIDE) as usize;
-    let items = tiles * tile_items;
-    let mut rendered = Rendered::default();
-    let mut done = 0;
-    let mut failed = None;
-    // A work-item traces all samples of its pixel.
-    let mut plan = LaunchPlan::starting_with(first_items / (params.sample_count as usize).max(1));
-    rendered.kernel_s = OpenClTracer::launch(kernel, &mut plan, (items, tile_items, work_group), |launched| {
-        done += launched;
-        progress(done as f64 / items as f64);
-        // After every launch, because a 32-bit counter could overflow over a whole picture.
-        failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
-    })?;
-    failed.map_or(Ok(rendered), Err)
+impl OpenClTracer {
+    /// Renders with the mega-kernel.
+    fn render_mega(
+        &mut self,
+        picture: &PictureBuffers,
+        work: &Option<Buffer<PixelWork>>,
+        params: &RenderParams,
+        progress: Progress,
+    ) -> Result<Rendered> {
+        let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
+        let items = tiles * (TILE_SIDE * TILE_SIDE) as usize;
+        let doubts = Doubts::new(&self.context, self.passes.defers, items)?;
+        let OpenClTracer { context, scene, passes, .. } = self;
+        let set =
+            |kernel: &mut Kernel| picture.arguments(scene, kernel)?.set_work(work)?.set(&doubts.items).map(|_| ());
+        let mut rendered = Rendered::default();
+        let mut done = 0;
+        let mut failed = None;
+        // A work-item traces all samples of its pixel.
+        let mut plan = LaunchPlan::starting_with(self.first_items / (params.sample_count as usize).max(1));
+        rendered.kernel_s =
+            passes.run(context, Entry::Render, &set, &mut plan, (items, self.work_group), &doubts, |launched| {
+                done += launched;
+                progress((done as f64 / items as f64).min(1.0));
+                // After every launch, because a 32-bit counter could overflow over a whole picture.
+                failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
+            })?;
+        rendered.second_pass = doubts.resolved();
+        failed.map_or(Ok(rendered), Err)
+    }
 }

@@ -98,17 +98,13 @@ impl Integer {
     pub fn shift_up(&mut self, shift: usize, n: usize) {
         let (limbs, bits) = (shift / 32, shift % 32);
         for i in (0..n).rev() {
-            let high = if i >= limbs { self.limbs[i - limbs] } else { 0 };
-            let low = if i > limbs { self.limbs[i - limbs - 1] } else { 0 };
-            self.limbs[i] = if bits == 0 { high } else { high << bits | low >> (32 - bits) };
+            self.limbs[i] = if i >= limbs { self.limbs[i - limbs] } else { 0 };
         }
-    }
-
-    fn halve(&mut self, n: usize) {
-        for i in 0..n {
-            let negative = if self.is_negative(n) { u32::MAX } else { 0 };
-            let above = if i + 1 < n { self.limbs[i + 1] } else { negative };
-            self.limbs[i] = self.limbs[i] >> 1 | above << 31;
+        let mut carry = 0;
+        for limb in &mut self.limbs[..n] {
+            carry += u64::from(*limb) << bits;
+            *limb = carry as u32;
+            carry >>= 32;
         }
     }
 }
@@ -142,12 +138,11 @@ pub fn integer_quotient(mut numerator: Integer, mut denominator: Integer, expone
     if sign == 0 {
         return 0.0;
     }
-    let scale = 25 + denominator.bits(n) - numerator.bits(n);
+    let scale = denominator.bits(n) - numerator.bits(n);
     if scale >= 0 {
         numerator.shift_up(scale as usize, n);
-        denominator.shift_up(25, n);
     } else {
-        denominator.shift_up((25 - scale) as usize, n);
+        denominator.shift_up(-scale as usize, n);
     }
     let mut quotient = 0u32;
     for _ in 0..26 {
@@ -158,11 +153,12 @@ pub fn integer_quotient(mut numerator: Integer, mut denominator: Integer, expone
         } else {
             quotient |= 1;
         }
-        denominator.halve(n);
+        let once = numerator;
+        numerator.add(&once, 1, n);
     }
     let is_inexact = !numerator.is_zero(n);
     let bits = 32 - quotient.leading_zeros() as i32;
-    let unit = exponent - scale;
+    let unit = exponent - scale - 25;
     let dropped = (bits - 24).max(-149 - unit);
     if dropped > 27 {
         return 0.0;

@@ -272,6 +272,7 @@ impl Tracer for ReferenceTracer {
             })
             .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
         let film = Film { width: params.width, height: params.height, pixels };
-        Ok(RenderResult { film, counts, work, kernel_s: start.elapsed().as_secs_f64(), read_s: 0.0, split: None })
+        let kernel_s = start.elapsed().as_secs_f64();
+        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None })
     }
 }

@@ -14,8 +14,10 @@ pub const QUEUE_HITS: u32 = 1;
 pub const QUEUE_TEXTURED: u32 = 2;
 /// Paths of the batch that were given to slots; slots that came too late count, too.
 pub const QUEUE_PATHS: u32 = 3;
+/// Rays of the wave that the second pass traced.
+pub const QUEUE_RESOLVED: u32 = 4;
 /// Shadow rays towards the first light; the other lights' follow.
-pub const QUEUE_SHADOWS: u32 = 4;
+pub const QUEUE_SHADOWS: u32 = 5;
 
 device_struct! {
     /// A slot follows one path after the other: a sample of a pixel and all the rays that come of it.

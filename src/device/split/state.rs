@@ -17,18 +17,29 @@ const STATE_BYTES: u64 = 256 << 20;
 /// slots run out of work.
 const PATHS_PER_SLOT: usize = 16;
 
+/// What the kernels were made for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Setup {
+    pub lights: usize,
+    /// Whether the host evaluates textures.
+    pub host_textures: bool,
+    /// Whether there is a second pass.
+    pub defers: bool,
+    /// The paths in flight that were asked for.
+    pub paths_in_flight: Option<u32>,
+}
+
 /// How much there is of everything.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
+    setup: Setup,
     /// Paths that are followed at a time.
     pub slots: usize,
     /// Pixels of a batch.
     pub batch_pixels: usize,
     /// Pending rays of a path.
-    pub depth: usize,
+    depth: usize,
     pub samples: usize,
-    pub lights: usize,
-    pub host_textures: bool,
 }
 
 impl Shape {
@@ -36,25 +47,19 @@ impl Shape {
     fn slot_bytes(&self) -> (u64, u64) {
         let rays = self.depth * size_of::<SplitRay>();
         let path_radiance = PATHS_PER_SLOT * size_of::<Float4>();
-        let request = if self.host_textures { size_of::<TextureRequest>() + size_of::<Float4>() } else { 0 };
+        let request = if self.setup.host_textures { size_of::<TextureRequest>() + size_of::<Float4>() } else { 0 };
         let state = size_of::<SplitSlot>() + size_of::<Hit>() + size_of::<SplitSurface>() + size_of::<SplitYield>();
-        let shadow_and_queues = size_of::<SplitShadow>() + 2 * size_of::<u32>();
-        let all = rays + path_radiance + request + state + shadow_and_queues;
+        let shadow_and_lists = size_of::<SplitShadow>() + 3 * size_of::<u32>();
+        let all = rays + path_radiance + request + state + shadow_and_lists;
         (all as u64, rays.max(path_radiance) as u64)
     }
 
-    /// For a picture: as many slots as the device has memory for, unless so many are `wanted`; never more than paths.
-    pub fn new(
-        context: &DeviceContext,
-        params: &RenderParams,
-        lights: usize,
-        host_textures: bool,
-        wanted: Option<u32>,
-    ) -> Self {
+    /// For a picture: as many slots as the device has memory for, unless a number was asked for; never more than paths.
+    pub fn new(context: &DeviceContext, params: &RenderParams, setup: Setup) -> Self {
         let (pixels, samples) = (params.width as usize * params.height as usize, params.sample_count as usize);
         // A ray at the depth limit leaves no others, and each one before leaves one more than it was itself.
         let depth = params.max_depth.max(1) as usize;
-        let mut shape = Shape { slots: 0, batch_pixels: 0, depth, samples, lights, host_textures };
+        let mut shape = Shape { setup, slots: 0, batch_pixels: 0, depth, samples };
         let (all_bytes, largest_bytes) = shape.slot_bytes();
         let info = context.info();
         let known = |limit: u64| if limit == 0 { u64::MAX } else { limit };
@@ -62,7 +67,7 @@ impl Shape {
         let fitting = (STATE_BYTES.min(free_bytes) / all_bytes).min(known(info.max_alloc_bytes) / largest_bytes);
         // Every slot asks for paths once more than there are some in the batch, and the number of these has 32 bits.
         let countable = u32::MAX as usize / (PATHS_PER_SLOT + 1);
-        let slots = wanted.map_or(fitting as usize, |wanted| wanted as usize).clamp(1, countable);
+        let slots = setup.paths_in_flight.map_or(fitting as usize, |wanted| wanted as usize).clamp(1, countable);
         shape.slots = slots.min(pixels * samples);
         shape.batch_pixels = (PATHS_PER_SLOT * slots / samples.max(1)).clamp(1, pixels.max(1));
         shape
@@ -80,13 +85,14 @@ pub(super) struct State {
     pub colours: Buffer<Float4>,
     path_radiance: Buffer<Float4>,
     pub lengths: Buffer<u32>,
+    doubts: Buffer<u32>,
     pub queues: [Buffer<u32>; 2],
 }
 
 impl State {
     pub fn new(context: &DeviceContext, shape: &Shape) -> Result<Self> {
         let slots = shape.slots;
-        let requests = if shape.host_textures { slots } else { 0 };
+        let requests = if shape.setup.host_textures { slots } else { 0 };
         let idle = SplitSlot { path: NO_PATH, ..SplitSlot::default() };
         Ok(State {
             slots: Buffer::read_write(context, "paths in flight", &vec![idle; slots])?,
@@ -98,7 +104,8 @@ impl State {
             requests: Buffer::empty(context, "texture requests", requests)?,
             colours: Buffer::empty(context, "texture colours", requests)?,
             path_radiance: Buffer::empty(context, "radiance of paths", shape.batch_pixels * shape.samples)?,
-            lengths: Buffer::empty(context, "lengths of queues", QUEUE_SHADOWS as usize + shape.lights)?,
+            lengths: Buffer::empty(context, "lengths of queues", QUEUE_SHADOWS as usize + shape.setup.lights)?,
+            doubts: Buffer::empty(context, "rays in doubt", if shape.setup.defers { slots + 1 } else { 1 })?,
             queues: [Buffer::empty(context, "queue", slots)?, Buffer::empty(context, "other queue", slots)?],
         })
     }
@@ -117,6 +124,7 @@ impl State {
             .set(&self.colours)?
             .set(&self.path_radiance)?
             .set(&self.lengths)?
+            .set(&self.doubts)?
             .set(self.slots.len() as u32)?;
         Ok(())
     }

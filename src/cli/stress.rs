@@ -1,0 +1,297 @@
+//! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
+
+use super::{DeviceArgs, MethodArgs, Talk, open};
+use raybrook::device::{Cache, DeviceHandle};
+use raybrook::options::{Intersector, TraceOptions};
+use raybrook::output::{check_writable, write_json};
+use raybrook::shared::{Hit, NO_PRIMITIVE};
+use raybrook::stress::{Answers, Case, Fault, Found, Kind, Method, Replay};
+use raybrook::{Error, Result};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+#[derive(clap::Args)]
+pub struct StressArgs {
+    /// Kinds of rays, or all; --list lists them.
+    #[arg(value_name = "KIND", default_value = "all")]
+    kinds: Vec<String>,
+    /// List the kinds.
+    #[arg(long)]
+    list: bool,
+    /// Which rays: the same number makes the same ones everywhere.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Rays of each kind.
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    rays: u32,
+    /// Judge every triangle test as strictly as `exact`: lowest number of equally near triangles, t the nearest float, u and v within
+    /// 2 ulp. Else others may be off by what float32 cannot do better.
+    #[arg(long)]
+    strict: bool,
+    /// A table of several methods. Without names: every triangle test, structure, build and traversal; else names of these, joined
+    /// by + where several are meant, such as exact,grid+watertight,median+restart.
+    #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, value_delimiter = ',', default_missing_value = "")]
+    methods: Option<Vec<String>>,
+    /// Trace these rays through this model (.obj, .ply, .stl) instead, such as --write wrote them or any others.
+    #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["list", "seed", "rays", "methods", "write"])]
+    replay: Option<Vec<PathBuf>>,
+    /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.
+    #[arg(long, value_name = "DIR")]
+    write: Option<PathBuf>,
+    /// Write the counts to a JSON file.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Wrong answers of one method to the rays of one kind.
+#[derive(Serialize)]
+struct Row {
+    kind: String,
+    rays: usize,
+    wrong: usize,
+    /// By [`Fault::ALL`].
+    faults: serde_json::Map<String, serde_json::Value>,
+}
+
+/// Wrong answers of one method.
+#[derive(Serialize)]
+struct Sheet {
+    method: String,
+    options: TraceOptions,
+    strict: bool,
+    rays: usize,
+    wrong: usize,
+    wrong_per_million: f64,
+    kinds: Vec<Row>,
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+struct Report {
+    seed: Option<u64>,
+    device: String,
+    methods: Vec<Sheet>,
+}
+
+/// Where and how to trace.
+struct Run<'a> {
+    args: &'a StressArgs,
+    talk: Talk,
+    device: Option<DeviceHandle>,
+    cache: Option<Cache>,
+}
+
+pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
+    if args.list {
+        for kind in Kind::all() {
+            say!("{:16} {}", kind.name, kind.about);
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    let options = args.method.options()?;
+    let methods = match &args.methods {
+        None => vec![Method { name: options.intersector.name().into(), options }],
+        Some(names) if names.iter().all(String::is_empty) => Method::all(options),
+        Some(names) => names.iter().map(|name| Method::parse(name, options)).collect::<Result<_>>()?,
+    };
+    let kinds = chosen_kinds(&args.kinds)?;
+    args.json.as_deref().map_or(Ok(()), check_writable)?;
+    let device = open::choose(&args.device, talk)?;
+    let cache = if args.device.no_cache { None } else { Cache::open() };
+    let run = Run { args, talk, device, cache };
+    let mut sheets: Vec<Sheet> = methods.iter().map(|method| run.sheet(method)).collect();
+    match &args.replay {
+        Some(files) => run.replay(files, &methods[0], &mut sheets[0])?,
+        None => run.all_kinds(&kinds, &methods, &mut sheets)?,
+    }
+    let wrong: usize = sheets.iter().map(|sheet| sheet.wrong).sum();
+    if let Some(path) = &args.json {
+        let device = run.device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
+        write_json(path, &Report { seed: args.replay.is_none().then_some(args.seed), device, methods: sheets })?;
+    }
+    Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn chosen_kinds(names: &[String]) -> Result<Vec<&'static Kind>> {
+    if names.iter().any(|name| name == "all") {
+        return Ok(Kind::all().collect());
+    }
+    names.iter().map(|name| Kind::find(name)).collect()
+}
+
+impl Run<'_> {
+    fn sheet(&self, method: &Method) -> Sheet {
+        Sheet {
+            method: method.name.clone(),
+            options: method.options,
+            // The exact test promises as much.
+            strict: self.args.strict || method.options.intersector == Intersector::Exact,
+            rays: 0,
+            wrong: 0,
+            wrong_per_million: 0.0,
+            kinds: Vec::new(),
+        }
+    }
+
+    fn all_kinds(&self, kinds: &[&Kind], methods: &[Method], sheets: &mut [Sheet]) -> Result<()> {
+        let table = Table { methods, is_wide: self.args.methods.is_some() };
+        let mut commands = Vec::new();
+        if !self.talk.quiet {
+            table.say_head();
+        }
+        for kind in kinds {
+            let case = kind.case(self.args.seed, self.args.rays as usize);
+            let answers = Answers::new(&case);
+            for (method, sheet) in methods.iter().zip(&mut *sheets) {
+                let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
+                let faults = found.faults(&answers, sheet.strict);
+                sheet.add(kind.name, case.rays.len(), &faults);
+                if let Some(folder) = self.args.write.as_deref().filter(|_| !faults.is_empty()) {
+                    commands.push(self.write(folder, kind, &case, method, &faults)?);
+                }
+            }
+            if !self.talk.quiet {
+                table.say_row(kind.name, sheets.iter().filter_map(|sheet| sheet.kinds.last()));
+            }
+        }
+        if !self.talk.quiet {
+            table.say_foot(sheets);
+            for command in &commands {
+                say!("{command}");
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the rays that went wrong, and tells how to trace them again.
+    fn write(
+        &self,
+        folder: &Path,
+        kind: &Kind,
+        case: &Case,
+        method: &Method,
+        faults: &[(usize, Fault)],
+    ) -> Result<String> {
+        let numbers: Vec<usize> = faults.iter().map(|&(i, _)| i).collect();
+        let mesh = format!("{}-{}", kind.name, self.args.seed);
+        let rays = format!("{mesh}-{}", method.name);
+        let replay = Replay::write(folder, case, &numbers, &mesh, &rays)?;
+        let mut words = vec!["raybrook stress --replay".to_owned()];
+        words.extend([&replay.mesh, &replay.rays].map(|path| path.display().to_string()));
+        words.extend(method.arguments());
+        words.extend(self.args.strict.then(|| "--strict".to_owned()));
+        words.extend(self.args.device.device.iter().map(|name| format!("--device '{name}'")));
+        Ok(words.join(" "))
+    }
+
+    /// Traces rays from files and shows each answer that is wrong beside the exact one.
+    fn replay(&self, files: &[PathBuf], method: &Method, sheet: &mut Sheet) -> Result<()> {
+        let [mesh, rays] = files else {
+            return Err(Error::option("--replay", "needs a model and a file of rays"));
+        };
+        let case = Replay { mesh: mesh.clone(), rays: rays.clone() }.read()?;
+        let answers = Answers::new(&case);
+        let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
+        let faults = found.faults(&answers, sheet.strict);
+        sheet.add(&rays.display().to_string(), case.rays.len(), &faults);
+        if self.talk.quiet {
+            return Ok(());
+        }
+        for &(i, fault) in &faults {
+            let (exact, exact_next) = answers.rounded(i);
+            say!("ray {i}: {}", fault.name());
+            say!("  exact  {}", in_words(&exact));
+            say!("  found  {}", in_words(&found.hits[i]));
+            if let (Some(exact), Some(hits)) = (exact_next, &found.next_hits) {
+                say!("  exact second  {}", in_words(&exact));
+                say!("  found second  {}", in_words(&hits[i]));
+            }
+        }
+        say!("{} of {} rays wrong", sheet.wrong, sheet.rays);
+        Ok(())
+    }
+}
+
+fn in_words(hit: &Hit) -> String {
+    if hit.primitive == NO_PRIMITIVE {
+        return "miss".into();
+    }
+    format!("triangle {} t {:e} u {:e} v {:e}", hit.primitive, hit.t, hit.u, hit.v)
+}
+
+impl Sheet {
+    fn add(&mut self, kind: &str, rays: usize, faults: &[(usize, Fault)]) {
+        let count = |sort: Fault| faults.iter().filter(|&&(_, fault)| fault == sort).count();
+        self.kinds.push(Row {
+            kind: kind.to_owned(),
+            rays,
+            wrong: faults.len(),
+            faults: Fault::ALL.iter().map(|&sort| (sort.name().to_owned(), count(sort).into())).collect(),
+        });
+        self.rays += rays;
+        self.wrong += faults.len();
+        self.wrong_per_million = 1e6 * self.wrong as f64 / self.rays as f64;
+    }
+}
+
+/// Counts in columns: the sorts of one method's faults, or wrong answers by method.
+struct Table<'a> {
+    methods: &'a [Method],
+    is_wide: bool,
+}
+
+impl Table<'_> {
+    const SORT_WIDTH: usize = 7;
+
+    fn method_width(method: &Method) -> usize {
+        method.name.chars().count().max(Self::SORT_WIDTH)
+    }
+
+    fn say_head(&self) {
+        let columns: String = if self.is_wide {
+            self.methods.iter().map(|m| format!(" {:>1$}", m.name, Self::method_width(m))).collect()
+        } else {
+            Fault::ALL.iter().map(|sort| format!(" {:>1$}", sort.name(), Self::SORT_WIDTH)).collect()
+        };
+        let wrong = if self.is_wide { "" } else { "   wrong" };
+        say!("{:16} {:>8}{wrong}{columns}", "kind", "rays");
+    }
+
+    fn say_row<'r>(&self, kind: &str, rows: impl Iterator<Item = &'r Row>) {
+        let mut line = String::new();
+        for (row, method) in rows.zip(self.methods) {
+            if line.is_empty() {
+                line = format!("{kind:16} {:>8}", row.rays);
+            }
+            if self.is_wide {
+                line += &format!(" {:>1$}", row.wrong, Self::method_width(method));
+            } else {
+                line += &format!(" {:>1$}", row.wrong, Self::SORT_WIDTH);
+                for count in row.faults.values() {
+                    let text = if *count == 0 { String::new() } else { count.to_string() };
+                    line += &format!(" {text:>0$}", Self::SORT_WIDTH);
+                }
+            }
+        }
+        say!("{}", line.trim_end());
+    }
+
+    fn say_foot(&self, sheets: &[Sheet]) {
+        if !self.is_wide {
+            let sheet = &sheets[0];
+            say!("{} wrong of {} rays, {:.1} per million", sheet.wrong, sheet.rays, sheet.wrong_per_million);
+            return;
+        }
+        let columns = |text: &dyn Fn(&Sheet) -> String| -> String {
+            let pairs = sheets.iter().zip(self.methods);
+            pairs.map(|(sheet, method)| format!(" {:>1$}", text(sheet), Self::method_width(method))).collect()
+        };
+        say!("{:25}{}", "wrong", columns(&|sheet| sheet.wrong.to_string()));
+        say!("{:25}{}", "per million", columns(&|sheet| format!("{:.0}", sheet.wrong_per_million)));
+    }
+}

@@ -1,0 +1,308 @@
+//! The exact tracer: brute force, hit or miss and nearer or farther decided as exact arithmetic has them.
+//!
+//! Floats are whole numbers times a power of two, so that everything up to t = T / D is a quotient of whole numbers ([`Ratio`]). They
+//! are slow: doubles with an error bound (a static filter; Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
+//! Geometric Predicates", Discrete & Computational Geometry 18, 1997) first discard the triangles that the ray surely misses and
+//! order the rest. It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge.
+//!
+//! Bad at: rays in the plane of many triangles, all of which need whole numbers.
+
+use super::mesh::Mesh;
+use super::ratio::{Ratio, decode};
+use glam::{DVec3, Vec3};
+use num_bigint::{BigInt, Sign};
+
+type Whole3 = [BigInt; 3];
+
+/// The largest relative error of one rounding of a double.
+const ROUNDING: f64 = f64::EPSILON / 2.0;
+/// A product of three numbers that are each off by a rounding, and the sum of six such: a difference, twice, in 2; the products of a
+/// component 1, their difference 1; the products with the third vector 1, their sum 2: gamma(7) of the same expression of
+/// magnitudes, which is itself computed, and too small by gamma(7) at most: 8 leaves room for the second order of both.
+const PRODUCT_ERROR: f64 = 8.0 * ROUNDING;
+/// The sum of three such products: two more roundings of numbers that are 1 / 8 of the bounds' sum in size, and room.
+const SUM_ERROR: f64 = 1.5;
+
+/// A ray without limits, in doubles and in whole numbers.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// Rounded.
+    pub origin: DVec3,
+    /// In units of which t counts.
+    pub direction: DVec3,
+    /// How far `origin` may be off on each axis.
+    origin_error: f64,
+    /// The exact origin is numerator / denominator * 2^unit.
+    numerator: Whole3,
+    /// Above zero.
+    denominator: BigInt,
+    unit: i32,
+    /// The direction is this times 2^direction_unit.
+    whole_direction: Whole3,
+    direction_unit: i32,
+}
+
+/// Where a line meets a triangle.
+#[derive(Debug, Clone)]
+pub struct Crossing {
+    /// The triangle.
+    pub primitive: u32,
+    /// In units of the direction.
+    pub t: Ratio,
+    /// Weight of vertex 1.
+    pub u: Ratio,
+    /// Weight of vertex 2.
+    pub v: Ratio,
+}
+
+/// The nearest crossing and the triangles that are met at exactly its t.
+#[derive(Debug, Clone)]
+pub struct Closest {
+    /// That of the lowest triangle number.
+    pub crossing: Crossing,
+    /// All of them, in ascending order.
+    pub primitives: Vec<u32>,
+}
+
+/// Limits of t.
+#[derive(Debug, Clone, Copy)]
+pub struct Interval {
+    /// No hit is nearer.
+    pub near: f32,
+    /// No hit is farther.
+    pub far: f32,
+    /// Whether a hit at `near` does not count.
+    pub is_open: bool,
+}
+
+impl Interval {
+    /// Whether exactly `t` is inside. Never when a limit is NaN.
+    pub fn contains(&self, t: &Ratio) -> bool {
+        let above = match self.near {
+            near if near.is_finite() => {
+                let near = Ratio::from_float(near.into());
+                if self.is_open { *t > near } else { *t >= near }
+            }
+            near => near == f32::NEG_INFINITY,
+        };
+        let below = match self.far {
+            far if far.is_finite() => *t <= Ratio::from_float(far.into()),
+            far => far == f32::INFINITY,
+        };
+        above && below
+    }
+}
+
+/// What doubles say of a triangle that is not surely missed: its t, if it is hit, is from `low` to `high`.
+struct Candidate {
+    primitive: u32,
+    low: f64,
+    high: f64,
+}
+
+/// The exact tracer of one mesh.
+pub struct ExactTracer {
+    /// `None`: a corner is NaN or infinite, so that the triangle does not exist.
+    triangles: Vec<Option<[DVec3; 3]>>,
+    /// All coordinates are whole multiples of 2^unit.
+    unit: i32,
+}
+
+impl ExactTracer {
+    /// A tracer of `mesh`.
+    pub fn new(mesh: &Mesh) -> ExactTracer {
+        let doubles = |i: usize| {
+            let corners = mesh.corners(i);
+            corners.iter().all(|p| p.is_finite()).then(|| corners.map(DVec3::from))
+        };
+        let triangles: Vec<_> = (0..mesh.triangles.len()).map(doubles).collect();
+        let unit = smallest_unit(triangles.iter().flatten().flatten());
+        ExactTracer { triangles, unit }
+    }
+
+    /// The corners of a triangle; `None` when it does not exist.
+    pub fn corners(&self, primitive: u32) -> Option<[DVec3; 3]> {
+        self.triangles.get(primitive as usize).copied().flatten()
+    }
+
+    /// The line of a ray; `None` when a part of it is NaN or infinite, or the direction is zero: such a ray misses everything.
+    pub fn line(&self, origin: DVec3, direction: DVec3) -> Option<Line> {
+        if !origin.is_finite() || !direction.is_finite() || direction == DVec3::ZERO {
+            return None;
+        }
+        let unit = self.unit.min(smallest_unit([&origin]));
+        let direction_unit = smallest_unit([&direction]);
+        Some(Line {
+            origin,
+            direction,
+            origin_error: 0.0,
+            numerator: whole3(origin, unit),
+            denominator: 1.into(),
+            unit,
+            whole_direction: whole3(direction, direction_unit),
+            direction_unit,
+        })
+    }
+
+    /// The line from exactly where `line` crosses a triangle; `None` as for [`ExactTracer::line`].
+    pub fn line_from(&self, line: &Line, crossing: &Crossing, direction: Vec3) -> Option<Line> {
+        let next = self.line(DVec3::ZERO, direction.as_dvec3())?;
+        // o / e 2^k + T / D d 2^l = (o D 2^(k - m) + T e d 2^(l - m)) / (e D) 2^m
+        let unit = line.unit.min(line.direction_unit);
+        let (distance, det) = (crossing.t.numerator(), crossing.t.denominator());
+        let numerator: Whole3 = std::array::from_fn(|k| {
+            let from: BigInt = (&line.numerator[k] * det) << (line.unit - unit);
+            let along: BigInt =
+                (&line.whole_direction[k] * distance * &line.denominator) << (line.direction_unit - unit);
+            from + along
+        });
+        let denominator = &line.denominator * det;
+        let rounded = |n: &BigInt| Ratio::new(n.clone(), denominator.clone(), unit).to_f64();
+        let origin = DVec3::new(rounded(&numerator[0]), rounded(&numerator[1]), rounded(&numerator[2]));
+        let origin_error = ROUNDING * origin.abs().max_element();
+        Some(Line { origin, origin_error, numerator, denominator, unit, ..next })
+    }
+
+    /// Where `line` crosses triangle `primitive`, exactly; its edges belong to it. `None` when it does not, and when it runs in the
+    /// triangle's plane.
+    pub fn crossing(&self, line: &Line, primitive: u32) -> Option<Crossing> {
+        let corners = self.corners(primitive)?;
+        // Everything in units of 2^unit / denominator.
+        let unit = line.unit.min(self.unit);
+        let to_unit = line.unit - unit;
+        let [a, b, c] = corners.map(|p| -> Whole3 {
+            let whole = whole3(p, unit);
+            std::array::from_fn(|k| &whole[k] * &line.denominator - (&line.numerator[k] << to_unit))
+        });
+        let d = &line.whole_direction;
+        let weights = [dot(d, &cross(&c, &b)), dot(d, &cross(&a, &c)), dot(d, &cross(&b, &a))];
+        let det: BigInt = weights.iter().sum();
+        let opposite = match det.sign() {
+            Sign::NoSign => return None,
+            Sign::Plus => Sign::Minus,
+            Sign::Minus => Sign::Plus,
+        };
+        if weights.iter().any(|weight| weight.sign() == opposite) {
+            return None;
+        }
+        // With N = a x b + b x c + c x a the weights' sum is -N . d, and N . a = a . (b x c).
+        let distance = -dot(&a, &cross(&b, &c));
+        let [_, weight1, weight2] = weights;
+        Some(Crossing {
+            primitive,
+            t: Ratio::new(distance, &det * &line.denominator, unit - line.direction_unit),
+            u: Ratio::new(weight1, det.clone(), 0),
+            v: Ratio::new(weight2, det, 0),
+        })
+    }
+
+    /// Whether `line` runs parallel to the plane of triangle `primitive`, or the triangle has no area or does not exist.
+    pub fn is_parallel(&self, line: &Line, primitive: u32) -> bool {
+        let Some(corners) = self.corners(primitive) else { return true };
+        let [a, b, c] = corners.map(|p| whole3(p, self.unit));
+        dot(&line.whole_direction, &cross(&minus(&b, &a), &minus(&c, &a))).sign() == Sign::NoSign
+    }
+
+    /// The nearest crossing inside of `interval` with a triangle that is not `excluded`, and that `accepts` does not refuse.
+    pub fn closest(
+        &self,
+        line: &Line,
+        interval: Interval,
+        excluded: &[u32],
+        accepts: impl Fn(&Crossing) -> bool,
+    ) -> Option<Closest> {
+        let mut candidates: Vec<Candidate> = (0..self.triangles.len() as u32)
+            .filter(|i| !excluded.contains(i))
+            .filter_map(|i| self.candidate(line, i))
+            .filter(|c| c.high >= f64::from(interval.near) && c.low <= f64::from(interval.far))
+            .collect();
+        candidates.sort_by(|a, b| a.low.total_cmp(&b.low));
+        let mut best: Option<(f64, Closest)> = None;
+        for candidate in candidates {
+            if best.as_ref().is_some_and(|(high, _)| candidate.low > *high) {
+                break; // as are all that follow
+            }
+            let Some(crossing) = self.crossing(line, candidate.primitive) else { continue };
+            if !interval.contains(&crossing.t) || !accepts(&crossing) {
+                continue;
+            }
+            let primitives = match &best {
+                Some((_, closest)) if crossing.t > closest.crossing.t => continue,
+                Some((_, closest)) if crossing.t == closest.crossing.t => closest.primitives.clone(),
+                _ => Vec::new(),
+            };
+            let closest = Closest { primitives: [primitives, vec![candidate.primitive]].concat(), crossing };
+            best = Some((candidate.high, closest));
+        }
+        let (_, mut closest) = best?;
+        closest.primitives.sort_unstable();
+        if closest.primitives[0] != closest.crossing.primitive {
+            closest.crossing = self.crossing(line, closest.primitives[0])?;
+        }
+        Some(closest)
+    }
+
+    /// What doubles know; `None` when the line surely misses the triangle.
+    fn candidate(&self, line: &Line, primitive: u32) -> Option<Candidate> {
+        let corners = self.corners(primitive)?;
+        let d = line.direction;
+        let relative = corners.map(|p| p - line.origin);
+        let [a, b, c] = relative;
+        // A difference is off by ROUNDING of itself and by the origin's error: by ROUNDING of the sum of the two.
+        let [size_a, size_b, size_c] = relative.map(|p| p.abs() + line.origin_error / ROUNDING);
+        let weights = [d.dot(c.cross(b)), d.dot(a.cross(c)), d.dot(b.cross(a))];
+        let bound = |x: DVec3, y: DVec3| PRODUCT_ERROR * d.abs().dot(size_of_cross(x, y));
+        let bounds = [bound(size_c, size_b), bound(size_a, size_c), bound(size_b, size_a)];
+        let sure = |sign: f64| weights.iter().zip(&bounds).any(|(weight, bound)| sign * weight > *bound);
+        if sure(1.0) && sure(-1.0) {
+            return None;
+        }
+        let det: f64 = weights.iter().sum();
+        let det_bound = SUM_ERROR * bounds.iter().sum::<f64>();
+        // From edges rather than from corners relative to the origin: close to each other these would cancel.
+        let (edge1, edge2) = (corners[1] - corners[0], corners[2] - corners[0]);
+        let distance = -edge1.cross(edge2).dot(a);
+        let distance_bound = PRODUCT_ERROR * size_of_cross(edge1.abs(), edge2.abs()).dot(size_a);
+        if det.abs() <= det_bound {
+            return Some(Candidate { primitive, low: f64::NEG_INFINITY, high: f64::INFINITY });
+        }
+        let t = distance / det;
+        // 1.01 for the rounding of the bound, 4 for that of the quotient and of the two limits.
+        let error = 1.01 * (distance_bound + t.abs() * det_bound) / (det.abs() - det_bound) + 4.0 * ROUNDING * t.abs();
+        Some(Candidate { primitive, low: t - error, high: t + error })
+    }
+}
+
+/// The cross product of two vectors of magnitudes if nothing cancelled.
+fn size_of_cross(a: DVec3, b: DVec3) -> DVec3 {
+    DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
+}
+
+/// The largest k such that all coordinates are whole multiples of 2^k.
+fn smallest_unit<'a>(points: impl IntoIterator<Item = &'a DVec3>) -> i32 {
+    let coordinates = points.into_iter().flat_map(|p| p.to_array());
+    coordinates.filter(|&x| x != 0.0).map(|x| decode(x).1).min().unwrap_or(0)
+}
+
+/// A vector in units of 2^unit.
+fn whole3(v: DVec3, unit: i32) -> Whole3 {
+    v.to_array().map(|x| match decode(x) {
+        (0, _) => BigInt::ZERO,
+        (significand, exponent) => BigInt::from(significand) << (exponent - unit),
+    })
+}
+
+fn minus(a: &Whole3, b: &Whole3) -> Whole3 {
+    std::array::from_fn(|k| &a[k] - &b[k])
+}
+
+fn cross(a: &Whole3, b: &Whole3) -> Whole3 {
+    std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        &a[i] * &b[j] - &a[j] * &b[i]
+    })
+}
+
+fn dot(a: &Whole3, b: &Whole3) -> BigInt {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}

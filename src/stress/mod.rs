@@ -1,0 +1,43 @@
+//! Hard cases with exact answers: which rays does a method get wrong, and how?
+//!
+//! [`Kind`]s make meshes and rays from a seed, one for each way in which a ray tracer can fail. [`Answers`] are found by brute force in
+//! exact arithmetic, and [`Answers::judge`] tells what is wrong with a tracer's. [`Found`] traces a case with any method, and [`Replay`]
+//! keeps the rays that went wrong.
+//!
+//! ```
+//! use raybrook::options::{Intersector, TraceOptions};
+//! use raybrook::stress::{Answers, Found, Kind};
+//!
+//! let case = Kind::find("edges")?.case(7, 500);
+//! let answers = Answers::new(&case);
+//! let wrong = |intersector| -> raybrook::Result<usize> {
+//!     let found = Found::new(&case, &TraceOptions { intersector, ..TraceOptions::DEFAULT }, None, None)?;
+//!     Ok(found.faults(&answers, false).len())
+//! };
+//! assert_eq!(wrong(Intersector::Exact)?, 0);
+//! assert!(wrong(Intersector::MollerTrumbore)? > 0, "rays slip through between neighbours");
+//! # Ok::<(), raybrook::Error>(())
+//! ```
+
+mod case;
+mod exact;
+mod judge;
+mod kinds;
+mod mesh;
+mod method;
+mod random;
+mod ratio;
+mod replay;
+mod run;
+mod tolerance;
+
+pub use case::{Case, StressRay};
+pub use exact::{Closest, Crossing, ExactTracer, Interval, Line};
+pub use judge::{Answers, Fault};
+pub use kinds::Kind;
+pub use mesh::Mesh;
+pub use method::Method;
+pub use random::Random;
+pub use ratio::Ratio;
+pub use replay::Replay;
+pub use run::Found;

@@ -1,0 +1,54 @@
+//! One method over one case.
+
+use super::case::Case;
+use super::judge::{Answers, Fault};
+use crate::device::{Cache, DeviceHandle};
+use crate::error::Result;
+use crate::layout::Float4;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::session::open_tracer;
+use crate::shared::Hit;
+use crate::tracer::TraceJob;
+use glam::Vec3;
+use std::sync::Arc;
+
+/// What a tracer answered, in world units.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The hits.
+    pub hits: Vec<Hit>,
+    /// Those of the second rays, if the case has some.
+    pub next_hits: Option<Vec<Hit>>,
+}
+
+impl Found {
+    /// Traces all rays of `case` on `device`, or on the reference when there is none.
+    ///
+    /// # Errors
+    /// The options contradict each other, or the device failed.
+    pub fn new(
+        case: &Case,
+        options: &TraceOptions,
+        device: Option<&DeviceHandle>,
+        cache: Option<&Cache>,
+    ) -> Result<Found> {
+        let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
+        let rays: Vec<_> =
+            case.rays.iter().map(|ray| buffers.trace_ray(ray.origin, ray.direction, ray.t_min, ray.t_max)).collect();
+        let next: Vec<_> = case.rays.iter().map(|ray| Float4::new(ray.next.unwrap_or(Vec3::ZERO), 0.0)).collect();
+        let next_directions = case.has_second_rays().then_some(&next[..]);
+        let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
+        let job = TraceJob { rays: &rays, next_directions, any_hit: false, repeat: 1 };
+        let result = tracer.trace(&job, &|_| ())?;
+        let world = |hits: Vec<Hit>| hits.into_iter().map(|hit| buffers.world_hit(hit)).collect();
+        Ok(Found { hits: world(result.hits), next_hits: result.next_hits.map(world) })
+    }
+
+    /// The rays with wrong answers, by number.
+    pub fn faults(&self, answers: &Answers, strictly: bool) -> Vec<(usize, Fault)> {
+        let next = |i: usize| self.next_hits.as_ref().map(|hits| &hits[i]);
+        let judged = self.hits.iter().enumerate().map(|(i, hit)| (i, answers.judge(i, hit, next(i), strictly)));
+        judged.filter_map(|(i, fault)| Some((i, fault?))).collect()
+    }
+}
