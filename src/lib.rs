@@ -23,14 +23,14 @@
 //! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
 //! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |
-//! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch |
+//! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `split.rs`, several a picture |
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table |
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
 //!
 //! # Invariants
 //!

@@ -191,6 +191,27 @@ methods! {
     }
 }
 
+methods! {
+    /// How the work of a picture is shared out among kernels (thesis, section 5.2.1). The pixels are the same; the reference does the
+    /// work of either in one way.
+    pub enum Kernels ("--kernels") {
+        /// One kernel does everything for a pixel.
+        Mega = "mega",
+        /// One kernel for each step of a ray, with queues in memory between them.
+        Split = "split",
+    }
+}
+
+methods! {
+    /// Who evaluates textures (thesis, section 5.2.2). The pixels are the same; on the reference both are the same, too.
+    pub enum TexturePass ("--textures") {
+        /// The kernel that shades.
+        InKernel = "in-kernel",
+        /// The host, between tracing and shading; only with [`Kernels::Split`].
+        HostPass = "host-pass",
+    }
+}
+
 impl Traversal {
     /// Whether it finds every hit. Only [`Traversal::ThesisRestart`] does not.
     pub fn is_exact(self) -> bool {
@@ -282,6 +303,15 @@ pub struct TraceOptions {
     /// How triangle tests find their vertices; [`TriangleOrder::LeafOrder`] only with [`Layout::Split`].
     #[serde(serialize_with = "as_name")]
     pub triangles: TriangleOrder,
+    /// One kernel or several for pictures; batches of rays have one kernel anyway.
+    #[serde(serialize_with = "as_name")]
+    pub kernels: Kernels,
+    /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
+    #[serde(serialize_with = "as_name")]
+    pub textures: TexturePass,
+    /// How many paths (a sample of a pixel and all rays that come of it) the split kernels follow at a time, at least 1; `None`: as
+    /// many as a device has memory for. Only with [`Kernels::Split`].
+    pub paths_in_flight: Option<u32>,
     /// Whether to count the work on every ray ([`crate::shared::WorkCounter`]), by kernels of their own: nothing else changes.
     #[serde(skip_serializing_if = "is_off")]
     pub counters: bool,
@@ -317,6 +347,9 @@ impl TraceOptions {
         layout: Layout::Split,
         node_order: NodeOrder::Preorder,
         triangles: TriangleOrder::Indexed,
+        kernels: Kernels::Mega,
+        textures: TexturePass::InKernel,
+        paths_in_flight: None,
         counters: false,
     };
 
@@ -383,6 +416,29 @@ impl TraceOptions {
             let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: --layout split";
             return Err(Error::option("--triangles", reason));
         }
+        self.check_split()
+    }
+
+    /// Checks what only the split kernels know.
+    fn check_split(&self) -> Result<()> {
+        if self.paths_in_flight == Some(0) {
+            return Err(Error::option("--paths-in-flight", "must be at least 1"));
+        }
+        if self.kernels == Kernels::Split {
+            let reason = "only the mega-kernel counts work, and rays take the same in either; nearest: --kernels mega";
+            return if self.counters { Err(Error::option("--counters", reason)) } else { Ok(()) };
+        }
+        if self.textures == TexturePass::HostPass {
+            let reason =
+                "the mega-kernel does not stop between hit and shading; nearest: --kernels split --textures host-pass";
+            return Err(Error::option("--textures", reason));
+        }
+        if let Some(pixels) = self.paths_in_flight {
+            let reason = format!(
+                "the mega-kernel has as many as the device runs work-items; nearest: --kernels split --paths-in-flight {pixels}"
+            );
+            return Err(Error::option("--paths-in-flight", reason));
+        }
         Ok(())
     }
 
@@ -422,8 +478,10 @@ mod tests {
     fn what_does_not_go_together_is_refused_with_the_nearest_that_does() {
         let base = TraceOptions::DEFAULT;
         let short = TraceOptions { traversal: Traversal::ShortStack, ..base };
+        let split = TraceOptions { kernels: Kernels::Split, ..base };
         for good in [
             base,
+            TraceOptions { textures: TexturePass::HostPass, paths_in_flight: Some(1), ..split },
             TraceOptions { accel: Accel::Brute, ..base },
             TraceOptions { stack_size: Some(1), ..short },
             TraceOptions { stack_size: Some(60), ..short },
@@ -446,6 +504,18 @@ mod tests {
                 "--triangles",
                 "--layout split",
             ),
+            (
+                TraceOptions { textures: TexturePass::HostPass, ..base },
+                "--textures",
+                "--kernels split --textures host-pass",
+            ),
+            (
+                TraceOptions { paths_in_flight: Some(9), ..base },
+                "--paths-in-flight",
+                "--kernels split --paths-in-flight 9",
+            ),
+            (TraceOptions { counters: true, ..split }, "--counters", "--kernels mega"),
+            (TraceOptions { paths_in_flight: Some(0), ..split }, "--paths-in-flight", "at least 1"),
         ] {
             let message = bad.validate().unwrap_err().to_string();
             assert!(message.contains(option) && message.contains(hint), "{message}");

@@ -4,6 +4,10 @@
 //! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
+mod split;
+
+pub use split::*;
+
 use crate::layout::{Float4, StructLayout, device_struct};
 use crate::options::methods;
 
@@ -303,7 +307,7 @@ device_struct! {
 }
 
 /// Every shared struct, in the order in which `cl/shared/types.cl` defines them.
-pub const SHARED_STRUCTS: [StructLayout; 9] = [
+pub const SHARED_STRUCTS: [StructLayout; 15] = [
     TraceRay::LAYOUT,
     Hit::LAYOUT,
     KdNode::LAYOUT,
@@ -313,6 +317,12 @@ pub const SHARED_STRUCTS: [StructLayout; 9] = [
     TextureInfo::LAYOUT,
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
+    SplitSlot::LAYOUT,
+    SplitRay::LAYOUT,
+    SplitSurface::LAYOUT,
+    SplitYield::LAYOUT,
+    SplitShadow::LAYOUT,
+    TextureRequest::LAYOUT,
 ];
 
 /// The text of `cl/shared/types.cl`.
@@ -337,6 +347,14 @@ pub fn types_cl() -> String {
         ("TILE_SIDE", TILE_SIDE),
         ("COUNTER_SLOTS", COUNTER_SLOTS),
         ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
+        ("NO_PATH", NO_PATH),
+        ("SPLIT_KIND_BITS", SPLIT_KIND_BITS),
+        ("QUEUE_ACTIVE", QUEUE_ACTIVE),
+        ("QUEUE_HITS", QUEUE_HITS),
+        ("QUEUE_TEXTURED", QUEUE_TEXTURED),
+        ("QUEUE_PATHS", QUEUE_PATHS),
+        ("QUEUE_RESOLVED", QUEUE_RESOLVED),
+        ("QUEUE_SHADOWS", QUEUE_SHADOWS),
         ("COUNTERS", COUNTERS as u32),
         ("WORK_COUNTERS", WORK_COUNTERS as u32),
     ];

@@ -12,6 +12,7 @@ use crate::options::TraceOptions;
 use crate::output::write_json;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
+use crate::tracer::SplitStats;
 use crate::work::WorkSum;
 
 /// Rays of one kind.
@@ -103,12 +104,15 @@ pub struct RunStats {
     pub upload_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
-    /// Rays (of a batch) or pixels (of a picture) that only whole numbers could decide: see `cl/intersect/exact.cl`.
+    /// Rays (of a batch, or of split kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see `cl/intersect/exact.cl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_pass: Option<u64>,
     /// Copying the result back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub read_s: Option<f64>,
+    /// How the split kernels went.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split: Option<SplitStats>,
     /// From the start of the program to the end of its output.
     pub total_s: f64,
     /// Million rays a second: see [`RunStats::set_rate`].

@@ -51,13 +51,30 @@ pub struct RenderResult {
     pub counts: [u64; COUNTERS],
     /// With [`crate::options::TraceOptions::counters`] the work on the rays of each pixel, top row first.
     pub work: Option<Vec<PixelWork>>,
-    /// How many pixels had a ray that only whole numbers could decide, and were rendered in a second pass; `None` where there is no
-    /// such pass.
+    /// How many pixels had a ray that only whole numbers could decide, and were rendered in a second pass; of split kernels how many
+    /// rays. `None` where there is no such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time, transfers left out.
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.
     pub read_s: f64,
+    /// How the split kernels went, where they rendered.
+    pub split: Option<SplitStats>,
+}
+
+/// What rendering by several kernels took ([`crate::options::Kernels::Split`]).
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct SplitStats {
+    /// Paths that were followed at a time.
+    pub paths_in_flight: usize,
+    /// Waves; in each of them every path in flight has one ray traced.
+    pub waves: u64,
+    /// Launches of all kernels.
+    pub launches: u64,
+    /// Hits whose colours the host computed.
+    pub host_colours: u64,
+    /// Seconds that fetching those hits, computing and sending the colours took.
+    pub host_pass_s: f64,
 }
 
 /// Called from time to time with the part of the work that is done, 0..=1.

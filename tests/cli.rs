@@ -85,6 +85,9 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["devices", "--kernels", "--device", "reference"], 4, &["reference", "no kernels"]),
         (&["devices", "--kernels", "--scene", "missing.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["methods", "one.obj"], 2, &["one.obj"]),
+        (&["trace", "one.obj", "missing.npz", "--kernels", "split"], 2, &["--kernels", "split", "one kernel, mega"]),
+        (&["render", "one.obj", "--textures", "host-pass"], 2, &["--textures", "--kernels split --textures host-pass"]),
+        (&["render", "one.obj", "--paths-in-flight", "8"], 2, &["--kernels split --paths-in-flight 8"]),
         (&["paint"], 2, &["paint"]),
         (&[], 2, &["render", "trace", "check", "info", "devices", "methods"]),
     ];

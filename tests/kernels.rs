@@ -7,7 +7,7 @@ use common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
 use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
+use raybrook::options::{Accel, Intersector, Kernels, TexturePass, TraceOptions, Traversal};
 use raybrook::pack::{SceneBuffers, triangle_transform};
 use raybrook::reference::intersect::intersect;
 use raybrook::reference::light::toon_tone;
@@ -18,7 +18,8 @@ use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use raybrook::reference::surface::{Surface, SurfacePoint};
 use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::reference::whitted::refract_direction;
-use raybrook::session::open_tracer;
+use raybrook::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
+use raybrook::session::{Picture, open_tracer, render};
 use raybrook::shared::{
     NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
 };
@@ -500,6 +501,44 @@ fn traversals_equal_their_twins() {
             assert_eq!(got.hits, expected.hits, "{options:?} (seed {SEED})");
             assert_eq!(got.work, expected.work, "{options:?} (seed {SEED})");
         }
+    }
+}
+
+/// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture, a second pass and more paths than are in flight: that the
+/// split kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/split.rs`.
+#[test]
+fn split_kernels_equal_the_twin() {
+    let Some(device) = device() else { return };
+    let mut builder = Builder::new();
+    let rgba = vec![[230, 220, 200, 255], [40, 60, 90, 255]];
+    let diffuse_texture = Some(builder.add_texture(Image { name: "two".into(), width: 2, height: 1, rgba }));
+    builder.material(Material { diffuse_texture, mirror: Vec3::splat(0.4), ..Material::matt(Vec3::ONE) });
+    builder.quad(Vec3::new(-2.0, -2.0, -1.0), Vec3::X * 4.0, Vec3::Y * 4.0, 1);
+    builder.material(Material { transmission: Vec3::new(0.9, 0.8, 0.7), ior: 1.5, ..Material::matt(Vec3::ZERO) });
+    builder.quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, 1);
+    builder.material(Material::matt(Vec3::ONE));
+    builder.quad(Vec3::new(-1.0, 0.0, 1.5), Vec3::X, Vec3::Y, 1); // in the light's way
+    let mut scene = builder.finish().unwrap();
+    scene.lights = vec![
+        Light::point(Vec3::new(0.0, 1.0, 4.0), Vec3::splat(0.5)),
+        Light::directional(Vec3::new(0.3, -0.2, -1.0), Vec3::splat(0.4)),
+    ];
+    scene.background = Background { bottom: Vec3::X, top: Vec3::Z };
+    let camera = Camera { eye: Vec3::Z * 6.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
+    let picture = Picture { camera, size: (9, 7), samples: Samples::PerPixel(1), depth: 4, kill_weight: None };
+    for textures in [TexturePass::InKernel, TexturePass::HostPass] {
+        let options =
+            TraceOptions { kernels: Kernels::Split, textures, paths_in_flight: Some(40), ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let rendered = [Some(&device), None].map(|device| {
+            let mut tracer = open_tracer(device, &buffers, &options, picture.depth, None).unwrap();
+            render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
+        });
+        assert!(rendered[1].counts.iter().all(|&count| count > 0), "{:?}", rendered[1].counts);
+        assert_eq!(rendered[0].counts, rendered[1].counts, "{textures}");
+        // The ray in the middle meets the diagonal between two triangles.
+        assert!(rendered[0].second_pass > Some(0), "{textures}");
+        assert_eq!(rendered[0].film.pixels, rendered[1].film.pixels, "{textures}");
     }
 }
 

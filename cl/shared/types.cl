@@ -16,6 +16,14 @@
 #define TILE_SIDE 8u
 #define COUNTER_SLOTS 256u
 #define MAX_SHADOW_LAYERS 256u
+#define NO_PATH 4294967295u
+#define SPLIT_KIND_BITS 8u
+#define QUEUE_ACTIVE 0u
+#define QUEUE_HITS 1u
+#define QUEUE_TEXTURED 2u
+#define QUEUE_PATHS 3u
+#define QUEUE_RESOLVED 4u
+#define QUEUE_SHADOWS 5u
 #define COUNTERS 8u
 #define WORK_COUNTERS 9u
 #define COUNT_CAMERA_CAST 0u
@@ -138,3 +146,51 @@ typedef struct {
     float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
 } RenderParams;
+
+// A slot follows one path after the other: a sample of a pixel and all the rays that come of it.
+typedef struct {
+    float4 radiance; // Radiance of the path so far in x, y, z; w unused.
+    uint path; // Number of the path in its batch, or NO_PATH.
+    uint pending; // How many rays wait to be traced.
+    uint request; // Number of this wave's texture request, where there is one.
+    uint pad; // Unused.
+} SplitSlot;
+
+// A ray that waits to be traced. It ends nowhere.
+typedef struct {
+    float4 origin_t_near; // Origin in x, y, z and t_near in w.
+    float4 origin_low; // What that leaves out of the origin in x, y, z; w unused.
+    int4 direction_skip; // Bits of the direction in x, y, z and the triangle that it starts on in w.
+    int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
+} SplitRay;
+
+// What the lights need to know of a hit.
+typedef struct {
+    float4 position_error; // Position in x, y, z and bound of its error in w.
+    float4 position_low; // What that leaves out of the position in x, y, z; w unused.
+    int4 geometric_normal_primitive; // Bits of the geometric normal in x, y, z and the triangle in w.
+    int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
+    float4 view_direction; // Unit direction of the ray that found it in x, y, z; w unused.
+    float4 diffuse; // Diffuse colour, textured, in x, y, z; w unused.
+} SplitSurface;
+
+// What the ray of this wave brings its path.
+typedef struct {
+    float4 radiance; // Radiance along the ray so far in x, y, z; w unused.
+    float4 weight; // What it is multiplied by in x, y, z; w unused.
+} SplitYield;
+
+// A ray to a light.
+typedef struct {
+    float4 to_light_t_far; // Direction, of the light's distance where t_far is 1, in x, y, z and t_far in w.
+    int4 reflected_slot; // Bits of what the light adds where nothing is in its way in x, y, z and the slot in w.
+} SplitShadow;
+
+// A hit whose colour the host shall compute.
+typedef struct {
+    float4 direction; // Direction of the ray in x, y, z; w unused.
+    float u; // Barycentric weight of vertex 1.
+    float v; // Barycentric weight of vertex 2.
+    uint primitive; // The triangle that was hit.
+    uint pad; // Unused.
+} TextureRequest;

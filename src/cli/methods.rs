@@ -197,6 +197,7 @@ mod tests {
         let command = MethodArgs::augment_args(clap::Command::new(""));
         let mut of_help: Vec<_> = command.get_arguments().map(|a| format!("--{}", a.get_long().unwrap())).collect();
         let mut of_table: Vec<_> = OPTIONS.iter().map(|option| option.name.to_owned()).collect();
+        of_table.push("--precision".into()); // short for an --intersector
         of_help.sort();
         of_table.sort();
         assert_eq!(of_table, of_help);

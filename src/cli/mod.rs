@@ -25,7 +25,9 @@ mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
-use raybrook::options::{Accel, Build, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder};
+use raybrook::options::{
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, TexturePass, TraceOptions, Traversal, TriangleOrder,
+};
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -115,6 +117,13 @@ struct MethodArgs {
     node_order: NodeOrder,
     #[arg(long, help = format!("Vertices by number, or copied for each leaf: {}", TriangleOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().triangles)]
     triangles: TriangleOrder,
+    #[arg(long, help = format!("Kernels that render: {}", Kernels::names()), value_name = "NAME", default_value_t = TraceOptions::default().kernels)]
+    kernels: Kernels,
+    #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
+    textures: TexturePass,
+    /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
+    #[arg(long, value_name = "N")]
+    paths_in_flight: Option<u32>,
 }
 
 impl MethodArgs {
@@ -133,6 +142,9 @@ impl MethodArgs {
             layout: self.layout,
             node_order: self.node_order,
             triangles: self.triangles,
+            kernels: self.kernels,
+            textures: self.textures,
+            paths_in_flight: self.paths_in_flight,
             counters: false,
         };
         options.validate().map(|()| options)

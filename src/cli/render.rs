@@ -95,6 +95,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     stats.second_pass = result.second_pass;
     stats.set_rate();
     stats.read_s = Some(result.read_s);
+    stats.split = result.split;
     stats.total_s = start.elapsed().as_secs_f64();
     stats.width = Some(picture.size.0);
     stats.height = Some(picture.size.1);

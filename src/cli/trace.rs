@@ -4,6 +4,7 @@ use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
 use raybrook::layout::Float4;
+use raybrook::options::Kernels;
 use raybrook::output::check_writable;
 use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
@@ -79,6 +80,10 @@ fn hit_batch(result: &TraceResult, buffers: &SceneBuffers, any_hit: bool) -> Hit
 pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let mut options = args.method.options()?;
+    if options.kernels != Kernels::Mega {
+        let message = format!("{} is for pictures: a batch of rays has one kernel, {}", options.kernels, Kernels::Mega);
+        return Err(Error::option("--kernels", message));
+    }
     options.counters = args.counters;
     for output in args.output.iter().chain(&args.stats) {
         check_writable(output)?;

@@ -28,6 +28,7 @@ mod errors;
 mod handle;
 mod image;
 mod kernel;
+mod launch;
 mod list;
 mod passes;
 mod program;
@@ -37,6 +38,7 @@ mod resources;
 mod scene;
 mod select;
 mod source;
+mod split;
 mod tracer;
 
 pub use buffer::Buffer;

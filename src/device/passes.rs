@@ -1,10 +1,16 @@
 //! The kernels of a tracer, and the second pass: rays and pixels that the first one leaves in doubt (`cl/shared/memory.cl`) are
 //! traced again by kernels that can decide everything, and are compiled when the first doubt arises.
 
-use super::tracer::{FIRST_ITEMS, LaunchPlan, launch};
-use super::{Buffer, Cache, CompileOptions, DeviceContext, KERNEL_FILES, Kernel, Program, ProgramSource, build};
+use super::launch::{FIRST_ITEMS, LaunchPlan, launch};
+use super::{Buffer, Built, Cache, CompileOptions, DeviceContext, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
+use crate::options;
 use std::cell::Cell;
+
+const TRACE_FILE: &str = "cl/kernels/trace.cl";
+const RENDER_FILE: &str = "cl/kernels/render.cl";
+/// The kernels that [`super::split`] starts.
+pub(super) const SPLIT_FILE: &str = "cl/kernels/split.cl";
 
 /// A kernel that the host starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,6 +22,7 @@ pub(super) enum Entry {
 }
 
 impl Entry {
+    /// The one that renders first.
     const ALL: [Entry; 4] = [Entry::Render, Entry::TraceClosest, Entry::TraceAny, Entry::TraceNext];
 
     fn name(self) -> &'static str {
@@ -29,7 +36,7 @@ impl Entry {
 
     /// The file that has it.
     fn file(self) -> &'static str {
-        if self == Entry::Render { "cl/kernels/render.cl" } else { "cl/kernels/trace.cl" }
+        if self == Entry::Render { RENDER_FILE } else { TRACE_FILE }
     }
 }
 
@@ -87,6 +94,14 @@ impl Doubts {
     }
 }
 
+/// The files with the kernels of the first pass: of batches, and those that render.
+pub(super) fn entry_files(kernels: options::Kernels) -> [&'static str; 2] {
+    match kernels {
+        options::Kernels::Mega => [TRACE_FILE, RENDER_FILE],
+        options::Kernels::Split => [TRACE_FILE, SPLIT_FILE],
+    }
+}
+
 /// The definitions of the first pass, which leaves something to the second where it `defers`.
 pub(super) fn first_pass(options: CompileOptions, defers: bool) -> CompileOptions {
     if defers { options.define("DEFER_DOUBTS", 1) } else { options }
@@ -98,18 +113,30 @@ pub(super) fn second_pass(options: CompileOptions) -> CompileOptions {
 }
 
 impl Passes {
-    /// Compiles the first pass; returns what that took, and notes.
+    /// Compiles the first pass, with one of both kinds of kernels that render; returns the program, too.
     pub fn new(
         context: &DeviceContext,
+        kernels: options::Kernels,
         options: CompileOptions,
         defers: bool,
         cache: Option<&Cache>,
-    ) -> Result<(Self, f64, Vec<String>)> {
-        let built = build(context, &ProgramSource::kernels(), &first_pass(options.clone(), defers), cache)?;
+    ) -> Result<(Self, Built)> {
+        let entries = match kernels {
+            options::Kernels::Mega => &Entry::ALL[..],
+            options::Kernels::Split => &Entry::ALL[1..],
+        };
+        let first_options = first_pass(options.clone(), defers);
+        let built = build(context, &ProgramSource::kernels(&entry_files(kernels)), &first_options, cache)?;
         let mut first = Kernels::default();
-        Entry::ALL.iter().try_for_each(|&entry| first.add(&built.program, entry))?;
+        entries.iter().try_for_each(|&entry| first.add(&built.program, entry))?;
         let passes = Passes { first, second: Kernels::default(), defers, options, cache: cache.cloned() };
-        Ok((passes, built.compile_s, built.notes))
+        Ok((passes, built))
+    }
+
+    /// Compiles the second pass of the kernels in `file`, and no others: compilers take long for these.
+    pub fn second_program(&self, context: &DeviceContext, file: &str) -> Result<Built> {
+        let options = second_pass(self.options.clone());
+        build(context, &ProgramSource::kernels(&[file]), &options, self.cache.as_ref())
     }
 
     /// Runs a kernel over `total` items in work-groups of `work_group`, and again over those that were left in doubt; `set` sets all
@@ -146,10 +173,7 @@ impl Passes {
 
     fn second(&mut self, context: &DeviceContext, entry: Entry) -> Result<&mut Kernel> {
         if self.second.get(entry).is_none() {
-            // Without the kernels that are not needed: compilers take long for these.
-            let is_needed = |path: &str| !path.starts_with("cl/kernels/") || path == entry.file();
-            let source = ProgramSource::new(KERNEL_FILES.iter().copied().filter(|(path, _)| is_needed(path)));
-            let built = build(context, &source, &second_pass(self.options.clone()), self.cache.as_ref())?;
+            let built = self.second_program(context, entry.file())?;
             self.second.add(&built.program, entry)?;
         }
         Ok(self.second.get(entry).expect("it was just added"))

@@ -1,6 +1,6 @@
 //! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
 
-use super::passes::{first_pass, second_pass};
+use super::passes::{entry_files, first_pass, second_pass};
 use super::ptxas::{self, PtxasInfo};
 use super::tracer::{compile_options, defers};
 use super::{CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
@@ -63,15 +63,16 @@ pub fn kernel_resources(
     let defers = defers(options);
     let second = defers.then(|| second_pass(compile_options.clone()));
     let passes = std::iter::once(first_pass(compile_options, defers)).chain(second);
-    passes.map(|pass| program_resources(&context, &pass)).collect()
+    let files = entry_files(options.kernels);
+    passes.map(|pass| program_resources(&context, &files, &pass)).collect()
 }
 
-fn program_resources(context: &DeviceContext, options: &CompileOptions) -> Result<ProgramResources> {
+fn program_resources(context: &DeviceContext, files: &[&str], options: &CompileOptions) -> Result<ProgramResources> {
     // Without our cache and with a definition that no build had before: a program from a cache, the driver's own included, comes
     // without the compiler's log.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_nanos());
     let unique = options.clone().define("BUILD_TIME", format!("{now}ul"));
-    let built = build(context, &ProgramSource::kernels(), &unique, None)?;
+    let built = build(context, &ProgramSource::kernels(files), &unique, None)?;
     let told = ptxas::parse(&built.log);
     let kernels = built.program.kernel_names().into_iter().map(|name| {
         let kernel = built.program.kernel(name)?;

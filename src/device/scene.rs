@@ -1,7 +1,8 @@
 //! The scene's arrays on the device, in the kind of memory that was asked for, and the definitions that tell the kernels
 //! (`cl/shared/memory.cl`) where they are.
 
-use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, KernelArg};
+use super::launch::Arguments;
+use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, Kernel, KernelArg};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
@@ -91,6 +92,34 @@ impl DeviceScene {
         };
         context.finish()?;
         Ok(scene)
+    }
+
+    /// Sets what every tracing kernel's arguments begin with: `GEOMETRY_ARGUMENTS` of `cl/shared/memory.cl`.
+    pub fn geometry_arguments<'k>(&self, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
+        let mut arguments = Arguments::of(kernel)
+            .set(&self.nodes)?
+            .set(&self.references)?
+            .set(&self.vertices)?
+            .set(&self.bounds)?
+            .set(&self.transforms)?;
+        if let Some(nodes) = &self.constant_nodes {
+            arguments = arguments.set(nodes)?;
+        }
+        if let Some(vertices) = &self.surface_vertices {
+            arguments = arguments.set(vertices)?;
+        }
+        arguments.set(&self.params)
+    }
+
+    /// Sets what every shading kernel's arguments begin with: `SCENE_ARGUMENTS` of `cl/shade/scene.cl`.
+    pub fn scene_arguments<'k>(&self, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
+        self.geometry_arguments(kernel)?
+            .set(&self.shading)?
+            .set(&self.materials)?
+            .set(&self.lights)?
+            .set(&self.textures)?
+            .set(&self.texels)?
+            .set(&self.srgb_to_linear)
     }
 
     /// Adds the definitions for kernels that read this scene.

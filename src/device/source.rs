@@ -9,8 +9,8 @@ macro_rules! kernel_files {
     ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../", $path)))),*] };
 }
 
-/// Every kernel file, one path a line such as `"cl/shared/types.cl"`, in the order in which they are compiled: a file uses only
-/// what stands above it.
+/// The kernel files of every program, one path a line such as `"cl/shared/types.cl"`, in the order in which they are compiled: a file
+/// uses only what stands above it.
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/types.cl",
     "cl/shared/math.cl",
@@ -42,9 +42,14 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shade/texture.cl",
     "cl/shade/light.cl",
     "cl/shade/whitted.cl",
-    "cl/kernels/trace.cl",
-    "cl/kernels/render.cl",
+    "cl/shade/scene.cl",
+    "cl/shade/local_light.cl",
+    "cl/shade/camera.cl",
 ];
+
+/// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation of the others.
+const ENTRY_FILES: &[(&str, &str)] =
+    kernel_files!["cl/kernels/trace.cl", "cl/kernels/render.cl", "cl/kernels/split.cl"];
 
 /// Before all files: correctly rounded results must not change where the compiler may fuse a product and a sum.
 const FIRST_LINE: &str = "#pragma OPENCL FP_CONTRACT OFF\n";
@@ -62,9 +67,10 @@ pub struct ProgramSource {
 }
 
 impl ProgramSource {
-    /// All of raybrook's kernels.
-    pub fn kernels() -> Self {
-        Self::new(KERNEL_FILES.iter().copied())
+    /// The kernels of `entry_files`, such as `"cl/kernels/trace.cl"`, and all that they need.
+    pub fn kernels(entry_files: &[&str]) -> Self {
+        let entries = ENTRY_FILES.iter().filter(|(path, _)| entry_files.contains(path));
+        Self::new(KERNEL_FILES.iter().chain(entries).copied())
     }
 
     /// A program of the given files: path as logs shall name it, text.

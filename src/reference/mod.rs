@@ -24,7 +24,7 @@ use crate::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
 use crate::work::{PixelWork, RayWork};
 use memory::{NoWork, Work};
@@ -193,6 +193,24 @@ fn work_of_parts<T: Send>(
     (0..parts).map(|_| all.as_mut().and_then(Iterator::next)).collect::<Vec<_>>().into_par_iter()
 }
 
+with_fma! {
+    /// Evaluates the textures of some hits.
+    fn texture_chunk(buffers: &SceneBuffers, requests: &[TextureRequest], colours: &mut [Float4]) {
+        for (request, colour) in requests.iter().zip(colours) {
+            *colour = Float4::new(render::requested_colour(buffers, request), 0.0);
+        }
+    }
+}
+
+/// The colours that textures give hits of a device, on all cores: the host's part of
+/// [`TexturePass::HostPass`](crate::options::TexturePass::HostPass).
+pub fn texture_colours(buffers: &SceneBuffers, requests: &[TextureRequest]) -> Vec<Float4> {
+    let mut colours = vec![Float4::default(); requests.len()];
+    let chunks = colours.par_chunks_mut(CHUNK).zip(requests.par_chunks(CHUNK));
+    chunks.for_each(|(colours, requests)| texture_chunk(buffers, requests, colours));
+    colours
+}
+
 impl Tracer for ReferenceTracer {
     fn device_name(&self) -> &str {
         "reference"
@@ -255,6 +273,6 @@ impl Tracer for ReferenceTracer {
             .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
         let film = Film { width: params.width, height: params.height, pixels };
         let kernel_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0 })
+        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None })
     }
 }

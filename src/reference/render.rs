@@ -1,4 +1,4 @@
-//! Twin of `cl/kernels/render.cl`: the colour of one pixel. The reasons are there.
+//! Twin of `cl/kernels/render.cl` and of `cl/shade/{scene,local_light,camera}.cl`: the colour of one pixel. The reasons are there.
 
 use super::light::{LightSample, blinn_phong, sample_light};
 use super::math::{fma3, max_component, normalize3};
@@ -11,7 +11,9 @@ use super::traverse::traverse;
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::shared::{COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams};
+use crate::shared::{
+    COUNTERS, Hit, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, TextureRequest,
+};
 use glam::Vec3;
 
 /// What every step needs: the scene, how to trace it, and where to count.
@@ -65,7 +67,7 @@ impl<W: Work> Pixel<'_, W> {
         let mut diffuse = material.diffuse.xyz();
         let mut radiance = material.ambient.xyz();
         if material.texture != NO_TEXTURE {
-            let colour = surface_colour(self.buffers, material.texture, surface.texture_uv, solid_position(surface));
+            let colour = texture_colour(self.buffers, surface, material);
             diffuse *= colour;
             radiance *= colour;
         }
@@ -107,6 +109,22 @@ impl<W: Work> Pixel<'_, W> {
         }
         radiance
     }
+}
+
+/// The colour that the material's texture, which it must have, gives the surface.
+#[inline(always)]
+pub fn texture_colour(buffers: &SceneBuffers, surface: &Surface, material: &Material) -> Vec3 {
+    surface_colour(buffers, material.texture, surface.texture_uv, solid_position(surface))
+}
+
+/// The same for a hit of a device that asks for it.
+#[inline(always)]
+pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec3 {
+    // Of the ray only the direction matters here.
+    let ray = Ray::new(Vec3::ZERO, request.direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
+    let hit = Hit { t: 0.0, u: request.u, v: request.v, primitive: request.primitive };
+    let surface = surface_at(buffers, &ray, &hit);
+    texture_colour(buffers, &surface, &buffers.materials[surface.material as usize])
 }
 
 #[inline(always)]

@@ -1,0 +1,62 @@
+// The light that a surface sends back from the lamps, and gives off itself; in pieces, because the split kernels take them one at
+// a time (cl/kernels/split.cl) and the mega-kernel all at once (cl/kernels/render.cl).
+
+typedef struct {
+    float3 diffuse;  // colour for diffuse reflection, textured
+    float3 radiance; // towards the viewer, so far
+} LocalLight;
+
+// The colour that the material's texture, which it must have, gives the surface.
+float3 texture_colour(const Scene* scene, const Surface* surface, const Material* material) {
+    return surface_colour(scene->textures, scene->texels, scene->srgb_to_linear, material->texture, surface->texture_u,
+                          surface->texture_v, solid_position(surface));
+}
+
+// The light without any lamp: ambient light and what the surface gives off. `colour` is that of the material's texture, and means
+// nothing where it has none.
+LocalLight begin_local_light(const Material* material, float3 colour) {
+    LocalLight light;
+    light.diffuse = material->diffuse.xyz;
+    light.radiance = material->ambient.xyz;
+    if (material->texture != NO_TEXTURE) {
+        light.diffuse *= colour;
+        light.radiance *= colour;
+    }
+    light.radiance += material->emission.xyz;
+    return light;
+}
+
+// What lamp number `index` adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed.
+bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
+                uint index, LightSample* sample, float3* reflected) {
+    *sample = sample_light(scene->lights, index, surface->point.position);
+    *reflected = blinn_phong(surface, material, diffuse, view_direction, sample);
+    return max_component(*reflected) > 0.0f;
+}
+
+// What remains of the light after it has passed the transparent surfaces on its way; zero behind an opaque one. Of the sample only
+// to_light and t_far matter.
+float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, uint* counts) {
+    const Geometry* geometry = &scene->geometry;
+    Ray ray = leave_surface(from, sample->to_light, sample->t_far);
+    Hit hit;
+    counts[COUNT_SHADOW_CAST]++;
+    if (scene->params->has_transparent == 0u) {
+        const bool blocked = TRAVERSE(GEOMETRY, &ray, true, &hit);
+        counts[COUNT_SHADOW_HIT] += blocked ? 1u : 0u;
+        return (float3)(blocked ? 0.0f : 1.0f);
+    }
+    float3 tint = (float3)(1.0f);
+    for (uint layer = 0; layer < MAX_SHADOW_LAYERS; layer++) {
+        if (!TRAVERSE(GEOMETRY, &ray, false, &hit)) return tint;
+        __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit.primitive)];
+        if (material->transparent == 0u) break;
+        tint *= material->transmission_ior.xyz;
+        // On from the surface that was passed, towards the same light.
+        const SurfacePoint point = surface_point(GEOMETRY, &hit);
+        const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
+        ray = leave_surface(&point, direction, sample->t_far);
+    }
+    counts[COUNT_SHADOW_HIT]++;
+    return (float3)(0.0f);
+}

@@ -1,0 +1,141 @@
+//! How many work-items one launch may have, and passing arguments to kernels.
+
+use super::{Buffer, Kernel, KernelArg};
+use crate::error::Result;
+use bytemuck::Pod;
+
+/// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
+const LAUNCH_S: f64 = 0.1;
+/// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
+/// is slower than any device that was seen.
+pub(super) const FIRST_ITEMS: usize = 4096;
+/// GPUs are not full with that; 16 times as much is still a moment on the smallest.
+pub(super) const FIRST_ITEMS_GPU: usize = 1 << 16;
+/// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower than another.
+const GROWTH: usize = 2;
+
+/// How many work-items a launch may have, learnt from the launches before.
+#[derive(Debug)]
+pub(super) struct LaunchPlan {
+    largest: usize,
+    seconds_per_item: f64,
+}
+
+impl LaunchPlan {
+    /// A plan whose first launch has about `first` items.
+    pub fn starting_with(first: usize) -> Self {
+        LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0 }
+    }
+
+    /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
+    pub fn next(&self, left: usize, multiple: usize) -> usize {
+        let in_time = (LAUNCH_S / self.seconds_per_item.max(1e-12)) as usize;
+        let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
+        // A rest of less than half a launch goes along: its own launch would leave units idle twice.
+        if items + items / 2 >= left { left } else { items }
+    }
+
+    /// Learns from a launch of `items` items.
+    pub fn learn(&mut self, items: usize, seconds: f64) {
+        self.learn_from_several(items, items, seconds);
+    }
+
+    /// Learns from several launches: the largest number of items in one, how many items of all had work, and the seconds of all.
+    pub fn learn_from_several(&mut self, largest: usize, busy: usize, seconds: f64) {
+        if busy > 0 {
+            self.seconds_per_item = seconds / busy as f64;
+            self.largest = self.largest.max(largest);
+        }
+    }
+}
+
+/// Passes arguments to a kernel one after the other.
+pub(super) struct Arguments<'a> {
+    kernel: &'a mut Kernel,
+    next: usize,
+}
+
+impl<'k> Arguments<'k> {
+    pub fn of(kernel: &'k mut Kernel) -> Self {
+        Arguments { kernel, next: 0 }
+    }
+
+    pub fn set<'a>(mut self, value: impl Into<KernelArg<'a>>) -> Result<Self> {
+        self.kernel.set_arg(self.next, value)?;
+        self.next += 1;
+        Ok(self)
+    }
+
+    /// Passes the array of work records, which only kernels that count have as an argument.
+    pub fn set_work<T: Pod>(self, work: &Option<Buffer<T>>) -> Result<Self> {
+        match work {
+            Some(work) => self.set(work),
+            None => Ok(self),
+        }
+    }
+}
+
+/// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part. Returns
+/// seconds of device time.
+pub(super) fn launch(
+    kernel: &mut Kernel,
+    plan: &mut LaunchPlan,
+    (total, work_group): (usize, usize),
+    mut progress: impl FnMut(usize),
+) -> Result<f64> {
+    let bounds = kernel.arg_count() - 2;
+    let mut seconds = 0.0;
+    let mut first = 0;
+    while first < total {
+        let items = plan.next(total - first, work_group);
+        kernel.set_arg(bounds, first as u32)?;
+        kernel.set_arg(bounds + 1, (first + items) as u32)?;
+        let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
+        let launch_s = event.wait()?;
+        plan.learn(items, launch_s);
+        seconds += launch_s;
+        first += items;
+        progress(items);
+    }
+    Ok(seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
+    fn launches(total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
+        let mut plan = LaunchPlan::starting_with(first);
+        let mut all = Vec::new();
+        let mut done = 0;
+        while done < total {
+            let items = plan.next(total - done, 64);
+            let time = (done..done + items).map(&seconds).sum();
+            plan.learn(items, time);
+            all.push((items, time));
+            done += items;
+        }
+        assert_eq!(done, total);
+        all
+    }
+
+    #[test]
+    fn no_launch_is_long_on_slow_devices_or_in_slow_parts() {
+        // 50,000 rays a second; a part that takes twice as long; a cost that grows a hundredfold across the picture.
+        for all in [
+            launches(200_000, FIRST_ITEMS, |_| 2e-5),
+            launches(1_000_000, FIRST_ITEMS, |i| if (400_000..500_000).contains(&i) { 1e-5 } else { 5e-6 }),
+            launches(1_000_000, FIRST_ITEMS_GPU, |i| 1e-8 + 1e-6 * (i as f64 / 1e6)),
+        ] {
+            let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
+            assert!(longest <= 0.3, "{longest} s");
+        }
+    }
+
+    #[test]
+    fn fast_devices_get_few_launches() {
+        let all = launches(16 << 20, FIRST_ITEMS_GPU, |_| 2.5e-10);
+        assert!(all.len() <= 10, "{all:?}");
+    }
+}
