@@ -131,7 +131,7 @@ WholeUnits whole_units(const Ray* ray, const float3* vertices, int count) {
         units.position += bits_p - most;
         bits_p = most;
     }
-    units.n = (count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) / 32 + 1;
+    units.n = ((count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) + 31) / 32;
     return units;
 }
 

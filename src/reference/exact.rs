@@ -134,7 +134,7 @@ impl WholeUnits {
             bits_p = most;
         }
         let bits = if triangles.len() > 1 { 5 * bits_p + bits_d + 40 } else { 3 * bits_p.max(bits_d) + 34 };
-        WholeUnits { position, direction: low_d, n: bits as usize / 32 + 1 }
+        WholeUnits { position, direction: low_d, n: (bits as usize).div_ceil(32) }
     }
 }
 
