@@ -143,6 +143,7 @@ impl HitBatch {
             name,
             type_code: "u4",
             len: counts.len(),
+            columns: None,
             bytes: bytemuck::cast_slice(counts),
         }));
         write_npz(path.as_ref(), &arrays)
