@@ -134,7 +134,13 @@ impl HitBatch {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let mut arrays =
             vec![floats("t", &self.t), ints("primitive", &self.primitive), floats("u", &self.u), floats("v", &self.v)];
-        arrays.extend(self.hit.iter().map(|m| NpyArray { name: "hit", type_code: "u1", len: m.len(), columns: None, bytes: m }));
+        arrays.extend(self.hit.iter().map(|m| NpyArray {
+            name: "hit",
+            type_code: "u1",
+            len: m.len(),
+            columns: None,
+            bytes: m,
+        }));
         arrays.extend(self.next_t.iter().map(|t| floats("next_t", t)));
         arrays.extend(self.next_primitive.iter().map(|p| ints("next_primitive", p)));
         let work = [("work", &self.work), ("next_work", &self.next_work)];

@@ -172,7 +172,14 @@ impl Run<'_> {
     }
 
     /// Writes the rays that went wrong, and tells how to trace them again.
-    fn write(&self, folder: &Path, kind: &Kind, case: &Case, method: &Method, faults: &[(usize, Fault)]) -> Result<String> {
+    fn write(
+        &self,
+        folder: &Path,
+        kind: &Kind,
+        case: &Case,
+        method: &Method,
+        faults: &[(usize, Fault)],
+    ) -> Result<String> {
         let numbers: Vec<usize> = faults.iter().map(|&(i, _)| i).collect();
         let mesh = format!("{}-{}", kind.name, self.args.seed);
         let rays = format!("{mesh}-{}", method.name);

@@ -89,7 +89,9 @@ impl Case {
             directions: rays().map(|ray| ray.direction.into()).collect(),
             t_min: Some(rays().map(|ray| ray.t_min).collect()),
             t_max: Some(rays().map(|ray| ray.t_max).collect()),
-            next_directions: self.has_second_rays().then(|| rays().filter_map(|ray| ray.next).map(Into::into).collect()),
+            next_directions: self
+                .has_second_rays()
+                .then(|| rays().filter_map(|ray| ray.next).map(Into::into).collect()),
             ignored: Vec::new(),
         }
     }

@@ -149,7 +149,8 @@ impl ExactTracer {
         let (distance, det) = (crossing.t.numerator(), crossing.t.denominator());
         let numerator: Whole3 = std::array::from_fn(|k| {
             let from: BigInt = (&line.numerator[k] * det) << (line.unit - unit);
-            let along: BigInt = (&line.whole_direction[k] * distance * &line.denominator) << (line.direction_unit - unit);
+            let along: BigInt =
+                (&line.whole_direction[k] * distance * &line.denominator) << (line.direction_unit - unit);
             from + along
         });
         let denominator = &line.denominator * det;

@@ -105,7 +105,8 @@ impl<'a> Answers<'a> {
         let (ray, answer) = (&self.case.rays[index], &self.answers[index]);
         let Some(line) = &answer.line else { return (hit.primitive != NO_PRIMITIVE).then_some(Fault::False) };
         let interval = Interval { near: ray.t_min, far: ray.t_max, is_open: false };
-        let first = Question { tracer: &self.tracer, line, interval, exact: answer.hit.as_ref(), left: &[], origin_error: 0.0 };
+        let first =
+            Question { tracer: &self.tracer, line, interval, exact: answer.hit.as_ref(), left: &[], origin_error: 0.0 };
         let fault = if strictly { first.judge_strictly(hit) } else { first.judge_tolerantly(hit) };
         let (Some(closest), Some(next_answer), Some(next), None) = (&answer.hit, &answer.next, next, fault) else {
             return fault;
@@ -120,9 +121,10 @@ impl<'a> Answers<'a> {
         if left.contains(&next.primitive) {
             return Some(Fault::SelfHit);
         }
-        let origin_error = self.tracer.corners(closest.crossing.primitive).map_or(0.0, |corners| {
-            point_error(line, corners, &Tolerance::new(line, corners, 0.0))
-        });
+        let origin_error = self
+            .tracer
+            .corners(closest.crossing.primitive)
+            .map_or(0.0, |corners| point_error(line, corners, &Tolerance::new(line, corners, 0.0)));
         let second = Question {
             line: next_line,
             interval: AHEAD,
@@ -241,7 +243,8 @@ impl Question<'_> {
         let (distance, t) = distance_to(self.line, corners);
         let off = tolerance.of_t(t);
         let is_inside = t + off >= f64::from(self.interval.near) && t - off <= f64::from(self.interval.far);
-        if !is_inside || !(distance <= tolerance.lateral && (f64::from(hit.t) - t).abs() <= off) {
+        let is_close = distance <= tolerance.lateral && (f64::from(hit.t) - t).abs() <= off;
+        if !(is_inside && is_close) {
             return false;
         }
         let Some(closest) = self.exact else { return true };
@@ -257,7 +260,16 @@ impl Question<'_> {
         let Some(tolerance) = self.tolerance(closest.crossing.primitive) else { return true };
         let (right, up) = (self.line.direction / self.line.direction.length()).any_orthonormal_pair();
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let around = [(1.0, 0.0), (half, half), (0.0, 1.0), (-half, half), (-1.0, 0.0), (-half, -half), (0.0, -1.0), (half, -half)];
+        let around = [
+            (1.0, 0.0),
+            (half, half),
+            (0.0, 1.0),
+            (-half, half),
+            (-1.0, 0.0),
+            (-half, -half),
+            (0.0, -1.0),
+            (half, -half),
+        ];
         let offsets: [_; DISPLACED] = around.map(|(x, y)| (right * x + up * y) * tolerance.lateral);
         let displaced = offsets.iter().filter_map(|&by| self.tracer.line(self.line.origin + by, self.line.direction));
         let mut lines = displaced.chain([self.line.clone()]);

@@ -192,8 +192,7 @@ impl Mesh {
 
     /// As a scene.
     pub fn scene(&self) -> Scene {
-        let triangle =
-            |&positions| Triangle { positions, normals: [NO_INDEX; 3], uvs: [NO_INDEX; 3], material: 0 };
+        let triangle = |&positions| Triangle { positions, normals: [NO_INDEX; 3], uvs: [NO_INDEX; 3], material: 0 };
         Scene {
             positions: self.positions.clone(),
             triangles: self.triangles.iter().map(triangle).collect(),
@@ -239,17 +238,14 @@ mod tests {
     fn closed_meshes_are_closed() {
         let meshes = [Mesh::sphere(0), Mesh::sphere(3), Mesh::cube(Vec3::ZERO, Vec3::ONE), Mesh::double_fan(6, 0.5)];
         for mesh in meshes {
-            let mut edges: Vec<_> =
-                mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+            let mut edges: Vec<_> = mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
             edges.sort();
             let count = edges.len();
             edges.dedup();
             assert_eq!(edges.len(), count, "every edge is run along once in each direction");
             assert!(edges.iter().all(|&(a, b)| edges.binary_search(&(b, a)).is_ok()), "and has two triangles");
-            let volume: f32 = (0..mesh.triangles.len())
-                .map(|i| mesh.corners(i))
-                .map(|[a, b, c]| a.dot(b.cross(c)))
-                .sum();
+            let volume: f32 =
+                (0..mesh.triangles.len()).map(|i| mesh.corners(i)).map(|[a, b, c]| a.dot(b.cross(c))).sum();
             assert!(volume > 0.5, "counter-clockwise from outside: {volume}");
         }
     }

@@ -114,6 +114,10 @@ mod tests {
         names.dedup();
         assert_eq!(names.len(), count);
         let methods = Method::all(TraceOptions::DEFAULT);
-        assert_eq!(methods.len(), count - 3, "each once; of structure, build and traversal the default is in every one");
+        assert_eq!(
+            methods.len(),
+            count - 3,
+            "each once; of structure, build and traversal the default is in every one"
+        );
     }
 }

@@ -25,8 +25,7 @@ impl Replay {
     /// [`Error::Io`] when the folder or a file cannot be made.
     pub fn write(folder: &Path, case: &Case, numbers: &[usize], mesh: &str, rays: &str) -> Result<Replay> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
-        let replay =
-            Replay { mesh: folder.join(format!("{mesh}.obj")), rays: folder.join(format!("{rays}.npz")) };
+        let replay = Replay { mesh: folder.join(format!("{mesh}.obj")), rays: folder.join(format!("{rays}.npz")) };
         write_atomically(&replay.mesh, |out| out.write_all(case.mesh.to_obj().as_bytes()))?;
         case.batch(numbers).write(&replay.rays)?;
         Ok(replay)

@@ -36,8 +36,7 @@ impl Found {
         let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
         let rays: Vec<_> =
             case.rays.iter().map(|ray| buffers.trace_ray(ray.origin, ray.direction, ray.t_min, ray.t_max)).collect();
-        let next: Vec<_> =
-            case.rays.iter().map(|ray| Float4::new(ray.next.unwrap_or(Vec3::ZERO), 0.0)).collect();
+        let next: Vec<_> = case.rays.iter().map(|ray| Float4::new(ray.next.unwrap_or(Vec3::ZERO), 0.0)).collect();
         let next_directions = case.has_second_rays().then_some(&next[..]);
         let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
         let job = TraceJob { rays: &rays, next_directions, any_hit: false, repeat: 1 };

@@ -10,14 +10,34 @@ use glam::Vec3;
 pub(super) const KINDS: &[Kind] = &[
     Kind { name: "axis", about: "parallel to an axis, in faces and edges of boxes: 0 times infinity", make: axis },
     Kind { name: "negative-zero", about: "the same with -0 as zero", make: negative_zero },
-    Kind { name: "nearly-axis", about: "components of 2^-10 down to the smallest float beside one of 1", make: nearly_axis },
+    Kind {
+        name: "nearly-axis",
+        about: "components of 2^-10 down to the smallest float beside one of 1",
+        make: nearly_axis,
+    },
     Kind { name: "in-planes", about: "oblique, in planes in which faces lie and trees split", make: in_planes },
-    Kind { name: "diagonals", about: "through corners of boxes, where planes of two or three axes are met at once", make: diagonals },
-    Kind { name: "cell-planes", about: "in the faces and along the edges of a grid's or octree's cells", make: cell_planes },
-    Kind { name: "scene-box", about: "in the faces, along the edges and through the corners of the scene's box", make: scene_box },
+    Kind {
+        name: "diagonals",
+        about: "through corners of boxes, where planes of two or three axes are met at once",
+        make: diagonals,
+    },
+    Kind {
+        name: "cell-planes",
+        about: "in the faces and along the edges of a grid's or octree's cells",
+        make: cell_planes,
+    },
+    Kind {
+        name: "scene-box",
+        about: "in the faces, along the edges and through the corners of the scene's box",
+        make: scene_box,
+    },
     Kind { name: "flat", about: "flat boxes: every triangle in a plane that may split the tree", make: flat },
     Kind { name: "inside", about: "origins amid the scene: planes behind the origin", make: inside },
-    Kind { name: "far-origins", about: "origins 2^10 to 2^20 sizes away, aimed at edges and vertices", make: far_origins },
+    Kind {
+        name: "far-origins",
+        about: "origins 2^10 to 2^20 sizes away, aimed at edges and vertices",
+        make: far_origins,
+    },
     Kind { name: "lengths", about: "directions of length 2^-40 to 2^40", make: lengths },
 ];
 
@@ -117,7 +137,7 @@ fn cell_planes(random: &mut Random, rays: usize) -> Case {
                 direction = [0.0; 3]; // along the edges of cells
                 direction[axis] = random.sign();
             }
-            1 => direction[axis] = 0.0, // in their faces
+            1 => direction[axis] = 0.0,                       // in their faces
             _ => direction = [(); 3].map(|()| random.sign()), // through their corners
         }
         origin[axis] = random.pick(&[0.0, 64.0, -8.0, 72.0, origin[axis]]);

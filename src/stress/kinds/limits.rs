@@ -10,12 +10,24 @@ use glam::Vec3;
 
 pub(super) const KINDS: &[Kind] = &[
     Kind { name: "t-limits", about: "limits exactly at a hit and one float beside it", make: t_limits },
-    Kind { name: "t-rounded", about: "limits at the float next to a hit's t, which lies between two floats", make: t_rounded },
+    Kind {
+        name: "t-rounded",
+        about: "limits at the float next to a hit's t, which lies between two floats",
+        make: t_rounded,
+    },
     Kind { name: "intervals", about: "negative, empty, reversed, infinite and NaN limits", make: intervals },
     Kind { name: "on-surface", about: "origins exactly on a surface, and within rounding of it", make: on_surface },
     Kind { name: "bad-rays", about: "NaN, infinite and zero parts: such rays miss", make: bad_rays },
-    Kind { name: "any-floats", about: "random bits, and origins and lengths of 2^-120 to 2^120 aimed at a mesh", make: any_floats },
-    Kind { name: "bad-vertices", about: "NaN and infinite vertices in a good mesh, which is still hit", make: bad_vertices },
+    Kind {
+        name: "any-floats",
+        about: "random bits, and origins and lengths of 2^-120 to 2^120 aimed at a mesh",
+        make: any_floats,
+    },
+    Kind {
+        name: "bad-vertices",
+        about: "NaN and infinite vertices in a good mesh, which is still hit",
+        make: bad_vertices,
+    },
 ];
 
 /// Sheets of dyadic corners in the planes z = 4, 8, 12, 16 or sloping up from there.

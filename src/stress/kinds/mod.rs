@@ -5,8 +5,8 @@
 mod directions;
 mod limits;
 mod scales;
-mod second;
 mod seams;
+mod second;
 mod sizes;
 mod surfaces;
 

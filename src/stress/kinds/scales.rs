@@ -11,7 +11,11 @@ pub(super) const KINDS: &[Kind] = &[
     Kind { name: "scale-1e6", about: "a scene of size 1e6: absolute epsilons are lost in it", make: large },
     Kind { name: "scale-1e18", about: "a scene of size 1e18: products of coordinates overflow", make: huge },
     Kind { name: "scale-any", about: "a scene of size 2^-100 to 2^100, another one with each seed", make: any },
-    Kind { name: "subnormal", about: "a scene of size 2^-130, whose coordinates are subnormal numbers", make: subnormal },
+    Kind {
+        name: "subnormal",
+        about: "a scene of size 2^-130, whose coordinates are subnormal numbers",
+        make: subnormal,
+    },
     Kind { name: "largest", about: "a scene of size 2^126: differences of coordinates overflow", make: largest },
 ];
 

@@ -14,11 +14,23 @@ pub(super) const KINDS: &[Kind] = &[
     Kind { name: "offset", about: "edges and vertices of a closed mesh 1e5 sizes away from zero", make: offset },
     Kind { name: "snapped", about: "the same at 1e6 sizes, where vertices fall together", make: snapped },
     Kind { name: "grid", about: "exactly through edges and vertices of a height field", make: grid },
-    Kind { name: "t-junctions", about: "exactly through vertices that lie within a neighbour's edge", make: t_junctions },
+    Kind {
+        name: "t-junctions",
+        about: "exactly through vertices that lie within a neighbour's edge",
+        make: t_junctions,
+    },
     Kind { name: "fans", about: "hubs and spokes of closed fans of 64 to 256 triangles", make: fans },
     Kind { name: "needle-fans", about: "closed fans of needles, 1e2 to 1e6 times as long as wide", make: needle_fans },
-    Kind { name: "borders", about: "exactly through open edges and corners, which belong to a triangle", make: borders },
-    Kind { name: "open-edges", about: "within rounding of the edges of single triangles: hit or miss", make: open_edges },
+    Kind {
+        name: "borders",
+        about: "exactly through open edges and corners, which belong to a triangle",
+        make: borders,
+    },
+    Kind {
+        name: "open-edges",
+        about: "within rounding of the edges of single triangles: hit or miss",
+        make: open_edges,
+    },
 ];
 
 /// A matrix that turns and distorts by up to a third.
@@ -146,9 +158,7 @@ fn needle_fans(random: &mut Random, rays: usize) -> Case {
         let radius = power_of_two(-4 - 3 * k);
         mesh.append(&Mesh::double_fan(4, 1.0).mapped(|p| matrix * (p * Vec3::new(radius, radius, 1.0)) + place));
     }
-    Case::new(mesh, rays, random, |mesh, random, _| {
-        StressRay::to(random.direction() * 5.0, mesh.random_seam(random))
-    })
+    Case::new(mesh, rays, random, |mesh, random, _| StressRay::to(random.direction() * 5.0, mesh.random_seam(random)))
 }
 
 fn borders(random: &mut Random, rays: usize) -> Case {

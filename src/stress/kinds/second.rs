@@ -17,8 +17,16 @@ pub(super) const KINDS: &[Kind] = &[
     Kind { name: "spawn-seams", about: "from exactly on edges and vertices of a height field", make: seams },
     Kind { name: "spawn-shells", about: "between closed meshes 1e-4 apart", make: shells },
     Kind { name: "spawn-layers", about: "between parallel triangles a few floats apart", make: layers },
-    Kind { name: "spawn-grazing", about: "at angles of 2^-3 to 2^-23 to the surface, as near total reflection", make: grazing },
-    Kind { name: "spawn-flat", about: "exactly within a floor of many triangles, and at small angles to it", make: flat },
+    Kind {
+        name: "spawn-grazing",
+        about: "at angles of 2^-3 to 2^-23 to the surface, as near total reflection",
+        make: grazing,
+    },
+    Kind {
+        name: "spawn-flat",
+        about: "exactly within a floor of many triangles, and at small angles to it",
+        make: flat,
+    },
     Kind { name: "spawn-glass", about: "straight on through walls of 2^-4 to 2^-20 thickness", make: glass },
     Kind { name: "spawn-needles", about: "from needles to the needles beside them", make: needles },
 ];

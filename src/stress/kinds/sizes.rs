@@ -10,11 +10,19 @@ use glam::Vec3;
 pub(super) const KINDS: &[Kind] = &[
     Kind { name: "sizes", about: "single triangles of size 2^-20 to 2^14, seen from a few sizes away", make: sizes },
     Kind { name: "small-far", about: "a sheet seen from 2^5 to 2^20 of its triangles' sizes away", make: small_far },
-    Kind { name: "needles", about: "triangles 2^10 to 2^23 times as long as wide, aimed at their middle line", make: needles },
+    Kind {
+        name: "needles",
+        about: "triangles 2^10 to 2^23 times as long as wide, aimed at their middle line",
+        make: needles,
+    },
     Kind { name: "slivers", about: "obtuse triangles whose corners are nearly on a line", make: slivers },
     Kind { name: "stadium", about: "a ball of 1e-3 on a floor of 1e5", make: stadium },
     Kind { name: "giants", about: "giant needles across tiny triangles: every box is the scene's", make: giants },
-    Kind { name: "nested", about: "sheets of size 2^-30 to 2^30 about one point, each hit through its own", make: nested },
+    Kind {
+        name: "nested",
+        about: "sheets of size 2^-30 to 2^30 about one point, each hit through its own",
+        make: nested,
+    },
 ];
 
 /// A triangle at `center`: one long edge, and a third corner at `along` of it and `height` aside.
@@ -90,7 +98,12 @@ fn stadium(random: &mut Random, rays: usize) -> Case {
     let ball = mesh.clone();
     let corner = |x: f32, y: f32| Vec3::new(x * FLOOR, y * FLOOR, 0.0);
     mesh.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
-    mesh.quad([corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, 1.0) + Vec3::Z * FLOOR, corner(-1.0, 1.0) + Vec3::Z * FLOOR]);
+    mesh.quad([
+        corner(-1.0, 1.0),
+        corner(1.0, 1.0),
+        corner(1.0, 1.0) + Vec3::Z * FLOOR,
+        corner(-1.0, 1.0) + Vec3::Z * FLOOR,
+    ]);
     Case::new(mesh, rays, random, |_, random, i| {
         let target = if i % 3 == 0 { ball.random_seam(random) } else { ball.random_inside(random) };
         let towards = random.direction();

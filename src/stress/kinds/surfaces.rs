@@ -12,13 +12,37 @@ pub(super) const KINDS: &[Kind] = &[
     Kind { name: "nearly-coplanar", about: "a few floats beside the planes of triangles", make: nearly_coplanar },
     Kind { name: "grazing", about: "at angles of 2^-3 to 2^-23 to the surface", make: grazing },
     Kind { name: "back-faces", about: "triangles seen from behind", make: back_faces },
-    Kind { name: "layers", about: "nearly parallel triangles 0 to 512 floats apart: the nearer one is due", make: layers },
-    Kind { name: "crossings", about: "where triangles run through each other: equal t but for rounding", make: crossings },
-    Kind { name: "duplicates", about: "the same triangle several times, with other first corners and facings", make: duplicates },
-    Kind { name: "overlaps", about: "different triangles in one plane: exactly equal t by different sums", make: overlaps },
+    Kind {
+        name: "layers",
+        about: "nearly parallel triangles 0 to 512 floats apart: the nearer one is due",
+        make: layers,
+    },
+    Kind {
+        name: "crossings",
+        about: "where triangles run through each other: equal t but for rounding",
+        make: crossings,
+    },
+    Kind {
+        name: "duplicates",
+        about: "the same triangle several times, with other first corners and facings",
+        make: duplicates,
+    },
+    Kind {
+        name: "overlaps",
+        about: "different triangles in one plane: exactly equal t by different sums",
+        make: overlaps,
+    },
     Kind { name: "same-centre", about: "triangles about one centre that no plane separates", make: same_centre },
-    Kind { name: "degenerate", about: "points, segments and nearly such triangles in front of a mesh", make: degenerate },
-    Kind { name: "outside-cells", about: "long triangles through many cells: hits beyond the cell that is looked at", make: outside_cells },
+    Kind {
+        name: "degenerate",
+        about: "points, segments and nearly such triangles in front of a mesh",
+        make: degenerate,
+    },
+    Kind {
+        name: "outside-cells",
+        about: "long triangles through many cells: hits beyond the cell that is looked at",
+        make: outside_cells,
+    },
 ];
 
 fn whole3(low: i32, high: i32, random: &mut Random) -> Vec3 {
