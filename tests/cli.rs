@@ -401,3 +401,58 @@ fn read_npz(path: &Path, name: &str) -> Vec<u32> {
     let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
     bytes[header..].chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect()
 }
+
+#[test]
+fn stress_counts_wrong_answers_and_writes_them_for_replay() {
+    let folder = folder();
+    let at = folder.path();
+    let fixed = ["stress", "edges", "--rays", "150", "--device", "reference"];
+    let run = |arguments: &[&str]| raybrook(at, &[&fixed, arguments].concat());
+    let said = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned();
+
+    let right = run(&["--intersector", "exact", "--json", "right.json", "--write", "wrong"]);
+    assert_eq!(right.status.code(), Some(0), "{}", stderr(&right));
+    assert!(said(&right).contains("0 wrong of 150 rays"), "{}", said(&right));
+    assert!(!at.join("wrong").exists(), "nothing was wrong");
+
+    let wrong = run(&["--methods=exact,moller-trumbore+grid", "--json", "wrong.json", "--write", "wrong"]);
+    assert_eq!(wrong.status.code(), Some(1), "{}", stderr(&wrong));
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("wrong.json")).unwrap()).unwrap();
+    let [exact, other] = &report["methods"].as_array().unwrap()[..] else { panic!("{report}") };
+    assert_eq!((&exact["strict"], &exact["wrong"], &other["strict"]), (&true.into(), &0.into(), &false.into()));
+    let count = other["wrong"].as_u64().unwrap();
+    assert!(count > 0 && other["kinds"][0]["faults"]["miss"] == count, "{report}");
+
+    // The command that is printed, as a shell would split it.
+    let printed = said(&wrong);
+    let command = printed.lines().find(|line| line.starts_with("raybrook stress --replay")).expect(&printed);
+    let words: Vec<&str> = command.split(' ').skip(1).map(|word| word.trim_matches('\'')).collect();
+    let again = raybrook(at, &words);
+    assert_eq!(again.status.code(), Some(1), "{}", stderr(&again));
+    assert!(said(&again).contains(&format!("{count} of {count} rays wrong")), "{}", said(&again));
+    // The same files are for `trace`, too.
+    let traced = raybrook(at, &["trace", words[2], words[3], "--device", "reference"]);
+    assert!(said(&traced).contains(&format!("{count} rays, {count} hit")), "{}", said(&traced));
+}
+
+#[test]
+fn stress_lists_kinds_and_refuses_what_it_does_not_know() {
+    let folder = folder();
+    let at = folder.path();
+    let list = raybrook(at, &["stress", "--list"]);
+    let text = String::from_utf8_lossy(&list.stdout).into_owned();
+    assert!(list.status.success() && text.lines().count() > 60, "{text}");
+    assert!(text.lines().all(|line| line.split_whitespace().count() > 3), "a name and a description: {text}");
+    let cases: &[(&[&str], i32, &[&str])] = &[
+        (&["stress", "edgse"], 2, &["edgse", "nearest: edges"]),
+        (&["stress", "edges", "--methods=best"], 2, &["--methods", "best", "watertight"]),
+        (&["stress", "edges", "--methods=grid+ropes"], 2, &["--traversal", "--accel kd"]),
+        (&["stress", "edges", "--rays", "0"], 2, &["--rays"]),
+        (&["stress", "edges", "--json", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
+        (&["stress", "--replay", "one.obj", "missing.npz"], 3, &["missing.npz"]),
+        (&["stress", "--replay", "one.obj", "rays.npz", "--methods=exact"], 2, &["--replay", "--methods"]),
+    ];
+    for (arguments, code, words) in cases {
+        assert_fails(&raybrook(at, arguments), *code, words);
+    }
+}

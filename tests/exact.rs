@@ -285,3 +285,19 @@ fn the_closest_hit_is_the_exact_one() {
         }
     }
 }
+
+#[test]
+fn numbers_of_the_most_bits_fit() {
+    // The positions of this ray and these triangles take 255 bits, more than the 247 that are kept beside a direction of 5. Two hits at
+    // the same t are compared as the longest numbers that there are: of 1280 bits, all that there is room for.
+    let smallest = f32::from_bits(1);
+    let triangle = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(smallest, 1.0, 0.0)];
+    let options = TraceOptions { intersector: Intersector::Exact, accel: Accel::Brute, ..TraceOptions::DEFAULT };
+    let buffers = Arc::new(SceneBuffers::new(&scene_of(&[triangle, triangle]), &options).unwrap());
+    let (from, along) = (2f32.powi(105), 17.0 / 16.0);
+    let rays = [buffers.trace_ray(Vec3::Z * from, Vec3::Z * -along, 0.0, f32::INFINITY)];
+    for device in [None, device()] {
+        let hit = buffers.world_hit(trace(device.as_ref(), &buffers, &options, &rays)[0]);
+        assert_eq!((hit.primitive, hit.t, hit.u), (0, from / along, 0.25));
+    }
+}

@@ -11,6 +11,9 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// Exact answers take about a kilobyte each, and all of a kind are kept until every method is judged. More rays come from other seeds.
+const MAX_RAYS: i64 = 1_000_000;
+
 #[derive(clap::Args)]
 pub struct StressArgs {
     /// Kinds of rays, or all; --list lists them.
@@ -23,7 +26,7 @@ pub struct StressArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Rays of each kind.
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=MAX_RAYS))]
     rays: u32,
     /// Judge every triangle test as strictly as `exact`: lowest number of equally near triangles, t the nearest float, u and v within
     /// 2 ulp. Else others may be off by what float32 cannot do better.
@@ -34,7 +37,7 @@ pub struct StressArgs {
     #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, value_delimiter = ',', default_missing_value = "")]
     methods: Option<Vec<String>>,
     /// Trace these rays through this model (.obj, .ply, .stl) instead, such as --write wrote them or any others.
-    #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["list", "seed", "rays", "methods", "write"])]
+    #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"])]
     replay: Option<Vec<PathBuf>>,
     /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.
     #[arg(long, value_name = "DIR")]

@@ -69,7 +69,7 @@ pub struct Closest {
 pub struct Interval {
     /// No hit is nearer.
     pub near: f32,
-    /// No hit is farther.
+    /// No hit is farther; infinity stands for the largest float, because a t beyond it could not be told.
     pub far: f32,
     /// Whether a hit at `near` does not count.
     pub is_open: bool,
@@ -85,11 +85,8 @@ impl Interval {
             }
             near => near == f32::NEG_INFINITY,
         };
-        let below = match self.far {
-            far if far.is_finite() => *t <= Ratio::from_float(far.into()),
-            far => far == f32::INFINITY,
-        };
-        above && below
+        let is_number = !self.far.is_nan() && self.far != f32::NEG_INFINITY;
+        above && is_number && *t <= Ratio::from_float(self.far.min(f32::MAX).into())
     }
 }
 

@@ -243,7 +243,8 @@ impl Question<'_> {
         let (distance, t) = distance_to(self.line, corners);
         let off = tolerance.of_t(t);
         let is_inside = t + off >= f64::from(self.interval.near) && t - off <= f64::from(self.interval.far);
-        if !is_inside || !(distance <= tolerance.lateral && (f64::from(hit.t) - t).abs() <= off) {
+        let is_close = distance <= tolerance.lateral && (f64::from(hit.t) - t).abs() <= off;
+        if !(is_inside && is_close) {
             return false;
         }
         let Some(closest) = self.exact else { return true };

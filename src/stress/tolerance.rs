@@ -25,6 +25,8 @@ const LATERAL: f64 = 15.0;
 const ALONG: f64 = 24.0;
 /// In units of EPSILON t.
 const OF_T: f64 = 8.0;
+/// 2^-126: a t below it is rounded as this one is.
+const LEAST_NORMAL: f64 = f32::MIN_POSITIVE as f64;
 /// In units of EPSILON.
 const OF_WEIGHT: f64 = 12.0;
 
@@ -58,7 +60,7 @@ impl Tolerance {
 
     /// How far t may be off.
     pub fn of_t(&self, t: f64) -> f64 {
-        self.along + OF_T * EPSILON * t.abs()
+        self.along + OF_T * EPSILON * t.abs().max(LEAST_NORMAL)
     }
 }
 

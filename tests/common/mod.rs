@@ -7,6 +7,7 @@ pub mod ply;
 use glam::Vec3;
 use raybrook::device::{DeviceHandle, Selection, select};
 use raybrook::scene::{Material, NO_INDEX, Scene, Triangle};
+pub use raybrook::stress::Random;
 use std::path::{Path, PathBuf};
 
 /// Seed of every random sequence; printed by the tests that fail.
@@ -34,38 +35,6 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     }
     eprintln!("SKIPPED, there is no {}", path.display());
     None
-}
-
-/// SplitMix64 (Steele, Lea and Flood 2014): small, seedable, good enough for test data.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In 0..1.
-    pub fn unit(&mut self) -> f32 {
-        (self.bits() >> 40) as f32 / 16_777_216.0
-    }
-
-    /// In -1..1.
-    pub fn signed(&mut self) -> f32 {
-        2.0 * self.unit() - 1.0
-    }
-
-    pub fn vec3(&mut self) -> Vec3 {
-        Vec3::new(self.signed(), self.signed(), self.signed())
-    }
-
-    /// Any float32 bit pattern: NaN, infinities and subnormal numbers among them.
-    pub fn any_float(&mut self) -> f32 {
-        f32::from_bits(self.bits() as u32)
-    }
 }
 
 /// A scene of the given triangles and one matt material.

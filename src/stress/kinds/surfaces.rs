@@ -12,7 +12,11 @@ pub(super) const KINDS: &[Kind] = &[
     Kind { name: "nearly-coplanar", about: "a few floats beside the planes of triangles", make: nearly_coplanar },
     Kind { name: "grazing", about: "at angles of 2^-3 to 2^-23 to the surface", make: grazing },
     Kind { name: "back-faces", about: "triangles seen from behind", make: back_faces },
-    Kind { name: "layers", about: "parallel triangles a few floats apart: the nearer one is due", make: layers },
+    Kind {
+        name: "layers",
+        about: "nearly parallel triangles 0 to 512 floats apart: the nearer one is due",
+        make: layers,
+    },
     Kind {
         name: "crossings",
         about: "where triangles run through each other: equal t but for rounding",
@@ -116,7 +120,7 @@ fn moved(x: f32, steps: i32) -> f32 {
 fn layers(random: &mut Random, rays: usize) -> Case {
     let mut mesh = Mesh::default();
     for i in 0..48 {
-        let reach = random.pick(&[0, 1, 3, 16]);
+        let reach = random.pick(&[0, 1, 3, 16, 256]);
         let corner = |x: f32, y: f32, random: &mut Random| {
             Vec3::new(x, y, moved(2.0 + 0.25 * x - 0.125 * y, random.whole(-reach, reach)))
         };
