@@ -82,7 +82,7 @@ impl Methods {
         let label = |mark: char, name: &str| format!("  {mark} {name:longest$}  ");
 
         let mut text =
-            wrapped("", "Options of render, trace, check and info that choose the method. * marks the default.");
+            wrapped("", "Options that choose the method, for every command that traces. * marks the default.");
         for option in &self.options {
             text += "\n";
             let only = only_with(&option.structures, &[]);
