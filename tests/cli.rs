@@ -56,6 +56,12 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--stats", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
         (&["render", "one.obj", "--size", "0x5"], 2, &["--size", "0x5"]),
         (&["render", "one.obj", "--samples", "0"], 2, &["--samples"]),
+        (&["render", "one.obj", "--precision", "good"], 2, &["--precision", "exact, fast"]),
+        (
+            &["render", "one.obj", "--precision", "fast", "--intersector", "plucker"],
+            2,
+            &["--precision", "--intersector"],
+        ),
         (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
         (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
         (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, grid"]),
@@ -117,6 +123,25 @@ fn render_writes_every_format_and_stats() {
     }
     let left: Vec<_> = std::fs::read_dir(at).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert!(left.iter().all(|name| !name.to_string_lossy().contains("tmp")), "{left:?}");
+}
+
+#[test]
+fn precision_names_a_triangle_test() {
+    let folder = folder();
+    for (arguments, intersector) in [
+        (vec![], "exact"),
+        (vec!["--precision", "exact"], "exact"),
+        (vec!["--precision", "fast"], "moller-trumbore"),
+        (vec!["--intersector", "plucker"], "plucker"),
+    ] {
+        let all =
+            [&["render", "one.obj", "--size", "8x8", "--device", "reference", "--stats", "s.json"], &arguments[..]];
+        let output = raybrook(folder.path(), &all.concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let stats: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(folder.path().join("s.json")).unwrap()).unwrap();
+        assert_eq!(stats["options"]["intersector"], intersector);
+    }
 }
 
 #[test]

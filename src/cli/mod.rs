@@ -90,6 +90,9 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
+    /// Short for an --intersector: exact hits, or the fastest float32 test, which loses some: moller-trumbore.
+    #[arg(long, value_name = "exact|fast", value_parser = parse_precision, conflicts_with = "intersector")]
+    precision: Option<Intersector>,
     /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
     /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
     /// put up to N into one box or sphere [default: the square root of the triangles].
@@ -121,7 +124,7 @@ impl MethodArgs {
             build: self.build,
             traversal: self.traversal,
             stack_size: self.stack_size,
-            intersector: self.intersector,
+            intersector: self.precision.unwrap_or(self.intersector),
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
             kd: self.kd.options(),
@@ -182,6 +185,14 @@ fn parse_grid_size(text: &str) -> Result<[u32; 3], String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     let size = numbers.and_then(|numbers| <[u32; 3]>::try_from(numbers).ok());
     size.ok_or_else(|| "expected three numbers of cells, such as 32,32,16".into())
+}
+
+fn parse_precision(text: &str) -> Result<Intersector, String> {
+    match text {
+        "exact" => Ok(Intersector::Exact),
+        "fast" => Ok(Intersector::FASTEST),
+        _ => Err("possible: exact, fast".into()),
+    }
 }
 
 fn parse_weight(text: &str) -> Result<f32, String> {
