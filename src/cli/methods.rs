@@ -192,11 +192,15 @@ fn listed(choices: &[Choice]) -> String {
 mod tests {
     use super::*;
 
+    /// Options that are other words for one of the table.
+    const SHORT_FORMS: [&str; 1] = ["--precision"];
+
     #[test]
     fn the_table_has_every_option_of_methods_and_help_has_every_option_of_the_table() {
         let command = MethodArgs::augment_args(clap::Command::new(""));
         let mut of_help: Vec<_> = command.get_arguments().map(|a| format!("--{}", a.get_long().unwrap())).collect();
         let mut of_table: Vec<_> = OPTIONS.iter().map(|option| option.name.to_owned()).collect();
+        of_help.retain(|name| !SHORT_FORMS.contains(&name.as_str()));
         of_help.sort();
         of_table.sort();
         assert_eq!(of_table, of_help);
