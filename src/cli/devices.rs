@@ -13,14 +13,14 @@ pub struct DevicesArgs {
     #[arg(long)]
     pub json: bool,
     /// Build the kernels and list what each takes: registers and bytes of spills and stack frame (NVIDIA only), bytes of private
-    /// and local memory, largest work-group and its preferred multiple; `-` is what the driver does not tell. All options below
-    /// are for this.
+    /// and local memory, largest work-group and its preferred multiple; `-` is what the driver does not tell. The kernels of the
+    /// second pass of --intersector exact come second. All options below are for this.
     #[arg(long)]
     kernels: bool,
     /// Device: its number or a part of its name, cpu or gpu [default: every usable one].
     #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
     pub device: Option<String>,
-    /// Scene to build the kernels for, which sets the size of stacks [default: a sphere of 9800 triangles].
+    /// Scene to build the kernels for, which sets the size of stacks [default: a sphere].
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     /// Longest chain of rays [default: 8].
