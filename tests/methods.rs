@@ -4,8 +4,8 @@ mod common;
 
 use common::{Random, SEED, scene_of, sheet};
 use raybrook::options::{
-    Accel, Build, Choice, Intersector, Layout, Memory, MethodOption, NeverTogether, NodeOrder, OPTIONS, SplitAxis,
-    Stop, TraceOptions, Traversal, TriangleOrder, choices, needs, never_together,
+    Accel, Build, Choice, Intersector, Kernels, Layout, Memory, MethodOption, NeverTogether, NodeOrder, OPTIONS,
+    SplitAxis, Stop, TexturePass, TraceOptions, Traversal, TriangleOrder, choices, needs, never_together,
 };
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::Scene;
@@ -37,6 +37,7 @@ fn all_names() -> Vec<(&'static str, &'static str, String)> {
         };
     }
     add!(Accel, Build, Traversal, Intersector, Memory, Layout, NodeOrder, TriangleOrder, SplitAxis, Stop);
+    add!(Kernels, TexturePass);
     names
 }
 

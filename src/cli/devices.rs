@@ -1,22 +1,31 @@
 //! `raybrook devices`.
 
 use super::{MethodArgs, Talk, kernels};
+use clap::parser::ValueSource;
 use raybrook::device::{devices_json, devices_report, list_devices};
 use raybrook::options::{OPTIONS, TraceOptions};
 use raybrook::scene::PictureDefaults;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
 
+const KERNELS_HELP: &str = "\
+Build the kernels, of the mega-kernel or of those named, and list what each takes: registers and bytes of spills and stack frame \
+(NVIDIA only), bytes of private and local memory, largest work-group and its preferred multiple; `-` is what the driver does not \
+tell. The kernels of the second pass of --intersector exact come second. All options but --json are for this";
+
+/// Of the method options `--kernels` may stand alone here.
+fn optional_kernels(argument: clap::Arg) -> clap::Arg {
+    argument.num_args(0..=1).default_missing_value(TraceOptions::DEFAULT.kernels.name()).help(KERNELS_HELP)
+}
+
 #[derive(clap::Args)]
+#[command(mut_arg("kernels", optional_kernels))]
 pub struct DevicesArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
-    /// Build the kernels and list what each takes: registers and bytes of spills and stack frame (NVIDIA only), bytes of private
-    /// and local memory, largest work-group and its preferred multiple; `-` is what the driver does not tell. The kernels of the
-    /// second pass of --intersector exact come second. All options below are for this.
-    #[arg(long)]
-    kernels: bool,
+    #[command(flatten)]
+    kernels: KernelsGiven,
     /// Device: its number or a part of its name, cpu or gpu [default: every usable one].
     #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
     pub device: Option<String>,
@@ -33,9 +42,33 @@ pub struct DevicesArgs {
     method: MethodArgs,
 }
 
+/// Whether `--kernels` was given; its value is one of [`MethodArgs`], which takes it away when it is read.
+struct KernelsGiven(bool);
+
+impl clap::FromArgMatches for KernelsGiven {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> std::result::Result<Self, clap::Error> {
+        Ok(KernelsGiven(matches.value_source("kernels") == Some(ValueSource::CommandLine)))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for KernelsGiven {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        command
+    }
+}
+
 pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     let options = TraceOptions { counters: args.counters, ..args.method.options()? };
-    if args.kernels {
+    if args.kernels.0 {
         return kernels::run(args, &options, talk);
     }
     if let Some(option) = given_for_kernels(args, &options) {

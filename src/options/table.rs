@@ -4,7 +4,8 @@
 //! A new value is a line of its enum; a new option is a line of [`OPTIONS`].
 
 use super::{
-    Accel, Build, Intersector, Layout, Memory, NodeOrder, SplitAxis, Stop, TraceOptions, Traversal, TriangleOrder,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, SplitAxis, Stop, TexturePass, TraceOptions,
+    Traversal, TriangleOrder,
 };
 use std::fmt;
 
@@ -86,6 +87,9 @@ pub static OPTIONS: &[MethodOption] = &[
     names!(Layout, layout, Accel::ALL),
     names!(NodeOrder, node_order, &[Accel::Kd]),
     names!(TriangleOrder, triangles, Accel::ALL),
+    names!(Kernels, kernels, Accel::ALL),
+    names!(TexturePass, textures, Accel::ALL),
+    number!("--paths-in-flight", paths_in_flight, Accel::ALL, 1),
 ];
 
 impl MethodOption {
