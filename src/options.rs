@@ -223,24 +223,21 @@ impl Intersector {
     /// The test that took least time in whole frames (bunny, sponza, gears) on PoCL and an H200.
     pub const FASTEST: Intersector = Intersector::MollerTrumbore;
 
-    /// The function in `cl/intersect/` that does it.
-    pub fn cl_function(self) -> &'static str {
+    /// The function in `cl/intersect/` that does it; none for [`Intersector::Exact`], which has more than one.
+    pub fn cl_function(self) -> Option<&'static str> {
         match self {
-            Intersector::Exact => "intersect_exact",
-            Intersector::MollerTrumbore => "intersect_moller_trumbore",
-            Intersector::Watertight => "intersect_watertight",
-            Intersector::Plucker => "intersect_plucker",
-            Intersector::Precomputed => "intersect_precomputed",
-            Intersector::Thesis => "intersect_thesis",
+            Intersector::Exact => None,
+            Intersector::MollerTrumbore => Some("intersect_moller_trumbore"),
+            Intersector::Watertight => Some("intersect_watertight"),
+            Intersector::Plucker => Some("intersect_plucker"),
+            Intersector::Precomputed => Some("intersect_precomputed"),
+            Intersector::Thesis => Some("intersect_thesis"),
         }
     }
 
-    /// The function that decides which of two of its hits is nearer.
-    pub fn cl_nearer(self) -> &'static str {
-        match self {
-            Intersector::Exact => "is_nearer_exactly",
-            _ => "is_nearer_rounded",
-        }
+    /// What `HITS` is in `cl/traverse/leaf.cl`.
+    pub fn cl_hits(self) -> &'static str {
+        if self == Intersector::Exact { "exactly" } else { "rounded" }
     }
 
     /// Whether t stays right when the ray lies in the triangle's plane. Then every structure gives the hits of brute force; else a

@@ -137,6 +137,20 @@ device_struct! {
 }
 
 device_struct! {
+    /// What a ray has hit, as surfaces want to know it.
+    pub struct SurfaceHit {
+        /// Weight of vertex 0.
+        pub weight0: f32,
+        /// Weight of vertex 1.
+        pub u: f32,
+        /// Weight of vertex 2.
+        pub v: f32,
+        /// Triangle number in file order, NO_PRIMITIVE on a miss.
+        pub primitive: u32,
+    }
+}
+
+device_struct! {
     /// A kd-tree node: inner {axis, left, right, split} or leaf {KD_LEAF, first, count, 0}; 16 bytes, read as one int4.
     ///
     /// ```text
@@ -307,9 +321,10 @@ device_struct! {
 }
 
 /// Every shared struct, in the order in which `cl/shared/types.cl` defines them.
-pub const SHARED_STRUCTS: [StructLayout; 15] = [
+pub const SHARED_STRUCTS: [StructLayout; 16] = [
     TraceRay::LAYOUT,
     Hit::LAYOUT,
+    SurfaceHit::LAYOUT,
     KdNode::LAYOUT,
     Shading::LAYOUT,
     Material::LAYOUT,

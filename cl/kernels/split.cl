@@ -35,7 +35,7 @@
 #define SPLIT_ARGUMENTS                                                                                                 \
     SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,             \
         __global float4* restrict film, volatile __global uint* restrict counters, __global SplitSlot* restrict slots,  \
-        __global SplitRay* restrict rays, __global Hit* restrict hits, __global SplitSurface* restrict surfaces,        \
+        __global SplitRay* restrict rays, __global SurfaceHit* restrict hits, __global SplitSurface* restrict surfaces,        \
         __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
         __global TextureRequest* restrict requests, __global const float4* restrict colours,                            \
         __global float4* restrict path_radiance, volatile __global uint* restrict lengths, DOUBTS_ARGUMENT              \
@@ -88,12 +88,13 @@ int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
 void store_pending(__global SplitRay* to, const PendingRay* pending) {
     to->origin_t_near = (float4)(pending->ray.origin, pending->ray.t_near);
     to->origin_low = (float4)(pending->ray.origin_low, 0.0f);
+    to->start_weights = (float4)(pending->ray.start_weights, 0.0f);
     to->direction_skip = pack_bits(pending->ray.direction, pending->ray.skip);
     to->weight_kind_depth = pack_bits(pending->weight, pending->depth << SPLIT_KIND_BITS | pending->kind);
 }
 
-// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin is
-// not its business.
+// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin and the
+// weights are not its business.
 PendingRay load_pending(__global const SplitRay* from) {
     const float4 origin_t_near = from->origin_t_near;
     const int4 direction_skip = from->direction_skip, weight_kind_depth = from->weight_kind_depth;
@@ -102,6 +103,7 @@ PendingRay load_pending(__global const SplitRay* from) {
     pending.ray = make_ray(origin_t_near.xyz, as_float3(direction_skip.xyz), origin_t_near.w, INFINITY,
                            as_uint(direction_skip.w));
     pending.ray.origin_low = from->origin_low.xyz;
+    pending.ray.start_weights = from->start_weights.xyz;
     pending.weight = as_float3(weight_kind_depth.xyz);
     pending.kind = kind_depth & ((1u << SPLIT_KIND_BITS) - 1u);
     pending.depth = kind_depth >> SPLIT_KIND_BITS;
@@ -113,6 +115,7 @@ void load_point(__global const SplitSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
     point->position = position_error.xyz;
     point->position_low = from->position_low.xyz;
+    point->weights = from->weights.xyz;
     point->error = position_error.w;
     point->primitive = as_uint(from->geometric_normal_primitive.w);
 }
@@ -179,10 +182,11 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
     const PendingRay pending = load_pending(&rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot]);
     uint counts[COUNTERS] = {0};
     Hit hit;
-    trace_pending(SCENE_AT(&scene), &pending, &hit, counts);
+    SurfaceHit at = {0.0f, 0.0f, 0.0f, NO_PRIMITIVE};
+    if (trace_pending(SCENE_AT(&scene), &pending, &hit, counts)) at = surface_hit(GEOMETRY_AT(&scene.geometry), &pending.ray, &hit);
     NOTE_DOUBT(index);
     if (IN_DOUBT) return;
-    hits[slot] = hit;
+    hits[slot] = at;
     add_counts(counts, counters, index);
 }
 
@@ -193,7 +197,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
     const Scene scene = MAKE_SCENE;
     bool is_textured = false;
     uint slot = 0u;
-    Hit hit;
+    SurfaceHit hit;
     if (index < end) {
         slot = queue[index];
         hit = hits[slot];
@@ -207,6 +211,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
     slots[slot].request = place;
     const int4 direction_skip = rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot].direction_skip;
     requests[place].direction = (float4)(as_float3(direction_skip.xyz), 0.0f);
+    requests[place].weight0 = hit.weight0;
     requests[place].u = hit.u;
     requests[place].v = hit.v;
     requests[place].primitive = hit.primitive;
@@ -225,7 +230,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
         const uint below = slots[slot].pending - 1u;
         const PendingRay pending = load_pending(&rays[(size_t)below * slot_count + slot]);
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
-        const Hit hit = hits[slot];
+        const SurfaceHit hit = hits[slot];
         is_hit = hit.primitive != NO_PRIMITIVE;
         float3 radiance;
         uint pushed = 0u;
@@ -239,6 +244,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             radiance = without_lamps.radiance;
             surfaces[slot].position_error = (float4)(surface.point.position, surface.point.error);
             surfaces[slot].position_low = (float4)(surface.point.position_low, 0.0f);
+            surfaces[slot].weights = (float4)(surface.point.weights, 0.0f);
             surfaces[slot].geometric_normal_primitive = pack_bits(surface.geometric_normal, hit.primitive);
             surfaces[slot].normal_material = pack_bits(surface.normal, surface.material);
             surfaces[slot].view_direction = (float4)(direction, 0.0f);

@@ -16,7 +16,7 @@ void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hi
                  const bool any_hit) {
     const Ray ray = batch_ray(rays, index);
     Hit hit;
-    TRAVERSE(GEOMETRY, &ray, any_hit, &hit);
+    if (TRAVERSE(GEOMETRY, &ray, any_hit, &hit)) FINISH(GEOMETRY, &ray, &hit);
     hits[index] = batch_hit(&ray, hit);
 }
 
@@ -50,7 +50,7 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
 
 // The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A first
 // ray that missed has no second one.
-__kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict next_directions,
+__kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global const float4* restrict next_directions,
                          __global const Hit* restrict hits, __global Hit* restrict next_hits,
                          WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
@@ -62,9 +62,11 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const float4* restrict nex
     const Hit from = hits[index];
     Hit hit = no_hit();
     if (from.primitive != NO_PRIMITIVE) {
-        const SurfacePoint point = surface_point(GEOMETRY_AT(&geometry), &from);
+        const Ray first_ray = batch_ray(rays, index);
+        const SurfaceHit left = surface_hit(GEOMETRY_AT(&geometry), &first_ray, &from);
+        const SurfacePoint point = surface_point(GEOMETRY_AT(&geometry), &left);
         const Ray ray = leave_surface(&point, next_directions[index].xyz, INFINITY);
-        TRAVERSE(GEOMETRY_AT(&geometry), &ray, false, &hit);
+        closest_hit(GEOMETRY_AT(&geometry), &ray, &hit);
         hit = batch_hit(&ray, hit);
     }
     next_hits[index] = hit;

@@ -2,9 +2,10 @@
 
 // A point on a triangle, as rays start from it.
 typedef struct {
-    float3 position;     // computed from the weights u and v, not from t; rounded
-    float3 position_low; // what that leaves out
-    float error;         // bound of the distance between position + position_low and the triangle's plane, on each axis
+    float3 position;     // computed from the vertices' weights, not from t; rounded
+    float3 position_low; // what that leaves out; see start_on_triangle
+    float3 weights;      // as those of Ray
+    float error;         // how far from it, on each axis, the triangle test may meet what should only touch it
     uint primitive;
 } SurfacePoint;
 
@@ -17,19 +18,45 @@ typedef struct {
     bool front; // the ray came from the side on which the vertices run counter-clockwise
 } Surface;
 
+// Whether vertex 0 has the largest weight, so that what the others leave is as good as the float nearest to it.
+bool is_nearest_vertex0(float u, float v) {
+    const float rest = (1.0f - u) - v;
+    return rest >= u && rest >= v;
+}
+
+// What a ray has hit, as surfaces want to know it: with the third weight, but without t.
+SurfaceHit surface_hit(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit) {
+    SurfaceHit of = {(1.0f - hit->u) - hit->v, hit->u, hit->v, hit->primitive};
+    if (!is_nearest_vertex0(hit->u, hit->v)) {
+        const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
+        const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
+        const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
+        of.weight0 = WEIGHT0(GEOMETRY, ray, hit, p0, p1, p2);
+    }
+    return of;
+}
+
+// Its weights as a Ray has them: the two smaller ones, which are floats as near as can be.
+float3 start_weights(const SurfaceHit* hit) {
+    if (is_nearest_vertex0(hit->u, hit->v)) return (float3)(-1.0f, hit->u, hit->v);
+    return hit->u >= hit->v ? (float3)(hit->weight0, -1.0f, hit->v) : (float3)(hit->weight0, hit->u, -1.0f);
+}
+
 // Where the hit lies: all that a ray needs to leave from there.
-SurfacePoint surface_point(GEOMETRY_PARAMETERS, const Hit* hit) {
+SurfacePoint surface_point(GEOMETRY_PARAMETERS, const SurfaceHit* hit) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
     SurfacePoint point;
-    point_on_triangle(p0, p1, p2, hit->u, hit->v, &point.position, &point.position_low);
-    point.error = point_error(p0, p1, p2);
+    point.weights = start_weights(hit);
+    const TrianglePoint at = point_of_weights(p0, p1, p2, point.weights);
+    start_on_triangle(&at, &point.position, &point.position_low);
+    point.error = LEAVING_ERROR(p0, p1, p2);
     point.primitive = hit->primitive;
     return point;
 }
 
-Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Ray* ray, const Hit* hit) {
+Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Ray* ray, const SurfaceHit* hit) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
@@ -51,13 +78,14 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
     return surface;
 }
 
-// A ray that leaves a surface. The triangle itself is skipped by its number; its neighbours are met too early by at most the
-// error of the position, along an axis on which the ray advances at least 1 per unit of t, plus the rounding of their own
-// vertices' differences from that position, of like size: twice the error covers both where the surface is met at more than a
-// grazing angle.
+// A ray that leaves a surface, from an exact point of the triangle, which is itself skipped by its number. With exact hits that is all:
+// what contains that point, too, is met at t = 0 and not hit. Rounded tests meet such neighbours, which share an edge or
+// vertex, at a distance of at most point.error on an axis along which the ray advances at least 1 per unit of t: twice that
+// covers it where the surface is left at more than a grazing angle.
 Ray leave_surface(const SurfacePoint* point, float3 direction, float t_far) {
     Ray ray = make_ray(point->position, direction, 0.0f, t_far, point->primitive);
     ray.origin_low = point->position_low;
+    ray.start_weights = point->weights;
     ray.t_near = max_or(ray.t_near, 2.0f * point->error); // stays infinite for a ray without direction
     return ray;
 }

@@ -2,22 +2,23 @@
 
 #define EPSILON 0x1p-24f // half the distance from 1 to the next float: the largest relative error of one rounding
 
-// The t of a plane: a difference from the origin's two parts, off by 3 EPSILON (see from_origin), one reciprocal and one product:
-// within gamma(5) < 6 EPSILON (Higham, "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1). The product with the
-// factor itself rounds once more: 7, and the factors are exact floats with 8 to have one to spare.
-#define WIDEN_UP (1.0f + 8.0f * EPSILON)
-#define WIDEN_DOWN (1.0f - 8.0f * EPSILON)
+// The t of a plane: a difference from the origin's two parts, off by 5 EPSILON (see from_origin), one reciprocal and one product:
+// within gamma(7) < 8 EPSILON (Higham, "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1). The product with the
+// factor itself rounds once more: 9, and the factors are exact floats with 10 to have one to spare.
+#define WIDEN_UP (1.0f + 10.0f * EPSILON)
+#define WIDEN_DOWN (1.0f - 10.0f * EPSILON)
 
 // A ray ready for traversal. The direction is scaled by a power of two to a largest component in [1, 2), which is exact and
 // makes every later step independent of the caller's units; t here is the caller's t / t_scale.
 typedef struct {
     float3 origin;
-    float3 origin_low;    // the ray starts at origin + origin_low exactly; not larger than the rounding of origin
+    float3 origin_low;    // the ray starts at origin + origin_low; not larger than the rounding of origin. See start_on_triangle
     float3 direction;
     float3 inv_direction; // +infinity for a zero component; NaN where the reciprocal overflows: no plane of that axis is decisive
     float t_near, t_far;  // closed interval; t_far is finite or -infinity
     float t_scale;
     uint skip;            // triangle that is never hit: the one that the ray starts on
+    float3 start_weights; // where on it: weights of its vertices; the largest is -1, which means what the others leave of 1
 } Ray;
 
 float reciprocal_or_nan(float x) {
@@ -25,14 +26,16 @@ float reciprocal_or_nan(float x) {
     return x != 0.0f && !is_finite(r) ? NAN : r;
 }
 
-// Where p lies as seen from the start of the ray. The first difference is exact where the second part matters: where both are of
-// like size (Sterbenz). So the result is off by at most 3 EPSILON of itself, and by 2 EPSILON of the coordinates' difference.
+// Where p lies as seen from the start of the ray. The first difference rounds once and is exact where the second part matters
+// (Sterbenz): where both are of like size. The second part itself is off by 2 EPSILON. So the result is off by at most 5 EPSILON of
+// itself: it is half the first difference or more, and not smaller than the second part.
 float3 from_origin(const Ray* ray, float3 p) { return (p - ray->origin) - ray->origin_low; }
 
 // A ray that starts at `origin`. One with NaN or infinite parts or without direction gets an empty interval: it misses everything.
 Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint skip) {
     Ray ray;
     ray.skip = skip;
+    ray.start_weights = (float3)(0.0f);
     ray.origin = origin;
     ray.origin_low = (float3)(0.0f);
     ray.t_scale = 1.0f;
@@ -80,18 +83,62 @@ bool is_nearer(const Ray* ray, const Hit* hit, float t, uint primitive) {
     return t >= ray->t_near && t <= ray->t_far && (t < hit->t || (t == hit->t && primitive < hit->primitive));
 }
 
-// The point of triangle p0 p1 p2 with weights u and v of vertices 1 and 2, as *high + *low, where *high is that rounded: a point of
-// a distant triangle is known better than float32 can say.
-void point_on_triangle(float3 p0, float3 p1, float3 p2, float u, float v, float3* high, float3* low) {
-    const float3 from_p0 = fma3(p1 - p0, u, (p2 - p0) * v);
-    const float3 sum = p0 + from_p0; // and its rounding error, exactly (Knuth's TwoSum)
-    const float3 part = sum - p0;
-    *high = sum;
-    *low = (p0 - (sum - part)) + (from_p0 - part);
+// A point of a triangle, exactly: base + weight1 (other1 - base) + weight2 (other2 - base).
+typedef struct {
+    float3 base, other1, other2;
+    float weight1, weight2;
+} TrianglePoint;
+
+// That of weights as Ray has them. Relative to the vertex with the largest weight, the two that are stored may be as small as floats
+// can be: the point lies on an edge or a vertex just when it should, and never beyond.
+TrianglePoint point_of_weights(float3 p0, float3 p1, float3 p2, float3 weights) {
+    const bool at0 = weights.x < 0.0f, at1 = weights.y < 0.0f;
+    const TrianglePoint point = {at0 ? p0 : at1 ? p1 : p2, at0 ? p1 : at1 ? p2 : p0, at0 ? p2 : at1 ? p0 : p1,
+                                 at0 ? weights.y : at1 ? weights.z : weights.x,
+                                 at0 ? weights.z : at1 ? weights.x : weights.y};
+    return point;
 }
 
-// A bound of the distance between that point and the triangle's plane, on each axis. To first order in EPSILON, with E the largest
-// component of the edges and u + v <= 1: the edges round by E, the product by v E, and the sum of at most E by E.
+// a + b as their rounded sum, which a becomes, and its rounding error, which b becomes (Knuth's TwoSum).
+void two_sum3(float3* a, float3* b) {
+    const float3 sum = *a + *b;
+    const float3 part = sum - *a;
+    *b = (*a - (sum - part)) + (*b - part);
+    *a = sum;
+}
+
+// The product of v and s as a rounded product and its rounding error.
+void two_product3(float3 v, float s, float3* high, float3* low) {
+    *high = v * s;
+    *low = fma3(v, s, -*high);
+}
+
+#define POINT_TERMS 9
+#define POINT_PASSES 4
+
+// Where a ray starts that leaves a triangle: the exact point, rounded to *high, and the rest, rounded to *low. What makes traversals
+// sound is that *low is off by at most 2 EPSILON of itself, however small it is: a plane of the structure lies on the same side of
+// what they see as of the exact point. Four passes of error-free sums see to that (Ogita, Rump and Oishi, "Accurate Sum and Dot
+// Product", SIAM J. Sci. Comput. 26(6), 2005): what is left out is below 2^-90 of the vertices.
+void start_on_triangle(const TrianglePoint* point, float3* high, float3* low) {
+    float3 terms[POINT_TERMS];
+    two_product3(point->other1, point->weight1, &terms[7], &terms[3]);
+    two_product3(point->base, -point->weight1, &terms[6], &terms[2]);
+    two_product3(point->other2, point->weight2, &terms[5], &terms[1]);
+    two_product3(point->base, -point->weight2, &terms[4], &terms[0]);
+    terms[8] = point->base;
+    for (uint pass = 0; pass < POINT_PASSES; pass++)
+        for (uint i = 1; i < POINT_TERMS; i++) two_sum3(&terms[i], &terms[i - 1]);
+    float3 rest = terms[0];
+    for (uint i = 1; i < POINT_TERMS - 1; i++) rest += terms[i];
+    *high = terms[POINT_TERMS - 1];
+    *low = rest;
+    two_sum3(high, low);
+}
+
+// What a float32 triangle test may be off from the plane of a neighbour that shares the point where a ray starts, on each axis. To
+// first order in EPSILON, with E the largest component of the edges: the vertices' differences from the point, of up to E, round by
+// 2 E, and as much once more in the sum that weighs them.
 float point_error(float3 p0, float3 p1, float3 p2) {
     return 4.0f * EPSILON * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)));
 }

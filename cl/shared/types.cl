@@ -58,6 +58,14 @@ typedef struct {
     uint primitive; // Triangle number in file order, NO_PRIMITIVE on a miss.
 } Hit;
 
+// What a ray has hit, as surfaces want to know it.
+typedef struct {
+    float weight0; // Weight of vertex 0.
+    float u; // Weight of vertex 1.
+    float v; // Weight of vertex 2.
+    uint primitive; // Triangle number in file order, NO_PRIMITIVE on a miss.
+} SurfaceHit;
+
 // A kd-tree node: inner {axis, left, right, split} or leaf {KD_LEAF, first, count, 0}; 16 bytes, read as one int4.
 typedef struct {
     uint flags; // Split axis, or KD_LEAF.
@@ -160,6 +168,7 @@ typedef struct {
 typedef struct {
     float4 origin_t_near; // Origin in x, y, z and t_near in w.
     float4 origin_low; // What that leaves out of the origin in x, y, z; w unused.
+    float4 start_weights; // Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
     int4 direction_skip; // Bits of the direction in x, y, z and the triangle that it starts on in w.
     int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
 } SplitRay;
@@ -168,6 +177,7 @@ typedef struct {
 typedef struct {
     float4 position_error; // Position in x, y, z and bound of its error in w.
     float4 position_low; // What that leaves out of the position in x, y, z; w unused.
+    float4 weights; // Where that is on the triangle, as weights of the vertices, in x, y, z; w unused.
     int4 geometric_normal_primitive; // Bits of the geometric normal in x, y, z and the triangle in w.
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
     float4 view_direction; // Unit direction of the ray that found it in x, y, z; w unused.
@@ -189,8 +199,8 @@ typedef struct {
 // A hit whose colour the host shall compute.
 typedef struct {
     float4 direction; // Direction of the ray in x, y, z; w unused.
-    float u; // Barycentric weight of vertex 1.
-    float v; // Barycentric weight of vertex 2.
+    float weight0; // Weight of vertex 0.
+    float u; // Weight of vertex 1.
+    float v; // Weight of vertex 2.
     uint primitive; // The triangle that was hit.
-    uint pad; // Unused.
 } TextureRequest;

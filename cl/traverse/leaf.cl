@@ -3,32 +3,50 @@
 // Every traversal has the signature
 //     bool traverse_…(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit)
 // and finds the closest hit of the ray, or with any_hit (a constant at every call, so that inlining folds it away) some hit. *hit
-// is written in the ray's own units of t; its primitive is NO_PRIMITIVE on a miss. Returns whether anything was hit.
+// is written in the ray's own units of t, its t, u and v by FINISH; its primitive is NO_PRIMITIVE on a miss. Returns whether anything
+// was hit.
 
 Hit no_hit(void) {
     const Hit hit = {INFINITY, 0.0f, 0.0f, NO_PRIMITIVE};
     return hit;
 }
 
-// is_nearer() with the parameters of is_nearer_exactly(), for triangle tests whose t is as good as it gets.
-bool is_nearer_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, float t, uint primitive, uint slot) {
-    return is_nearer(ray, hit, t, primitive);
-}
+// HITS says which kind of triangle test there is, and names its functions:
+//     test_HITS     what becomes of *hit by a triangle that the ray may hit
+//     finish_HITS   writes t, u and v of the hit that a traversal has found
+//     weight0_HITS  the weight of its vertex 0
+//     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
+// `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and final.
+#define JOIN_NAMES(a, b) a##b
+#define JOIN(a, b) JOIN_NAMES(a, b)
+#define TEST JOIN(test_, HITS)
+#define FINISH JOIN(finish_, HITS)
+#define WEIGHT0 JOIN(weight0_, HITS)
+#define LEAVING_ERROR JOIN(error_, HITS)
 
-// Tests the triangle of one reference. INTERSECT names the function of cl/intersect/ that was chosen, NEARER the comparison that
-// goes with it.
-void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
+#ifdef INTERSECT
+void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
     float t, u, v;
-    const uint primitive = LOAD_REFERENCE(geometry, reference);
-    if (primitive == ray->skip) return;
-    COUNT(geometry, TESTS, 1);
-    const uint slot = SLOT_OF(reference, primitive);
     if (!INTERSECT(GEOMETRY, ray, slot, &t, &u, &v)) return;
-    if (!NEARER(GEOMETRY, ray, hit, t, primitive, slot)) return;
+    if (!is_nearer(ray, hit, t, primitive)) return;
     hit->t = t;
     hit->u = u;
     hit->v = v;
     hit->primitive = primitive;
+}
+void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {}
+float weight0_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, float3 p0, float3 p1, float3 p2) {
+    return max_or(0.0f, (1.0f - hit->u) - hit->v);
+}
+float error_rounded(float3 p0, float3 p1, float3 p2) { return point_error(p0, p1, p2); }
+#endif
+
+// Tests the triangle of one reference.
+void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
+    const uint primitive = LOAD_REFERENCE(geometry, reference);
+    if (primitive == ray->skip) return;
+    COUNT(geometry, TESTS, 1);
+    TEST(GEOMETRY, ray, primitive, SLOT_OF(reference, primitive), hit);
 }
 
 // Tests the triangles of references first..end. True when that answers the query: any hit will do, and there is one.

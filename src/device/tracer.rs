@@ -83,10 +83,13 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
     // and, in the mega-kernel, 8 bound both.
     let compile_options = CompileOptions::new()
         .define("TRAVERSE", options.cl_traverse())
-        .define("INTERSECT", options.intersector.cl_function())
-        .define("NEARER", options.intersector.cl_nearer())
+        .define("HITS", options.intersector.cl_hits())
         .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
+    let compile_options = match options.intersector.cl_function() {
+        Some(function) => compile_options.define("INTERSECT", function),
+        None => compile_options,
+    };
     let compile_options = match options.kernels {
         Kernels::Mega => compile_options.define("MAX_PENDING", (max_depth + 1).next_multiple_of(8)),
         Kernels::Split => SplitPipeline::define(compile_options, options),
@@ -191,7 +194,7 @@ impl Tracer for OpenClTracer {
                 .map(|_| ())
         };
         let set_next = |kernel: &mut Kernel| {
-            let arguments = scene.geometry_arguments(kernel)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
+            let arguments = scene.geometry_arguments(kernel)?.set(&rays)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
             arguments.set_work(&next_work)?.set(&doubts.items).map(|_| ())
         };
         let mut done = 0;

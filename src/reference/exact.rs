@@ -1,49 +1,75 @@
 //! Twin of `cl/intersect/exact.cl`: the ray-triangle test that is right. The reasons are there.
 
-use super::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
+use super::exact_whole::{decide_whole, finish_whole, weight0_whole};
 use super::intersect::{Intersection, ShearedTriangle, shear_triangle};
-use super::math::{abs3, dot3, max_or, min_or};
+use super::math::{abs3, dot3, fma3, max_or, min_or};
 use super::memory::{Work, load_vertices};
 use super::ray::{EPSILON, Ray};
+use super::traverse::vertices;
 use crate::pack::SceneBuffers;
-use crate::shared::Hit;
+use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::{DVec3, Vec3};
 
-const SHEAR_ERROR: f32 = 64.0 * EPSILON;
-const SHEAR_ERROR2: f32 = 320.0 * EPSILON * EPSILON;
+const SHEAR_ERROR: f32 = 80.0 * EPSILON;
+const SHEAR_ERROR2: f32 = 544.0 * EPSILON * EPSILON;
+const SPREAD_ERROR: f32 = 3.1;
+const DEPTH_ERROR: f32 = 20.0 * EPSILON;
+
+/// What a step finds out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Decision {
+    /// Surely no hit, or none that matters.
+    Miss,
+    /// Surely a hit, its t within these limits.
+    Hit([f32; 2]),
+    /// Not certain.
+    Doubtful,
+}
 
 #[inline(always)]
-fn surely_misses(s: &ShearedTriangle, distance: f32) -> bool {
+fn decide_rounded(s: &ShearedTriangle, distance: f32) -> Decision {
     let [weight0, weight1, weight2] = s.weights;
     let bound = distance * SHEAR_ERROR.mul_add(s.extent, SHEAR_ERROR2 * distance);
     let low = min_or(weight0, min_or(weight1, weight2));
     let high = max_or(weight0, max_or(weight1, weight2));
-    low < -bound && high > bound
+    if low < -bound && high > bound {
+        return Decision::Miss;
+    }
+    let is_inside = low > bound || high < -bound;
+    if !is_inside {
+        return Decision::Doubtful;
+    }
+    let [az, bz, cz] = s.depths;
+    let det = weight0 + weight1 + weight2;
+    let z_weighted = weight0.mul_add(az, weight1.mul_add(bz, weight2 * cz));
+    let t = z_weighted / (det * s.direction_z);
+    let (nearest, farthest) = (min_or(az, min_or(bz, cz)), max_or(az, max_or(bz, cz)));
+    let depth = max_or(nearest.abs(), farthest.abs());
+    let error = (SPREAD_ERROR * bound).mul_add((farthest - nearest) / det.abs(), DEPTH_ERROR * depth);
+    Decision::Hit([t - error, t + error])
+}
+
+/// What limits of its t say of a hit.
+#[inline(always)]
+fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
+    let [t_low, t_high] = limits;
+    if t_high < ray.t_near || t_low > ray.t_far || t_low > hit.t {
+        return Decision::Miss;
+    }
+    let is_inside = t_low > ray.t_near && t_high < ray.t_far;
+    if is_inside && (hit.primitive == NO_PRIMITIVE || t_high < hit.u) {
+        Decision::Hit(limits)
+    } else {
+        Decision::Doubtful
+    }
 }
 
 /// The relative error of one operation of `f64`, the twin's only kind of wide numbers.
 const WIDE_EPSILON: f32 = (f64::EPSILON / 2.0) as f32;
 const WIDE_ERROR: f32 = 10.0 * WIDE_EPSILON;
 const WIDE_ERROR_W: f32 = 14.0 * WIDE_EPSILON;
+const START_ERROR: f32 = 4.0 * EPSILON / WIDE_ERROR;
 const LEAST_MAGNITUDE: f32 = 1.0 / (1u128 << 80) as f32;
-
-#[inline(always)]
-fn sure_sign(number: f64, bound: f32) -> i32 {
-    let value = number as f32;
-    if bound > LEAST_MAGNITUDE * WIDE_EPSILON { i32::from(value > bound) - i32::from(value < -bound) } else { 0 }
-}
-
-/// The float that the quotient, its parts off by no more than their bounds, surely rounds to.
-#[inline(always)]
-fn rounds_surely(numerator: f64, numerator_bound: f32, denominator: f64, denominator_bound: f32) -> Option<f32> {
-    let relative = numerator_bound / (numerator as f32).abs() + denominator_bound / (denominator as f32).abs();
-    let quotient = numerator / denominator;
-    let error = f64::from((quotient as f32).abs() * 1.01f32.mul_add(relative, 8.0 * WIDE_EPSILON));
-    let rounded = quotient as f32;
-    let is_sure =
-        relative < 1.0 / 1024.0 && (quotient + error) as f32 == rounded && (quotient - error) as f32 == rounded;
-    is_sure.then_some(rounded)
-}
 
 #[inline(always)]
 fn magnitude_dot(a: Vec3, b: Vec3) -> f32 {
@@ -56,20 +82,19 @@ fn magnitude_cross(a: Vec3, b: Vec3) -> Vec3 {
     Vec3::new(x.y * y.z + x.z * y.y, x.z * y.x + x.x * y.z, x.x * y.y + x.y * y.x)
 }
 
-/// What arithmetic of twice the precision finds out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Decision {
-    /// Surely outside.
-    Miss,
-    /// Surely inside, with t, u and v rounded for certain.
-    Hit(Intersection),
-    /// Not certain.
-    Doubtful,
+/// A number and a bound of its error.
+#[derive(Debug, Clone, Copy)]
+struct Bounded(f64, f32);
+
+/// The numbers behind every answer.
+struct WideNumbers {
+    distance: Bounded,
+    det: Bounded,
+    weights: [Bounded; 3],
 }
 
-/// Step 2.
 #[inline(always)]
-pub fn intersect_wide(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Decision {
+fn wide_numbers(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> WideNumbers {
     let wide = DVec3::from;
     let (edge1, edge2) = (wide(p1) - wide(p0), wide(p2) - wide(p0));
     let (from, direction) = (wide(p0) - wide(ray.origin) - wide(ray.origin_low), wide(ray.direction));
@@ -79,210 +104,128 @@ pub fn intersect_wide(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Decision {
     let (weight1, weight2) = (dot(edge2, moment), -dot(edge1, moment));
     let weight0 = det - weight1 - weight2;
 
-    let (magnitude1, magnitude2, from_magnitude) = (edge1.as_vec3(), edge2.as_vec3(), from.as_vec3());
+    let (magnitude1, magnitude2) = (edge1.as_vec3(), edge2.as_vec3());
+    let from_magnitude = fma3(abs3(ray.origin_low), START_ERROR, abs3(from.as_vec3()));
     let normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     let moment_magnitude = magnitude_cross(from_magnitude, ray.direction);
     let det_magnitude = magnitude_dot(normal_magnitude, ray.direction);
     let magnitude_1 = magnitude_dot(magnitude2, moment_magnitude);
     let magnitude_2 = magnitude_dot(magnitude1, moment_magnitude);
-    let det_bound = WIDE_ERROR * det_magnitude;
-    let (bound1, bound2) = (WIDE_ERROR * magnitude_1, WIDE_ERROR * magnitude_2);
+    WideNumbers {
+        distance: Bounded(distance, WIDE_ERROR * magnitude_dot(normal_magnitude, from_magnitude)),
+        det: Bounded(det, WIDE_ERROR * det_magnitude),
+        weights: [
+            Bounded(weight0, WIDE_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2)),
+            Bounded(weight1, WIDE_ERROR * magnitude_1),
+            Bounded(weight2, WIDE_ERROR * magnitude_2),
+        ],
+    }
+}
 
-    let sign = sure_sign(det, det_bound);
-    let sign0 = sure_sign(weight0, WIDE_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2));
-    let sign1 = sure_sign(weight1, bound1);
-    let sign2 = sure_sign(weight2, bound2);
+#[inline(always)]
+fn is_bound(bound: f32) -> bool {
+    bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= f32::MAX
+}
+
+#[inline(always)]
+fn sure_sign(Bounded(number, bound): Bounded) -> i32 {
+    let value = number as f32;
+    if is_bound(bound) { i32::from(value > bound) - i32::from(value < -bound) } else { 0 }
+}
+
+/// Step 2.
+#[inline(never)]
+pub fn decide_wide(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
+    let n = wide_numbers(ray, triangle);
+    let sign = sure_sign(n.det);
+    let [sign0, sign1, sign2] = n.weights.map(sure_sign);
     if sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0 {
         return Decision::Miss;
     }
-    if sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign {
+    let is_inside = sign != 0 && sign0 == sign && sign1 == sign && sign2 == sign;
+    if !is_inside || !is_bound(n.distance.1) {
         return Decision::Doubtful;
     }
-    let distance_bound = WIDE_ERROR * magnitude_dot(normal_magnitude, from_magnitude);
-    let rounded = (
-        rounds_surely(distance, distance_bound, det, det_bound),
-        rounds_surely(weight1, bound1, det, det_bound),
-        rounds_surely(weight2, bound2, det, det_bound),
-    );
-    match rounded {
-        (Some(t), Some(u), Some(v)) => Decision::Hit(Intersection { t, u, v }),
-        _ => Decision::Doubtful,
+    let t = (n.distance.0 / n.det.0) as f32;
+    let error = 1.01 * t.abs().mul_add(n.det.1, n.distance.1) / ((n.det.0 as f32).abs() - n.det.1);
+    if t.abs() > LEAST_MAGNITUDE {
+        let half = (4.0 * EPSILON).mul_add(t.abs(), error);
+        Decision::Hit([t - half, t + half])
+    } else {
+        Decision::Doubtful
     }
 }
 
-/// The units in which positions and directions are whole, as exponents of 2, and the limbs that hold every number.
-#[derive(Debug, Clone, Copy)]
-struct WholeUnits {
-    position: i32,
-    direction: i32,
-    n: usize,
-}
-
-impl WholeUnits {
-    fn new(ray: &Ray, triangles: &[[Vec3; 3]]) -> WholeUnits {
-        let (mut low_p, mut high_p, mut low_d, mut high_d) = (1000, -1000, 1000, -1000);
-        for p in triangles.iter().flatten().chain([&ray.origin, &ray.origin_low]) {
-            p.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_p, &mut high_p));
-        }
-        ray.direction.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_d, &mut high_d));
-        let mut position = low_p;
-        let mut bits_p = (high_p - low_p).max(1);
-        let bits_d = (high_d - low_d).max(1);
-        let most = (32 * MAX_LIMBS as i32 - 40 - bits_d) / 5;
-        if bits_p > most {
-            position += bits_p - most;
-            bits_p = most;
-        }
-        let bits = if triangles.len() > 1 { 5 * bits_p + bits_d + 40 } else { 3 * bits_p.max(bits_d) + 34 };
-        WholeUnits { position, direction: low_d, n: (bits as usize).div_ceil(32) }
-    }
-}
-
-/// The numbers behind every answer.
-struct WholeNumbers {
-    distance: Integer,
-    det: Integer,
-    weight1: Integer,
-    weight2: Integer,
-}
-
-impl WholeNumbers {
-    fn new(ray: &Ray, [p0, p1, p2]: [Vec3; 3], units: &WholeUnits) -> WholeNumbers {
-        let n = units.n;
-        let whole = |v: Vec3, exponent: i32| v.to_array().map(|x| Integer::from_float(x, exponent, n));
-        let minus = |mut a: [Integer; 3], b: &[Integer; 3]| {
-            a.iter_mut().zip(b).for_each(|(a, b)| a.add(b, -1, n));
-            a
-        };
-        let corner = whole(p0, units.position);
-        let edge1 = minus(whole(p1, units.position), &corner);
-        let edge2 = minus(whole(p2, units.position), &corner);
-        let from = minus(corner, &whole(ray.origin, units.position));
-        let from = minus(from, &whole(ray.origin_low, units.position));
-        let direction = whole(ray.direction, units.direction);
-        let zero = Integer::ZERO;
-        let mut numbers = WholeNumbers { distance: zero, det: zero, weight1: zero, weight2: zero };
-        for k in 0..3 {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            let mut normal = zero;
-            normal.add_product(&edge1[i], &edge2[j], 1, n);
-            normal.add_product(&edge1[j], &edge2[i], -1, n);
-            numbers.distance.add_product(&normal, &from[k], 1, n);
-            numbers.det.add_product(&normal, &direction[k], 1, n);
-            let mut moment = zero;
-            moment.add_product(&from[i], &direction[j], 1, n);
-            moment.add_product(&from[j], &direction[i], -1, n);
-            numbers.weight1.add_product(&moment, &edge2[k], 1, n);
-            numbers.weight2.add_product(&moment, &edge1[k], -1, n);
-        }
-        numbers
-    }
-
-    /// The sign of t minus `limit`, which is the float nearest to t; det > 0.
-    fn compare_with_limit(&self, units: &WholeUnits, limit: f32) -> i32 {
-        let (significand, exponent) = float_significand(limit);
-        let n = units.n;
-        let mut scaled = Integer::ZERO;
-        let factor = Integer::from_float(if limit < 0.0 { -(significand as f32) } else { significand as f32 }, 0, n);
-        scaled.add_product(&factor, &self.det, 1, n);
-        let mut distance = self.distance;
-        let shift = if significand == 0 { 0 } else { units.position - units.direction - exponent };
-        if shift > 0 {
-            distance.shift_up(shift as usize, n);
-        }
-        if shift < 0 {
-            scaled.shift_up(-shift as usize, n);
-        }
-        distance.add(&scaled, -1, n);
-        distance.sign(n)
-    }
-}
-
-/// Step 3.
-#[inline(never)]
-pub fn intersect_whole(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
-    let has_interval = ray.t_near <= ray.t_far;
-    if !has_interval {
-        return None;
-    }
-    let units = WholeUnits::new(ray, &[triangle]);
-    let n = units.n;
-    let numbers = WholeNumbers::new(ray, triangle, &units);
-    let mut weight0 = numbers.det;
-    weight0.add(&numbers.weight1, -1, n);
-    weight0.add(&numbers.weight2, -1, n);
-    let sign = numbers.det.sign(n);
-    if sign == 0 || [&weight0, &numbers.weight1, &numbers.weight2].iter().any(|weight| sign * weight.sign(n) < 0) {
-        return None;
-    }
-    let t = integer_quotient(numbers.distance, numbers.det, units.position - units.direction, n);
-    let u = integer_quotient(numbers.weight1, numbers.det, 0, n);
-    let v = integer_quotient(numbers.weight2, numbers.det, 0, n);
-    t.is_finite().then_some(Intersection { t, u, v })
-}
-
-/// Twin of `intersect_exact`.
+/// The float that the quotient, its parts off by no more than their bounds, surely rounds to.
 #[inline(always)]
-pub fn intersect_exact(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
-    let distance = ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
-    if surely_misses(&shear_triangle(ray, triangle), distance) {
+fn rounds_surely(
+    Bounded(numerator, numerator_bound): Bounded,
+    Bounded(denominator, denominator_bound): Bounded,
+) -> Option<f32> {
+    if !is_bound(numerator_bound) || !is_bound(denominator_bound) {
         return None;
     }
-    match intersect_wide(ray, triangle) {
-        Decision::Miss => None,
-        Decision::Hit(found) => Some(found),
-        Decision::Doubtful => intersect_whole(ray, triangle),
-    }
+    let relative = numerator_bound / (numerator as f32).abs() + denominator_bound / (denominator as f32).abs();
+    let quotient = numerator / denominator;
+    let error = f64::from((quotient as f32).abs() * 1.01f32.mul_add(relative, 8.0 * WIDE_EPSILON));
+    let rounded = quotient as f32;
+    let is_sure =
+        relative < 1.0 / 1024.0 && (quotient + error) as f32 == rounded && (quotient - error) as f32 == rounded;
+    is_sure.then_some(rounded)
 }
 
-#[inline(never)]
-fn is_nearer_whole(buffers: &SceneBuffers, ray: &Ray, hit: &Hit, t: f32, primitive: u32, work: &mut impl Work) -> bool {
-    let is_tie = t == hit.t;
-    let triangle = load_vertices(buffers, primitive, work);
-    let other = if is_tie { load_vertices(buffers, hit.primitive, work) } else { triangle };
-    let units = WholeUnits::new(ray, &[triangle, other]);
-    let n = units.n;
-    let mut numbers = WholeNumbers::new(ray, triangle, &units);
-    if numbers.det.take_sign(n) < 0 {
-        numbers.distance = numbers.distance.negated(n);
-    }
-    if t == ray.t_near && numbers.compare_with_limit(&units, ray.t_near) < 0 {
-        return false;
-    }
-    if t == ray.t_far && numbers.compare_with_limit(&units, ray.t_far) > 0 {
-        return false;
-    }
-    if !is_tie {
-        return true;
-    }
-    let best = WholeNumbers::new(ray, other, &units);
-    let best_sign = best.det.sign(n);
-    let mut difference = Integer::ZERO;
-    difference.add_product(&numbers.distance, &best.det, best_sign, n);
-    difference.add_product(&best.distance, &numbers.det, -best_sign, n);
-    let order = difference.sign(n);
-    order < 0 || (order == 0 && primitive < hit.primitive)
-}
-
-/// Twin of `is_nearer_exactly`.
+/// t, u and v of a triangle that is hit, where step 2 is sure how they round.
 #[inline(always)]
-pub fn is_nearer_exactly(
-    buffers: &SceneBuffers,
-    ray: &Ray,
-    hit: &Hit,
-    t: f32,
-    primitive: u32,
-    work: &mut impl Work,
-) -> bool {
-    let is_possible = t >= ray.t_near && t <= ray.t_far && t <= hit.t;
-    if !is_possible {
-        return false;
-    }
-    if t > ray.t_near && t < ray.t_far && t < hit.t {
-        return true;
-    }
+pub fn finish_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
+    let n = wide_numbers(ray, triangle);
+    let [_, weight1, weight2] = n.weights;
+    Some(Intersection {
+        t: rounds_surely(n.distance, n.det)?,
+        u: rounds_surely(weight1, n.det)?,
+        v: rounds_surely(weight2, n.det)?,
+    })
+}
+
+/// Twin of `test_exactly`.
+#[inline(always)]
+pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut Hit, work: &mut impl Work) {
     if primitive == hit.primitive {
-        return false;
+        return;
     }
-    is_nearer_whole(buffers, ray, hit, t, primitive, work)
+    let triangle = load_vertices(buffers, primitive, work);
+    let distance = ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
+    let placed = |hit: &Hit, decision| match decision {
+        Decision::Hit(limits) => place_hit(ray, hit, limits),
+        other => other,
+    };
+    let mut decision = placed(hit, decide_rounded(&shear_triangle(ray, triangle), distance));
+    if decision == Decision::Doubtful {
+        decision = placed(hit, decide_wide(ray, triangle));
+    }
+    if decision == Decision::Doubtful {
+        decision = decide_whole(buffers, ray, triangle, primitive, hit);
+    }
+    if let Decision::Hit([t_low, t_high]) = decision {
+        *hit = Hit { t: t_high, u: t_low, v: 0.0, primitive };
+    }
+}
+
+/// Twin of `finish_exactly`.
+#[inline(always)]
+pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit, work: &mut impl Work) {
+    if hit.primitive == NO_PRIMITIVE {
+        return;
+    }
+    let triangle = load_vertices(buffers, hit.primitive, work);
+    let Intersection { t, u, v } =
+        finish_wide(ray, triangle).unwrap_or_else(|| finish_whole(buffers, ray, triangle));
+    *hit = Hit { t, u, v, ..*hit };
+}
+
+/// Twin of `weight0_exactly`.
+#[inline(always)]
+pub fn weight0_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> f32 {
+    let triangle = vertices(buffers, hit.primitive);
+    let n = wide_numbers(ray, triangle);
+    rounds_surely(n.weights[0], n.det).unwrap_or_else(|| weight0_whole(buffers, ray, triangle))
 }

@@ -1,13 +1,11 @@
 //! Twins of `cl/intersect/`: the ray-triangle tests. The reasons are there.
 
-use super::exact::{intersect_exact, is_nearer_exactly};
 use super::math::{abs3, cross3, difference_of_products, dot3, max_or};
 use super::memory::{Work, load_transform, load_vertices};
 use super::ray::Ray;
 use crate::layout::Float4;
 use crate::options::Intersector;
 use crate::pack::SceneBuffers;
-use crate::shared::Hit;
 use glam::Vec3;
 
 /// Distance and weights of vertices 1 and 2.
@@ -31,29 +29,12 @@ pub fn intersect(
     work: &mut impl Work,
 ) -> Option<Intersection> {
     match intersector {
-        Intersector::Exact => intersect_exact(buffers, ray, load_vertices(buffers, primitive, work)),
+        Intersector::Exact => unreachable!("it has a test of its own"),
         Intersector::MollerTrumbore => intersect_moller_trumbore(ray, load_vertices(buffers, primitive, work)),
         Intersector::Watertight => intersect_watertight(ray, load_vertices(buffers, primitive, work)),
         Intersector::Plucker => intersect_plucker(ray, load_vertices(buffers, primitive, work)),
         Intersector::Precomputed => intersect_precomputed(ray, load_transform(buffers, primitive, work)),
         Intersector::Thesis => intersect_thesis(ray, load_vertices(buffers, primitive, work), buffers.params.scale),
-    }
-}
-
-/// Whether a hit at t is inside the ray's limits and nearer than `hit`, as the chosen test tells hits apart.
-#[inline(always)]
-pub fn is_nearer(
-    buffers: &SceneBuffers,
-    intersector: Intersector,
-    ray: &Ray,
-    hit: &Hit,
-    t: f32,
-    primitive: u32,
-    work: &mut impl Work,
-) -> bool {
-    match intersector {
-        Intersector::Exact => is_nearer_exactly(buffers, ray, hit, t, primitive, work),
-        _ => ray.is_nearer(hit, t, primitive),
     }
 }
 

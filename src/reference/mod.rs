@@ -5,6 +5,7 @@
 //! measured.
 
 pub mod exact;
+pub mod exact_whole;
 pub mod integer;
 pub mod intersect;
 pub mod light;
@@ -34,8 +35,8 @@ use render::{RenderedPixel, render_pixel};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
-use surface::{leave_surface, surface_point};
-use traverse::{NO_HIT, traverse};
+use surface::{leave_surface, surface_hit, surface_point};
+use traverse::{NO_HIT, closest_hit, finish, traverse};
 
 /// Rays that one task traces: long enough to hide the scheduler, short enough to share out evenly.
 const CHUNK: usize = 4096;
@@ -122,20 +123,30 @@ with_fma! {
     /// Traces the second rays of some hits; counts the work if there is room for it.
     fn trace_next_chunk(
         tracer: &ReferenceTracer,
+        rays: &[TraceRay],
         directions: &[Float4],
         hits: &[Hit],
         next_hits: &mut [Hit],
         work: Option<&mut [RayWork]>,
     ) {
-        let queries = directions.iter().zip(hits).zip(next_hits);
+        let queries = rays.iter().zip(directions).zip(hits).zip(next_hits);
         match work {
-            None => queries.for_each(|((to, from), hit)| *hit = tracer.trace_next_query(to, from, &mut NoWork)),
-            Some(work) => queries.zip(work).for_each(|(((to, from), hit), work)| {
+            None => queries.for_each(|(((ray, to), from), hit)| {
+                *hit = tracer.trace_next_query(ray, to, from, &mut NoWork);
+            }),
+            Some(work) => queries.zip(work).for_each(|((((ray, to), from), hit), work)| {
                 *work = RayWork::default();
-                *hit = tracer.trace_next_query(to, from, work);
+                *hit = tracer.trace_next_query(ray, to, from, work);
             }),
         }
     }
+}
+
+/// The ray of a query.
+#[inline(always)]
+fn batch_ray(query: &TraceRay) -> Ray {
+    let (origin, direction) = (query.origin_t_min, query.direction_t_max);
+    Ray::new(origin.xyz(), direction.xyz(), origin.w, direction.w, NO_PRIMITIVE)
 }
 
 impl ReferenceTracer {
@@ -161,19 +172,21 @@ impl ReferenceTracer {
 
     #[inline(always)]
     fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
-        let (origin, direction) = (query.origin_t_min, query.direction_t_max);
-        let ray = Ray::new(origin.xyz(), direction.xyz(), origin.w, direction.w, NO_PRIMITIVE);
-        let hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
+        let ray = batch_ray(query);
+        let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
+        finish(&self.buffers, &self.options, &ray, &mut hit, work);
         Hit { t: hit.t * ray.t_scale, ..hit }
     }
 
     #[inline(always)]
-    fn trace_next_query(&self, direction: &Float4, from: &Hit, work: &mut impl Work) -> Hit {
+    fn trace_next_query(&self, query: &TraceRay, direction: &Float4, from: &Hit, work: &mut impl Work) -> Hit {
         if !is_hit(from) {
             return NO_HIT;
         }
-        let ray = leave_surface(&surface_point(&self.buffers, from), direction.xyz(), f32::INFINITY);
-        let hit = traverse(&self.buffers, &self.options, &ray, false, work);
+        let left = surface_hit(&self.buffers, &self.options, &batch_ray(query), from);
+        let point = surface_point(&self.buffers, &self.options, &left);
+        let ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
+        let hit = closest_hit(&self.buffers, &self.options, &ray, work);
         Hit { t: hit.t * ray.t_scale, ..hit }
     }
 
@@ -241,11 +254,12 @@ impl Tracer for ReferenceTracer {
                 progress((done.fetch_add(rays.len(), Ordering::Relaxed) + rays.len()) as f64 / total as f64);
             });
             if let Some(directions) = job.next_directions {
-                let from = directions.par_chunks(CHUNK).zip(result.hits.par_chunks(CHUNK));
+                let rays = job.rays.par_chunks(CHUNK).zip(directions.par_chunks(CHUNK));
+                let from = rays.zip(result.hits.par_chunks(CHUNK));
                 let work = work_of_parts(&mut result.next_work, chunks, CHUNK);
                 let next = next_hits.par_chunks_mut(CHUNK).zip(work).zip(from);
-                next.for_each(|((next_hits, work), (directions, hits))| {
-                    trace_next_chunk(self, directions, hits, next_hits, work);
+                next.for_each(|((next_hits, work), ((rays, directions), hits))| {
+                    trace_next_chunk(self, rays, directions, hits, next_hits, work);
                 });
             }
             result.kernel_s.push(start.elapsed().as_secs_f64());

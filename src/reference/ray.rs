@@ -6,8 +6,8 @@ use glam::Vec3;
 
 /// The largest relative error of one rounding.
 pub const EPSILON: f32 = 1.0 / 16_777_216.0;
-const WIDEN_UP: f32 = 1.0 + 8.0 * EPSILON;
-const WIDEN_DOWN: f32 = 1.0 - 8.0 * EPSILON;
+const WIDEN_UP: f32 = 1.0 + 10.0 * EPSILON;
+const WIDEN_DOWN: f32 = 1.0 - 10.0 * EPSILON;
 
 /// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
 pub const HIT_ERROR: f32 = 32.0;
@@ -19,7 +19,7 @@ pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
 pub struct Ray {
     /// Tracing space.
     pub origin: Vec3,
-    /// The ray starts at `origin + origin_low` exactly.
+    /// The ray starts at `origin + origin_low`.
     pub origin_low: Vec3,
     /// Largest component in [1, 2).
     pub direction: Vec3,
@@ -31,8 +31,10 @@ pub struct Ray {
     pub t_far: f32,
     /// Factor from the ray's t to the caller's.
     pub t_scale: f32,
-    /// Triangle that is never hit.
+    /// Triangle that is never hit: the one that the ray starts on.
     pub skip: u32,
+    /// Where on it, as weights of its vertices; the largest is -1.
+    pub start_weights: Vec3,
 }
 
 #[inline(always)]
@@ -62,6 +64,7 @@ impl Ray {
             t_far: if sound { min_or(t_far / t_scale, f32::MAX) } else { f32::NEG_INFINITY },
             t_scale,
             skip,
+            start_weights: Vec3::ZERO,
         }
     }
 
@@ -140,16 +143,73 @@ pub fn widen_down(t: f32) -> f32 {
     t * if t > 0.0 { WIDEN_DOWN } else { WIDEN_UP }
 }
 
-/// The point with weights `u` and `v` of vertices 1 and 2, rounded, and what that leaves out.
-#[inline(always)]
-pub fn point_on_triangle([p0, p1, p2]: [Vec3; 3], u: f32, v: f32) -> (Vec3, Vec3) {
-    let from_p0 = fma3(p1 - p0, u, (p2 - p0) * v);
-    let sum = p0 + from_p0;
-    let part = sum - p0;
-    (sum, (p0 - (sum - part)) + (from_p0 - part))
+/// A point of a triangle, exactly: the first of `vertices` plus `weights` times the edges from there to the other two.
+#[derive(Debug, Clone, Copy)]
+pub struct TrianglePoint {
+    /// The one with the largest weight first, the others in their order.
+    pub vertices: [Vec3; 3],
+    /// Of the other two.
+    pub weights: [f32; 2],
 }
 
-/// Bound of that point's distance from the triangle's plane, on each axis.
+impl TrianglePoint {
+    /// `p` itself.
+    pub fn at(p: Vec3) -> Self {
+        TrianglePoint { vertices: [p; 3], weights: [0.0; 2] }
+    }
+
+    /// The point of weights as [`Ray`] has them.
+    #[inline(always)]
+    pub fn of_weights([p0, p1, p2]: [Vec3; 3], weights: Vec3) -> Self {
+        if weights.x < 0.0 {
+            TrianglePoint { vertices: [p0, p1, p2], weights: [weights.y, weights.z] }
+        } else if weights.y < 0.0 {
+            TrianglePoint { vertices: [p1, p2, p0], weights: [weights.z, weights.x] }
+        } else {
+            TrianglePoint { vertices: [p2, p0, p1], weights: [weights.x, weights.y] }
+        }
+    }
+}
+
+#[inline(always)]
+fn two_sum3(a: Vec3, b: Vec3) -> (Vec3, Vec3) {
+    let sum = a + b;
+    let part = sum - a;
+    (sum, (a - (sum - part)) + (b - part))
+}
+
+#[inline(always)]
+fn two_product3(v: Vec3, s: f32) -> (Vec3, Vec3) {
+    let high = v * s;
+    (high, fma3(v, s, -high))
+}
+
+const POINT_TERMS: usize = 9;
+const POINT_PASSES: usize = 4;
+
+/// The point, rounded, and the rest, rounded.
+#[inline(always)]
+pub fn start_on_triangle(point: &TrianglePoint) -> (Vec3, Vec3) {
+    let ([base, other1, other2], [weight1, weight2]) = (point.vertices, point.weights);
+    let mut terms = [Vec3::ZERO; POINT_TERMS];
+    (terms[7], terms[3]) = two_product3(other1, weight1);
+    (terms[6], terms[2]) = two_product3(base, -weight1);
+    (terms[5], terms[1]) = two_product3(other2, weight2);
+    (terms[4], terms[0]) = two_product3(base, -weight2);
+    terms[8] = base;
+    for _ in 0..POINT_PASSES {
+        for i in 1..POINT_TERMS {
+            (terms[i], terms[i - 1]) = two_sum3(terms[i], terms[i - 1]);
+        }
+    }
+    let mut rest = terms[0];
+    for &term in &terms[1..POINT_TERMS - 1] {
+        rest += term;
+    }
+    two_sum3(terms[POINT_TERMS - 1], rest)
+}
+
+/// How far from its triangle a ray that starts there may meet the neighbours, by a rounded test.
 #[inline(always)]
 pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
     4.0 * EPSILON * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)))

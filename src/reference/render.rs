@@ -5,14 +5,14 @@ use super::math::{fma3, max_component, normalize3};
 use super::memory::Work;
 use super::procedural::solid_position;
 use super::ray::Ray;
-use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_point};
+use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_hit, surface_point};
 use super::texture::surface_colour;
-use super::traverse::traverse;
+use super::traverse::{closest_hit, traverse};
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{
-    COUNTERS, Hit, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, TextureRequest,
+    COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, SurfaceHit, TextureRequest,
 };
 use glam::Vec3;
 
@@ -43,7 +43,7 @@ impl<W: Work> Pixel<'_, W> {
         }
         let mut tint = Vec3::ONE;
         for _ in 0..MAX_SHADOW_LAYERS {
-            let hit = traverse(self.buffers, self.options, &ray, false, &mut self.rendered.secondary_work);
+            let hit = closest_hit(self.buffers, self.options, &ray, &mut self.rendered.secondary_work);
             if hit.primitive == NO_PRIMITIVE {
                 self.count(RayKind::Shadow, false);
                 return tint;
@@ -53,7 +53,8 @@ impl<W: Work> Pixel<'_, W> {
                 break;
             }
             tint *= material.transmission_ior.xyz();
-            let point = surface_point(self.buffers, &hit);
+            let passed = surface_hit(self.buffers, self.options, &ray, &hit);
+            let point = surface_point(self.buffers, self.options, &passed);
             let direction =
                 if sample.t_far == 1.0 { from.position + sample.to_light - point.position } else { sample.to_light };
             ray = leave_surface(&point, direction, sample.t_far);
@@ -93,13 +94,14 @@ impl<W: Work> Pixel<'_, W> {
                 RayKind::Camera => &mut self.rendered.camera_work,
                 _ => &mut self.rendered.secondary_work,
             };
-            let hit = traverse(self.buffers, self.options, &pending.ray, false, work);
+            let hit = closest_hit(self.buffers, self.options, &pending.ray, work);
             self.count(pending.kind, hit.primitive != NO_PRIMITIVE);
             if hit.primitive == NO_PRIMITIVE {
                 radiance += pending.weight * background(self.buffers, direction);
                 continue;
             }
-            let surface = surface_at(self.buffers, &pending.ray, &hit);
+            let at = surface_hit(self.buffers, self.options, &pending.ray, &hit);
+            let surface = surface_at(self.buffers, self.options, &pending.ray, &at);
             let material = &self.buffers.materials[surface.material as usize];
             radiance += pending.weight * self.local_light(&surface, material, direction);
             if pending.depth < self.params.max_depth {
@@ -122,8 +124,8 @@ pub fn texture_colour(buffers: &SceneBuffers, surface: &Surface, material: &Mate
 pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec3 {
     // Of the ray only the direction matters here.
     let ray = Ray::new(Vec3::ZERO, request.direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
-    let hit = Hit { t: 0.0, u: request.u, v: request.v, primitive: request.primitive };
-    let surface = surface_at(buffers, &ray, &hit);
+    let TextureRequest { weight0, u, v, primitive, .. } = *request;
+    let surface = surface_at(buffers, &TraceOptions::DEFAULT, &ray, &SurfaceHit { weight0, u, v, primitive });
     texture_colour(buffers, &surface, &buffers.materials[surface.material as usize])
 }
 

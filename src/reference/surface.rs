@@ -1,10 +1,12 @@
 //! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
 
+use super::exact::weight0_exactly;
 use super::math::{cross3, dot3, fma3, max_or, normalize3};
-use super::ray::{Ray, point_error, point_on_triangle};
+use super::ray::{Ray, TrianglePoint, point_error, start_on_triangle};
 use super::traverse::vertices;
+use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::shared::Hit;
+use crate::shared::{Hit, SurfaceHit};
 use glam::Vec3;
 
 /// A point on a triangle, as rays start from it.
@@ -14,7 +16,9 @@ pub struct SurfacePoint {
     pub position: Vec3,
     /// What that leaves out.
     pub position_low: Vec3,
-    /// Bound of its distance from the triangle's plane, on each axis.
+    /// Where it is, as weights of the vertices.
+    pub weights: Vec3,
+    /// How far from it, on each axis, the triangle test may meet what should only touch it.
     pub error: f32,
     /// The triangle.
     pub primitive: u32,
@@ -37,17 +41,50 @@ pub struct Surface {
     pub front: bool,
 }
 
+#[inline(always)]
+fn is_nearest_vertex0(u: f32, v: f32) -> bool {
+    let rest = (1.0 - u) - v;
+    rest >= u && rest >= v
+}
+
+/// What a ray has hit, as surfaces want to know it.
+#[inline(always)]
+pub fn surface_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &Hit) -> SurfaceHit {
+    let rest = (1.0 - hit.u) - hit.v;
+    let weight0 = if is_nearest_vertex0(hit.u, hit.v) {
+        rest
+    } else if options.intersector == Intersector::Exact {
+        weight0_exactly(buffers, ray, hit)
+    } else {
+        max_or(0.0, rest)
+    };
+    SurfaceHit { weight0, u: hit.u, v: hit.v, primitive: hit.primitive }
+}
+
+#[inline(always)]
+fn start_weights(hit: &SurfaceHit) -> Vec3 {
+    if is_nearest_vertex0(hit.u, hit.v) {
+        Vec3::new(-1.0, hit.u, hit.v)
+    } else if hit.u >= hit.v {
+        Vec3::new(hit.weight0, -1.0, hit.v)
+    } else {
+        Vec3::new(hit.weight0, hit.u, -1.0)
+    }
+}
+
 /// Where a hit lies.
 #[inline(always)]
-pub fn surface_point(buffers: &SceneBuffers, hit: &Hit) -> SurfacePoint {
+pub fn surface_point(buffers: &SceneBuffers, options: &TraceOptions, hit: &SurfaceHit) -> SurfacePoint {
     let triangle = vertices(buffers, hit.primitive);
-    let (position, position_low) = point_on_triangle(triangle, hit.u, hit.v);
-    SurfacePoint { position, position_low, error: point_error(triangle), primitive: hit.primitive }
+    let weights = start_weights(hit);
+    let (position, position_low) = start_on_triangle(&TrianglePoint::of_weights(triangle, weights));
+    let error = if options.intersector == Intersector::Exact { 0.0 } else { point_error(triangle) };
+    SurfacePoint { position, position_low, weights, error, primitive: hit.primitive }
 }
 
 /// What a hit is.
 #[inline(always)]
-pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
+pub fn surface_at(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &SurfaceHit) -> Surface {
     let [p0, p1, p2] = vertices(buffers, hit.primitive);
     let at = &buffers.shading[hit.primitive as usize];
     let w = (1.0 - hit.u) - hit.v;
@@ -57,7 +94,7 @@ pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
     let interpolated = fma3(at.normal0_u0.xyz(), w, fma3(at.normal1_u1.xyz(), hit.u, at.normal2_u2.xyz() * hit.v));
     let normal = normalize3(interpolated, geometric_normal);
     Surface {
-        point: surface_point(buffers, hit),
+        point: surface_point(buffers, options, hit),
         geometric_normal,
         normal: if dot3(normal, geometric_normal) < 0.0 { -normal } else { normal },
         texture_uv: [
@@ -74,6 +111,7 @@ pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
 pub fn leave_surface(point: &SurfacePoint, direction: Vec3, t_far: f32) -> Ray {
     let mut ray = Ray::new(point.position, direction, 0.0, t_far, point.primitive);
     ray.origin_low = point.position_low;
+    ray.start_weights = point.weights;
     ray.t_near = max_or(ray.t_near, 2.0 * point.error);
     ray
 }

@@ -42,6 +42,8 @@ device_struct! {
         pub origin_t_near: Float4,
         /// What that leaves out of the origin in x, y, z; w unused.
         pub origin_low: Float4,
+        /// Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
+        pub start_weights: Float4,
         /// Bits of the direction in x, y, z and the triangle that it starts on in w.
         pub direction_skip: Int4,
         /// Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
@@ -56,6 +58,8 @@ device_struct! {
         pub position_error: Float4,
         /// What that leaves out of the position in x, y, z; w unused.
         pub position_low: Float4,
+        /// Where that is on the triangle, as weights of the vertices, in x, y, z; w unused.
+        pub weights: Float4,
         /// Bits of the geometric normal in x, y, z and the triangle in w.
         pub geometric_normal_primitive: Int4,
         /// Bits of the shading normal in x, y, z and the material in w.
@@ -92,13 +96,13 @@ device_struct! {
     pub struct TextureRequest {
         /// Direction of the ray in x, y, z; w unused.
         pub direction: Float4,
-        /// Barycentric weight of vertex 1.
+        /// Weight of vertex 0.
+        pub weight0: f32,
+        /// Weight of vertex 1.
         pub u: f32,
-        /// Barycentric weight of vertex 2.
+        /// Weight of vertex 2.
         pub v: f32,
         /// The triangle that was hit.
         pub primitive: u32,
-        /// Unused.
-        pub pad: u32,
     }
 }

@@ -5,7 +5,7 @@ use super::{Buffer, DeviceContext, DeviceScene, PictureBuffers};
 use crate::error::Result;
 use crate::layout::Float4;
 use crate::shared::{
-    Hit, NO_PATH, QUEUE_SHADOWS, RenderParams, SplitRay, SplitShadow, SplitSlot, SplitSurface, SplitYield,
+    SurfaceHit, NO_PATH, QUEUE_SHADOWS, RenderParams, SplitRay, SplitShadow, SplitSlot, SplitSurface, SplitYield,
     TextureRequest,
 };
 
@@ -48,7 +48,7 @@ impl Shape {
         let rays = self.depth * size_of::<SplitRay>();
         let path_radiance = PATHS_PER_SLOT * size_of::<Float4>();
         let request = if self.setup.host_textures { size_of::<TextureRequest>() + size_of::<Float4>() } else { 0 };
-        let state = size_of::<SplitSlot>() + size_of::<Hit>() + size_of::<SplitSurface>() + size_of::<SplitYield>();
+        let state = size_of::<SplitSlot>() + size_of::<SurfaceHit>() + size_of::<SplitSurface>() + size_of::<SplitYield>();
         let shadow_and_lists = size_of::<SplitShadow>() + 3 * size_of::<u32>();
         let all = rays + path_radiance + request + state + shadow_and_lists;
         (all as u64, rays.max(path_radiance) as u64)
@@ -77,7 +77,7 @@ impl Shape {
 pub(super) struct State {
     slots: Buffer<SplitSlot>,
     rays: Buffer<SplitRay>,
-    hits: Buffer<Hit>,
+    hits: Buffer<SurfaceHit>,
     surfaces: Buffer<SplitSurface>,
     yields: Buffer<SplitYield>,
     shadows: Buffer<SplitShadow>,

@@ -1,12 +1,29 @@
 //! Twin of `cl/traverse/leaf.cl`: the triangles of a leaf. The reasons are there.
 
-use crate::options::TraceOptions;
+use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::intersect::{intersect, is_nearer};
+use crate::reference::exact::test_exactly;
+use crate::reference::intersect::intersect;
 use crate::reference::memory::{Work, load_reference};
 use crate::reference::ray::Ray;
 use crate::shared::{Hit, KdNode, NO_PRIMITIVE, WorkCounter};
 use std::ops::Range;
+
+#[inline(always)]
+fn test_rounded(
+    buffers: &SceneBuffers,
+    intersector: Intersector,
+    ray: &Ray,
+    primitive: u32,
+    hit: &mut Hit,
+    work: &mut impl Work,
+) {
+    if let Some(found) = intersect(buffers, intersector, ray, primitive, work)
+        && ray.is_nearer(hit, found.t, primitive)
+    {
+        *hit = Hit { t: found.t, u: found.u, v: found.v, primitive };
+    }
+}
 
 /// Tests the triangle of one reference.
 #[inline(always)]
@@ -23,10 +40,9 @@ fn test_triangle(
         return;
     }
     work.count(WorkCounter::Tests, 1);
-    if let Some(found) = intersect(buffers, options.intersector, ray, primitive, work)
-        && is_nearer(buffers, options.intersector, ray, hit, found.t, primitive, work)
-    {
-        *hit = Hit { t: found.t, u: found.u, v: found.v, primitive };
+    match options.intersector {
+        Intersector::Exact => test_exactly(buffers, ray, primitive, hit, work),
+        rounded => test_rounded(buffers, rounded, ray, primitive, hit, work),
     }
 }
 

@@ -13,9 +13,10 @@ mod octree;
 mod thesis_restart;
 pub mod volumes;
 
+use super::exact::finish_exactly;
 use super::memory::Work;
 use super::ray::Ray;
-use crate::options::{Accel, TraceOptions, Traversal};
+use crate::options::{Accel, Intersector, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
@@ -33,7 +34,24 @@ pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
     [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
 }
 
-/// The closest hit of the ray, or with `any_hit` some hit; in the ray's own units of t. Adds to `work` what that took.
+/// The closest hit of the ray, with t, u and v in full; in the ray's own units of t. Adds to `work` what that took.
+#[inline(always)]
+pub fn closest_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, work: &mut impl Work) -> Hit {
+    let mut hit = traverse(buffers, options, ray, false, work);
+    finish(buffers, options, ray, &mut hit, work);
+    hit
+}
+
+/// Writes t, u and v of what [`traverse`] has found.
+#[inline(always)]
+pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &mut Hit, work: &mut impl Work) {
+    if options.intersector == Intersector::Exact {
+        finish_exactly(buffers, ray, hit, work);
+    }
+}
+
+/// The closest hit of the ray, or with `any_hit` some hit, of which only the primitive is final before [`finish`]. Adds to `work` what
+/// that took.
 #[inline(always)]
 pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool, work: &mut impl Work) -> Hit {
     match (options.accel, options.traversal) {

@@ -1,0 +1,228 @@
+// The last step of exact.cl, in whole numbers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell from zero.
+//
+// A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), which is whole, too, in units
+// that are finer by the last bit of its weights.
+
+// Positions are in units of 2^position; vertices and weights of the triangle that the ray starts on in units of 2^vertex and 2^weight,
+// whose product that is; directions in units of 2^direction. n limbs hold every number here.
+typedef struct {
+    int position, vertex, weight, direction;
+    int n;
+} WholeUnits;
+
+// Where the ray starts.
+RARE void start_of_ray(GEOMETRY_PARAMETERS, const Ray* ray, TrianglePoint* point) {
+    if (ray->skip == NO_PRIMITIVE) {
+        const TrianglePoint origin = {ray->origin, ray->origin, ray->origin, 0.0f, 0.0f};
+        *point = origin;
+        return;
+    }
+    *point = point_of_weights(LOAD_SURFACE_VERTEX(geometry, ray->skip, 0), LOAD_SURFACE_VERTEX(geometry, ray->skip, 1),
+                              LOAD_SURFACE_VERTEX(geometry, ray->skip, 2), ray->start_weights);
+}
+
+void widen_exponents3(float3 v, int* lowest, int* highest) {
+    widen_exponents(v.x, lowest, highest);
+    widen_exponents(v.y, lowest, highest);
+    widen_exponents(v.z, lowest, highest);
+}
+
+// The units of a ray from `start` and of `count` triangles (three vertices each). Let p and d be the bits of the largest position and
+// direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the others 2 p + d + 6; a comparison of two t
+// multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a comparison with a limit 24, and all need a sign. MAX_LIMBS
+// suffice for p = 217: positions whose largest is 10^65 times the last bit of the smallest. Beyond that the lowest bits go.
+RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const float3* vertices, int count) {
+    int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000, low_w = 0, high_w = 0;
+    widen_exponents3(start->base, &low_p, &high_p);
+    widen_exponents3(start->other1, &low_p, &high_p);
+    widen_exponents3(start->other2, &low_p, &high_p);
+#pragma unroll 1
+    for (int i = 0; i < 3 * count; i++) widen_exponents3(vertices[i], &low_p, &high_p);
+    widen_exponents3(direction, &low_d, &high_d);
+    widen_exponents(start->weight1, &low_w, &high_w);
+    widen_exponents(start->weight2, &low_w, &high_w);
+    WholeUnits units;
+    units.position = low_p + low_w;
+    units.direction = low_d;
+    int bits_p = max(high_p - units.position, 1);
+    const int bits_d = max(high_d - low_d, 1);
+    const int most = (32 * MAX_LIMBS - 40 - bits_d) / 5;
+    if (bits_p > most) {
+        units.position += bits_p - most;
+        bits_p = most;
+    }
+    units.weight = low_w;
+    units.vertex = units.position - low_w;
+    units.n = ((count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) + 31) / 32;
+    return units;
+}
+
+typedef struct {
+    Integer distance, det, weight1, weight2; // T, D, U, V
+} WholeNumbers;
+
+// *sum += weight * (other - base), the latter two vertices of the triangle that the ray starts on.
+RARE void add_weighted(Integer* sum, float base, float other, float weight, const WholeUnits* units) {
+    if (weight == 0.0f) return;
+    Integer edge, vertex;
+    integer_from_float(&edge, other, units->vertex, units->n);
+    integer_from_float(&vertex, base, units->vertex, units->n);
+    integer_add(&edge, &vertex, -1, units->n);
+    integer_from_float(&vertex, weight, units->weight, units->n);
+    integer_add_product(sum, &vertex, &edge, 1, units->n);
+}
+
+RARE void whole_numbers(const TrianglePoint* start, float3 ray_direction, const float3* vertices, const WholeUnits* units,
+                        WholeNumbers* numbers) {
+    const int n = units->n;
+    Integer edge1[3], edge2[3], from[3], direction[3];
+    const float base[3] = {start->base.x, start->base.y, start->base.z};
+    const float other1[3] = {start->other1.x, start->other1.y, start->other1.z};
+    const float other2[3] = {start->other2.x, start->other2.y, start->other2.z};
+    const float along[3] = {ray_direction.x, ray_direction.y, ray_direction.z};
+    const float p0[3] = {vertices[0].x, vertices[0].y, vertices[0].z};
+    const float p1[3] = {vertices[1].x, vertices[1].y, vertices[1].z};
+    const float p2[3] = {vertices[2].x, vertices[2].y, vertices[2].z};
+#pragma unroll 1
+    for (int k = 0; k < 3; k++) {
+        Integer corner, origin;
+        integer_from_float(&corner, p0[k], units->position, n);
+        integer_from_float(&origin, base[k], units->position, n);
+        integer_from_float(&edge1[k], p1[k], units->position, n);
+        integer_from_float(&edge2[k], p2[k], units->position, n);
+        integer_from_float(&direction[k], along[k], units->direction, n);
+        add_weighted(&origin, base[k], other1[k], start->weight1, units);
+        add_weighted(&origin, base[k], other2[k], start->weight2, units);
+        from[k] = corner;
+        integer_add(&edge1[k], &corner, -1, n);
+        integer_add(&edge2[k], &corner, -1, n);
+        integer_add(&from[k], &origin, -1, n);
+    }
+    integer_set_zero(&numbers->distance, n);
+    integer_set_zero(&numbers->det, n);
+    integer_set_zero(&numbers->weight1, n);
+    integer_set_zero(&numbers->weight2, n);
+#pragma unroll 1
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        Integer component;
+        integer_set_zero(&component, n); // of N
+        integer_add_product(&component, &edge1[i], &edge2[j], 1, n);
+        integer_add_product(&component, &edge1[j], &edge2[i], -1, n);
+        integer_add_product(&numbers->distance, &component, &from[k], 1, n);
+        integer_add_product(&numbers->det, &component, &direction[k], 1, n);
+        integer_set_zero(&component, n); // of c
+        integer_add_product(&component, &from[i], &direction[j], 1, n);
+        integer_add_product(&component, &from[j], &direction[i], -1, n);
+        integer_add_product(&numbers->weight1, &component, &edge2[k], 1, n);
+        integer_add_product(&numbers->weight2, &component, &edge1[k], -1, n);
+    }
+}
+
+// W.
+RARE void whole_weight0(const WholeNumbers* numbers, int n, Integer* weight0) {
+    *weight0 = numbers->det;
+    integer_add(weight0, &numbers->weight1, -1, n);
+    integer_add(weight0, &numbers->weight2, -1, n);
+}
+
+RARE float whole_quotient(const Integer* numerator, const Integer* denominator, int exponent, int n) {
+    Integer above = *numerator, below = *denominator;
+    return integer_quotient(&above, &below, exponent, n);
+}
+
+// The sign of the exact t = T / D of a triangle minus `limit`, which is the float nearest to it. D > 0.
+RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, float limit) {
+    int exponent;
+    const float significand = (float)float_significand(limit, &exponent);
+    Integer factor, distance = numbers->distance, scaled;
+    integer_from_float(&factor, limit < 0.0f ? -significand : significand, 0, units->n);
+    integer_set_zero(&scaled, units->n);
+    integer_add_product(&scaled, &factor, &numbers->det, 1, units->n);
+    const int shift = significand == 0.0f ? 0 : units->position - units->direction - exponent;
+    if (shift > 0) integer_shift_up(&distance, shift, units->n);
+    if (shift < 0) integer_shift_up(&scaled, -shift, units->n);
+    integer_add(&distance, &scaled, -1, units->n);
+    return integer_sign(&distance, units->n);
+}
+
+// Whether the triangle with vertices 0 to 2 is met before the one with vertices 3 to 5; of two at the same t that with the lower number.
+RARE bool is_nearer_whole(const TrianglePoint* start, float3 direction, const float3* vertices, bool is_lower) {
+    const WholeUnits units = whole_units(start, direction, vertices, 2);
+    WholeNumbers numbers, best;
+    whole_numbers(start, direction, vertices, &units, &numbers);
+    whole_numbers(start, direction, vertices + 3, &units, &best);
+    const int sign = integer_sign(&numbers.det, units.n) * integer_sign(&best.det, units.n);
+    Integer difference; // T D' - T' D, times the signs of D and D'
+    integer_set_zero(&difference, units.n);
+    integer_add_product(&difference, &numbers.distance, &best.det, sign, units.n);
+    integer_add_product(&difference, &best.distance, &numbers.det, -sign, units.n);
+    const int order = integer_sign(&difference, units.n);
+    return order < 0 || (order == 0 && is_lower);
+}
+
+// Whether the triangle is hit inside of the ray's interval, and nearer than *hit, as place_hit tells it; and limits of its t.
+RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
+                       float* t_low, float* t_high) {
+    if (!(ray->t_near <= ray->t_far)) return false; // NaN or infinite: not a ray
+    TrianglePoint start;
+    start_of_ray(GEOMETRY, ray, &start);
+    float3 vertices[6] = {p0, p1, p2, p0, p1, p2};
+    const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
+    WholeNumbers numbers;
+    whole_numbers(&start, ray->direction, vertices, &units, &numbers);
+    Integer weight0;
+    whole_weight0(&numbers, units.n, &weight0);
+    const int sign = integer_sign(&numbers.det, units.n);
+    // A ray in the triangle's plane has D = 0 and never hits.
+    if (sign == 0 || sign * integer_sign(&weight0, units.n) < 0 || sign * integer_sign(&numbers.weight1, units.n) < 0 ||
+        sign * integer_sign(&numbers.weight2, units.n) < 0)
+        return false;
+    const float t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
+    if (!(t >= ray->t_near && t <= ray->t_far)) return false;
+    if (t == ray->t_near || t == ray->t_far) {
+        if (integer_take_sign(&numbers.det, units.n) < 0) {
+            const Integer distance = numbers.distance;
+            integer_set_zero(&numbers.distance, units.n);
+            integer_add(&numbers.distance, &distance, -1, units.n);
+        }
+        // What a ray that leaves a triangle starts on, too, it leaves with it.
+        const int least = ray->skip == NO_PRIMITIVE ? 0 : 1;
+        if (t == ray->t_near && compare_with_limit(&numbers, &units, ray->t_near) < least) return false;
+        if (t == ray->t_far && compare_with_limit(&numbers, &units, ray->t_far) > 0) return false;
+    }
+    *t_low = next_down(t);
+    *t_high = next_up(t);
+    if (hit->primitive == NO_PRIMITIVE || t < hit->u) return true;
+    if (t > hit->t) return false;
+#pragma unroll 1
+    for (uint i = 0; i < 3u; i++) vertices[i + 3u] = LOAD_SURFACE_VERTEX(geometry, hit->primitive, i);
+    return is_nearer_whole(&start, ray->direction, vertices, primitive < hit->primitive);
+}
+
+// As finish_exactly, of a triangle that is hit.
+RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, Hit* hit) {
+    TrianglePoint start;
+    start_of_ray(GEOMETRY, ray, &start);
+    const float3 vertices[3] = {p0, p1, p2};
+    const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
+    WholeNumbers numbers;
+    whole_numbers(&start, ray->direction, vertices, &units, &numbers);
+    hit->t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
+    hit->u = whole_quotient(&numbers.weight1, &numbers.det, 0, units.n);
+    hit->v = whole_quotient(&numbers.weight2, &numbers.det, 0, units.n);
+    return true;
+}
+
+// As weight0_exactly.
+RARE float weight0_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2) {
+    TrianglePoint start;
+    start_of_ray(GEOMETRY, ray, &start);
+    const float3 vertices[3] = {p0, p1, p2};
+    const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
+    WholeNumbers numbers;
+    whole_numbers(&start, ray->direction, vertices, &units, &numbers);
+    Integer weight0;
+    whole_weight0(&numbers, units.n, &weight0);
+    return whole_quotient(&weight0, &numbers.det, 0, units.n);
+}

@@ -1,0 +1,205 @@
+//! Twin of `cl/intersect/exact_whole.cl`: the last step of the exact test, in whole numbers. The reasons are there.
+
+use super::exact::Decision;
+use super::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
+use super::intersect::Intersection;
+use super::ray::{Ray, TrianglePoint};
+use super::traverse::vertices;
+use crate::pack::SceneBuffers;
+use crate::shared::{Hit, NO_PRIMITIVE};
+use glam::Vec3;
+
+/// The units in which everything is whole, as exponents of 2, and the limbs that hold every number.
+#[derive(Debug, Clone, Copy)]
+struct WholeUnits {
+    position: i32,
+    vertex: i32,
+    weight: i32,
+    direction: i32,
+    n: usize,
+}
+
+/// Where the ray starts.
+fn start_of_ray(buffers: &SceneBuffers, ray: &Ray) -> TrianglePoint {
+    match ray.skip {
+        NO_PRIMITIVE => TrianglePoint::at(ray.origin),
+        skip => TrianglePoint::of_weights(vertices(buffers, skip), ray.start_weights),
+    }
+}
+
+impl WholeUnits {
+    fn new(start: &TrianglePoint, direction: Vec3, triangles: &[[Vec3; 3]]) -> WholeUnits {
+        let (mut low_p, mut high_p, mut low_d, mut high_d) = (1000, -1000, 1000, -1000);
+        let (mut low_w, mut high_w) = (0, 0);
+        for p in start.vertices.iter().chain(triangles.iter().flatten()) {
+            p.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_p, &mut high_p));
+        }
+        direction.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_d, &mut high_d));
+        start.weights.iter().for_each(|&x| widen_exponents(x, &mut low_w, &mut high_w));
+        let mut position = low_p + low_w;
+        let mut bits_p = (high_p - position).max(1);
+        let bits_d = (high_d - low_d).max(1);
+        let most = (32 * MAX_LIMBS as i32 - 40 - bits_d) / 5;
+        if bits_p > most {
+            position += bits_p - most;
+            bits_p = most;
+        }
+        let bits = if triangles.len() > 1 { 5 * bits_p + bits_d + 40 } else { 3 * bits_p.max(bits_d) + 34 };
+        let n = (bits as usize).div_ceil(32);
+        WholeUnits { position, vertex: position - low_w, weight: low_w, direction: low_d, n }
+    }
+}
+
+/// The numbers behind every answer.
+struct WholeNumbers {
+    distance: Integer,
+    det: Integer,
+    weight1: Integer,
+    weight2: Integer,
+}
+
+impl WholeNumbers {
+    fn new(start: &TrianglePoint, direction: Vec3, [p0, p1, p2]: [Vec3; 3], units: &WholeUnits) -> WholeNumbers {
+        let n = units.n;
+        let whole = |v: Vec3, exponent: i32| v.to_array().map(|x| Integer::from_float(x, exponent, n));
+        let minus = |mut a: [Integer; 3], b: &[Integer; 3]| {
+            a.iter_mut().zip(b).for_each(|(a, b)| a.add(b, -1, n));
+            a
+        };
+        let [base, others @ ..] = start.vertices;
+        let mut origin = whole(base, units.position);
+        for (other, &weight) in others.iter().zip(&start.weights).filter(|(_, weight)| **weight != 0.0) {
+            let edge = minus(whole(*other, units.vertex), &whole(base, units.vertex));
+            let weight = Integer::from_float(weight, units.weight, n);
+            origin.iter_mut().zip(&edge).for_each(|(origin, edge)| origin.add_product(&weight, edge, 1, n));
+        }
+        let corner = whole(p0, units.position);
+        let edge1 = minus(whole(p1, units.position), &corner);
+        let edge2 = minus(whole(p2, units.position), &corner);
+        let from = minus(corner, &origin);
+        let direction = whole(direction, units.direction);
+        let zero = Integer::ZERO;
+        let mut numbers = WholeNumbers { distance: zero, det: zero, weight1: zero, weight2: zero };
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            let mut normal = zero;
+            normal.add_product(&edge1[i], &edge2[j], 1, n);
+            normal.add_product(&edge1[j], &edge2[i], -1, n);
+            numbers.distance.add_product(&normal, &from[k], 1, n);
+            numbers.det.add_product(&normal, &direction[k], 1, n);
+            let mut moment = zero;
+            moment.add_product(&from[i], &direction[j], 1, n);
+            moment.add_product(&from[j], &direction[i], -1, n);
+            numbers.weight1.add_product(&moment, &edge2[k], 1, n);
+            numbers.weight2.add_product(&moment, &edge1[k], -1, n);
+        }
+        numbers
+    }
+
+    fn weight0(&self, n: usize) -> Integer {
+        let mut weight0 = self.det;
+        weight0.add(&self.weight1, -1, n);
+        weight0.add(&self.weight2, -1, n);
+        weight0
+    }
+
+    /// The float nearest to t.
+    fn t(&self, units: &WholeUnits) -> f32 {
+        integer_quotient(self.distance, self.det, units.position - units.direction, units.n)
+    }
+
+    /// The sign of t minus `limit`, which is the float nearest to t.
+    fn compare_with_limit(&self, units: &WholeUnits, limit: f32) -> i32 {
+        let (significand, exponent) = float_significand(limit);
+        let n = units.n;
+        let (mut distance, mut det, mut scaled) = (self.distance, self.det, Integer::ZERO);
+        if det.take_sign(n) < 0 {
+            distance = distance.negated(n);
+        }
+        let factor = Integer::from_float(if limit < 0.0 { -(significand as f32) } else { significand as f32 }, 0, n);
+        scaled.add_product(&factor, &det, 1, n);
+        let shift = if significand == 0 { 0 } else { units.position - units.direction - exponent };
+        if shift > 0 {
+            distance.shift_up(shift as usize, n);
+        }
+        if shift < 0 {
+            scaled.shift_up(-shift as usize, n);
+        }
+        distance.add(&scaled, -1, n);
+        distance.sign(n)
+    }
+}
+
+fn is_nearer_whole(start: &TrianglePoint, direction: Vec3, triangles: [[Vec3; 3]; 2], is_lower: bool) -> bool {
+    let units = WholeUnits::new(start, direction, &triangles);
+    let n = units.n;
+    let [numbers, best] = triangles.map(|triangle| WholeNumbers::new(start, direction, triangle, &units));
+    let sign = numbers.det.sign(n) * best.det.sign(n);
+    let mut difference = Integer::ZERO;
+    difference.add_product(&numbers.distance, &best.det, sign, n);
+    difference.add_product(&best.distance, &numbers.det, -sign, n);
+    let order = difference.sign(n);
+    order < 0 || (order == 0 && is_lower)
+}
+
+/// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Doubtful`].
+#[inline(never)]
+pub fn decide_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3], primitive: u32, hit: &Hit) -> Decision {
+    let has_interval = ray.t_near <= ray.t_far;
+    if !has_interval {
+        return Decision::Miss;
+    }
+    let start = start_of_ray(buffers, ray);
+    let units = WholeUnits::new(&start, ray.direction, &[triangle]);
+    let n = units.n;
+    let numbers = WholeNumbers::new(&start, ray.direction, triangle, &units);
+    let sign = numbers.det.sign(n);
+    let is_outside = |weight: &Integer| sign * weight.sign(n) < 0;
+    if sign == 0 || [&numbers.weight0(n), &numbers.weight1, &numbers.weight2].into_iter().any(is_outside) {
+        return Decision::Miss;
+    }
+    let t = numbers.t(&units);
+    let is_inside = t >= ray.t_near && t <= ray.t_far;
+    if !is_inside {
+        return Decision::Miss;
+    }
+    let least = i32::from(ray.skip != NO_PRIMITIVE);
+    if t == ray.t_near && numbers.compare_with_limit(&units, ray.t_near) < least {
+        return Decision::Miss;
+    }
+    if t == ray.t_far && numbers.compare_with_limit(&units, ray.t_far) > 0 {
+        return Decision::Miss;
+    }
+    let limits = Decision::Hit([t.next_down(), t.next_up()]);
+    if hit.primitive == NO_PRIMITIVE || t < hit.u {
+        return limits;
+    }
+    let triangles = [triangle, vertices(buffers, hit.primitive)];
+    if t <= hit.t && is_nearer_whole(&start, ray.direction, triangles, primitive < hit.primitive) {
+        limits
+    } else {
+        Decision::Miss
+    }
+}
+
+/// t, u and v of a triangle that is hit.
+#[inline(never)]
+pub fn finish_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> Intersection {
+    let start = start_of_ray(buffers, ray);
+    let units = WholeUnits::new(&start, ray.direction, &[triangle]);
+    let numbers = WholeNumbers::new(&start, ray.direction, triangle, &units);
+    Intersection {
+        t: numbers.t(&units),
+        u: integer_quotient(numbers.weight1, numbers.det, 0, units.n),
+        v: integer_quotient(numbers.weight2, numbers.det, 0, units.n),
+    }
+}
+
+/// The weight of vertex 0 of a triangle that is hit.
+#[inline(never)]
+pub fn weight0_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> f32 {
+    let start = start_of_ray(buffers, ray);
+    let units = WholeUnits::new(&start, ray.direction, &[triangle]);
+    let numbers = WholeNumbers::new(&start, ray.direction, triangle, &units);
+    integer_quotient(numbers.weight0(units.n), numbers.det, 0, units.n)
+}
