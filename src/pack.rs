@@ -58,10 +58,10 @@ pub struct SceneBuffers {
     pub build_s: f64,
 }
 
-/// Tracing space has its largest coordinate in [2^20, 2^21): products of three coordinates of a scene, and of triangles a
-/// billion times smaller than it, stay far from both ends of float32. Being relative to the scene, it also makes every result
+/// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a
+/// billion times smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away. Being relative to the scene, it also makes every result
 /// independent of the scene's unit when that changes by a power of two.
-const LARGEST_COORDINATE_EXPONENT: i32 = 20;
+const LARGEST_COORDINATE_EXPONENT: i32 = 0;
 
 /// The power of two that takes `bounds` to tracing space.
 fn tracing_scale(low: Vec3, high: Vec3) -> f32 {

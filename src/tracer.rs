@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
+use crate::reference::traverse::NO_HIT;
 use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
@@ -119,9 +120,11 @@ impl SceneBuffers {
         }
     }
 
-    /// A hit in world units: t in units of |direction|. Exact, because the scale is a power of two.
+    /// A hit in world units: t in units of |direction|. Exact, because the scale is a power of two, but for a t that is not a normal
+    /// float; what is farther than every float is not hit.
     pub fn world_hit(&self, hit: Hit) -> Hit {
-        Hit { t: hit.t / self.params.scale, ..hit }
+        let t = hit.t / self.params.scale;
+        if t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
     }
 }
 

@@ -270,7 +270,7 @@ fn the_closest_hit_is_the_exact_one() {
             let what = format!("ray {i} (seed {SEED}) {query:?}: {hit:?}");
             assert_eq!(hit.primitive, expected.as_ref().map_or(NO_PRIMITIVE, |(i, _)| *i), "{what}");
             if let Some((_, exact)) = expected {
-                let found = Intersection { t: hit.t / ray.t_scale, u: hit.u, v: hit.v };
+                let found = Intersection { t: hit.t / ray.t_lift / ray.t_scale, u: hit.u, v: hit.v };
                 assert_nearest(found, &exact, &what);
                 let same_float = |other: &[Vec3; 3]| {
                     Exact::new(&ray, *other).is_some_and(|o| is_nearest(found.t, &o.distance, &o.det))

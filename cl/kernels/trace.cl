@@ -6,10 +6,10 @@ Ray batch_ray(__global const TraceRay* rays, uint index) {
                     NO_PRIMITIVE);
 }
 
-// In the caller's units of t; infinity on a miss stays infinity.
+// In the caller's units of t, in which what is farther than every float is not hit.
 Hit batch_hit(const Ray* ray, Hit hit) {
-    hit.t *= ray->t_scale;
-    return hit;
+    hit.t = callers_t(ray, hit.t);
+    return is_finite(hit.t) ? hit : no_hit();
 }
 
 void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,

@@ -9,17 +9,22 @@
 #define WIDEN_DOWN (1.0f - 10.0f * EPSILON)
 
 // A ray ready for traversal. The direction is scaled by a power of two to a largest component in [1, 2), which is exact and
-// makes every later step independent of the caller's units; t here is the caller's t / t_scale.
+// makes every later step independent of the caller's units; t here is the caller's t / t_lift / t_scale.
 typedef struct {
     float3 origin;
     float3 origin_low;    // the ray starts at origin + origin_low; not larger than the rounding of origin. See start_on_triangle
     float3 direction;
     float3 inv_direction; // +infinity for a zero component; NaN where the reciprocal overflows: no plane of that axis is decisive
     float t_near, t_far;  // closed interval; t_far is finite or -infinity
-    float t_scale;
+    float t_scale, t_lift; // two factors, because one would overflow for the shortest directions
     uint skip;            // triangle that is never hit: the one that the ray starts on
     float3 start_weights; // where on it: weights of its vertices; the largest is -1, which means what the others leave of 1
 } Ray;
+
+// t in the caller's units.
+float callers_t(const Ray* ray, float t) { return t * ray->t_lift * ray->t_scale; }
+
+#define SHORT_DIRECTION 0x1p-100f
 
 float reciprocal_or_nan(float x) {
     const float r = 1.0f / x;
@@ -39,13 +44,18 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
     ray.origin = origin;
     ray.origin_low = (float3)(0.0f);
     ray.t_scale = 1.0f;
+    ray.t_lift = 1.0f;
+    if (max_component(abs3(direction)) < SHORT_DIRECTION) {
+        direction *= LIFT;
+        ray.t_lift = LIFT;
+    }
     const bool sound = scale_to_unit(&direction, &ray.t_scale) && is_finite3(origin) && t_near <= t_far;
     direction += 0.0f; // -0 becomes +0, so that a zero component has one reciprocal
     ray.direction = direction;
     ray.inv_direction =
         (float3)(reciprocal_or_nan(direction.x), reciprocal_or_nan(direction.y), reciprocal_or_nan(direction.z));
-    ray.t_near = sound ? t_near / ray.t_scale : INFINITY;
-    ray.t_far = sound ? min_or(t_far / ray.t_scale, FLT_MAX) : -INFINITY;
+    ray.t_near = sound ? t_near / ray.t_lift / ray.t_scale : INFINITY;
+    ray.t_far = sound ? min_or(t_far / ray.t_lift / ray.t_scale, FLT_MAX) : -INFINITY;
     return ray;
 }
 

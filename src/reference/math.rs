@@ -79,7 +79,8 @@ pub fn power_of_two_scale(magnitude: f32) -> f32 {
 
 const SMALLEST_SCALED: f32 = 1.0e-30;
 const LARGEST_SCALED: f32 = 1.0e18;
-const LIFT: f32 = 18446744073709551616.0; // 2^64
+/// Brings the smallest subnormal number into the normal range.
+pub const LIFT: f32 = 18446744073709551616.0; // 2^64
 
 /// Brings `v` to a largest component in [1, 2); `None` when it is zero, infinite or NaN. Returns the vector and the factor.
 #[inline(always)]

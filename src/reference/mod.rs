@@ -142,6 +142,13 @@ with_fma! {
     }
 }
 
+/// A hit in the caller's units of t, in which what is farther than every float is not hit.
+#[inline(always)]
+fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
+    let t = ray.callers_t(hit.t);
+    if t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
+}
+
 /// The ray of a query.
 #[inline(always)]
 fn batch_ray(query: &TraceRay) -> Ray {
@@ -175,7 +182,7 @@ impl ReferenceTracer {
         let ray = batch_ray(query);
         let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
         finish(&self.buffers, &self.options, &ray, &mut hit, work);
-        Hit { t: hit.t * ray.t_scale, ..hit }
+        batch_hit(&ray, hit)
     }
 
     #[inline(always)]
@@ -187,7 +194,7 @@ impl ReferenceTracer {
         let point = surface_point(&self.buffers, &self.options, &left);
         let ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
         let hit = closest_hit(&self.buffers, &self.options, &ray, work);
-        Hit { t: hit.t * ray.t_scale, ..hit }
+        batch_hit(&ray, hit)
     }
 
     /// Room for the work on `count` rays or pixels, if it is to be counted.

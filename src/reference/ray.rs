@@ -1,6 +1,6 @@
 //! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there.
 
-use super::math::{abs3, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
+use super::math::{LIFT, abs3, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
 use crate::shared::Hit;
 use glam::Vec3;
 
@@ -31,11 +31,15 @@ pub struct Ray {
     pub t_far: f32,
     /// Factor from the ray's t to the caller's.
     pub t_scale: f32,
+    /// Another one.
+    pub t_lift: f32,
     /// Triangle that is never hit: the one that the ray starts on.
     pub skip: u32,
     /// Where on it, as weights of its vertices; the largest is -1.
     pub start_weights: Vec3,
 }
+
+const SHORT_DIRECTION: f32 = 1.0 / (1u128 << 100) as f32;
 
 #[inline(always)]
 fn reciprocal_or_nan(x: f32) -> f32 {
@@ -47,6 +51,8 @@ impl Ray {
     /// A ray with NaN or infinite parts or without direction misses everything.
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32, skip: u32) -> Ray {
+        let is_short = max_component(abs3(direction)) < SHORT_DIRECTION;
+        let (direction, t_lift) = if is_short { (direction * LIFT, LIFT) } else { (direction, 1.0) };
         let scaled = scale_to_unit(direction);
         let (direction, t_scale) = scaled.unwrap_or((direction, 1.0));
         let sound = scaled.is_some() && is_finite3(origin) && t_near <= t_far;
@@ -60,12 +66,19 @@ impl Ray {
                 reciprocal_or_nan(direction.y),
                 reciprocal_or_nan(direction.z),
             ),
-            t_near: if sound { t_near / t_scale } else { f32::INFINITY },
-            t_far: if sound { min_or(t_far / t_scale, f32::MAX) } else { f32::NEG_INFINITY },
+            t_near: if sound { t_near / t_lift / t_scale } else { f32::INFINITY },
+            t_far: if sound { min_or(t_far / t_lift / t_scale, f32::MAX) } else { f32::NEG_INFINITY },
             t_scale,
+            t_lift,
             skip,
             start_weights: Vec3::ZERO,
         }
+    }
+
+    /// `t` in the caller's units.
+    #[inline(always)]
+    pub fn callers_t(&self, t: f32) -> f32 {
+        t * self.t_lift * self.t_scale
     }
 
     /// Where `p` lies as seen from the start of the ray.

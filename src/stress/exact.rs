@@ -55,6 +55,16 @@ pub struct Crossing {
     pub v: Ratio,
 }
 
+impl Crossing {
+    /// Weight of vertex 0.
+    pub fn weight0(&self) -> Ratio {
+        let (u, v) = (&self.u, &self.v);
+        let denominator = u.denominator() * v.denominator();
+        let numerator = &denominator - u.numerator() * v.denominator() - v.numerator() * u.denominator();
+        Ratio::new(numerator, denominator, 0)
+    }
+}
+
 /// The nearest crossing and the triangles that are met at exactly its t.
 #[derive(Debug, Clone)]
 pub struct Closest {
@@ -141,23 +151,36 @@ impl ExactTracer {
         })
     }
 
-    /// The line from exactly where `line` crosses a triangle; `None` as for [`ExactTracer::line`].
-    pub fn line_from(&self, line: &Line, crossing: &Crossing, direction: Vec3) -> Option<Line> {
+    /// The line from where a triangle is crossed: from the point of which the two smaller weights are the floats nearest to those of the
+    /// crossing. `None` as for [`ExactTracer::line`].
+    pub fn line_from(&self, crossing: &Crossing, direction: Vec3) -> Option<Line> {
         let next = self.line(DVec3::ZERO, direction.as_dvec3())?;
-        // o / e 2^k + T / D d 2^l = (o D 2^(k - m) + T e d 2^(l - m)) / (e D) 2^m
-        let unit = line.unit.min(line.direction_unit);
-        let (distance, det) = (crossing.t.numerator(), crossing.t.denominator());
-        let numerator: Whole3 = std::array::from_fn(|k| {
-            let from: BigInt = (&line.numerator[k] * det) << (line.unit - unit);
-            let along: BigInt =
-                (&line.whole_direction[k] * distance * &line.denominator) << (line.direction_unit - unit);
-            from + along
-        });
-        let denominator = &line.denominator * det;
-        let rounded = |n: &BigInt| Ratio::new(n.clone(), denominator.clone(), unit).to_f64();
+        let [a, b, c] = self.corners(crossing.primitive)?;
+        let (u, v) = (crossing.u.to_f32(), crossing.v.to_f32());
+        let rest = (1.0 - u) - v;
+        let weight0 = crossing.weight0().to_f32();
+        // The largest one makes up for the others' rounding.
+        let (base, others) = if rest >= u && rest >= v {
+            (a, [(b, u), (c, v)])
+        } else if u >= v {
+            (b, [(c, v), (a, weight0)])
+        } else {
+            (c, [(a, weight0), (b, u)])
+        };
+        let weight_unit = others.iter().map(|&(_, weight)| decode(weight.into()).1).min().unwrap_or(0).min(0);
+        let unit = self.unit + weight_unit;
+        let mut numerator = whole3(base, unit);
+        let base = whole3(base, self.unit);
+        for (other, weight) in others {
+            let (significand, exponent) = decode(weight.into());
+            let weight: BigInt = BigInt::from(significand) << (exponent - weight_unit);
+            let edge = minus(&whole3(other, self.unit), &base);
+            numerator.iter_mut().zip(&edge).for_each(|(sum, edge)| *sum += &weight * edge);
+        }
+        let rounded = |n: &BigInt| Ratio::new(n.clone(), 1.into(), unit).to_f64();
         let origin = DVec3::new(rounded(&numerator[0]), rounded(&numerator[1]), rounded(&numerator[2]));
         let origin_error = ROUNDING * origin.abs().max_element();
-        Some(Line { origin, origin_error, numerator, denominator, unit, ..next })
+        Some(Line { origin, origin_error, numerator, unit, ..next })
     }
 
     /// Where `line` crosses triangle `primitive`, exactly; its edges belong to it. `None` when it does not, and when it runs in the

@@ -9,7 +9,8 @@
 //! slips through between two neighbours is wrong. A triangle whose plane the ray lies in never counts.
 //!
 //! A second ray starts exactly where the first one hits; the triangle that it leaves and those that the first ray met at exactly the same
-//! t are not there for it. Its t is never judged strictly, because where it starts has to be rounded.
+//! t are not there for it. Strictly, because a start has to be told by numbers: at exactly the point whose smaller two weights, of three,
+//! are the floats nearest to those of the hit. It lies in the same triangle, on an edge or a vertex just when the hit does.
 
 use super::case::Case;
 use super::exact::{Closest, ExactTracer, Interval, Line};
@@ -19,6 +20,8 @@ use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// Below this t may be one float off from the nearest one: it was rounded in units that a power of two changes to the caller's.
+const SMALLEST_NORMAL: f32 = f32::MIN_POSITIVE;
 /// Floats by which u and v may be off from the nearest ones.
 const WEIGHT_ULPS: u32 = 2;
 /// Displaced rays that are traced to find out whether a ray may get past what it hits.
@@ -133,10 +136,10 @@ impl<'a> Answers<'a> {
             origin_error,
             ..first
         };
-        let fault = if strictly { second.judge_triangle(next) } else { second.judge_tolerantly(next) };
+        let fault = if strictly { second.judge_strictly(next) } else { second.judge_tolerantly(next) };
         match fault {
             Some(Fault::Miss) => Some(Fault::Leak),
-            Some(Fault::Weights) => None, // not reported for second rays
+            Some(Fault::Weights) if !strictly => None, // not reported for second rays
             other => other,
         }
     }
@@ -148,14 +151,14 @@ fn answer(tracer: &ExactTracer, case: &Case, index: usize) -> Answer {
     let line = tracer.line(ray.origin.as_dvec3(), ray.direction.as_dvec3());
     let hit = line.as_ref().and_then(|line| tracer.closest(line, interval, &[], |_| true));
     let next = match (&line, &hit, ray.next) {
-        (Some(line), Some(closest), Some(direction)) => Some(next_answer(tracer, line, closest, direction)),
+        (Some(_), Some(closest), Some(direction)) => Some(next_answer(tracer, closest, direction)),
         _ => None,
     };
     Answer { line, hit, next }
 }
 
-fn next_answer(tracer: &ExactTracer, line: &Line, closest: &Closest, direction: Vec3) -> NextAnswer {
-    let line = tracer.line_from(line, &closest.crossing, direction);
+fn next_answer(tracer: &ExactTracer, closest: &Closest, direction: Vec3) -> NextAnswer {
+    let line = tracer.line_from(&closest.crossing, direction);
     let hit = line.as_ref().and_then(|line| tracer.closest(line, AHEAD, &closest.primitives, |_| true));
     NextAnswer { line, hit }
 }
@@ -194,17 +197,12 @@ impl Question<'_> {
         if right.primitive == NO_PRIMITIVE {
             return None;
         }
-        if hit.t != right.t {
+        let t_ulps = u32::from(right.t.abs() < SMALLEST_NORMAL);
+        if ulp_distance(hit.t, right.t) > t_ulps {
             return Some(Fault::T);
         }
         let off = ulp_distance(hit.u, right.u).max(ulp_distance(hit.v, right.v));
         (off > WEIGHT_ULPS).then_some(Fault::Weights)
-    }
-
-    /// Strictly in all but t.
-    fn judge_triangle(&self, hit: &Hit) -> Option<Fault> {
-        let fault = fault_of_triangle(hit, self.exact, |closest| hit.primitive == closest.crossing.primitive);
-        fault.or_else(|| self.exact.and_then(|closest| self.fault_of_numbers(hit, closest)))
     }
 
     fn judge_tolerantly(&self, hit: &Hit) -> Option<Fault> {
