@@ -62,6 +62,7 @@ pub struct SceneBuffers {
 /// billion times smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away. Being relative to the scene, it also makes every result
 /// independent of the scene's unit when that changes by a power of two.
 const LARGEST_COORDINATE_EXPONENT: i32 = 0;
+const LARGEST_SCALE_EXPONENT: i32 = 100;
 
 /// The power of two that takes `bounds` to tracing space.
 fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
@@ -70,8 +71,8 @@ fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
         return 1.0;
     }
     let exponent = f64::from(largest).log2().floor() as i32;
-    // 2^127 and 2^-126 are the outermost normal powers of two.
-    2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-126, 127))
+    // t changes by this factor, too: the largest and smallest scenes keep some distance to 1, so that it stays a normal float.
+    2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-LARGEST_SCALE_EXPONENT, LARGEST_SCALE_EXPONENT))
 }
 
 impl SceneBuffers {
