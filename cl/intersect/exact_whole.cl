@@ -1,4 +1,4 @@
-// The last step of exact.cl, in whole numbers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell from zero.
+// The last step of exact_filter.cl, in whole numbers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell from zero.
 //
 // A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), which is whole, too, in units
 // that are finer by the last bit of its weights.
@@ -9,17 +9,6 @@ typedef struct {
     int position, vertex, weight, direction;
     int n;
 } WholeUnits;
-
-// Where the ray starts.
-RARE void start_of_ray(GEOMETRY_PARAMETERS, const Ray* ray, TrianglePoint* point) {
-    if (ray->skip == NO_PRIMITIVE) {
-        const TrianglePoint origin = {ray->origin, ray->origin, ray->origin, 0.0f, 0.0f};
-        *point = origin;
-        return;
-    }
-    *point = point_of_weights(LOAD_SURFACE_VERTEX(geometry, ray->skip, 0), LOAD_SURFACE_VERTEX(geometry, ray->skip, 1),
-                              LOAD_SURFACE_VERTEX(geometry, ray->skip, 2), ray->start_weights);
-}
 
 void widen_exponents3(float3 v, int* lowest, int* highest) {
     widen_exponents(v.x, lowest, highest);
@@ -165,8 +154,7 @@ RARE bool is_nearer_whole(const TrianglePoint* start, float3 direction, const fl
 RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
                        float* t_low, float* t_high) {
     if (!(ray->t_near <= ray->t_far)) return false; // NaN or infinite: not a ray
-    TrianglePoint start;
-    start_of_ray(GEOMETRY, ray, &start);
+    const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     float3 vertices[6] = {p0, p1, p2, p0, p1, p2};
     const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
     WholeNumbers numbers;
@@ -200,29 +188,18 @@ RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
     return is_nearer_whole(&start, ray->direction, vertices, primitive < hit->primitive);
 }
 
-// As finish_exactly, of a triangle that is hit.
-RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, Hit* hit) {
-    TrianglePoint start;
-    start_of_ray(GEOMETRY, ray, &start);
-    const float3 vertices[3] = {p0, p1, p2};
-    const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
-    WholeNumbers numbers;
-    whole_numbers(&start, ray->direction, vertices, &units, &numbers);
-    hit->t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
-    hit->u = whole_quotient(&numbers.weight1, &numbers.det, 0, units.n);
-    hit->v = whole_quotient(&numbers.weight2, &numbers.det, 0, units.n);
-    return true;
-}
-
-// As weight0_exactly.
-RARE float weight0_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2) {
-    TrianglePoint start;
-    start_of_ray(GEOMETRY, ray, &start);
+// t and the weights of a triangle that is hit.
+RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, SurfaceHit* hit) {
+    const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     const float3 vertices[3] = {p0, p1, p2};
     const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
     WholeNumbers numbers;
     whole_numbers(&start, ray->direction, vertices, &units, &numbers);
     Integer weight0;
     whole_weight0(&numbers, units.n, &weight0);
-    return whole_quotient(&weight0, &numbers.det, 0, units.n);
+    *t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
+    hit->weight0 = whole_quotient(&weight0, &numbers.det, 0, units.n);
+    hit->u = whole_quotient(&numbers.weight1, &numbers.det, 0, units.n);
+    hit->v = whole_quotient(&numbers.weight2, &numbers.det, 0, units.n);
+    return true;
 }

@@ -19,7 +19,7 @@ uint major_axis(float3 direction) {
 typedef struct {
     float weight0, weight1, weight2; // edge functions: of one sign where the ray passes inside
     float az, bz, cz;                // depths of the vertices along the major axis
-    float direction_z;               // by which t is scaled
+    float direction_z, inv_direction_z; // by which t is scaled
     float extent;                    // largest |x| or |y| of a vertex
 } ShearedTriangle;
 
@@ -47,6 +47,7 @@ ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) 
     triangle.bz = b.z;
     triangle.cz = c.z;
     triangle.direction_z = direction.z;
+    triangle.inv_direction_z = inv_z;
     triangle.extent = max_or(max_or(max_or(fabs(ax), fabs(ay)), max_or(fabs(bx), fabs(by))), max_or(fabs(cx), fabs(cy)));
     return triangle;
 }

@@ -40,7 +40,7 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
             radiance += pending.weight * background(scene, direction);
             continue;
         }
-        const SurfaceHit at = surface_hit(GEOMETRY, &pending.ray, &hit);
+        const SurfaceHit at = SURFACE_HIT(GEOMETRY, &pending.ray, &hit);
         const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
         const Material material = scene->materials[surface.material];
         radiance += pending.weight * local_light(SCENE, &surface, &material, direction, counts);

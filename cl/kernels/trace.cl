@@ -63,10 +63,10 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
     Hit hit = no_hit();
     if (from.primitive != NO_PRIMITIVE) {
         const Ray first_ray = batch_ray(rays, index);
-        const SurfaceHit left = surface_hit(GEOMETRY_AT(&geometry), &first_ray, &from);
+        const SurfaceHit left = SURFACE_HIT(GEOMETRY_AT(&geometry), &first_ray, &from);
         const SurfacePoint point = surface_point(GEOMETRY_AT(&geometry), &left);
         const Ray ray = leave_surface(&point, next_directions[index].xyz, INFINITY);
-        closest_hit(GEOMETRY_AT(&geometry), &ray, &hit);
+        if (TRAVERSE(GEOMETRY_AT(&geometry), &ray, false, &hit)) FINISH(GEOMETRY_AT(&geometry), &ray, &hit);
         hit = batch_hit(&ray, hit);
     }
     next_hits[index] = hit;

@@ -48,12 +48,12 @@ float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightS
     }
     float3 tint = (float3)(1.0f);
     for (uint layer = 0; layer < MAX_SHADOW_LAYERS; layer++) {
-        if (!closest_hit(GEOMETRY, &ray, &hit)) return tint;
+        if (!TRAVERSE(GEOMETRY, &ray, false, &hit)) return tint;
         __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit.primitive)];
         if (material->transparent == 0u) break;
         tint *= material->transmission_ior.xyz;
         // On from the surface that was passed, towards the same light.
-        const SurfaceHit passed = surface_hit(GEOMETRY, &ray, &hit);
+        const SurfaceHit passed = SURFACE_HIT(GEOMETRY, &ray, &hit);
         const SurfacePoint point = surface_point(GEOMETRY, &passed);
         const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
         ray = leave_surface(&point, direction, sample->t_far);

@@ -18,25 +18,7 @@ typedef struct {
     bool front; // the ray came from the side on which the vertices run counter-clockwise
 } Surface;
 
-// Whether vertex 0 has the largest weight, so that what the others leave is as good as the float nearest to it.
-bool is_nearest_vertex0(float u, float v) {
-    const float rest = (1.0f - u) - v;
-    return rest >= u && rest >= v;
-}
-
-// What a ray has hit, as surfaces want to know it: with the third weight, but without t.
-SurfaceHit surface_hit(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit) {
-    SurfaceHit of = {(1.0f - hit->u) - hit->v, hit->u, hit->v, hit->primitive};
-    if (!is_nearest_vertex0(hit->u, hit->v)) {
-        const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
-        const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
-        const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
-        of.weight0 = WEIGHT0(GEOMETRY, ray, hit, p0, p1, p2);
-    }
-    return of;
-}
-
-// Its weights as a Ray has them: the two smaller ones, which are floats as near as can be.
+// The weights of a hit as a Ray has them: the two smaller ones, which are floats as near as can be.
 float3 start_weights(const SurfaceHit* hit) {
     if (is_nearest_vertex0(hit->u, hit->v)) return (float3)(-1.0f, hit->u, hit->v);
     return hit->u >= hit->v ? (float3)(hit->weight0, -1.0f, hit->v) : (float3)(hit->weight0, hit->u, -1.0f);

@@ -8,6 +8,7 @@
 
 #if defined(cl_khr_fp64) && !defined(FLOAT_ONLY)
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#define WIDE_IS_DOUBLE
 typedef double Wide;
 #define WIDE_EPSILON 0x1p-53f // the relative error of one operation
 Wide wide_difference(float a, float b) { return (double)a - (double)b; }
@@ -53,9 +54,8 @@ float wide_to_float(Wide a) { return a.x; }
 
 // Whether every number within `error` of a rounds to the same float, which is *rounded.
 bool wide_rounds_surely(Wide a, float error, float* rounded) {
-    *rounded = wide_to_float(a);
-    return wide_to_float(wide_add(a, wide_from(error))) == *rounded &&
-           wide_to_float(wide_subtract(a, wide_from(error))) == *rounded;
+    *rounded = wide_to_float(wide_add(a, wide_from(error)));
+    return wide_to_float(wide_subtract(a, wide_from(error))) == *rounded;
 }
 
 typedef struct {

@@ -14,14 +14,14 @@ Hit no_hit(void) {
 // HITS says which kind of triangle test there is, and names its functions:
 //     test_HITS     what becomes of *hit by a triangle that the ray may hit
 //     finish_HITS   writes t, u and v of the hit that a traversal has found
-//     weight0_HITS  the weight of its vertex 0
+//     surface_HITS  the weights of the hit that a traversal has found, finished or not
 //     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
 // `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and final.
 #define JOIN_NAMES(a, b) a##b
 #define JOIN(a, b) JOIN_NAMES(a, b)
 #define TEST JOIN(test_, HITS)
 #define FINISH JOIN(finish_, HITS)
-#define WEIGHT0 JOIN(weight0_, HITS)
+#define SURFACE_HIT JOIN(surface_, HITS)
 #define LEAVING_ERROR JOIN(error_, HITS)
 
 #ifdef INTERSECT
@@ -35,8 +35,9 @@ void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     hit->primitive = primitive;
 }
 void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {}
-float weight0_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, float3 p0, float3 p1, float3 p2) {
-    return max_or(0.0f, (1.0f - hit->u) - hit->v);
+SurfaceHit surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit) {
+    const SurfaceHit at = {max_or(0.0f, (1.0f - hit->u) - hit->v), hit->u, hit->v, hit->primitive};
+    return at;
 }
 float error_rounded(float3 p0, float3 p1, float3 p2) { return point_error(p0, p1, p2); }
 #endif

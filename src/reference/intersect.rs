@@ -84,6 +84,8 @@ pub struct ShearedTriangle {
     pub depths: [f32; 3],
     /// By which t is scaled.
     pub direction_z: f32,
+    /// Its reciprocal.
+    pub inv_direction_z: f32,
     /// Largest |x| or |y| of a vertex.
     pub extent: f32,
 }
@@ -110,6 +112,7 @@ pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
         ],
         depths: [a.z, b.z, c.z],
         direction_z: direction.z,
+        inv_direction_z: inv_z,
         extent: max_or(max_or(larger(a), larger(b)), larger(c)),
     }
 }

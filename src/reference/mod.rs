@@ -181,7 +181,7 @@ impl ReferenceTracer {
     fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
         let ray = batch_ray(query);
         let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
-        finish(&self.buffers, &self.options, &ray, &mut hit, work);
+        finish(&self.buffers, &self.options, &ray, &mut hit);
         batch_hit(&ray, hit)
     }
 

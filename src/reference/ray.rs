@@ -198,7 +198,7 @@ fn two_product3(v: Vec3, s: f32) -> (Vec3, Vec3) {
 }
 
 const POINT_TERMS: usize = 9;
-const POINT_PASSES: usize = 4;
+const POINT_PASSES: usize = 3;
 
 /// The point, rounded, and the rest, rounded.
 #[inline(always)]

@@ -38,15 +38,15 @@ pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
 #[inline(always)]
 pub fn closest_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, work: &mut impl Work) -> Hit {
     let mut hit = traverse(buffers, options, ray, false, work);
-    finish(buffers, options, ray, &mut hit, work);
+    finish(buffers, options, ray, &mut hit);
     hit
 }
 
 /// Writes t, u and v of what [`traverse`] has found.
 #[inline(always)]
-pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &mut Hit, work: &mut impl Work) {
+pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &mut Hit) {
     if options.intersector == Intersector::Exact {
-        finish_exactly(buffers, ray, hit, work);
+        finish_exactly(buffers, ray, hit);
     }
 }
 

@@ -1,0 +1,125 @@
+// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero: a ray through an edge, or two
+// triangles at the same t. Devices without double leave that to whole numbers at once. The Rust twin does so, too: both are certain.
+
+#ifdef WIDE_IS_DOUBLE
+// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see WIDE_ERROR): edges are exact, the start's two products and
+// sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three products by 11; W by 9 more.
+#define CLOSER_ERROR 0x1p-100f
+
+typedef struct {
+    DoubleDouble distance, det, weight0, weight1, weight2; // T, D, W, U, V
+    float distance_bound, det_bound, bound0, bound1, bound2;
+} CloserNumbers;
+
+void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0, float3 p1, float3 p2, CloserNumbers* n) {
+    const DoubleDouble3 edge1 = dd3_difference(p1, p0);
+    const DoubleDouble3 edge2 = dd3_difference(p2, p0);
+    const DoubleDouble3 start1 = dd3_difference(start->other1, start->base);
+    const DoubleDouble3 start2 = dd3_difference(start->other2, start->base);
+    DoubleDouble3 from = dd3_difference(p0, start->base);
+    from = dd3_add_product(&from, &start1, -start->weight1);
+    from = dd3_add_product(&from, &start2, -start->weight2);
+    const DoubleDouble3 direction = dd3_from(ray_direction);
+    const DoubleDouble3 normal = dd3_cross(&edge1, &edge2);
+    const DoubleDouble3 moment = dd3_cross(&from, &direction);
+    n->distance = dd3_dot(&normal, &from);
+    n->det = dd3_dot(&normal, &direction);
+    n->weight1 = dd3_dot(&edge2, &moment);
+    n->weight2 = -dd3_dot(&edge1, &moment);
+    n->weight0 = dd_subtract(dd_subtract(n->det, n->weight1), n->weight2);
+
+    const float3 magnitude1 = abs3(p1 - p0), magnitude2 = abs3(p2 - p0);
+    const float3 start_magnitude = abs3(start->other1 - start->base) * start->weight1 + abs3(start->other2 - start->base) * start->weight2;
+    const float3 from_magnitude = abs3(p0 - start->base) + start_magnitude;
+    const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);
+    const float3 moment_magnitude = magnitude_cross(from_magnitude, ray_direction);
+    const float det_magnitude = magnitude_dot(normal_magnitude, ray_direction);
+    const float magnitude_1 = magnitude_dot(magnitude2, moment_magnitude);
+    const float magnitude_2 = magnitude_dot(magnitude1, moment_magnitude);
+    n->distance_bound = CLOSER_ERROR * magnitude_dot(normal_magnitude, from_magnitude);
+    n->det_bound = CLOSER_ERROR * det_magnitude;
+    n->bound0 = CLOSER_ERROR * (det_magnitude + magnitude_1 + magnitude_2);
+    n->bound1 = CLOSER_ERROR * magnitude_1;
+    n->bound2 = CLOSER_ERROR * magnitude_2;
+}
+
+// Whether a bound is one: products of three floats that make it underflow only where it would be smaller than this.
+bool is_closer_bound(float bound) { return bound > LEAST_MAGNITUDE * 0x1p-44f && bound <= FLT_MAX; }
+
+int sure_sign_closer(DoubleDouble number, float bound) {
+    if (!is_closer_bound(bound)) return 0;
+    return number.x > (double)bound ? 1 : number.x < -(double)bound ? -1 : 0;
+}
+
+// Whether numerator / denominator, off by no more than the bounds, surely rounds to the float *rounded.
+bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleDouble denominator, float denominator_bound,
+                          float* rounded) {
+    if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
+    const double relative = (double)denominator_bound / fabs(denominator.x);
+    if (!(relative < 0x1p-10)) return false;
+    const DoubleDouble quotient = dd_divide(numerator, denominator);
+    const double error = 1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + (double)numerator_bound / fabs(denominator.x));
+    const float low = dd_to_float(dd_add(quotient, (DoubleDouble)(-error, 0.0)));
+    *rounded = dd_to_float(dd_add(quotient, (DoubleDouble)(error, 0.0)));
+    return low == *rounded;
+}
+
+// As decide_wide and place_hit, of a ray that starts at `start`, or with `leaves` leaves there a triangle. best0 to best2 are the vertices
+// of the nearest hit so far, which t_best_low and t_best_high are limits of; infinite if there is none.
+RARE WideDecision decide_closer(TrianglePoint start, bool leaves, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
+                                float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1, float3 best2) {
+    WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};
+    CloserNumbers n;
+    closer_numbers(&start, direction, p0, p1, p2, &n);
+    const int sign = sure_sign_closer(n.det, n.det_bound);
+    const int sign0 = sure_sign_closer(n.weight0, n.bound0);
+    const int sign1 = sure_sign_closer(n.weight1, n.bound1);
+    const int sign2 = sure_sign_closer(n.weight2, n.bound2);
+    if (sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0) result.decision = MISS;
+    if (sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign) return result;
+    float t;
+    if (!rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &t)) return result;
+    if (t < t_near || t > t_far || t > t_best_high || (leaves && t == 0.0f)) {
+        result.decision = MISS;
+        return result;
+    }
+    if (t == t_near || t == t_far || !(fabs(t) > LEAST_MAGNITUDE)) return result;
+    if (t >= t_best_low) {
+        CloserNumbers best;
+        closer_numbers(&start, direction, best0, best1, best2, &best);
+        // T D' - T' D and a bound of its error; 12 u^2 for its own two products and difference.
+        const DoubleDouble difference = dd_subtract(dd_multiply(n.distance, best.det), dd_multiply(best.distance, n.det));
+        const double error = 1.01 * (fabs(n.distance.x) * (double)best.det_bound + fabs(best.det.x) * (double)n.distance_bound +
+                                     fabs(best.distance.x) * (double)n.det_bound + fabs(n.det.x) * (double)best.distance_bound +
+                                     0x1p-102 * (fabs(n.distance.x * best.det.x) + fabs(best.distance.x * n.det.x)));
+        if (!is_closer_bound(best.det_bound) || !is_closer_bound(best.distance_bound)) return result;
+        if (!(fabs(difference.x) > error)) return result;
+        const bool is_farther = (difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0));
+        if (is_farther) {
+            result.decision = MISS;
+            return result;
+        }
+    }
+    result.decision = HIT;
+    result.t_low = next_down(t);
+    result.t_high = next_up(t);
+    return result;
+}
+
+typedef struct {
+    bool is_sure;
+    float t, weight0, u, v;
+} CloserHit;
+
+// t and the weights of a triangle that is hit.
+RARE CloserHit finish_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2) {
+    CloserNumbers n;
+    closer_numbers(&start, direction, p0, p1, p2, &n);
+    CloserHit hit;
+    hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &hit.t) &&
+                  rounds_surely_closer(n.weight1, n.bound1, n.det, n.det_bound, &hit.u) &&
+                  rounds_surely_closer(n.weight2, n.bound2, n.det, n.det_bound, &hit.v) &&
+                  rounds_surely_closer(n.weight0, n.bound0, n.det, n.det_bound, &hit.weight0);
+    return hit;
+}
+#endif

@@ -1,0 +1,182 @@
+// Ray-triangle intersection that is right: hit or miss as exact arithmetic decides it for the float32 numbers given, t, u and v
+// the floats nearest to the exact values, and of two hits the one that is exactly nearer.
+//
+// Four filters, after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete &
+// Computational Geometry 18, 1997, with whole numbers in place of his expansions, which underflow:
+//  1. float32 edge functions (watertight.cl) and bounds of their error decide nearly every triangle, hit or miss, and which of two
+//     hits is nearer: a hit is known by an interval that holds its t.
+//  2. Arithmetic of twice the precision (cl/shared/wide.cl) with bounds decides nearly all the rest.
+//  3. Where there is double, four times the precision (exact_closer.cl).
+//  4. Whole numbers (exact_whole.cl) decide what is left: rays exactly through edges and vertices, in planes, equal distances. They
+//     need so many registers that the kernels leave it to a second pass over the few rays concerned (DECIDE in memory.cl).
+// t, u and v are computed once, for the triangle that the traversal has found, in the arithmetic of steps 2 to 4.
+// Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the same on
+// devices with and without double. Weakness: the instructions of the second step.
+
+#define MISS 0
+#define HIT 1
+#define DOUBTFUL 2
+
+// Step 1. With M the largest coordinate of a vertex relative to the origin and H the largest sheared coordinate, to first order:
+// a difference is off by 4 EPSILON M (two roundings and 2 of the origin's second part), the shear's quotient by up to 5 EPSILON (2.5
+// ulp on some devices) and its product by 1, which its factor M passes on, the difference in it by 4 more, and the fma rounds by 2 M: a
+// sheared coordinate is off by delta = (4 + 6 + 4 + 2) EPSILON M = 16 EPSILON M. An edge function of two vertices is off by
+// 4 H delta + 2 delta^2 and, by itself, 1.5 ulp of at most 2 H^2, which is below 6 EPSILON H 2 M: (64 + 12) EPSILON M H +
+// 512 EPSILON^2 M^2. The constants leave room for the second order, for the roundings of H and M, and of the bound itself.
+#define SHEAR_ERROR (80.0f * EPSILON)
+#define SHEAR_ERROR2 (544.0f * EPSILON * EPSILON)
+// In sheared space the ray is the z axis, and it meets the triangle at z = t direction_z, the mean of the vertices' z weighted by the
+// edge functions. These, each off by `bound`, move that mean by at most 3 bound spread / |their sum|, where spread is the vertices'
+// extent in z. The z are off by 5 EPSILON of the largest, Z; the sums, reciprocals and products that give t round by 3 + 2 + 10 + 2
+// EPSILON Z: 22, and the last room is for the rounding of the bound. |direction_z| is at least 1.
+#define SPREAD_ERROR 3.1f
+#define DEPTH_ERROR (26.0f * EPSILON)
+
+// Hit or miss, and for a hit limits of its t.
+int decide_rounded(const ShearedTriangle* s, float distance, float* t_low, float* t_high) {
+    const float bound = distance * fma(SHEAR_ERROR, s->extent, SHEAR_ERROR2 * distance);
+    const float low = min_or(s->weight0, min_or(s->weight1, s->weight2));
+    const float high = max_or(s->weight0, max_or(s->weight1, s->weight2));
+    if (low < -bound && high > bound) return MISS;
+    if (!(low > bound || high < -bound)) return DOUBTFUL;
+    const float det = s->weight0 + s->weight1 + s->weight2;
+    const float z_weighted = fma(s->weight0, s->az, fma(s->weight1, s->bz, s->weight2 * s->cz));
+    const float inv_det = 1.0f / det;
+    const float t = z_weighted * inv_det * s->inv_direction_z;
+    const float nearest = min_or(s->az, min_or(s->bz, s->cz)), farthest = max_or(s->az, max_or(s->bz, s->cz));
+    const float depth = max_or(fabs(nearest), fabs(farthest));
+    const float error = fma(SPREAD_ERROR * bound, (farthest - nearest) * fabs(inv_det), DEPTH_ERROR * depth);
+    *t_low = t - error;
+    *t_high = t + error;
+    return HIT;
+}
+
+// What limits of its t say of a hit: whether it is inside of the ray's interval and nearer than *hit, of which t and u are limits, too,
+// as long as the traversal goes on. NaN says nothing.
+int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
+    if (t_high < ray->t_near || t_low > ray->t_far || t_low > hit->t) return MISS;
+    const bool is_inside = t_low > ray->t_near && t_high < ray->t_far;
+    return is_inside && (hit->primitive == NO_PRIMITIVE || t_high < hit->u) ? HIT : DOUBTFUL;
+}
+
+// Step 2. The numbers behind every answer, with a = p0 - start, e1 and e2 the edges from p0, N = e1 x e2, c = a x direction:
+//     T = N . a,  D = N . direction,  t = T / D;   U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
+// None of them is off by more than 9 WIDE_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of three products;
+// W by 3 more. P, the same expression of magnitudes, is computed in float32, which the constants leave room for.
+#define WIDE_ERROR (10.0f * WIDE_EPSILON)
+#define WIDE_ERROR_W (14.0f * WIDE_EPSILON)
+// a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this times that part.
+#define START_ERROR (4.0f * EPSILON / WIDE_ERROR)
+// Below this a product of floats may have underflowed: nothing is certain.
+#define LEAST_MAGNITUDE 0x1p-80f
+
+typedef struct {
+    Wide distance, det, weight0, weight1, weight2; // T, D, W, U, V
+    float distance_bound, det_bound, bound0, bound1, bound2;
+} WideNumbers;
+
+// Sum of the products of magnitudes: the P of a scalar product.
+float magnitude_dot(float3 a, float3 b) { return dot3(abs3(a), abs3(b)); }
+float3 magnitude_cross(float3 a, float3 b) {
+    const float3 x = abs3(a), y = abs3(b);
+    return x.yzx * y.zxy + x.zxy * y.yzx;
+}
+
+// Values instead of a pointer to the ray: its address would keep the ray out of registers.
+void wide_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3 p0, float3 p1, float3 p2, WideNumbers* n) {
+    const Wide3 edge1 = wide3_difference(p1, p0);
+    const Wide3 edge2 = wide3_difference(p2, p0);
+    const Wide3 low = wide3_from(origin_low);
+    const Wide3 from_high = wide3_difference(p0, origin);
+    const Wide3 from = wide3_subtract(&from_high, &low);
+    const Wide3 direction = wide3_from(ray_direction);
+    const Wide3 normal = wide3_cross(&edge1, &edge2);
+    const Wide3 moment = wide3_cross(&from, &direction);
+    n->distance = wide3_dot(&normal, &from);
+    n->det = wide3_dot(&normal, &direction);
+    n->weight1 = wide3_dot(&edge2, &moment);
+    n->weight2 = wide_subtract(wide_from(0.0f), wide3_dot(&edge1, &moment));
+    n->weight0 = wide_subtract(wide_subtract(n->det, n->weight1), n->weight2);
+
+    const float3 magnitude1 = wide3_to_float(&edge1), magnitude2 = wide3_to_float(&edge2);
+    const float3 from_magnitude = fma3(abs3(origin_low), START_ERROR, abs3(wide3_to_float(&from)));
+    const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);
+    const float3 moment_magnitude = magnitude_cross(from_magnitude, ray_direction);
+    const float det_magnitude = magnitude_dot(normal_magnitude, ray_direction);
+    const float magnitude_1 = magnitude_dot(magnitude2, moment_magnitude);
+    const float magnitude_2 = magnitude_dot(magnitude1, moment_magnitude);
+    n->distance_bound = WIDE_ERROR * magnitude_dot(normal_magnitude, from_magnitude);
+    n->det_bound = WIDE_ERROR * det_magnitude;
+    n->bound0 = WIDE_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2);
+    n->bound1 = WIDE_ERROR * magnitude_1;
+    n->bound2 = WIDE_ERROR * magnitude_2;
+}
+
+// Whether a bound is one: not so small that what it bounds may have underflowed, and not NaN or infinite.
+bool is_bound(float bound) { return bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= FLT_MAX; }
+
+// -1 or 1 where that is the number's sign for certain, else 0.
+int sure_sign(Wide number, float bound) {
+    const float value = wide_to_float(number);
+    if (!is_bound(bound)) return 0;
+    return value > bound ? 1 : value < -bound ? -1 : 0;
+}
+
+typedef struct {
+    int decision;
+    float t_low, t_high; // of a hit
+} WideDecision;
+
+// As decide_rounded. A call, because it is rare, and its registers are not wanted in the loop over the triangles.
+RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2) {
+    WideNumbers n;
+    wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
+    WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};
+    const int sign = sure_sign(n.det, n.det_bound);
+    const int sign0 = sure_sign(n.weight0, n.bound0);
+    const int sign1 = sure_sign(n.weight1, n.bound1);
+    const int sign2 = sure_sign(n.weight2, n.bound2);
+    if (sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0) result.decision = MISS;
+    if (sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign || !is_bound(n.distance_bound)) return result;
+    const float t = wide_to_float(wide_divide(n.distance, n.det));
+    // |D| is above its bound: by more than a rounding, as both are floats. The 4 EPSILON are for the roundings of t and its limits; a
+    // smaller t loses bits, and only a comparison of T itself with zero would help.
+    const float error = 1.01f * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(wide_to_float(n.det)) - n.det_bound);
+    if (!(fabs(t) > LEAST_MAGNITUDE)) return result;
+    result.decision = HIT;
+    result.t_low = t - fma(4.0f * EPSILON, fabs(t), error);
+    result.t_high = t + fma(4.0f * EPSILON, fabs(t), error);
+    return result;
+}
+
+// 1 / D for the quotients T / D and so on, and how far D is off relative to itself.
+typedef struct {
+    Wide inverse;
+    float det_error;
+    bool is_sure; // that it is small enough for the bounds here
+} WideInverse;
+
+WideInverse invert_det(const WideNumbers* n) {
+    const float det_error = n->det_bound / fabs(wide_to_float(n->det));
+    const WideInverse inverse = {wide_divide(wide_from(1.0f), n->det), det_error, is_bound(n->det_bound) && det_error < 0x1p-10f};
+    return inverse;
+}
+
+// Whether numerator / D, the numerator off by no more than the bound, surely rounds to the float *rounded.
+bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* rounded) {
+    const Wide quotient = wide_multiply(numerator, det->inverse);
+    // 1.01: what is left out here of the quotient of two sums; 8: roundings of inverse, product and comparison.
+    const float error = fma(1.01f * bound, fabs(wide_to_float(det->inverse)),
+                            fabs(wide_to_float(quotient)) * fma(1.01f, det->det_error, 8.0f * WIDE_EPSILON));
+    return is_bound(bound) && wide_rounds_surely(quotient, error, rounded);
+}
+
+// Where the ray starts, exactly.
+TrianglePoint start_of_ray(GEOMETRY_PARAMETERS, const Ray* ray) {
+    const bool leaves = ray->skip != NO_PRIMITIVE;
+    TrianglePoint point = {ray->origin, ray->origin, ray->origin, 0.0f, 0.0f};
+    if (leaves)
+        point = point_of_weights(LOAD_SURFACE_VERTEX(geometry, ray->skip, 0), LOAD_SURFACE_VERTEX(geometry, ray->skip, 1),
+                                 LOAD_SURFACE_VERTEX(geometry, ray->skip, 2), ray->start_weights);
+    return point;
+}
