@@ -28,7 +28,7 @@ void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0,
     n->weight2 = -dd3_dot(&edge1, &moment);
     n->weight0 = dd_subtract(dd_subtract(n->det, n->weight1), n->weight2);
 
-    const float3 magnitude1 = abs3(p1 - p0), magnitude2 = abs3(p2 - p0);
+    const float3 magnitude1 = p1 - p0, magnitude2 = p2 - p0;
     const float3 start_magnitude = abs3(start->other1 - start->base) * start->weight1 + abs3(start->other2 - start->base) * start->weight2;
     const float3 from_magnitude = abs3(p0 - start->base) + start_magnitude;
     const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);

@@ -98,8 +98,8 @@ void wide_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3
     n->weight2 = wide_subtract(wide_from(0.0f), wide3_dot(&edge1, &moment));
     n->weight0 = wide_subtract(wide_subtract(n->det, n->weight1), n->weight2);
 
-    const float3 magnitude1 = wide3_to_float(&edge1), magnitude2 = wide3_to_float(&edge2);
-    const float3 from_magnitude = fma3(abs3(origin_low), START_ERROR, abs3(wide3_to_float(&from)));
+    const float3 magnitude1 = p1 - p0, magnitude2 = p2 - p0; // cheaper than what wide numbers round to
+    const float3 from_magnitude = fma3(abs3(origin_low), START_ERROR, abs3((p0 - origin) - origin_low));
     const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     const float3 moment_magnitude = magnitude_cross(from_magnitude, ray_direction);
     const float det_magnitude = magnitude_dot(normal_magnitude, ray_direction);

@@ -77,10 +77,6 @@ Wide3 wide3_subtract(const Wide3* a, const Wide3* b) {
     return r;
 }
 
-float3 wide3_to_float(const Wide3* a) {
-    return (float3)(wide_to_float(a->x), wide_to_float(a->y), wide_to_float(a->z));
-}
-
 // a x b.
 Wide3 wide3_cross(const Wide3* a, const Wide3* b) {
     const Wide3 r = {wide_subtract(wide_multiply(a->y, b->z), wide_multiply(a->z, b->y)),

@@ -106,8 +106,8 @@ fn wide_numbers(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> WideNumbers {
     let (weight1, weight2) = (dot(edge2, moment), -dot(edge1, moment));
     let weight0 = det - weight1 - weight2;
 
-    let (magnitude1, magnitude2) = (edge1.as_vec3(), edge2.as_vec3());
-    let from_magnitude = fma3(abs3(ray.origin_low), START_ERROR, abs3(from.as_vec3()));
+    let (magnitude1, magnitude2) = (p1 - p0, p2 - p0);
+    let from_magnitude = fma3(abs3(ray.origin_low), START_ERROR, abs3((p0 - ray.origin) - ray.origin_low));
     let normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     let moment_magnitude = magnitude_cross(from_magnitude, ray.direction);
     let det_magnitude = magnitude_dot(normal_magnitude, ray.direction);
