@@ -20,6 +20,8 @@
 //! ```
 
 mod case;
+pub mod closed;
+mod estimate;
 mod exact;
 mod judge;
 mod kinds;
