@@ -18,7 +18,7 @@ use std::time::Instant;
 
 /// Rays of a batch: some 170 MB on the host, of which there are two at a time, and as much on the device.
 const BATCH: u64 = 1 << 22;
-/// A run ends with the batch that brings the suspects to this number: each takes a look at all triangles, and more tell no more.
+/// A run ends before the next suspect after so many: each takes a look at all triangles, and more tell no more.
 pub const MAX_SUSPECTS: usize = 1000;
 
 /// What became of rays that must hit.
@@ -38,7 +38,7 @@ pub struct Leaks {
     pub behind: u64,
     /// Rays that seemed to be one of these, and of which the exact answer says that the method may err so much.
     pub cleared: u64,
-    /// Whether there were [`MAX_SUSPECTS`], so that not all rays were traced.
+    /// Whether there were more than [`MAX_SUSPECTS`] suspects: the rays before the next one are all that count.
     pub is_cut_short: bool,
     /// The rays that went wrong, and how.
     #[serde(skip)]
@@ -138,9 +138,9 @@ impl Watch<'_> {
         let mut suspects: Vec<usize> = suspects.collect();
         let room = MAX_SUSPECTS - leaks.wrong.len() - leaks.cleared as usize;
         let mut judged = hits.len();
-        if suspects.len() >= room {
+        if suspects.len() > room {
             leaks.is_cut_short = true;
-            judged = suspects.get(room).copied().unwrap_or(judged);
+            judged = suspects[room];
             suspects.truncate(room);
         }
         self.judge(&batch, &suspects, &hits, leaks);
@@ -169,8 +169,8 @@ impl Watch<'_> {
         let Some(corners) = self.corners(hit.primitive) else { return true };
         let tolerance = Tolerance::of_ray(ray.origin.as_dvec3(), ray.direction.as_dvec3(), corners, 0.0);
         let t = f64::from(hit.t);
-        // NaN is none of the numbers that are small enough.
-        !(t - tolerance.of_t(t) <= f64::from(by))
+        let nearest = t - tolerance.of_t(t);
+        nearest.is_nan() || nearest > f64::from(by)
     }
 
     fn corners(&self, primitive: u32) -> Option<[glam::DVec3; 3]> {
