@@ -30,7 +30,7 @@
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table |
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
-//! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays |
+//! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
 //! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
 //!
 //! # Invariants

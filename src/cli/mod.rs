@@ -10,6 +10,7 @@ macro_rules! say {
 }
 
 mod check;
+mod closed;
 mod devices;
 mod info;
 mod kd;

@@ -1,6 +1,6 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
-use super::{DeviceArgs, MethodArgs, Talk, open};
+use super::{DeviceArgs, MethodArgs, Talk, closed, open};
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{Intersector, TraceOptions};
 use raybrook::output::{check_writable, write_json};
@@ -12,7 +12,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Exact answers take about a kilobyte each, and all of a kind are kept until every method is judged. More rays come from other seeds.
-const MAX_RAYS: i64 = 1_000_000;
+const MAX_RAYS: u64 = 1_000_000;
+/// Rays of each kind unless told otherwise.
+const DEFAULT_RAYS: u64 = 1000;
+
+/// A whole number, also as 1e9.
+fn parse_count(text: &str) -> std::result::Result<u64, String> {
+    let whole = |x: f64| (x.fract() == 0.0 && (1.0..=MAX_EXACT_COUNT).contains(&x)).then_some(x as u64);
+    let count = text.parse().ok().filter(|&n| n > 0).or_else(|| whole(text.parse().ok()?));
+    count.ok_or_else(|| format!("'{text}' is no whole number above 0, such as 1000 or 1e6"))
+}
+
+/// Up to here every whole number is a double.
+const MAX_EXACT_COUNT: f64 = (1u64 << f64::MANTISSA_DIGITS) as f64;
 
 #[derive(clap::Args)]
 pub struct StressArgs {
@@ -24,10 +36,10 @@ pub struct StressArgs {
     list: bool,
     /// Which rays: the same number makes the same ones everywhere.
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
-    /// Rays of each kind.
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=MAX_RAYS))]
-    rays: u32,
+    pub(super) seed: u64,
+    /// Rays of each kind [default: 1000]; with --closed rays of all models together [default: 1e6].
+    #[arg(long, value_name = "N", value_parser = parse_count)]
+    pub(super) rays: Option<u64>,
     /// Judge every triangle test as strictly as `exact`: lowest number of equally near triangles, t the nearest float, u and v within
     /// 2 ulp. Else others may be off by what float32 cannot do better.
     #[arg(long)]
@@ -39,16 +51,20 @@ pub struct StressArgs {
     /// Trace these rays through this model (.obj, .ply, .stl) instead, such as --write wrote them or any others.
     #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"])]
     replay: Option<Vec<PathBuf>>,
+    /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must hit for a
+    /// reason that needs no exact answer. Models that are not closed are named and left out.
+    #[arg(long, num_args = 1.., value_name = "MODEL", conflicts_with_all = ["kinds", "list", "strict", "methods", "replay"])]
+    closed: Option<Vec<PathBuf>>,
     /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.
     #[arg(long, value_name = "DIR")]
-    write: Option<PathBuf>,
+    pub(super) write: Option<PathBuf>,
     /// Write the counts to a JSON file.
     #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    pub(super) json: Option<PathBuf>,
     #[command(flatten)]
     method: MethodArgs,
     #[command(flatten)]
-    device: DeviceArgs,
+    pub(super) device: DeviceArgs,
 }
 
 /// Wrong answers of one method to the rays of one kind.
@@ -87,6 +103,8 @@ struct Run<'a> {
     talk: Talk,
     device: Option<DeviceHandle>,
     cache: Option<Cache>,
+    /// Of each kind.
+    rays: usize,
 }
 
 pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
@@ -97,6 +115,9 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let options = args.method.options()?;
+    if let Some(models) = &args.closed {
+        return closed::run(args, models, options, talk);
+    }
     let methods = match &args.methods {
         None => vec![Method { name: options.intersector.name().into(), options }],
         Some(names) if names.iter().all(String::is_empty) => Method::all(options),
@@ -106,7 +127,12 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let cache = if args.device.no_cache { None } else { Cache::open() };
-    let run = Run { args, talk, device, cache };
+    let rays = args.rays.unwrap_or(DEFAULT_RAYS);
+    if rays > MAX_RAYS {
+        let message = format!("{rays} is more than {MAX_RAYS} of each kind; other rays come from another --seed");
+        return Err(Error::option("--rays", message));
+    }
+    let run = Run { args, talk, device, cache, rays: rays as usize };
     let mut sheets: Vec<Sheet> = methods.iter().map(|method| run.sheet(method)).collect();
     match &args.replay {
         Some(files) => run.replay(files, &methods[0], &mut sheets[0])?,
@@ -148,7 +174,7 @@ impl Run<'_> {
             table.say_head();
         }
         for kind in kinds {
-            let case = kind.case(self.args.seed, self.args.rays as usize);
+            let case = kind.case(self.args.seed, self.rays);
             let answers = Answers::new(&case);
             for (method, sheet) in methods.iter().zip(&mut *sheets) {
                 let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
@@ -184,12 +210,7 @@ impl Run<'_> {
         let mesh = format!("{}-{}", kind.name, self.args.seed);
         let rays = format!("{mesh}-{}", method.name);
         let replay = Replay::write(folder, case, &numbers, &mesh, &rays)?;
-        let mut words = vec!["raybrook stress --replay".to_owned()];
-        words.extend([&replay.mesh, &replay.rays].map(|path| path.display().to_string()));
-        words.extend(method.arguments());
-        words.extend(self.args.strict.then(|| "--strict".to_owned()));
-        words.extend(self.args.device.device.iter().map(|name| format!("--device '{name}'")));
-        Ok(words.join(" "))
+        Ok(replay_command(&replay, method, self.args))
     }
 
     /// Traces rays from files and shows each answer that is wrong beside the exact one.
@@ -218,6 +239,16 @@ impl Run<'_> {
         say!("{} of {} rays wrong", sheet.wrong, sheet.rays);
         Ok(())
     }
+}
+
+/// What traces written rays again.
+pub(super) fn replay_command(replay: &Replay, method: &Method, args: &StressArgs) -> String {
+    let mut words = vec!["raybrook stress --replay".to_owned()];
+    words.extend([&replay.mesh, &replay.rays].map(|path| path.display().to_string()));
+    words.extend(method.arguments());
+    words.extend(args.strict.then(|| "--strict".to_owned()));
+    words.extend(args.device.device.iter().map(|name| format!("--device '{name}'")));
+    words.join(" ")
 }
 
 fn in_words(hit: &Hit) -> String {

@@ -7,6 +7,7 @@
 //!
 //! Bad at: rays in the plane of many triangles, all of which need whole numbers.
 
+use super::estimate::{Estimate, PRODUCT_ERROR, ROUNDING, size_of_cross};
 use super::mesh::Mesh;
 use super::ratio::{Ratio, decode};
 use glam::{DVec3, Vec3};
@@ -14,13 +15,7 @@ use num_bigint::{BigInt, Sign};
 
 type Whole3 = [BigInt; 3];
 
-/// The largest relative error of one rounding of a double.
-const ROUNDING: f64 = f64::EPSILON / 2.0;
-/// A product of three numbers that are each off by a rounding, and the sum of six such: a difference, twice, in 2; the products of a
-/// component 1, their difference 1; the products with the third vector 1, their sum 2: gamma(7) of the same expression of
-/// magnitudes, which is itself computed, and too small by gamma(7) at most: 8 leaves room for the second order of both.
-const PRODUCT_ERROR: f64 = 8.0 * ROUNDING;
-/// The sum of three such products: two more roundings of numbers that are 1 / 8 of the bounds' sum in size, and room.
+/// The sum of three products that are each off by [`PRODUCT_ERROR`]: two more roundings of numbers that are 1 / 8 of the bounds' sum in size, and room.
 const SUM_ERROR: f64 = 1.5;
 
 /// A ray without limits, in doubles and in whole numbers.
@@ -283,19 +278,12 @@ impl ExactTracer {
         let (edge1, edge2) = (corners[1] - corners[0], corners[2] - corners[0]);
         let distance = -edge1.cross(edge2).dot(a);
         let distance_bound = PRODUCT_ERROR * size_of_cross(edge1.abs(), edge2.abs()).dot(size_a);
-        if det.abs() <= det_bound {
-            return Some(Candidate { primitive, low: f64::NEG_INFINITY, high: f64::INFINITY });
-        }
-        let t = distance / det;
-        // 1.01 for the rounding of the bound, 4 for that of the quotient and of the two limits.
-        let error = 1.01 * (distance_bound + t.abs() * det_bound) / (det.abs() - det_bound) + 4.0 * ROUNDING * t.abs();
-        Some(Candidate { primitive, low: t - error, high: t + error })
+        let t = Estimate { value: distance, bound: distance_bound }.over(Estimate { value: det, bound: det_bound });
+        Some(match t {
+            Some(t) => Candidate { primitive, low: t.low(), high: t.high() },
+            None => Candidate { primitive, low: f64::NEG_INFINITY, high: f64::INFINITY },
+        })
     }
-}
-
-/// The cross product of two vectors of magnitudes if nothing cancelled.
-fn size_of_cross(a: DVec3, b: DVec3) -> DVec3 {
-    DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
 }
 
 /// The largest k such that all coordinates are whole multiples of 2^k.

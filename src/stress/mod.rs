@@ -2,7 +2,7 @@
 //!
 //! [`Kind`]s make meshes and rays from a seed, one for each way in which a ray tracer can fail. [`Answers`] are found by brute force in
 //! exact arithmetic, and [`Answers::judge`] tells what is wrong with a tracer's. [`Found`] traces a case with any method, and [`Replay`]
-//! keeps the rays that went wrong.
+//! keeps the rays that went wrong. [`closed`] traces rays by the billion that must hit, through closed meshes of any origin.
 //!
 //! ```
 //! use raybrook::options::{Intersector, TraceOptions};
@@ -20,6 +20,8 @@
 //! ```
 
 mod case;
+pub mod closed;
+mod estimate;
 mod exact;
 mod judge;
 mod kinds;

@@ -44,11 +44,16 @@ pub struct Tolerance {
 impl Tolerance {
     /// The bounds for `line` and a triangle; `origin_error`: how far the ray's origin may be off, for rays that start at a computed hit.
     pub fn new(line: &Line, corners: [DVec3; 3], origin_error: f64) -> Tolerance {
-        let [a, b, c] = corners.map(|p| p - line.origin);
+        Tolerance::of_ray(line.origin, line.direction, corners, origin_error)
+    }
+
+    /// The same for a ray in doubles.
+    pub fn of_ray(origin: DVec3, direction: DVec3, corners: [DVec3; 3], origin_error: f64) -> Tolerance {
+        let [a, b, c] = corners.map(|p| p - origin);
         let farthest = a.length().max(b.length()).max(c.length());
         let normal = (b - a).cross(c - a);
-        let length = line.direction.length();
-        let cosine = (normal.dot(line.direction) / (normal.length() * length)).abs();
+        let length = direction.length();
+        let cosine = (normal.dot(direction) / (normal.length() * length)).abs();
         let lateral = LATERAL * EPSILON * farthest + origin_error;
         let heights = [(c - a).length(), (b - a).length()].map(|opposite| normal.length() / opposite);
         Tolerance {

@@ -1,0 +1,225 @@
+//! Rays at edges and vertices of closed meshes: that they must hit, that exact methods hit, and that others are found out.
+
+mod common;
+
+use common::{SEED, device, shared};
+use glam::Vec3;
+use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::scene::{Builder, Material, load};
+use raybrook::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
+use raybrook::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Replay};
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Closed meshes of several shapes: smooth, with sharp edges in the axes' planes, with a hole, with slivers and a vertex of 64 triangles,
+/// of four triangles, far from the origin, and of two surfaces.
+fn meshes() -> Vec<(&'static str, ClosedMesh)> {
+    let mut torus = Builder::new();
+    torus.material(Material::matt(Vec3::ONE)).torus(1.0, 0.4, 24, 12);
+    let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let mut tetrahedron = Mesh::default();
+    for p in [corner(0.0, 0.0, 0.1), corner(1.0, 0.2, 0.0), corner(0.1, 1.0, 0.3), corner(0.3, 0.2, 1.0)] {
+        tetrahedron.vertex(p);
+    }
+    tetrahedron.triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let mut hollow = Mesh::sphere(2);
+    hollow.append(&Mesh::cubes(1).mapped(|p| (p - 0.5) * 0.5));
+    let meshes = [
+        ("sphere", Mesh::sphere(3)),
+        ("cubes", Mesh::cubes(2)),
+        ("torus", Mesh::from(&torus.finish().unwrap())),
+        ("double fan", Mesh::double_fan(6, 0.01)),
+        ("tetrahedron", tetrahedron),
+        ("offset", Mesh::sphere(2).mapped(|p| p + 1000.0)),
+        ("hollow", hollow),
+    ];
+    meshes.map(|(name, mesh)| (name, ClosedMesh::new(mesh).unwrap())).into()
+}
+
+const EXACT: TraceOptions = TraceOptions { intersector: Intersector::Exact, ..TraceOptions::DEFAULT };
+
+fn on_reference(mesh: &ClosedMesh, options: &TraceOptions, rays: u64) -> Leaks {
+    find_leaks(mesh, options, None, None, SEED, rays, &|_| ()).unwrap()
+}
+
+/// Every structure, and every build and traversal of a kd-tree that finds every hit.
+fn structures() -> Vec<TraceOptions> {
+    let accels = Accel::ALL.iter().map(|&accel| TraceOptions { accel, ..EXACT });
+    let builds = Build::ALL.iter().map(|&build| TraceOptions { build, ..EXACT });
+    let traversals = Traversal::ALL.iter().filter(|traversal| traversal.is_exact());
+    let traversals = traversals.map(|&traversal| TraceOptions { traversal, ..EXACT });
+    accels.chain(builds).chain(traversals).collect()
+}
+
+#[test]
+fn promises_are_true() {
+    for (name, closed) in meshes() {
+        let tracer = ExactTracer::new(closed.mesh());
+        let mut by_a_finite_t = 0;
+        const RAYS: u64 = 3000;
+        for index in 0..RAYS {
+            let ray = closed.ray(SEED, index);
+            let line = tracer.line(ray.origin.as_dvec3(), ray.direction.as_dvec3()).unwrap();
+            let everywhere = Interval { near: 0.0, far: f32::INFINITY, is_open: false };
+            let hit = tracer.closest(&line, everywhere, &[], |_| true);
+            let hit = hit.unwrap_or_else(|| panic!("{name}: ray {index} of seed {SEED} may miss: {ray:?}"));
+            let t = hit.crossing.t.to_f64();
+            assert!(t <= ray.by, "{name}: ray {index} of seed {SEED} hits at {t}, {ray:?}");
+            by_a_finite_t += u64::from(ray.by.is_finite());
+            assert_eq!(ray, closed.ray(SEED, index));
+        }
+        assert!(by_a_finite_t > RAYS * 3 / 4, "{name}: {by_a_finite_t}");
+    }
+}
+
+#[test]
+fn rays_come_from_everywhere_and_meet_what_they_are_aimed_at() {
+    let closed = ClosedMesh::new(Mesh::sphere(3)).unwrap();
+    let rays: Vec<_> = (0..20_000).map(|index| closed.ray(SEED, index)).collect();
+    let share = |count: usize| count as f64 / rays.len() as f64;
+    let of = |is_so: &dyn Fn(f32) -> bool| share(rays.iter().filter(|ray| is_so(ray.origin.length())).count());
+    assert!(of(&|r| r > 1e4) > 0.1 && of(&|r| r > 1e5) > 0.01, "far away");
+    assert!(of(&|r| (1.0..1.01).contains(&r)) > 0.01, "close to the surface");
+    let inside = share(rays.iter().filter(|ray| ray.is_inside).count());
+    let at_vertices = share(rays.iter().filter(|ray| ray.is_at_vertex).count());
+    assert!((0.1..0.6).contains(&inside) && (0.1..0.6).contains(&at_vertices), "{inside} {at_vertices}");
+    assert!(rays.iter().all(|ray| !ray.is_inside || ray.origin.length() < 1.0));
+
+    // Rays that meet several triangles at exactly the same t go through an edge or a vertex to the last bit.
+    let tracer = ExactTracer::new(closed.mesh());
+    let meets_a_seam = |ray: &&raybrook::stress::closed::AimedRay| {
+        let line = tracer.line(ray.origin.as_dvec3(), ray.direction.as_dvec3()).unwrap();
+        let hits = (0..closed.mesh().triangles.len() as u32).filter_map(|i| tracer.crossing(&line, i));
+        let times: Vec<_> = hits.map(|hit| hit.t).collect();
+        times.iter().enumerate().any(|(i, t)| times[..i].contains(t))
+    };
+    let on_seams = rays[..1000].iter().filter(meets_a_seam).count();
+    assert!(on_seams > 50, "{on_seams} of 1000");
+}
+
+#[test]
+fn exact_lets_no_ray_through() {
+    for (name, closed) in meshes() {
+        for options in structures() {
+            let leaks = on_reference(&closed, &options, 2000);
+            assert_eq!((leaks.rays, leaks.misses, leaks.behind, leaks.cleared), (2000, 0, 0, 0), "{name} {options:?}");
+        }
+    }
+}
+
+#[test]
+fn exact_lets_no_ray_through_on_a_device() {
+    let Some(device) = device() else { return };
+    for (name, closed) in meshes().into_iter().take(4) {
+        for traversal in [Traversal::Stack, Traversal::Ropes] {
+            let options = TraceOptions { traversal, ..EXACT };
+            let leaks = find_leaks(&closed, &options, Some(&device), None, SEED, 20_000, &|_| ()).unwrap();
+            assert_eq!(
+                (leaks.rays, leaks.misses, leaks.behind, leaks.cleared),
+                (20_000, 0, 0, 0),
+                "{name} {options:?}"
+            );
+            // The rays are as hard as they should be.
+            assert!(leaks.second_pass.unwrap() > 2000, "{name}: {:?}", leaks.second_pass);
+        }
+    }
+}
+
+#[test]
+fn leaks_are_found() {
+    let sphere = ClosedMesh::new(Mesh::sphere(3)).unwrap();
+    let with = |intersector| TraceOptions { intersector, ..TraceOptions::DEFAULT };
+
+    let leaks = on_reference(&sphere, &with(Intersector::MollerTrumbore), 50_000);
+    assert!(leaks.misses > 0 && leaks.behind > 0, "from inside and from outside: {leaks:?}");
+    let leaks = on_reference(&sphere, &with(Intersector::Watertight), 50_000);
+    assert_eq!((leaks.rays, leaks.misses, leaks.behind), (50_000, 0, 0));
+    let lossy = TraceOptions { traversal: Traversal::ThesisRestart, ..EXACT };
+    assert!(on_reference(&sphere, &lossy, 5000).misses > 0);
+
+    // It hits no back faces: half of all rays, more than anybody wants to know of.
+    let leaks = on_reference(&sphere, &with(Intersector::Thesis), 50_000);
+    assert!(leaks.is_cut_short && leaks.rays < 50_000);
+    assert_eq!(leaks.wrong.len() as u64, leaks.misses + leaks.behind);
+    assert_eq!(leaks.wrong.len() + leaks.cleared as usize, MAX_SUSPECTS);
+}
+
+#[test]
+fn a_ray_that_slipped_through_does_so_again() {
+    let sphere = ClosedMesh::new(Mesh::sphere(3)).unwrap();
+    let options = TraceOptions { intersector: Intersector::MollerTrumbore, ..TraceOptions::DEFAULT };
+    let leaks = on_reference(&sphere, &options, 50_000);
+    let case = Case { mesh: sphere.mesh().clone(), rays: leaks.wrong.iter().map(|&(ray, _)| ray).collect() };
+    let numbers: Vec<usize> = (0..case.rays.len()).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let again = Replay::write(folder.path(), &case, &numbers, "sphere", "rays").unwrap().read().unwrap();
+    let faults = Found::new(&again, &options, None, None).unwrap().faults(&Answers::new(&again), false);
+    let expected: Vec<_> = leaks.wrong.iter().map(|&(_, fault)| fault).enumerate().collect();
+    assert_eq!(faults, expected);
+}
+
+#[test]
+fn shared_models_are_closed_or_counted() {
+    let Some(scenes) = shared("scenes") else { return };
+    let of = |file: &str| ClosedMesh::new(Mesh::from(&load(scenes.join(file)).unwrap())).map(|mesh| mesh.edge_count());
+    for file in ["ply/cube.ply", "ply/sphere.ply", "ply/fuze.ply", "spot/spot.obj", "objects/fandisk.obj"] {
+        let triangles = load(scenes.join(file)).unwrap().triangles.len();
+        assert_eq!(of(file), Ok(triangles * 3 / 2), "{file}");
+    }
+    // As the scenes' manifest has it.
+    let why = |open_edges, crowded_edges| Err(NotClosed { open_edges, crowded_edges, ..NotClosed::default() });
+    assert_eq!(of("objects/teapot.obj"), why(160, 0));
+    assert_eq!(of("stl/3DSMaxExport.STL"), why(0, 16));
+    assert_eq!(of("bunny/bunny-948.ply"), why(26, 70));
+}
+
+// ---- the program -----------------------------------------------------------------------------------------------------
+
+fn raybrook(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_raybrook"));
+    command.args(["stress", "--device", "reference"]).args(arguments).current_dir(folder).output().unwrap()
+}
+
+#[test]
+fn the_program_names_what_is_not_closed_and_what_slips_through() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("sphere.obj"), Mesh::sphere(3).to_obj()).unwrap();
+    let mut open = Mesh::sphere(1);
+    open.triangles.pop();
+    std::fs::write(at.join("open.obj"), open.to_obj()).unwrap();
+    let text = |output: &Output| String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned();
+
+    let output = raybrook(at, &["--closed", "open.obj"]);
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output));
+    assert!(text(&output).contains("open.obj: not closed: 3 open edges"), "{}", text(&output));
+
+    let output = raybrook(at, &["--closed", "open.obj", "sphere.obj", "--rays", "5e3", "--json", "record.json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("left out: open.obj: not closed: 3 open edges"), "{}", text(&output));
+    let record: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("record.json")).unwrap()).unwrap();
+    assert_eq!(record["rays"], 5000);
+    assert_eq!((&record["misses"], &record["behind"]), (&0.into(), &0.into()));
+    assert_eq!(record["models"][0]["model"], "sphere.obj");
+    assert_eq!(record["not_closed"][0]["open_edges"], 3);
+
+    let wrong = ["--closed", "sphere.obj", "--rays", "50000", "--precision", "fast", "--write", "wrong"];
+    let output = raybrook(at, &wrong);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    let said = text(&output);
+    let command = said.lines().find_map(|line| line.strip_prefix("raybrook stress ")).expect("how to trace them again");
+    let words: Vec<_> = command.split_whitespace().take_while(|word| *word != "--device").collect();
+    let again = raybrook(at, &words);
+    assert_eq!(again.status.code(), Some(1), "{}", text(&again));
+    assert!(text(&again).contains("miss"), "{}", text(&again));
+
+    for bad in [
+        &["--closed", "sphere.obj", "--rays", "0"][..],
+        &["--closed", "sphere.obj", "--rays", "1.5"],
+        &["--closed", "sphere.obj", "--strict"],
+        &["edges", "--rays", "1e7"],
+    ] {
+        let output = raybrook(at, bad);
+        assert_eq!(output.status.code(), Some(2), "{bad:?}: {}", text(&output));
+    }
+}
