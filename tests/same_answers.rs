@@ -1,0 +1,217 @@
+//! The same answers whatever the method: every structure, build, traversal, kind of memory, layout, order and kind of kernels that go
+//! together, for every robust triangle test, on a device and in the twin, against brute force in the twin, bit for bit: t, u, v and
+//! primitive of camera rays and of the rays that leave their hits to a light, mirrored and anywhere; hit or miss where any hit will do;
+//! every pixel of a small picture and its numbers of rays. Split kernels are asked for pictures, which is what they are for.
+//!
+//! What there is and what goes together is looked up in the code's table of options.
+//!
+//! # Two sizes
+//!
+//! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those with the
+//! exact test, among which is every structure and traversal, on every model; and the twin in every structure, build and traversal.
+//!
+//! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile, in some GB of memory on 16
+//! cores. `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth. The test program needs nothing of the project then but the models:
+//! `RAYBROOK_SHARED` is the folder in which `scenes` and `spd` are; `RAYBROOK_DEVICE` the device, `POCL_CACHE_DIR` a folder for 2 GB.
+//!
+//! ```text
+//! RAYBROOK_ALL_COMBINATIONS=1 cargo test --release --test same_answers -- --nocapture
+//! ```
+
+#[path = "same_answers/combinations.rs"]
+mod combinations;
+mod common;
+#[path = "same_answers/models.rs"]
+mod models;
+
+use combinations::{is_robust_enough, kernel_key, product, spread};
+use common::device;
+use models::{Answers, Model, Questions, models};
+use raybrook::device::{Cache, DeviceHandle};
+use raybrook::options::{Intersector, Kernels, TraceOptions};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::num::NonZero;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What decides between the two sizes.
+const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
+/// So many differences are described.
+const DESCRIBED: usize = 20;
+
+/// A combination on a model.
+#[derive(Clone, Copy)]
+struct Job {
+    options: TraceOptions,
+    model: usize,
+    questions: Questions,
+}
+
+/// Models, what is due of them, and what came of it.
+struct Comparison {
+    models: Vec<Model>,
+    /// By model and triangle test.
+    expected: HashMap<(usize, Intersector), Answers>,
+    tally: Mutex<Tally>,
+}
+
+#[derive(Default)]
+struct Tally {
+    runs: usize,
+    programs: usize,
+    rays: u64,
+    differences: usize,
+    descriptions: Vec<String>,
+}
+
+fn robust_tests() -> impl Iterator<Item = Intersector> {
+    Intersector::ALL.iter().copied().filter(|&intersector| is_robust_enough(intersector))
+}
+
+impl Comparison {
+    fn new() -> Comparison {
+        let models = models();
+        let keys: Vec<_> = (0..models.len()).flat_map(|model| robust_tests().map(move |test| (model, test))).collect();
+        let expected =
+            keys.into_par_iter().map(|(model, test)| ((model, test), models[model].expected(test))).collect();
+        Comparison { models, expected, tally: Mutex::default() }
+    }
+
+    /// Runs a job on a device, or by the twin.
+    fn run(&self, job: &Job, device: Option<&DeviceHandle>, cache: Option<&Cache>) {
+        let Job { options, model, questions } = *job;
+        let expected = &self.expected[&(model, options.intersector)];
+        let model = &self.models[model];
+        let (rays, (count, texts)) = match model.answers(device, &options, questions, cache) {
+            Ok(got) => (got.rays(), model.compare(expected, &got, questions)),
+            Err(error) => (0, (1, vec![error.to_string()])),
+        };
+        let mut tally = self.tally.lock().unwrap();
+        tally.runs += 1;
+        tally.rays += rays;
+        tally.differences += count;
+        for text in texts {
+            if tally.descriptions.len() < DESCRIBED {
+                let who = if device.is_some() { "device" } else { "twin" };
+                let text = format!("{}, {who}, {options:?}: {text}", model.name);
+                println!("DIFFERENCE: {text}");
+                tally.descriptions.push(text);
+            }
+        }
+    }
+
+    /// Runs lists of jobs on a device, each list with a cache of its own, on all cores.
+    fn run_on_device(&self, lists: &[Vec<Job>], device: &DeviceHandle) {
+        let total: usize = lists.iter().map(Vec::len).sum();
+        let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let work = || {
+            while let Some(jobs) = lists.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let folder = tempfile::tempdir().unwrap();
+                for job in jobs {
+                    self.run(job, Some(device), Some(&Cache::at(folder.path())));
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    if done.is_multiple_of(100) {
+                        println!("{done} of {total}: {} differences", self.tally.lock().unwrap().differences);
+                    }
+                }
+                self.tally.lock().unwrap().programs += std::fs::read_dir(folder.path()).unwrap().count();
+            }
+        };
+        let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+        std::thread::scope(|scope| (0..threads.min(lists.len())).for_each(|_| drop(scope.spawn(work))));
+    }
+
+    /// Every structure, build and traversal with every triangle test, in the twin.
+    fn run_in_the_twin(&self) {
+        let all = product();
+        let read_by_the_twin = |options: &&TraceOptions| {
+            let default = TraceOptions::DEFAULT;
+            let TraceOptions { accel, build, traversal, intersector, .. } = **options;
+            **options == TraceOptions { accel, build, traversal, intersector, ..default }
+        };
+        let questions = Questions { batches: true, picture: true };
+        let jobs = all
+            .iter()
+            .filter(read_by_the_twin)
+            .flat_map(|&options| (0..self.models.len()).map(move |model| Job { options, model, questions }));
+        jobs.collect::<Vec<_>>().par_iter().for_each(|job| self.run(job, None, None));
+    }
+
+    fn finish(self, combinations: usize) {
+        let Tally { runs, programs, rays, differences, descriptions } = self.tally.into_inner().unwrap();
+        println!(
+            "{combinations} combinations, {runs} runs on {} models, {programs} programs compiled, {rays} rays, {differences} differences",
+            self.models.len()
+        );
+        assert!(descriptions.is_empty(), "{differences} differences; the first:\n{}", descriptions.join("\n"));
+    }
+}
+
+/// Lists of the combinations that run the same kernels.
+fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
+    let mut lists: HashMap<String, Vec<TraceOptions>> = HashMap::new();
+    combinations.into_iter().for_each(|options| lists.entry(kernel_key(&options)).or_default().push(options));
+    let mut lists: Vec<_> = lists.into_iter().collect();
+    lists.sort_by(|a, b| a.0.cmp(&b.0));
+    lists.into_iter().map(|(_, list)| list).collect()
+}
+
+/// The combinations of the spread, each with one model, but those with the exact test with all.
+fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
+    let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
+        let own = i % models;
+        let mut jobs = Vec::new();
+        for &options in list {
+            let is_exact = options.intersector == Intersector::Exact;
+            for model in (0..models).filter(|&model| is_exact || model == own) {
+                let batches = is_exact || options.kernels == Kernels::Mega;
+                jobs.push(Job { options, model, questions: Questions { batches, picture: model == own } });
+            }
+        }
+        jobs
+    };
+    lists.iter().enumerate().map(jobs).collect()
+}
+
+/// All combinations with all models.
+fn jobs_of_product(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
+    let jobs = |list: &Vec<TraceOptions>| {
+        let with = |&options: &TraceOptions, model| {
+            let questions = Questions { batches: options.kernels == Kernels::Mega, picture: true };
+            Job { options, model, questions }
+        };
+        (0..models).flat_map(|model| list.iter().map(move |options| with(options, model))).collect()
+    };
+    lists.iter().map(jobs).collect()
+}
+
+/// Which part of all combinations to run: number, counted from 1, and how many parts; `None`: the spread.
+fn part() -> Option<(usize, usize)> {
+    let text = std::env::var(ALL_COMBINATIONS).ok().filter(|text| !text.is_empty())?;
+    let (part, parts) = text.split_once('/').unwrap_or((&text, "1"));
+    let numbers = part.parse().ok().zip(parts.parse().ok()).filter(|(part, parts)| (1..=*parts).contains(part));
+    Some(numbers.unwrap_or_else(|| panic!("{ALL_COMBINATIONS} is 1, or a part such as 2/5, not '{text}'")))
+}
+
+#[test]
+fn every_combination_gives_the_hits_of_brute_force() {
+    let part = part();
+    let comparison = Comparison::new();
+    let models = comparison.models.len();
+    let lists = by_kernels(if part.is_some() { product() } else { spread() });
+    let jobs = match part {
+        Some((part, parts)) => {
+            assert_eq!(models, 5, "a model is missing");
+            jobs_of_product(&lists, models).into_iter().skip(part - 1).step_by(parts).collect()
+        }
+        None => jobs_of_spread(&lists, models),
+    };
+    if part.is_none_or(|(part, _)| part == 1) {
+        comparison.run_in_the_twin();
+    }
+    if let Some(device) = device() {
+        comparison.run_on_device(&jobs, &device);
+    }
+    comparison.finish(lists.iter().map(Vec::len).sum());
+}
