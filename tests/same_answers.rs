@@ -24,11 +24,11 @@ mod common;
 #[path = "same_answers/models.rs"]
 mod models;
 
-use combinations::{is_robust_enough, kernel_key, product, spread};
+use combinations::{go_together, is_robust_enough, kernel_key, product, spread};
 use common::device;
 use models::{Answers, Model, Questions, models};
 use raybrook::device::{Cache, DeviceHandle};
-use raybrook::options::{Intersector, Kernels, TraceOptions};
+use raybrook::options::{Choice, Intersector, Kernels, TraceOptions, choices, never_together};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -37,6 +37,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What decides between the two sizes.
 const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
+/// Sizes of the pictures: in the spread, and for all combinations.
+const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
 /// So many differences are described.
 const DESCRIBED: usize = 20;
 
@@ -70,8 +72,8 @@ fn robust_tests() -> impl Iterator<Item = Intersector> {
 }
 
 impl Comparison {
-    fn new() -> Comparison {
-        let models = models();
+    fn new(size: (u32, u32)) -> Comparison {
+        let models = models(size);
         let keys: Vec<_> = (0..models.len()).flat_map(|model| robust_tests().map(move |test| (model, test))).collect();
         let expected =
             keys.into_par_iter().map(|(model, test)| ((model, test), models[model].expected(test))).collect();
@@ -157,7 +159,8 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
     lists.into_iter().map(|(_, list)| list).collect()
 }
 
-/// The combinations of the spread, each with one model, but those with the exact test with all.
+/// The combinations of the spread, each with one model, but those with the exact test with all. With that one the mega-kernel is not asked
+/// for pictures, because compiling its two passes takes longest; other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
         let own = i % models;
@@ -165,8 +168,9 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
         for &options in list {
             let is_exact = options.intersector == Intersector::Exact;
             for model in (0..models).filter(|&model| is_exact || model == own) {
-                let batches = is_exact || options.kernels == Kernels::Mega;
-                jobs.push(Job { options, model, questions: Questions { batches, picture: model == own } });
+                let is_mega = options.kernels == Kernels::Mega;
+                let picture = model == own && !(is_exact && is_mega);
+                jobs.push(Job { options, model, questions: Questions { batches: is_exact || is_mega, picture } });
             }
         }
         jobs
@@ -195,9 +199,41 @@ fn part() -> Option<(usize, usize)> {
 }
 
 #[test]
+fn the_spread_has_every_value_and_every_pair() {
+    let spread = spread();
+    let has = |options: &TraceOptions, choice: Choice| {
+        let mut set = *options;
+        choice.set(&mut set);
+        set == *options && choice.option().structures.contains(&options.accel)
+    };
+    let is_wanted = |choice: &Choice| {
+        choice.to_string() != "--traversal thesis-restart"
+            && !Intersector::ALL
+                .iter()
+                .any(|&t| !is_robust_enough(t) && choice.to_string() == format!("--intersector {t}"))
+    };
+    let all: Vec<_> = choices().filter(is_wanted).collect();
+    let never = never_together();
+    let mut pairs = 0;
+    for (i, &first) in all.iter().enumerate() {
+        assert!(spread.iter().any(|options| has(options, first)), "{first}");
+        for &second in all[i + 1..].iter().filter(|second| second.option().name != first.option().name) {
+            // What never goes together, or does only because a structure does not read the default.
+            if never.iter().any(|n| n.values == [first, second]) || !go_together(first, second) {
+                continue;
+            }
+            pairs += 1;
+            assert!(spread.iter().any(|options| has(options, first) && has(options, second)), "{first} {second}");
+        }
+    }
+    assert!(pairs > 500 && spread.len() < pairs / 8, "{pairs} pairs in {} combinations", spread.len());
+    assert!(spread.iter().all(|options| options.validate().is_ok()));
+}
+
+#[test]
 fn every_combination_gives_the_hits_of_brute_force() {
     let part = part();
-    let comparison = Comparison::new();
+    let comparison = Comparison::new(SIZES[usize::from(part.is_some())]);
     let models = comparison.models.len();
     let lists = by_kernels(if part.is_some() { product() } else { spread() });
     let jobs = match part {

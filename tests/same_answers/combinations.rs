@@ -75,8 +75,8 @@ impl Pairs {
         let all = || axes.iter().enumerate().flat_map(|(a, values)| (0..values.len()).map(move |i| (a, i)));
         for first in all() {
             for second in all().filter(|second| second.0 > first.0) {
-                let choices: Vec<_> = [first, second].iter().filter_map(|&(a, i)| axes[a][i]).collect();
-                if choices.len() == 2 && fewest_changes(&choices).is_some() {
+                let (Some(a), Some(b)) = (axes[first.0][first.1], axes[second.0][second.1]) else { continue };
+                if go_together(a, b) {
                     missing.insert([first, second]);
                 }
             }
@@ -98,21 +98,20 @@ impl Pairs {
         row
     }
 
-    fn holds(row: &Row, pair: &[Value; 2]) -> bool {
-        pair.iter().all(|&(axis, i)| row[axis] == i)
-    }
-
-    fn gain(&self, row: &Row) -> usize {
-        self.missing.iter().filter(|pair| Self::holds(row, pair)).count()
+    /// Those of the missing pairs that a combination holds: both values are its own, and its structure reads them.
+    fn gain<'a>(&'a self, row: &'a Row) -> impl Iterator<Item = &'a [Value; 2]> {
+        let accel = self.options(row).accel;
+        let has = move |&(axis, i): &Value| row[axis] == i && OPTIONS[axis].structures.contains(&accel);
+        self.missing.iter().filter(move |pair| pair.iter().all(has))
     }
 
     /// Of the values of each of `axes` in turn takes that which brings most of the missing pairs; keeps those of `pair`.
     fn climb(&self, mut row: Row, pair: &[Value; 2], axes: impl Fn(usize) -> bool) -> Row {
         for axis in (0..row.len()).filter(|&axis| axes(axis) && pair.iter().all(|value| value.0 != axis)) {
-            let mut most = self.gain(&row);
+            let mut most = self.gain(&row).count();
             for i in 0..self.axes[axis].len() {
                 let before = std::mem::replace(&mut row[axis], i);
-                let gain = self.gain(&row);
+                let gain = self.gain(&row).count();
                 match gain > most && is_right(&self.options(&row)) {
                     true => most = gain,
                     false => row[axis] = before,
@@ -143,25 +142,38 @@ pub fn spread() -> Vec<TraceOptions> {
         };
         let has_kernels = |row: &Row| {
             let key = |row: &Row| kernel_key(&pairs.options(row));
-            is_right(&pairs.options(row)) && rows.iter().any(|other| key(other) == key(row))
+            is_right(&pairs.options(row))
+                && pairs.gain(row).any(|&gained| gained == pair)
+                && rows.iter().any(|other| key(other) == key(row))
         };
         let known = rows.iter().map(with_pair).filter(has_kernels);
-        let row =
-            match known.map(|row| pairs.climb(row, &pair, |axis| !is_compiled[axis])).max_by_key(|row| pairs.gain(row))
-            {
-                Some(row) => row,
-                None => {
-                    let changes = fewest_changes(&choices).expect("the pair goes together");
-                    pairs.climb(pairs.row_of(&[changes, choices].concat()), &pair, |_| true)
-                }
-            };
-        pairs.missing.retain(|missing| !Pairs::holds(&row, missing));
+        let row = match known
+            .map(|row| pairs.climb(row, &pair, |axis| !is_compiled[axis]))
+            .max_by_key(|row| pairs.gain(row).count())
+        {
+            Some(row) => row,
+            None => {
+                let changes = fewest_changes(&choices).expect("the pair goes together");
+                pairs.climb(pairs.row_of(&[changes, choices].concat()), &pair, |_| true)
+            }
+        };
+        let gained: Vec<_> = pairs.gain(&row).copied().collect();
+        pairs.missing.retain(|pair| !gained.contains(pair));
         assert!(!pairs.missing.contains(&pair), "the combination holds it");
         rows.push(row);
     }
     let mut spread: Vec<_> = rows.iter().map(|row| pairs.options(row)).collect();
     spread.sort_by_key(kernel_key);
     spread
+}
+
+/// Whether a combination holds both, of which its structure reads both.
+pub fn go_together(first: Choice, second: Choice) -> bool {
+    let pair = [first, second];
+    fewest_changes(&pair).is_some_and(|changes| {
+        let accel = combined(changes.iter().chain(&pair)).accel;
+        pair.iter().all(|choice| choice.option().structures.contains(&accel))
+    })
 }
 
 /// Whether other kernels are compiled for a value than for the default.

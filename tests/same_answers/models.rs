@@ -18,8 +18,6 @@ use raybrook::tracer::{TraceJob, is_hit};
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// Width and height of the pictures; batches have a ray for each pixel, too.
-const SIZE: (u32, u32) = (40, 30);
 /// Longest chain of rays.
 const DEPTH: u32 = 4;
 
@@ -85,14 +83,16 @@ fn room() -> Scene {
 }
 
 /// The room, which needs no file, and the models, as far as they are there.
-pub fn models() -> Vec<Model> {
+///
+/// `size`: width and height of the pictures; a batch has four rays for each pixel.
+pub fn models(size: (u32, u32)) -> Vec<Model> {
     let files = [
         ("scenes/bunny/bunny-948.ply", None, Vec3::ZERO),
         ("scenes/cornell/cornell_box.obj", Some(CORNELL_CAMERA), Vec3::ZERO),
         ("scenes/objects/suzanne.obj", None, Vec3::splat(0.8)),
         ("spd/tetra.nff", None, Vec3::ZERO), // has a camera
     ];
-    let mut models = vec![Model::new("room", room())];
+    let mut models = vec![Model::new("room", room(), size)];
     for (file, camera, transmission) in files {
         let Some(path) = shared(file) else { continue };
         let mut scene = load(path).unwrap();
@@ -100,7 +100,7 @@ pub fn models() -> Vec<Model> {
         for material in &mut scene.materials {
             (material.mirror, material.transmission, material.ior) = (Vec3::splat(0.5), transmission, 1.5);
         }
-        models.push(Model::new(file, scene));
+        models.push(Model::new(file, scene, size));
     }
     models
 }
@@ -110,16 +110,15 @@ fn brute_force(intersector: Intersector) -> TraceOptions {
 }
 
 impl Model {
-    fn new(name: &'static str, mut scene: Scene) -> Model {
+    fn new(name: &'static str, mut scene: Scene, size: (u32, u32)) -> Model {
         let samples = Samples::PerPixel(1);
-        complete(&mut scene, samples.aspect(SIZE) as f32);
-        let picture =
-            Picture { camera: scene.camera.unwrap(), size: SIZE, samples, depth: DEPTH, kill_weight: Some(0.0) };
+        complete(&mut scene, samples.aspect(size) as f32);
+        let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: DEPTH, kill_weight: Some(0.0) };
         let options = brute_force(Intersector::Exact);
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-        let params = buffers.render_params(&picture.camera, SIZE, samples, DEPTH, picture.kill_weight);
+        let params = buffers.render_params(&picture.camera, size, samples, DEPTH, picture.kill_weight);
         let [offset_x, offset_y] = sample_positions(samples)[0];
-        let pixels = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x as f32, y as f32)));
+        let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x as f32, y as f32)));
         let camera_rays: Vec<Ray> = pixels.map(|(x, y)| camera_ray(&params, x + offset_x, y + offset_y)).collect();
         let rays: Vec<_> = camera_rays
             .iter()
@@ -199,7 +198,8 @@ impl Model {
             wrong.push(difference("any hits", &any, &got.any, &ray));
         }
         if questions.picture {
-            let pixel = |i: usize| format!("pixel {}, {}", i % SIZE.0 as usize, i / SIZE.0 as usize);
+            let width = self.picture.size.0 as usize;
+            let pixel = |i: usize| format!("pixel {}, {}", i % width, i / width);
             wrong.push(difference("pixels", &expected.pixels, &got.pixels, &pixel));
             wrong.push(difference("counts", &expected.counts, &got.counts, &|i| COUNTER_NAMES[i].to_owned()));
         }
