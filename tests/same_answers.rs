@@ -5,6 +5,18 @@
 //!
 //! What there is and what goes together is looked up in the code's table of options.
 //!
+//! # Robust tests
+//!
+//! `exact`, because it promises as much for every ray; those that [`Intersector::is_robust`] says keep t right in a triangle's plane; and
+//! `plucker`, which has the same sign for both triangles of an edge, and no ray here that lies in a triangle's plane, where its t fails.
+//! Measured in the twin with 112 x 84 rays, in 30 structures, builds and traversals on the 5 models: none of 51 million answers was
+//! another than brute force's, with `moller-trumbore` and `thesis` neither. Those two are left out all the same: the one is robust
+//! against nothing that these rays do not happen to do, the other is wrong (tests/traverse.rs, tests/intersect.rs; the same files tell
+//! with which rays made for it a kd-tree with `watertight` is not brute force).
+//!
+//! Answers are compared with those of the same triangle test. Others round t otherwise in about half of the hits; where two triangles
+//! lie in one place (twins in the bunny, the lamp in the ceiling of the box) only `exact` sees that t is the same.
+//!
 //! # Two sizes
 //!
 //! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those with the
@@ -207,10 +219,9 @@ fn the_spread_has_every_value_and_every_pair() {
         set == *options && choice.option().structures.contains(&options.accel)
     };
     let is_wanted = |choice: &Choice| {
-        choice.to_string() != "--traversal thesis-restart"
-            && !Intersector::ALL
-                .iter()
-                .any(|&t| !is_robust_enough(t) && choice.to_string() == format!("--intersector {t}"))
+        let mut set = TraceOptions::DEFAULT;
+        choice.set(&mut set);
+        set.traversal.is_exact() && is_robust_enough(set.intersector)
     };
     let all: Vec<_> = choices().filter(is_wanted).collect();
     let never = never_together();

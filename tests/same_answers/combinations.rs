@@ -13,7 +13,7 @@ fn is_right(options: &TraceOptions) -> bool {
     options.validate().is_ok() && options.traversal.is_exact() && is_robust_enough(options.intersector)
 }
 
-/// Whether hits of these models do not depend on the structure: see the head of the test.
+/// Whether a triangle test's hits in these models do not depend on the structure: see the head of the test.
 pub fn is_robust_enough(intersector: Intersector) -> bool {
     intersector.is_robust() || intersector == Intersector::Plucker
 }
