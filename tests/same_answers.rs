@@ -14,7 +14,7 @@
 //! rays slip between neighbours, the other sees no back faces. Which rays break a kd-tree with `watertight` tests/traverse.rs tells.
 //!
 //! Answers are compared with those of the same triangle test. Others round t otherwise in about half of the hits; where two triangles
-//! lie in one place (twins in the bunny, the lamp in the ceiling of the box) only `exact` sees that t is the same.
+//! lie in one place (twins in the bunny, footprints in the floor of the box) only `exact` sees that t is the same.
 //!
 //! # Two sizes
 //!
