@@ -135,19 +135,20 @@ impl Comparison {
         std::thread::scope(|scope| (0..threads.min(lists.len())).for_each(|_| drop(scope.spawn(work))));
     }
 
-    /// Every structure, build and traversal with every triangle test, in the twin.
-    fn run_in_the_twin(&self) {
-        let all = product();
-        let read_by_the_twin = |options: &&TraceOptions| {
-            let default = TraceOptions::DEFAULT;
-            let TraceOptions { accel, build, traversal, intersector, .. } = **options;
-            **options == TraceOptions { accel, build, traversal, intersector, ..default }
+    /// Every structure, build and traversal with every triangle test, in the twin: on all models, or in the spread, but with the exact
+    /// test, each on one.
+    fn run_in_the_twin(&self, on_all: bool) {
+        let is_read_by_the_twin = |options: &TraceOptions| {
+            let TraceOptions { accel, build, traversal, intersector, .. } = *options;
+            *options == TraceOptions { accel, build, traversal, intersector, ..TraceOptions::DEFAULT }
         };
         let questions = Questions { batches: true, picture: true };
-        let jobs = all
-            .iter()
-            .filter(read_by_the_twin)
-            .flat_map(|&options| (0..self.models.len()).map(move |model| Job { options, model, questions }));
+        let models = self.models.len();
+        let jobs = product().into_iter().filter(is_read_by_the_twin).enumerate().flat_map(|(i, options)| {
+            let is_on_all = on_all || options.intersector == Intersector::Exact;
+            let on = (0..models).filter(move |&model| is_on_all || model == i % models);
+            on.map(move |model| Job { options, model, questions })
+        });
         jobs.collect::<Vec<_>>().par_iter().for_each(|job| self.run(job, None, None));
     }
 
@@ -254,7 +255,7 @@ fn every_combination_gives_the_hits_of_brute_force() {
         None => jobs_of_spread(&lists, models),
     };
     if part.is_none_or(|(part, _)| part == 1) {
-        comparison.run_in_the_twin();
+        comparison.run_in_the_twin(part.is_some());
     }
     if let Some(device) = device() {
         comparison.run_on_device(&jobs, &device);

@@ -105,14 +105,15 @@ impl Pairs {
         self.missing.iter().filter(move |pair| pair.iter().all(has))
     }
 
-    /// Of the values of each of `axes` in turn takes that which brings most of the missing pairs; keeps those of `pair`.
+    /// Of the values of each of `axes` in turn takes that which brings most of the missing pairs; `pair`, one of them, stays.
     fn climb(&self, mut row: Row, pair: &[Value; 2], axes: impl Fn(usize) -> bool) -> Row {
         for axis in (0..row.len()).filter(|&axis| axes(axis) && pair.iter().all(|value| value.0 != axis)) {
             let mut most = self.gain(&row).count();
             for i in 0..self.axes[axis].len() {
                 let before = std::mem::replace(&mut row[axis], i);
                 let gain = self.gain(&row).count();
-                match gain > most && is_right(&self.options(&row)) {
+                let keeps_pair = self.gain(&row).any(|gained| gained == pair);
+                match gain > most && keeps_pair && is_right(&self.options(&row)) {
                     true => most = gain,
                     false => row[axis] = before,
                 }
@@ -132,8 +133,9 @@ pub fn spread() -> Vec<TraceOptions> {
     let mut pairs = Pairs::new();
     let is_compiled: Vec<_> = pairs.axes.iter().map(|values| values.iter().flatten().any(is_compiled)).collect();
     let mut rows: Vec<Row> = Vec::new();
-    let order = |pair: &[Value; 2]| (!pair.iter().all(|value| is_compiled[value.0]), *pair);
-    while let Some(pair) = pairs.missing.iter().copied().min_by_key(order) {
+    // Backwards, because the exact test, whose kernels take longest, is the first: little is left for it to be combined with.
+    let order = |pair: &[Value; 2]| (pair.iter().all(|value| is_compiled[value.0]), *pair);
+    while let Some(pair) = pairs.missing.iter().copied().max_by_key(order) {
         let choices: Vec<_> = pair.iter().filter_map(|&(axis, i)| pairs.axes[axis][i]).collect();
         let with_pair = |row: &Row| {
             let mut row = row.clone();
