@@ -246,13 +246,18 @@ fn every_combination_gives_the_hits_of_brute_force() {
     let part = part();
     let comparison = Comparison::new(SIZES[usize::from(part.is_some())]);
     let models = comparison.models.len();
-    let lists = by_kernels(if part.is_some() { product() } else { spread() });
-    let jobs = match part {
+    let (lists, jobs) = match part {
         Some((part, parts)) => {
-            assert_eq!(models, 5, "a model is missing");
-            jobs_of_product(&lists, models).into_iter().skip(part - 1).step_by(parts).collect()
+            assert!(models == 5 && device().is_some(), "a model is missing, or the device");
+            let lists: Vec<_> = by_kernels(product()).into_iter().skip(part - 1).step_by(parts).collect();
+            let jobs = jobs_of_product(&lists, models);
+            (lists, jobs)
         }
-        None => jobs_of_spread(&lists, models),
+        None => {
+            let lists = by_kernels(spread());
+            let jobs = jobs_of_spread(&lists, models);
+            (lists, jobs)
+        }
     };
     if part.is_none_or(|(part, _)| part == 1) {
         comparison.run_in_the_twin(part.is_some());
