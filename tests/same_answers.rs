@@ -39,7 +39,7 @@ use combinations::{go_together, is_robust_enough, kernel_key, product, spread};
 use common::device;
 use models::{Answers, Model, Questions, models};
 use raybrook::device::{Cache, DeviceHandle};
-use raybrook::options::{Choice, Intersector, Kernels, TraceOptions, choices, never_together};
+use raybrook::options::{Choice, Intersector, Kernels, TraceOptions, Traversal, choices, never_together};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -239,6 +239,21 @@ fn the_spread_has_every_value_and_every_pair() {
     }
     assert!(pairs > 500 && spread.len() < pairs / 8, "{pairs} pairs in {} combinations", spread.len());
     assert!(spread.iter().all(|options| options.validate().is_ok()));
+}
+
+#[test]
+fn a_traversal_that_loses_hits_is_seen() {
+    let room = &models(SIZES[0])[0];
+    let options = TraceOptions { traversal: Traversal::ThesisRestart, ..TraceOptions::DEFAULT };
+    let questions = Questions { batches: true, picture: true };
+    let got = room.answers(None, &options, questions, None).unwrap();
+    let (count, texts) = room.compare(&room.expected(options.intersector), &got, questions);
+    // It loses none from where all planes are ahead: those of the camera.
+    let is_seen = |what: &str| texts.iter().any(|text| text.contains(what));
+    assert!(
+        count > 100 && is_seen(" second hits of ") && is_seen(" pixels of ") && is_seen(" counts of "),
+        "{texts:#?}"
+    );
 }
 
 #[test]
