@@ -68,7 +68,7 @@ mod combinations;
 mod kd;
 mod table;
 
-pub use combinations::{NeverTogether, needs, never_together};
+pub use combinations::{NeverTogether, fewest_changes, needs, never_together};
 pub use kd::{KdOptions, SplitAxis, Stop};
 pub(crate) use table::Names;
 pub use table::{Choice, MethodOption, OPTIONS, choices};

@@ -56,8 +56,8 @@ fn combine(choices: &[Choice]) -> TraceOptions {
     options
 }
 
-/// The fewest changes of other options than those of `fixed` with which it is valid; `None` if there are none.
-fn fewest_changes(fixed: &[Choice]) -> Option<Vec<Choice>> {
+/// The fewest values of other options with which those of `fixed` go together; `None` if they never do.
+pub fn fewest_changes(fixed: &[Choice]) -> Option<Vec<Choice>> {
     (0..=MOST_CHANGES).find_map(|count| {
         let mut changes = Vec::new();
         search(fixed, 0, count, &mut changes).then_some(changes)

@@ -27,9 +27,11 @@ pub fn device() -> Option<DeviceHandle> {
     None
 }
 
-/// A path under the shared models, or `None`, with the reason printed, where they are not.
+/// A path under the shared models, which lie in `RAYBROOK_SHARED` or else beside the project; `None`, with the reason printed, where
+/// they are not.
 pub fn shared(path: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+    let path = std::env::var_os("RAYBROOK_SHARED").map_or_else(beside, PathBuf::from).join(path);
     if path.exists() {
         return Some(path);
     }
