@@ -203,6 +203,16 @@ methods! {
 }
 
 methods! {
+    /// How light ends on a triangle with smooth normals that turns away from it. The same where normals are flat.
+    pub enum Terminator ("--terminator") {
+        /// It fades out towards the triangle's horizon (Chiang, Li and Burley 2019).
+        Soft = "soft",
+        /// At once: on coarse meshes along the triangles' edges, in stairs.
+        Hard = "hard",
+    }
+}
+
+methods! {
     /// Who evaluates textures (thesis, section 5.2.2). The pixels are the same; on the reference both are the same, too.
     pub enum TexturePass ("--textures") {
         /// The kernel that shades.
@@ -309,6 +319,9 @@ pub struct TraceOptions {
     /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
     #[serde(serialize_with = "as_name")]
     pub textures: TexturePass,
+    /// How light ends on smooth normals; only pictures have light.
+    #[serde(serialize_with = "as_name")]
+    pub terminator: Terminator,
     /// How many paths (a sample of a pixel and all rays that come of it) the split kernels follow at a time, at least 1; `None`: as
     /// many as a device has memory for. Only with [`Kernels::Split`].
     pub paths_in_flight: Option<u32>,
@@ -349,6 +362,7 @@ impl TraceOptions {
         triangles: TriangleOrder::Indexed,
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
+        terminator: Terminator::Soft,
         paths_in_flight: None,
         counters: false,
     };

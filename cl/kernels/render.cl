@@ -37,12 +37,12 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
         Hit hit;
         if (!trace_pending(SCENE, &pending, &hit, counts)) {
-            radiance += pending.weight * background(scene, direction);
+            radiance += pending.weight * limit_radiance(background(scene, direction));
             continue;
         }
         const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &hit);
         const Material material = scene->materials[surface.material];
-        radiance += pending.weight * local_light(SCENE, &surface, &material, direction, counts);
+        radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, direction, counts));
         if (pending.depth < render->max_depth)
             stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
     }

@@ -127,7 +127,7 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     state.path = NO_PATH;
     if (is_item) state = slots[slot];
     if (state.path != NO_PATH) {
-        state.radiance.xyz += yields[slot].weight.xyz * yields[slot].radiance.xyz;
+        state.radiance.xyz += yields[slot].weight.xyz * limit_radiance(yields[slot].radiance.xyz);
         if (state.pending == 0u) {
             path_radiance[state.path] = state.radiance;
             state.path = NO_PATH;

@@ -8,6 +8,12 @@ typedef struct {
     float t_far;
 } LightSample;
 
+// Radiance limited to what the sum of a pixel's samples can hold, see MAX_RADIANCE. NaN stays.
+float3 limit_radiance(float3 radiance) {
+    return (float3)(min_or(MAX_RADIANCE, radiance.x), min_or(MAX_RADIANCE, radiance.y), min_or(MAX_RADIANCE, radiance.z));
+}
+
+// The light as seen from `position`. A lamp in that very point is seen in no direction and gives no light.
 LightSample sample_light(__global const Light* lights, uint index, float3 position) {
     const Light light = lights[index];
     LightSample sample;
@@ -19,16 +25,25 @@ LightSample sample_light(__global const Light* lights, uint index, float3 positi
         return sample;
     }
     sample.to_light = light.position.xyz - position;
-    sample.direction = normalize3(sample.to_light, (float3)(0.0f));
+    sample.direction = (float3)(0.0f);
     sample.t_far = 1.0f;
-    if (light.quadratic > 0.0f) sample.radiance *= 1.0f / (dot3(sample.to_light, sample.to_light) * light.quadratic);
+    float3 towards = sample.to_light;
+    float scale = 1.0f;
+    if (scale_to_unit(&towards, &scale)) {
+        const float inv_length = 1.0f / sqrt(dot3(towards, towards));
+        sample.direction = towards * inv_length;
+        if (light.falloff_scale > 0.0f) {
+            // The reciprocal of the distance in world units. Its square may leave float's range where the product with the
+            // intensity does not.
+            const float inv_distance = min_or(light.falloff_scale * scale * inv_length, FLT_MAX);
+            sample.radiance = limit_radiance(sample.radiance * inv_distance * inv_distance);
+        }
+    }
     if (light.kind == LIGHT_SPOT) {
         const float cosine = -dot3(sample.direction, light.direction.xyz);
         const float edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
         sample.radiance *= edge * edge * (3.0f - 2.0f * edge);
     }
-    // A point on the light itself has neither direction nor a finite radiance.
-    if (!is_finite3(sample.radiance)) sample.radiance = (float3)(0.0f);
     return sample;
 }
 
@@ -42,6 +57,27 @@ float toon_tone(float cosine, uint steps, float threshold) {
     return step < count ? step / count : 1.0f;
 }
 
+// 1: light on smooth normals fades out towards the horizon of its triangle; 0: it ends there.
+#ifndef SOFT_TERMINATOR
+#define SOFT_TERMINATOR 1
+#endif
+
+// How much of the light from unit `to_light`, above both horizons, a smooth normal leaves; `cosine`: that of the smooth normal.
+// The shadow of a coarse mesh on itself ends at its triangles' edges, where the smooth normals are still bright: stairs. With this
+// factor light falls to 0 where the triangle turns away from it, with the slope of Lambert's law, and stays as it is away from there.
+// Chiang, Li and Burley, "Taming the Shadow Terminator", SIGGRAPH 2019 Talks. Moves no ray, unlike Hanika, "Hacking the Shadow
+// Terminator", Ray Tracing Gems II, 2021, whose shadow rays start above the surface and may miss what lies close to it; in return a
+// triangle that the light grazes is darker than its neighbour towards the light, by less the finer the mesh.
+// Exactly 1 where the normal is the geometric one.
+float terminator_factor(const Surface* surface, float3 to_light, float cosine) {
+    const float geometric = dot3(surface->geometric_normal, to_light);
+    const float smooth = cosine * dot3(surface->geometric_normal, surface->normal);
+    const bool is_flat = all(surface->normal == surface->geometric_normal);
+    if (is_flat || !(geometric < smooth)) return 1.0f;
+    const float g = geometric / smooth;
+    return g * fma(g, 1.0f - g, 1.0f); // g + g^2 - g^3
+}
+
 // A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
 #define TOON_HIGHLIGHT 0.5f
 
@@ -49,15 +85,18 @@ float toon_tone(float cosine, uint steps, float threshold) {
 // the surface, judged by both normals: a smooth normal must not let light through the back of its triangle.
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                    const LightSample* sample) {
-    const float cosine = dot3(surface->normal, sample->direction);
+    float cosine = dot3(surface->normal, sample->direction);
     if (!(cosine > 0.0f && dot3(surface->geometric_normal, sample->direction) > 0.0f)) return (float3)(0.0f);
+    const float factor = SOFT_TERMINATOR ? terminator_factor(surface, sample->direction, cosine) : 1.0f;
+    cosine *= factor;
     const bool toon = material->toon_steps > 0u;
     float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
     if (max_component(material->specular_shininess.xyz) > 0.0f) {
         const float3 halfway = normalize3(sample->direction - view_direction, surface->normal);
         float highlight = power_fixed(clamp01(dot3(surface->normal, halfway)), material->specular_shininess.w);
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
+        else highlight *= factor;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }
-    return reflected * sample->radiance;
+    return limit_radiance(reflected * sample->radiance);
 }

@@ -26,6 +26,7 @@
 #define QUEUE_SHADOWS 5u
 #define COUNTERS 8u
 #define WORK_COUNTERS 9u
+#define MAX_RADIANCE 0x1p100f
 #define COUNT_CAMERA_CAST 0u
 #define COUNT_CAMERA_HIT 1u
 #define COUNT_SHADOW_CAST 2u
@@ -97,7 +98,7 @@ typedef struct {
     float4 direction; // Unit direction the light shines along (directional, spot) in x, y, z; w unused.
     float4 intensity; // Intensity, linear RGB; w unused.
     uint kind; // LIGHT_POINT, LIGHT_DIRECTIONAL or LIGHT_SPOT.
-    float quadratic; // 1 / scale^2 of the tracing space for a falloff with the squared distance, 0 for none.
+    float falloff_scale; // Tracing space's scale for a falloff with the squared distance in world units, 0 for none.
     float cos_inner; // Spot: cosine of the angle within which intensity is full.
     float cos_outer; // Spot: cosine of the angle beyond which there is none.
 } Light;

@@ -26,7 +26,8 @@ mod work;
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::options::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, TexturePass, TraceOptions, Traversal, TriangleOrder,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, Terminator, TexturePass, TraceOptions, Traversal,
+    TriangleOrder,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -121,6 +122,8 @@ struct MethodArgs {
     kernels: Kernels,
     #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
     textures: TexturePass,
+    #[arg(long, help = format!("How light ends on coarse meshes with smooth normals: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
+    terminator: Terminator,
     /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
     #[arg(long, value_name = "N")]
     paths_in_flight: Option<u32>,
@@ -144,6 +147,7 @@ impl MethodArgs {
             triangles: self.triangles,
             kernels: self.kernels,
             textures: self.textures,
+            terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters: false,
         };

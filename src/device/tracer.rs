@@ -8,7 +8,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKi
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Intersector, Kernels, TraceOptions};
+use crate::options::{Intersector, Kernels, Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, TraceJob, TraceResult, Tracer};
@@ -85,6 +85,7 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
         .define("TRAVERSE", options.cl_traverse())
         .define("INTERSECT", options.intersector.cl_function())
         .define("NEARER", options.intersector.cl_nearer())
+        .define("SOFT_TERMINATOR", u32::from(options.terminator == Terminator::Soft))
         .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.kernels {

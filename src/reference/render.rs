@@ -1,7 +1,7 @@
 //! Twin of `cl/kernels/render.cl` and of `cl/shade/{scene,local_light,camera}.cl`: the colour of one pixel. The reasons are there.
 
-use super::light::{LightSample, blinn_phong, sample_light};
-use super::math::{fma3, max_component, normalize3};
+use super::light::{LightSample, blinn_phong, limit_radiance, sample_light};
+use super::math::{clamp01, fma3, max_component, normalize3};
 use super::memory::Work;
 use super::procedural::solid_position;
 use super::ray::Ray;
@@ -74,7 +74,7 @@ impl<W: Work> Pixel<'_, W> {
         radiance += material.emission.xyz();
         for light in &self.buffers.lights {
             let sample = sample_light(light, surface.point.position);
-            let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample);
+            let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample, self.options.terminator);
             if max_component(reflected) > 0.0 {
                 radiance += reflected * self.light_visibility(&surface.point, &sample);
             }
@@ -96,12 +96,12 @@ impl<W: Work> Pixel<'_, W> {
             let hit = traverse(self.buffers, self.options, &pending.ray, false, work);
             self.count(pending.kind, hit.primitive != NO_PRIMITIVE);
             if hit.primitive == NO_PRIMITIVE {
-                radiance += pending.weight * background(self.buffers, direction);
+                radiance += pending.weight * limit_radiance(background(self.buffers, direction));
                 continue;
             }
             let surface = surface_at(self.buffers, &pending.ray, &hit);
             let material = &self.buffers.materials[surface.material as usize];
-            radiance += pending.weight * self.local_light(&surface, material, direction);
+            radiance += pending.weight * limit_radiance(self.local_light(&surface, material, direction));
             if pending.depth < self.params.max_depth {
                 let kill_weight = self.params.kill_weight;
                 push_secondary_rays(&surface, material, &pending, direction, kill_weight, &mut self.stack);
@@ -130,7 +130,7 @@ pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec
 #[inline(always)]
 fn background(buffers: &SceneBuffers, direction: Vec3) -> Vec3 {
     let bottom = buffers.params.background_bottom.xyz();
-    let height = 0.5f32.mul_add(direction.y, 0.5);
+    let height = clamp01(0.5f32.mul_add(direction.y, 0.5));
     fma3(buffers.params.background_top.xyz() - bottom, height, bottom)
 }
 

@@ -1,6 +1,7 @@
 //! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
 
-use super::math::{cross3, dot3, fma3, max_or, normalize3};
+use super::math::{dot3, max_or, normalize3};
+use super::normal::{interpolated_normal, triangle_normal};
 use super::ray::{Ray, point_error, point_on_triangle};
 use super::traverse::vertices;
 use crate::pack::SceneBuffers;
@@ -48,18 +49,17 @@ pub fn surface_point(buffers: &SceneBuffers, hit: &Hit) -> SurfacePoint {
 /// What a hit is.
 #[inline(always)]
 pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
-    let [p0, p1, p2] = vertices(buffers, hit.primitive);
     let at = &buffers.shading[hit.primitive as usize];
     let w = (1.0 - hit.u) - hit.v;
-    let outward = normalize3(cross3(p1 - p0, p2 - p0), -ray.direction);
+    let towards_ray = normalize3(-ray.direction, Vec3::Z);
+    let outward = triangle_normal(vertices(buffers, hit.primitive), towards_ray);
     let front = dot3(outward, ray.direction) < 0.0;
     let geometric_normal = if front { outward } else { -outward };
-    let interpolated = fma3(at.normal0_u0.xyz(), w, fma3(at.normal1_u1.xyz(), hit.u, at.normal2_u2.xyz() * hit.v));
-    let normal = normalize3(interpolated, geometric_normal);
+    let normals = [at.normal0_u0.xyz(), at.normal1_u1.xyz(), at.normal2_u2.xyz()];
     Surface {
         point: surface_point(buffers, hit),
         geometric_normal,
-        normal: if dot3(normal, geometric_normal) < 0.0 { -normal } else { normal },
+        normal: interpolated_normal(normals, [w, hit.u, hit.v], geometric_normal),
         texture_uv: [
             at.normal0_u0.w.mul_add(w, at.normal1_u1.w.mul_add(hit.u, at.normal2_u2.w * hit.v)),
             at.v0.mul_add(w, at.v1.mul_add(hit.u, at.v2 * hit.v)),

@@ -1,0 +1,38 @@
+//! Twin of `cl/shade/normal.cl`: normals of triangles, and interpolated ones. The reasons are there.
+
+#![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
+
+use super::math::{abs3, cross3, dot3, fma3, max_component, normalize3, scale_to_unit};
+use super::ray::EPSILON;
+use glam::Vec3;
+
+/// What `a - b` leaves out beside its rounding.
+#[inline(always)]
+pub fn difference_low(a: Vec3, b: Vec3) -> Vec3 {
+    let difference = a - b;
+    let b_part = a - difference;
+    (a - (difference + b_part)) + (b_part - b)
+}
+
+/// The unit normal of the plane through three points, or `otherwise`.
+#[inline(always)]
+pub fn triangle_normal([p0, p1, p2]: [Vec3; 3], otherwise: Vec3) -> Vec3 {
+    let (Some((edge1, scale1)), Some((edge2, scale2))) = (scale_to_unit(p1 - p0), scale_to_unit(p2 - p0)) else {
+        return otherwise;
+    };
+    let (low1, low2) = (difference_low(p1, p0) * scale1, difference_low(p2, p0) * scale2);
+    normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), otherwise)
+}
+
+const LARGEST_NORMAL_NOISE: f32 = 8.0 * EPSILON;
+
+/// The interpolated normal on the side of the geometric one, or that.
+#[inline(always)]
+pub fn interpolated_normal(normals: [Vec3; 3], [w, u, v]: [f32; 3], geometric_normal: Vec3) -> Vec3 {
+    let sum = fma3(normals[0], w, fma3(normals[1], u, normals[2] * v));
+    if !(max_component(abs3(sum)) > LARGEST_NORMAL_NOISE) {
+        return geometric_normal;
+    }
+    let normal = normalize3(sum, geometric_normal);
+    if dot3(normal, geometric_normal) < 0.0 { -normal } else { normal }
+}
