@@ -203,11 +203,11 @@ methods! {
 }
 
 methods! {
-    /// How light ends on a triangle with smooth normals that turns away from it. The same where normals are flat.
+    /// Where shadow rays start on triangles with smooth normals. The same where normals are flat.
     pub enum Terminator ("--terminator") {
-        /// It fades out towards the triangle's horizon (Chiang, Li and Burley 2019).
-        Soft = "soft",
-        /// At once: on coarse meshes along the triangles' edges, in stairs.
+        /// At the height that the normals claim (Hanika 2021): light ends smoothly on coarse meshes.
+        Smooth = "smooth",
+        /// On the triangle: exact shadows of the mesh as it is, whose own one ends along the triangles' edges, in stairs.
         Hard = "hard",
     }
 }
@@ -319,7 +319,7 @@ pub struct TraceOptions {
     /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
     #[serde(serialize_with = "as_name")]
     pub textures: TexturePass,
-    /// How light ends on smooth normals; only pictures have light.
+    /// Where shadow rays start on smooth normals; only pictures have light.
     #[serde(serialize_with = "as_name")]
     pub terminator: Terminator,
     /// How many paths (a sample of a pixel and all rays that come of it) the split kernels follow at a time, at least 1; `None`: as
@@ -362,7 +362,7 @@ impl TraceOptions {
         triangles: TriangleOrder::Indexed,
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
-        terminator: Terminator::Soft,
+        terminator: Terminator::Smooth,
         paths_in_flight: None,
         counters: false,
     };

@@ -10,14 +10,14 @@ use glam::{DVec3, Vec2, Vec3};
 use raybrook::layout::Float4;
 use raybrook::options::{Kernels, Terminator, TraceOptions};
 use raybrook::pack::SceneBuffers;
-use raybrook::reference::light::{blinn_phong, sample_light, terminator_factor};
+use raybrook::reference::light::{blinn_phong, sample_light};
 use raybrook::reference::math::{dot3, normalize3};
-use raybrook::reference::normal::{interpolated_normal, triangle_normal};
+use raybrook::reference::normal::{interpolated_normal, smooth_lift, triangle_normal};
 use raybrook::reference::ray::EPSILON;
 use raybrook::reference::surface::{Surface, SurfacePoint};
 use raybrook::reference::texture::wrap_texel;
 use raybrook::reference::whitted::{reflect_direction, refract_direction};
-use raybrook::scene::{Builder, Camera, Image, Material, Normals, Samples};
+use raybrook::scene::{Background, Builder, Camera, Image, Light, Material, Normals, Samples};
 use raybrook::session::{Picture, open_tracer, render};
 use raybrook::shared::{self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MAX_RADIANCE};
 use std::sync::Arc;
@@ -30,6 +30,7 @@ fn surface_with(geometric_normal: Vec3, normal: Vec3) -> Surface {
         point: SurfacePoint { position: Vec3::ZERO, position_low: Vec3::ZERO, error: 0.0, primitive: 0 },
         geometric_normal,
         normal,
+        lift: Vec3::ZERO,
         texture_uv: [0.0; 2],
         material: 0,
         front: true,
@@ -275,40 +276,92 @@ fn normals_without_direction_are_the_geometric_one() {
 
 // ---- light -------------------------------------------------------------------------------------------------------------------
 
-/// The factor of the shadow terminator: 1 where the normal is flat and away from the horizon, 0 at it, rising between.
+/// The height of the smooth surface: nothing where normals are flat, at the vertices and where the mesh is hollow; that of the ideal
+/// sphere, to second order, on a triangle of it.
 #[test]
-fn light_fades_out_towards_the_horizon_of_the_triangle() {
+fn shadow_rays_start_where_the_normals_claim_the_surface() {
+    let lift = |x: &[f32]| {
+        let normals = [v3(&x[6..]), v3(&x[9..]), v3(&x[12..])];
+        smooth_lift(v3(x), v3(&x[3..]), normals, [x[15], x[16], x[17]], v3(&x[18..]))
+    };
     let mut random = Random(SEED);
     let mut data = Vec::new();
     for i in 0..2 * ITEMS {
-        let geometric = normalize3(random.vec3(), Vec3::Z);
-        let normal = if i % 4 == 0 { geometric } else { normalize3(geometric * 1.8 + random.vec3(), geometric) };
-        let light = normalize3(random.vec3(), Vec3::Z);
-        let light = if dot3(light, geometric) < 0.0 { -light } else { light };
-        data.extend([geometric, normal, light].iter().flat_map(|v| v.to_array()));
-        data.push(dot3(normal, light));
-    }
-    data.chunks_exact_mut(10).for_each(|x| x[9] = x[9].max(1e-6)); // the caller sees to that
-    let body = "Surface surface; surface.geometric_normal = vload3(0, in); surface.normal = vload3(1, in);\
-                out[0] = terminator_factor(&surface, vload3(2, in), in[9]);";
-    compare("terminator_factor", body, 10, &data, |x| {
-        let factor = terminator_factor(&surface_with(v3(x), v3(&x[3..])), v3(&x[6..]), x[9]);
-        assert!((0.0..=1.0).contains(&factor), "{x:?}: {factor}");
-        if v3(x) == v3(&x[3..]) {
-            assert_eq!(factor, 1.0, "flat");
+        let near = random.direction();
+        let corners = [(); 3].map(|()| normalize3(near + 0.2 * random.vec3(), near));
+        let [p0, p1, p2] = if i % 4 == 3 { [(); 3].map(|()| random.vec3() * 1e6) } else { corners };
+        let normals = match i % 4 {
+            0 => [Vec3::ZERO; 3],
+            1 => corners,
+            2 => corners.map(|n| -n),
+            _ => [(); 3].map(|()| normalize3(random.vec3(), Vec3::X)),
+        };
+        let mut geometric = triangle_normal([p0, p1, p2], Vec3::Z);
+        // The outside of the ball, but for a few of its inside.
+        if i % 16 != 1 && dot3(geometric, near) < 0.0 {
+            geometric = -geometric;
         }
-        vec![factor]
-    });
-    // Light that goes down behind a triangle whose smooth normal still faces it.
-    let surface = surface_with(Vec3::Z, Vec3::new(0.6, 0.0, 0.8));
-    let factors: Vec<_> = (0..=90)
-        .map(|degrees| {
-            let angle = (degrees as f32).to_radians();
-            let light = Vec3::new(angle.cos(), 0.0, angle.sin());
-            terminator_factor(&surface, light, dot3(surface.normal, light))
-        })
-        .collect();
-    assert!(factors.is_sorted() && factors[0] == 0.0 && factors[1] < 0.05 && factors[90] == 1.0, "{factors:?}");
+        let (a, b) = (random.unit(), random.unit());
+        let (u, v) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+        let [u, v] = if i % 32 == 5 { [0.0, 1.0] } else { [u, v] };
+        let x = [p1 - p0, p2 - p0, normals[0], normals[1], normals[2], Vec3::new((1.0 - u) - v, u, v), geometric];
+        data.extend(x.iter().flat_map(|v| v.to_array()));
+        let [point, lifted] = [p0 + (p1 - p0) * u + (p2 - p0) * v, lift(&data[21 * i..])];
+        assert!(lifted.is_finite() && dot3(lifted, geometric) >= -1e-6 * lifted.length(), "{i}: {lifted}");
+        match i % 4 {
+            0 => assert_eq!(lifted, Vec3::ZERO),
+            1 | 2 if dot3(geometric, near) > 0.0 => {
+                // As near to the ball as the triangle, or nearer: no start is far above what the normals claim.
+                let depth = 1.0 - point.length();
+                let left = 1.0 - (point + lifted).length();
+                assert!(left.abs() <= depth + 1e-6, "{i}: {left} of {depth}");
+            }
+            // On the inside the ball is hollow: the triangle is nearer than the ball.
+            1 | 2 => assert!(lifted.length() < 1e-6, "{i}: {lifted}"),
+            _ => {}
+        }
+        if u == 0.0 && v == 1.0 {
+            assert!(lifted.length() < 1e-6, "{i}: {lifted}");
+        }
+    }
+    let body = "vstore3(smooth_lift(vload3(0, in), vload3(1, in), vload3(2, in), vload3(3, in), vload3(4, in), in[15], in[16],\
+                in[17], vload3(6, in)), 0, out);";
+    compare("smooth_lift", body, 21, &data, |x| lift(x).to_array().to_vec());
+}
+
+/// The dark steps that light ends in on a coarse ball under a light from the side: every pixel that is dark though its smooth normal
+/// faces the light.
+#[test]
+fn light_ends_smoothly_on_coarse_balls() {
+    let dark = |terminator: Terminator| {
+        let mut builder = Builder::new();
+        builder.material(Material { ambient: Vec3::ZERO, ..Material::matt(Vec3::ONE) });
+        builder.sphere(1.0, 24).light(Light::directional(Vec3::new(-1.0, -0.3, -0.2), Vec3::ONE));
+        builder.background(Background { bottom: Vec3::ZERO, top: Vec3::ZERO });
+        let scene = builder.finish().unwrap();
+        let options = TraceOptions { terminator, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let camera = Camera { eye: Vec3::Z * 1e3, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 0.1 };
+        let size = (100, 100);
+        let picture = Picture { camera, size, samples: Samples::PerPixel(1), depth: 1, kill_weight: None };
+        let mut tracer = open_tracer(None, &buffers, &options, 1, None).unwrap();
+        let film = render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().film;
+        let half = 1e3 * 0.05f32.to_radians().tan();
+        let to_light = Vec3::new(1.0, 0.3, 0.2).normalize();
+        let mut wrong = 0;
+        for (i, pixel) in film.pixels.iter().enumerate() {
+            let (x, y) = ((i as u32 % size.0) as f32 + 0.5, (i as u32 / size.0) as f32 + 0.5);
+            let (x, y) = ((x / 50.0 - 1.0) * half, (1.0 - y / 50.0) * half);
+            let z2 = 0.9 - x * x - y * y; // away from the outline
+            let normal = Vec3::new(x, y, (z2.max(0.0) + 0.1).sqrt());
+            // The normals of a mesh of 24 segments are those of the ball to within a degree.
+            wrong += usize::from(z2 > 0.0 && normal.dot(to_light) > 0.02 && pixel[0] == 0.0);
+        }
+        wrong
+    };
+    let (smooth, hard) = (dark(Terminator::Smooth), dark(Terminator::Hard));
+    println!("dark pixels: smooth {smooth}, hard {hard}");
+    assert!(hard > 50 && smooth * 20 < hard, "smooth {smooth}, hard {hard}");
 }
 
 /// Lamps in the very point, just beside it and at the end of all numbers; colours and exponents likewise.
@@ -364,7 +417,7 @@ fn light_is_a_number_whatever_lamp_and_material_are() {
     let body = format!(
         "LightSample sample = sample_light((__global const Light*)in, 0u, vload3(0, in + {at}));\
          Material material = *(__global const Material*)(in + {LIGHT});\
-         Surface surface; surface.geometric_normal = vload3(1, in + {at}); surface.normal = vload3(2, in + {at});\
+         Surface surface; surface.geometric_normal = vload3(1, in + {at}); surface.normal = vload3(2, in + {at}); surface.lift = (float3)(0.0f);\
          vstore3(blinn_phong(&surface, &material, vload3(4, in + {at}), vload3(3, in + {at}), &sample), 0, out);\
          vstore3(sample.to_light, 0, out + 3); vstore3(sample.direction, 0, out + 6); vstore3(sample.radiance, 0, out + 9);\
          out[12] = sample.t_far;",
@@ -384,7 +437,7 @@ fn light_is_a_number_whatever_lamp_and_material_are() {
         let at = &x[LIGHT + MATERIAL..];
         let sample = sample_light(&light, v3(at));
         let surface = surface_with(v3(&at[3..]), v3(&at[6..]));
-        let light = blinn_phong(&surface, &material, v3(&at[12..]), v3(&at[9..]), &sample, Terminator::Soft);
+        let light = blinn_phong(&surface, &material, v3(&at[12..]), v3(&at[9..]), &sample);
         assert!(light.is_finite() && light.min_element() >= 0.0, "{sample:?} {material:?}: {light}");
         let mut out = Vec::new();
         for v in [light, sample.to_light, sample.direction, sample.radiance] {

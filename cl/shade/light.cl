@@ -57,45 +57,23 @@ float toon_tone(float cosine, uint steps, float threshold) {
     return step < count ? step / count : 1.0f;
 }
 
-// 1: light on smooth normals fades out towards the horizon of its triangle; 0: it ends there.
-#ifndef SOFT_TERMINATOR
-#define SOFT_TERMINATOR 1
-#endif
-
-// How much of the light from unit `to_light`, above both horizons, a smooth normal leaves; `cosine`: that of the smooth normal.
-// The shadow of a coarse mesh on itself ends at its triangles' edges, where the smooth normals are still bright: stairs. With this
-// factor light falls to 0 where the triangle turns away from it, with the slope of Lambert's law, and stays as it is away from there.
-// Chiang, Li and Burley, "Taming the Shadow Terminator", SIGGRAPH 2019 Talks. Moves no ray, unlike Hanika, "Hacking the Shadow
-// Terminator", Ray Tracing Gems II, 2021, whose shadow rays start above the surface and may miss what lies close to it; in return a
-// triangle that the light grazes is darker than its neighbour towards the light, by less the finer the mesh.
-// Exactly 1 where the normal is the geometric one.
-float terminator_factor(const Surface* surface, float3 to_light, float cosine) {
-    const float geometric = dot3(surface->geometric_normal, to_light);
-    const float smooth = cosine * dot3(surface->geometric_normal, surface->normal);
-    const bool is_flat = all(surface->normal == surface->geometric_normal);
-    if (is_flat || !(geometric < smooth)) return 1.0f;
-    const float g = geometric / smooth;
-    return g * fma(g, 1.0f - g, 1.0f); // g + g^2 - g^3
-}
-
 // A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
 #define TOON_HIGHLIGHT 0.5f
 
 // Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light is below
-// the surface, judged by both normals: a smooth normal must not let light through the back of its triangle.
+// the surface, judged by both normals: a smooth normal must not let light through the back of its triangle. Where shadow rays start
+// above the triangle (see smooth_lift()) they find out by themselves what is in the way, and the smooth normal alone judges.
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                    const LightSample* sample) {
-    float cosine = dot3(surface->normal, sample->direction);
-    if (!(cosine > 0.0f && dot3(surface->geometric_normal, sample->direction) > 0.0f)) return (float3)(0.0f);
-    const float factor = SOFT_TERMINATOR ? terminator_factor(surface, sample->direction, cosine) : 1.0f;
-    cosine *= factor;
+    const float cosine = dot3(surface->normal, sample->direction);
+    const bool is_lifted = any(surface->lift != (float3)(0.0f));
+    if (!(cosine > 0.0f && (is_lifted || dot3(surface->geometric_normal, sample->direction) > 0.0f))) return (float3)(0.0f);
     const bool toon = material->toon_steps > 0u;
     float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
     if (max_component(material->specular_shininess.xyz) > 0.0f) {
         const float3 halfway = normalize3(sample->direction - view_direction, surface->normal);
         float highlight = power_fixed(clamp01(dot3(surface->normal, halfway)), material->specular_shininess.w);
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
-        else highlight *= factor;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }
     return limit_radiance(reflected * sample->radiance);

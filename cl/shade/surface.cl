@@ -12,6 +12,7 @@ typedef struct {
     SurfacePoint point;
     float3 geometric_normal; // unit, towards the side that the ray came from
     float3 normal;           // unit, interpolated, on the same side as geometric_normal
+    float3 lift;             // from the triangle to where shadow rays start, see smooth_lift()
     float texture_u, texture_v;
     uint material;
     bool front; // the ray came from the side on which the vertices run counter-clockwise
@@ -46,10 +47,22 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
     surface.geometric_normal = surface.front ? outward : -outward;
     surface.normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
                                          surface.geometric_normal);
+    surface.lift = (float3)(0.0f);
+    if (SMOOTH_TERMINATOR)
+        surface.lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u,
+                                   hit->v, surface.geometric_normal);
 
     surface.texture_u = fma(at.normal0_u0.w, w, fma(at.normal1_u1.w, hit->u, at.normal2_u2.w * hit->v));
     surface.texture_v = fma(at.v0, w, fma(at.v1, hit->u, at.v2 * hit->v));
     return surface;
+}
+
+// The point from which shadow rays start.
+SurfacePoint lifted_point(const SurfacePoint* point, float3 lift) {
+    SurfacePoint lifted = *point;
+    lifted.position = point->position + lift;
+    lifted.position_low = point->position_low + (lift - (lifted.position - point->position));
+    return lifted;
 }
 
 // A ray that leaves a surface. The triangle itself is skipped by its number; its neighbours are met too early by at most the

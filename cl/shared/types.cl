@@ -168,11 +168,11 @@ typedef struct {
 // What the lights need to know of a hit.
 typedef struct {
     float4 position_error; // Position in x, y, z and bound of its error in w.
-    float4 position_low; // What that leaves out of the position in x, y, z; w unused.
+    float4 position_low_lift_x; // What that leaves out of the position in x, y, z; x of the way to where shadow rays start in w.
     int4 geometric_normal_primitive; // Bits of the geometric normal in x, y, z and the triangle in w.
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
-    float4 view_direction; // Unit direction of the ray that found it in x, y, z; w unused.
-    float4 diffuse; // Diffuse colour, textured, in x, y, z; w unused.
+    float4 view_direction_lift_y; // Unit direction of the ray that found it in x, y, z; y of that way in w.
+    float4 diffuse_lift_z; // Diffuse colour, textured, in x, y, z; z of that way in w.
 } SplitSurface;
 
 // What the ray of this wave brings its path.

@@ -122,7 +122,7 @@ struct MethodArgs {
     kernels: Kernels,
     #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
     textures: TexturePass,
-    #[arg(long, help = format!("How light ends on coarse meshes with smooth normals: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
+    #[arg(long, help = format!("Shadow rays start at the height that smooth normals claim, or on the triangle, where coarse meshes show stairs: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
     terminator: Terminator,
     /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
     #[arg(long, value_name = "N")]

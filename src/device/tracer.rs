@@ -85,7 +85,7 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
         .define("TRAVERSE", options.cl_traverse())
         .define("INTERSECT", options.intersector.cl_function())
         .define("NEARER", options.intersector.cl_nearer())
-        .define("SOFT_TERMINATOR", u32::from(options.terminator == Terminator::Soft))
+        .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
         .define("STACK_SIZE", buffers.build_options.max_depth.max(1).next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.kernels {

@@ -4,7 +4,6 @@
 
 use super::math::{clamp01, dot3, fma3, max_component, min_or, normalize3, power_fixed, scale_to_unit};
 use super::surface::Surface;
-use crate::options::Terminator;
 use crate::shared::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, MAX_RADIANCE, Material};
 use glam::Vec3;
 
@@ -65,19 +64,6 @@ pub fn toon_tone(cosine: f32, steps: u32, threshold: f32) -> f32 {
     if step < count { step / count } else { 1.0 }
 }
 
-/// How much of the light a smooth normal leaves near its triangle's horizon.
-#[inline(always)]
-pub fn terminator_factor(surface: &Surface, to_light: Vec3, cosine: f32) -> f32 {
-    let geometric = dot3(surface.geometric_normal, to_light);
-    let smooth = cosine * dot3(surface.geometric_normal, surface.normal);
-    let is_flat = surface.normal == surface.geometric_normal;
-    if is_flat || !(geometric < smooth) {
-        return 1.0;
-    }
-    let g = geometric / smooth;
-    g * g.mul_add(1.0 - g, 1.0)
-}
-
 const TOON_HIGHLIGHT: f32 = 0.5;
 
 /// Light sent towards `-view_direction` for a light that is not in shadow.
@@ -88,17 +74,12 @@ pub fn blinn_phong(
     diffuse: Vec3,
     view_direction: Vec3,
     sample: &LightSample,
-    terminator: Terminator,
 ) -> Vec3 {
-    let mut cosine = dot3(surface.normal, sample.direction);
-    if !(cosine > 0.0 && dot3(surface.geometric_normal, sample.direction) > 0.0) {
+    let cosine = dot3(surface.normal, sample.direction);
+    let is_lifted = surface.lift != Vec3::ZERO;
+    if !(cosine > 0.0 && (is_lifted || dot3(surface.geometric_normal, sample.direction) > 0.0)) {
         return Vec3::ZERO;
     }
-    let factor = match terminator {
-        Terminator::Soft => terminator_factor(surface, sample.direction, cosine),
-        Terminator::Hard => 1.0,
-    };
-    cosine *= factor;
     let toon = material.toon_steps > 0;
     let tone = if toon { toon_tone(cosine, material.toon_steps, material.toon_threshold) } else { cosine };
     let mut reflected = diffuse * tone;
@@ -108,8 +89,6 @@ pub fn blinn_phong(
         let mut highlight = power_fixed(clamp01(dot3(surface.normal, halfway)), material.specular_shininess.w);
         if toon {
             highlight = if highlight >= TOON_HIGHLIGHT { 1.0 } else { 0.0 };
-        } else {
-            highlight *= factor;
         }
         reflected = fma3(specular, highlight, reflected);
     }

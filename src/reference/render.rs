@@ -5,11 +5,11 @@ use super::math::{clamp01, fma3, max_component, normalize3};
 use super::memory::Work;
 use super::procedural::solid_position;
 use super::ray::Ray;
-use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_point};
+use super::surface::{Surface, SurfacePoint, leave_surface, lifted_point, surface_at, surface_point};
 use super::texture::surface_colour;
 use super::traverse::traverse;
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
-use crate::options::TraceOptions;
+use crate::options::{Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{
     COUNTERS, Hit, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, TextureRequest,
@@ -72,11 +72,15 @@ impl<W: Work> Pixel<'_, W> {
             radiance *= colour;
         }
         radiance += material.emission.xyz();
+        let start = lifted_point(&surface.point, surface.lift);
         for light in &self.buffers.lights {
-            let sample = sample_light(light, surface.point.position);
-            let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample, self.options.terminator);
+            let mut sample = sample_light(light, surface.point.position);
+            let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample);
+            if sample.t_far == 1.0 {
+                sample.to_light -= surface.lift;
+            }
             if max_component(reflected) > 0.0 {
-                radiance += reflected * self.light_visibility(&surface.point, &sample);
+                radiance += reflected * self.light_visibility(&start, &sample);
             }
         }
         radiance
@@ -99,7 +103,7 @@ impl<W: Work> Pixel<'_, W> {
                 radiance += pending.weight * limit_radiance(background(self.buffers, direction));
                 continue;
             }
-            let surface = surface_at(self.buffers, &pending.ray, &hit);
+            let surface = surface_at(self.buffers, self.options.terminator, &pending.ray, &hit);
             let material = &self.buffers.materials[surface.material as usize];
             radiance += pending.weight * limit_radiance(self.local_light(&surface, material, direction));
             if pending.depth < self.params.max_depth {
@@ -123,7 +127,7 @@ pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec
     // Of the ray only the direction matters here.
     let ray = Ray::new(Vec3::ZERO, request.direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
     let hit = Hit { t: 0.0, u: request.u, v: request.v, primitive: request.primitive };
-    let surface = surface_at(buffers, &ray, &hit);
+    let surface = surface_at(buffers, Terminator::Hard, &ray, &hit);
     texture_colour(buffers, &surface, &buffers.materials[surface.material as usize])
 }
 

@@ -1,9 +1,10 @@
 //! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
 
 use super::math::{dot3, max_or, normalize3};
-use super::normal::{interpolated_normal, triangle_normal};
+use super::normal::{interpolated_normal, smooth_lift, triangle_normal};
 use super::ray::{Ray, point_error, point_on_triangle};
 use super::traverse::vertices;
+use crate::options::Terminator;
 use crate::pack::SceneBuffers;
 use crate::shared::Hit;
 use glam::Vec3;
@@ -30,6 +31,8 @@ pub struct Surface {
     pub geometric_normal: Vec3,
     /// Unit, interpolated, on the same side.
     pub normal: Vec3,
+    /// From the triangle to where shadow rays start.
+    pub lift: Vec3,
     /// Texture coordinates.
     pub texture_uv: [f32; 2],
     /// Index of the material.
@@ -48,11 +51,12 @@ pub fn surface_point(buffers: &SceneBuffers, hit: &Hit) -> SurfacePoint {
 
 /// What a hit is.
 #[inline(always)]
-pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
+pub fn surface_at(buffers: &SceneBuffers, terminator: Terminator, ray: &Ray, hit: &Hit) -> Surface {
     let at = &buffers.shading[hit.primitive as usize];
     let w = (1.0 - hit.u) - hit.v;
     let towards_ray = normalize3(-ray.direction, Vec3::Z);
-    let outward = triangle_normal(vertices(buffers, hit.primitive), towards_ray);
+    let [p0, p1, p2] = vertices(buffers, hit.primitive);
+    let outward = triangle_normal([p0, p1, p2], towards_ray);
     let front = dot3(outward, ray.direction) < 0.0;
     let geometric_normal = if front { outward } else { -outward };
     let normals = [at.normal0_u0.xyz(), at.normal1_u1.xyz(), at.normal2_u2.xyz()];
@@ -60,6 +64,10 @@ pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
         point: surface_point(buffers, hit),
         geometric_normal,
         normal: interpolated_normal(normals, [w, hit.u, hit.v], geometric_normal),
+        lift: match terminator {
+            Terminator::Smooth => smooth_lift(p1 - p0, p2 - p0, normals, [w, hit.u, hit.v], geometric_normal),
+            Terminator::Hard => Vec3::ZERO,
+        },
         texture_uv: [
             at.normal0_u0.w.mul_add(w, at.normal1_u1.w.mul_add(hit.u, at.normal2_u2.w * hit.v)),
             at.v0.mul_add(w, at.v1.mul_add(hit.u, at.v2 * hit.v)),
@@ -67,6 +75,14 @@ pub fn surface_at(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> Surface {
         material: at.material,
         front,
     }
+}
+
+/// The point from which shadow rays start.
+#[inline(always)]
+pub fn lifted_point(point: &SurfacePoint, lift: Vec3) -> SurfacePoint {
+    let position = point.position + lift;
+    let position_low = point.position_low + (lift - (position - point.position));
+    SurfacePoint { position, position_low, ..*point }
 }
 
 /// A ray that leaves a surface.
