@@ -298,7 +298,8 @@ fn scenes_made_by_hand_are_checked_before_they_are_traced() {
         builder.sphere(1.0, 8).light(Light::point(Vec3::Y * 3.0, Vec3::ONE));
         builder.finish().unwrap()
     };
-    let faults: [(&str, fn(&mut Scene)); 9] = [
+    type Spoil = fn(&mut Scene);
+    let faults: [(&str, Spoil); 9] = [
         ("ior is 0", |s| s.materials[0].ior = 0.0),
         ("ior is -1.5", |s| s.materials[0].ior = -1.5),
         ("ior is inf", |s| s.materials[0].ior = f32::INFINITY),

@@ -13,7 +13,8 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
     float3 colour = (float3)(1.0f);
     if (material->texture != NO_TEXTURE) colour = texture_colour(scene, surface, material);
     LocalLight light = begin_local_light(material, colour);
-    const SurfacePoint start = lifted_point(&surface->point, surface->lift);
+    SurfacePoint start = surface->point;
+    lift_point(&start, surface->lift);
     for (uint i = 0; i < scene->params->light_count; i++) {
         LightSample sample;
         float3 reflected;

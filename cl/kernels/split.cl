@@ -307,7 +307,7 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     sample.t_far = to_light_t_far.w;
     SurfacePoint point;
     load_point(&surfaces[slot], &point);
-    point = lifted_point(&point, load_lift(&surfaces[slot]));
+    lift_point(&point, load_lift(&surfaces[slot]));
     uint counts[COUNTERS] = {0};
     const float3 visibility = light_visibility(SCENE_AT(&scene), &point, &sample, counts);
     NOTE_DOUBT(index);

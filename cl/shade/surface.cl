@@ -57,12 +57,11 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
     return surface;
 }
 
-// The point from which shadow rays start.
-SurfacePoint lifted_point(const SurfacePoint* point, float3 lift) {
-    SurfacePoint lifted = *point;
-    lifted.position = point->position + lift;
-    lifted.position_low = point->position_low + (lift - (lifted.position - point->position));
-    return lifted;
+// Moves the point to where shadow rays start. Through a pointer: of a returned struct Oclgrind 21.10 makes what it cannot run.
+void lift_point(SurfacePoint* point, float3 lift) {
+    const float3 position = point->position + lift;
+    point->position_low += lift - (position - point->position);
+    point->position = position;
 }
 
 // A ray that leaves a surface. The triangle itself is skipped by its number; its neighbours are met too early by at most the

@@ -5,7 +5,7 @@ use super::math::{clamp01, fma3, max_component, normalize3};
 use super::memory::Work;
 use super::procedural::solid_position;
 use super::ray::Ray;
-use super::surface::{Surface, SurfacePoint, leave_surface, lifted_point, surface_at, surface_point};
+use super::surface::{Surface, SurfacePoint, leave_surface, lift_point, surface_at, surface_point};
 use super::texture::surface_colour;
 use super::traverse::traverse;
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
@@ -72,7 +72,8 @@ impl<W: Work> Pixel<'_, W> {
             radiance *= colour;
         }
         radiance += material.emission.xyz();
-        let start = lifted_point(&surface.point, surface.lift);
+        let mut start = surface.point;
+        lift_point(&mut start, surface.lift);
         for light in &self.buffers.lights {
             let mut sample = sample_light(light, surface.point.position);
             let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample);

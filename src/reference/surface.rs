@@ -77,12 +77,12 @@ pub fn surface_at(buffers: &SceneBuffers, terminator: Terminator, ray: &Ray, hit
     }
 }
 
-/// The point from which shadow rays start.
+/// Moves the point to where shadow rays start.
 #[inline(always)]
-pub fn lifted_point(point: &SurfacePoint, lift: Vec3) -> SurfacePoint {
+pub fn lift_point(point: &mut SurfacePoint, lift: Vec3) {
     let position = point.position + lift;
-    let position_low = point.position_low + (lift - (position - point.position));
-    SurfacePoint { position, position_low, ..*point }
+    point.position_low += lift - (position - point.position);
+    point.position = position;
 }
 
 /// A ray that leaves a surface.
