@@ -516,3 +516,19 @@ fn pictures_with_texture_coordinates_without_sense_are_numbers() {
         }
     }
 }
+
+/// Where normals are flat nothing is lifted: the same pixels and rays, to the last bit.
+#[test]
+fn flat_scenes_do_not_depend_on_the_terminator() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml");
+    let scene = raybrook::scene::load(path).unwrap();
+    let [smooth, hard] = [Terminator::Smooth, Terminator::Hard].map(|terminator| {
+        let options = TraceOptions { terminator, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let (camera, samples) = (scene.camera.unwrap(), Samples::PerPixel(1));
+        let picture = Picture { camera, size: (64, 48), samples, depth: 6, kill_weight: None };
+        let mut tracer = open_tracer(None, &buffers, &options, picture.depth, None).unwrap();
+        render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
+    });
+    assert_eq!((smooth.film.pixels, smooth.counts), (hard.film.pixels, hard.counts));
+}
