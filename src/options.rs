@@ -203,6 +203,16 @@ methods! {
 }
 
 methods! {
+    /// Where shadow rays start on triangles with smooth normals. The same where normals are flat.
+    pub enum Terminator ("--terminator") {
+        /// At the height that the normals claim (Hanika 2021): light ends smoothly on coarse meshes.
+        Smooth = "smooth",
+        /// On the triangle: exact shadows of the mesh as it is, whose own one ends along the triangles' edges, in stairs.
+        Hard = "hard",
+    }
+}
+
+methods! {
     /// Who evaluates textures (thesis, section 5.2.2). The pixels are the same; on the reference both are the same, too.
     pub enum TexturePass ("--textures") {
         /// The kernel that shades.
@@ -306,6 +316,9 @@ pub struct TraceOptions {
     /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
     #[serde(serialize_with = "as_name")]
     pub textures: TexturePass,
+    /// Where shadow rays start on smooth normals; only pictures have light.
+    #[serde(serialize_with = "as_name")]
+    pub terminator: Terminator,
     /// How many paths (a sample of a pixel and all rays that come of it) the split kernels follow at a time, at least 1; `None`: as
     /// many as a device has memory for. Only with [`Kernels::Split`].
     pub paths_in_flight: Option<u32>,
@@ -346,6 +359,7 @@ impl TraceOptions {
         triangles: TriangleOrder::Indexed,
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
+        terminator: Terminator::Smooth,
         paths_in_flight: None,
         counters: false,
     };

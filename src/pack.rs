@@ -11,13 +11,13 @@ use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
     reorder,
 };
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
 use crate::shared::{
-    KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Material, NO_TEXTURE, RenderParams,
-    SceneParams, Shading, TextureInfo,
+    KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material, NO_TEXTURE,
+    RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use std::time::Instant;
@@ -79,10 +79,11 @@ impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything.
     ///
     /// # Errors
-    /// [`Scene`](crate::Error::Scene) when an array outgrows 32-bit indices; [`Option`](crate::Error::Option) when the options are
-    /// out of range.
+    /// [`Scene`](crate::Error::Scene) when an array outgrows 32-bit indices, as [`Scene::check_values`], or when a light is too far
+    /// away to be a point; [`Option`](crate::Error::Option) when the options are out of range.
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
+        scene.check_values()?;
         let primitives = scene.hittable();
         // Without a triangle that can be hit every ray misses; any box will do.
         let (low, high) = scene.bounds_of(&primitives).unwrap_or_default();
@@ -144,7 +145,7 @@ impl SceneBuffers {
             },
             shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
             materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
-            lights: scene.lights.iter().map(|l| pack_light(l, scale)).collect(),
+            lights: scene.lights.iter().enumerate().map(|(i, l)| pack_light(i, l, scale)).collect::<Result<_>>()?,
             textures,
             texels,
             srgb_to_linear: (0..=255u32)
@@ -230,14 +231,16 @@ fn pack_shading(scene: &Scene, primitive: usize) -> Shading {
     }
 }
 
+/// Colours are limited like radiance, so that sums and products of two cannot make NaN of a zero and an infinity.
 fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
+    let limited = |colour: Vec3| Float4::new(colour.min(Vec3::splat(MAX_RADIANCE)), 0.0);
     Material {
-        ambient: Float4::new(material.ambient * ambient, 0.0),
-        diffuse: Float4::new(material.diffuse, 0.0),
-        specular_shininess: Float4::new(
-            material.specular,
-            material.shininess.clamp(0.0, scene::Material::MAX_SHININESS),
-        ),
+        ambient: limited(material.ambient * ambient),
+        diffuse: limited(material.diffuse),
+        specular_shininess: Float4 {
+            w: material.shininess.clamp(0.0, scene::Material::MAX_SHININESS),
+            ..limited(material.specular)
+        },
         mirror: Float4::new(material.mirror, 0.0),
         transmission_ior: Float4::new(material.transmission, material.ior),
         emission: Float4::new(material.emission, 0.0),
@@ -248,20 +251,30 @@ fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
     }
 }
 
-fn pack_light(light: &scene::Light, scale: f32) -> Light {
+fn pack_light(index: usize, light: &scene::Light, scale: f32) -> Result<Light> {
+    // Tracing space ends at 2^128, the scene at 2^21: what lies beyond is seen from everywhere in the same direction.
+    let place = |position: Vec3| {
+        let scaled = position * scale;
+        let reason = || {
+            format!(
+                "light {index}: {position} is over 2^106 times as far away as the scene is large; make it directional"
+            )
+        };
+        if scaled.is_finite() { Ok(Float4::new(scaled, 0.0)) } else { Err(Error::Scene(reason())) }
+    };
     let unit = |v: Vec3| DVec3::from(v).normalize_or(DVec3::NEG_Y).as_vec3();
     let mut packed = Light {
         intensity: Float4::new(light.intensity, 0.0),
-        quadratic: match light.falloff {
+        falloff_scale: match light.falloff {
             Falloff::None => 0.0,
-            Falloff::Quadratic => 1.0 / (scale * scale),
+            Falloff::Quadratic => scale,
         },
         ..Light::default()
     };
     match light.kind {
         LightKind::Point { position } => {
             packed.kind = LIGHT_POINT;
-            packed.position = Float4::new(position * scale, 0.0);
+            packed.position = place(position)?;
         }
         LightKind::Directional { direction } => {
             packed.kind = LIGHT_DIRECTIONAL;
@@ -269,30 +282,34 @@ fn pack_light(light: &scene::Light, scale: f32) -> Light {
         }
         LightKind::Spot { position, direction, inner_degrees, outer_degrees } => {
             packed.kind = LIGHT_SPOT;
-            packed.position = Float4::new(position * scale, 0.0);
+            packed.position = place(position)?;
             packed.direction = Float4::new(unit(direction), 0.0);
             packed.cos_outer = outer_degrees.to_radians().cos();
             // A hard edge is the steepest ramp that float32 can hold.
             packed.cos_inner = inner_degrees.to_radians().cos().max(packed.cos_outer.next_up());
         }
     }
-    packed
+    Ok(packed)
 }
 
 /// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.
 fn brightest(scene: &Scene) -> f32 {
-    let mut lights = Vec3::ZERO;
+    // In f64, where neither sums nor products of colours become infinite.
+    let mut lights = DVec3::ZERO;
     for light in &scene.lights {
         if light.falloff == Falloff::Quadratic {
             return f32::INFINITY;
         }
-        lights += light.intensity;
+        lights += light.intensity.as_dvec3();
     }
     let background = scene.background.bottom.max(scene.background.top);
     let surfaces = scene
         .materials
         .iter()
-        .map(|m| m.ambient * scene.ambient + m.emission + (m.diffuse + m.specular) * lights)
-        .fold(background, Vec3::max);
-    surfaces.max_element()
+        .map(|m| {
+            let [ambient, emission] = [m.ambient.as_dvec3() * scene.ambient.as_dvec3(), m.emission.as_dvec3()];
+            ambient + emission + (m.diffuse.as_dvec3() + m.specular.as_dvec3()) * lights
+        })
+        .fold(background.as_dvec3(), DVec3::max);
+    surfaces.max_element() as f32
 }

@@ -10,6 +10,7 @@ pub use split::*;
 
 use crate::layout::{Float4, StructLayout, device_struct};
 use crate::options::methods;
+use crate::scene::PictureDefaults;
 
 /// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
 pub const NO_PRIMITIVE: u32 = u32::MAX;
@@ -47,6 +48,17 @@ pub const TILE_SIDE: u32 = 8;
 pub const COUNTER_SLOTS: u32 = 256;
 /// Transparent surfaces that one shadow ray passes before it counts as blocked.
 pub const MAX_SHADOW_LAYERS: u32 = 256;
+
+const MAX_RADIANCE_EXPONENT: u32 = 100;
+/// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no sum overflows:
+/// a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one depth add up to at most 1, at up to
+/// 2^6 depths. An infinity would become NaN where its weight is 0. White is 1, the sun in candela per square metre 1.6e9: 2^100 is
+/// out of reach for all but a lamp that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
+pub const MAX_RADIANCE: f32 = f32::from_bits((127 + MAX_RADIANCE_EXPONENT) << 23);
+const _: () = assert!(
+    MAX_RADIANCE * PictureDefaults::MAX_SAMPLES as f32 * (2 * PictureDefaults::MAX_DEPTH) as f32 <= f32::MAX,
+    "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
+);
 
 /// How many ray counters there are.
 pub const COUNTERS: usize = 8;
@@ -227,8 +239,8 @@ device_struct! {
         pub intensity: Float4,
         /// LIGHT_POINT, LIGHT_DIRECTIONAL or LIGHT_SPOT.
         pub kind: u32,
-        /// 1 / scale^2 of the tracing space for a falloff with the squared distance, 0 for none.
-        pub quadratic: f32,
+        /// Tracing space's scale for a falloff with the squared distance in world units, 0 for none.
+        pub falloff_scale: f32,
         /// Spot: cosine of the angle within which intensity is full.
         pub cos_inner: f32,
         /// Spot: cosine of the angle beyond which there is none.
@@ -376,6 +388,7 @@ pub fn types_cl() -> String {
     for (name, value) in constants {
         text += &format!("#define {name} {value}u\n");
     }
+    text += &format!("#define MAX_RADIANCE 0x1p{MAX_RADIANCE_EXPONENT}f\n");
     for (index, name) in COUNTER_NAMES.iter().enumerate() {
         text += &format!("#define COUNT_{name} {index}u\n");
     }

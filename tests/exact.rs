@@ -8,9 +8,11 @@ use num_bigint::{BigInt, Sign};
 use raybrook::device::DeviceHandle;
 use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
-use raybrook::reference::exact::{Decision, intersect_whole, intersect_wide};
+use raybrook::reference::exact::{Decision, decide_wide, finish_wide};
+use raybrook::reference::exact_whole::{decide_whole, finish_whole};
 use raybrook::reference::intersect::Intersection;
-use raybrook::reference::ray::Ray;
+use raybrook::reference::ray::{Ray, TrianglePoint, start_on_triangle};
+use raybrook::reference::traverse::NO_HIT;
 use raybrook::session::open_tracer;
 use raybrook::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use raybrook::tracer::TraceJob;
@@ -76,6 +78,13 @@ impl Exact {
         // (p1 - p0) x (p2 - p0) = -(a x c + b x a + c x b), whose products with d are the weights.
         let distance = -dot(&normal, &a) * &sign;
         Some(Exact { distance, weight1, weight2, det: det * sign })
+    }
+
+    /// Whether t is between two floats.
+    fn is_within(&self, low: f32, high: f32) -> bool {
+        let scaled: BigInt = &self.distance << 149u32;
+        let above = low == f32::NEG_INFINITY || scaled >= whole(low) * &self.det;
+        above && (high == f32::INFINITY || scaled <= whole(high) * &self.det)
     }
 
     fn compare_t(&self, other: &Exact) -> Ordering {
@@ -157,6 +166,8 @@ fn every_step_is_right() {
     const CASES: usize = 60_000;
     let mut random = Random(SEED);
     let (mut hits, mut doubtful, mut on_edges) = (0, 0, 0);
+    let scene = scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+    let buffers = SceneBuffers::new(&scene, &TraceOptions::DEFAULT).unwrap();
     for i in 0..CASES {
         let (ray, triangle) = case(i, &mut random);
         let is_ray = ray.t_near <= ray.t_far && triangle.iter().all(|p| p.is_finite());
@@ -165,9 +176,16 @@ fn every_step_is_right() {
         }
         let exact = Exact::new(&ray, triangle);
         let what = format!("case {i} (seed {SEED}): {ray:?} {triangle:?}");
-        match (intersect_whole(&ray, triangle), &exact) {
-            (Some(found), Some(exact)) => {
+        // Rays that start nowhere on a triangle need no scene.
+        let whole = match decide_whole(&buffers, &ray, triangle, 0, &NO_HIT) {
+            Decision::Hit(limits) => Some((finish_whole(&buffers, &ray, triangle), limits)),
+            Decision::Miss => None,
+            Decision::Doubtful => panic!("{what}: whole numbers leave no doubt"),
+        };
+        match (whole, &exact) {
+            (Some((found, [low, high])), Some(exact)) => {
                 assert_nearest(found, exact, &what);
+                assert!(low < found.t && found.t < high, "{what}: t {} outside of {low}..{high}", found.t);
                 hits += 1;
                 on_edges += usize::from(found.u == 0.0 || found.v == 0.0);
             }
@@ -175,9 +193,15 @@ fn every_step_is_right() {
             (None, Some(exact)) => assert!(!is_nearest(f32::MAX, &exact.distance, &exact.det), "{what}: missed"),
             (found, None) => assert_eq!(found, None, "{what}"),
         }
-        match (intersect_wide(&ray, triangle), &exact) {
+        match (decide_wide(&ray, triangle), &exact) {
             (Decision::Doubtful, _) => doubtful += 1,
-            (Decision::Hit(found), Some(exact)) => assert_nearest(found, exact, &what),
+            (Decision::Hit([low, high]), Some(exact)) => {
+                assert!(exact.is_within(low, high), "{what}: t outside of {low}..{high}");
+                match finish_wide(&ray, triangle) {
+                    Some(found) => assert_nearest(found, exact, &what),
+                    None => doubtful += 1,
+                }
+            }
             (Decision::Miss, None) => {}
             (decision, _) => panic!("{what}: {decision:?}, but hit is {}", exact.is_some()),
         }
@@ -300,4 +324,31 @@ fn numbers_of_the_most_bits_fit() {
         let hit = buffers.world_hit(trace(device.as_ref(), &buffers, &options, &rays)[0]);
         assert_eq!((hit.primitive, hit.t, hit.u), (0, from / along, 0.25));
     }
+}
+
+#[test]
+fn rays_start_where_their_triangle_is() {
+    // Positions are whole multiples of 2^-149, weights of 2^-149, too: of 2^-298 their products.
+    let mut random = Random(SEED);
+    let mut nonzero = 0;
+    for i in 0..100_000 {
+        let triangle = [(); 3].map(|()| point(i % 4, &mut random));
+        let mut weights = Vec3::new(random.unit(), random.unit(), random.unit()) * [0.3, 1e-4, 1e-9][i as usize % 3];
+        weights[i as usize % 3] = -1.0;
+        let at = TrianglePoint::of_weights(triangle, weights);
+        let (high, low) = start_on_triangle(&at);
+        for k in 0..3 {
+            let [base, other1, other2] = at.vertices.map(|p| whole(p[k]));
+            let [weight1, weight2] = at.weights.map(whole);
+            let exact: BigInt = (&base << 149u32) + weight1 * (other1 - &base) + weight2 * (other2 - &base);
+            let rest: BigInt = exact - (whole(high[k]) << 149u32);
+            // Off by 2 EPSILON of itself, or by what the passes leave out.
+            let error: BigInt = &rest - (whole(low[k]) << 149u32);
+            let largest = triangle.iter().map(|p| p[k].abs()).fold(0.0, f32::max);
+            let bound = (rest.magnitude() >> 23u32) + (whole(largest).magnitude() << 149u32 >> 66u32);
+            assert!(*error.magnitude() <= bound, "point {i} (seed {SEED}), axis {k}: {at:?} {high} {low}");
+            nonzero += usize::from(rest.bits() > 0);
+        }
+    }
+    assert!(nonzero > 100_000, "{nonzero} starts with a second part");
 }

@@ -3,96 +3,33 @@
 
 mod common;
 
+use common::probe::{assert_same_bits, flag, run, run_with, v3};
 use common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
-use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
+use raybrook::device::CompileOptions;
 use raybrook::layout::Float4;
 use raybrook::options::{Accel, Intersector, Kernels, TexturePass, TraceOptions, Traversal};
 use raybrook::pack::{SceneBuffers, triangle_transform};
-use raybrook::reference::intersect::intersect;
+use raybrook::reference::exact::{finish_exactly, test_exactly};
+use raybrook::reference::intersect::{Intersection, intersect};
 use raybrook::reference::light::toon_tone;
 use raybrook::reference::math;
 use raybrook::reference::memory::NoWork;
 use raybrook::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
-use raybrook::reference::ray::{Ray, SLACK, widen_down, widen_up};
-use raybrook::reference::surface::{Surface, SurfacePoint};
+use raybrook::reference::ray::{Ray, SLACK, TrianglePoint, start_on_triangle, widen_down, widen_up};
+use raybrook::reference::traverse::NO_HIT;
 use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
-use raybrook::reference::whitted::refract_direction;
 use raybrook::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
 use raybrook::session::{Picture, open_tracer, render};
 use raybrook::shared::{
     NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
 };
-use raybrook::tracer::TraceJob;
+use raybrook::tracer::{TraceJob, is_hit};
 use std::fmt::Write;
 use std::sync::Arc;
 
 /// Work-items of most tests; few, because Oclgrind interprets them.
 const ITEMS: usize = 512;
-/// Written behind every output and still there afterwards.
-const CANARY: f32 = -12345.0;
-const CANARIES: usize = 16;
-
-/// Runs `body`, OpenCL statements that read `in[0..inputs]` and write `out[0..outputs]`, once for each group of `inputs` numbers.
-fn run(device: &raybrook::device::DeviceHandle, body: &str, inputs: usize, outputs: usize, data: &[f32]) -> Vec<f32> {
-    run_with(device, CompileOptions::new(), body, inputs, outputs, data)
-}
-
-/// The same with further definitions.
-fn run_with(
-    device: &raybrook::device::DeviceHandle,
-    options: CompileOptions,
-    body: &str,
-    inputs: usize,
-    outputs: usize,
-    data: &[f32],
-) -> Vec<f32> {
-    let kernel = format!(
-        "__kernel void probe(__global const float* restrict data, __global float* restrict results) {{\n\
-         const size_t item = get_global_id(0);\n\
-         __global const float* in = data + item * {inputs};\n__global float* out = results + item * {outputs};\n{body}\n}}\n"
-    );
-    let context = DeviceContext::open(device).unwrap();
-    let source = ProgramSource::new(KERNEL_FILES.iter().copied().chain([("tests/probe.cl", kernel.as_str())]));
-    let options = options
-        .define("TRAVERSE", "traverse_kd_stack")
-        .define("INTERSECT", "intersect_watertight")
-        .define("NEARER", "is_nearer_rounded");
-    let program = build(&context, &source, &options, None).unwrap().program;
-    let items = data.len() / inputs;
-    let mut results = vec![CANARY; items * outputs + CANARIES];
-    let input = Buffer::from_slice(&context, "input", data).unwrap();
-    let output = Buffer::read_write(&context, "output", &results).unwrap();
-    let mut kernel = program.kernel("probe").unwrap();
-    kernel.set_arg(0, &input).unwrap();
-    kernel.set_arg(1, &output).unwrap();
-    kernel.launch(&[items], None).unwrap().wait().unwrap();
-    results = output.read().unwrap();
-    assert!(results[items * outputs..].iter().all(|&x| x == CANARY), "the kernel wrote behind its output");
-    results.truncate(items * outputs);
-    results
-}
-
-/// Compares device and twin bit for bit (any NaN equals any NaN).
-fn assert_same_bits(name: &str, inputs: usize, data: &[f32], got: &[f32], expected: &[f32]) {
-    assert_eq!(got.len(), expected.len(), "{name}");
-    let outputs = got.len() / (data.len() / inputs);
-    let same = |a: f32, b: f32| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
-    let wrong: Vec<_> = (0..got.len()).filter(|&i| !same(got[i], expected[i])).collect();
-    if let Some(&i) = wrong.first() {
-        let item = i / outputs;
-        panic!(
-            "{name}: {} of {} numbers differ; first: item {item}, output {}: device {:e}, twin {:e}, inputs {:?} (seed {SEED})",
-            wrong.len(),
-            got.len(),
-            i % outputs,
-            got[i],
-            expected[i],
-            &data[item * inputs..(item + 1) * inputs]
-        );
-    }
-}
-
 /// One function: how the device calls it, and its twin.
 struct Case {
     name: &'static str,
@@ -101,14 +38,6 @@ struct Case {
     outputs: usize,
     input: fn(&mut Random) -> f32,
     twin: fn(&[f32]) -> Vec<f32>,
-}
-
-fn v3(data: &[f32]) -> Vec3 {
-    Vec3::new(data[0], data[1], data[2])
-}
-
-fn flag(b: bool) -> f32 {
-    if b { 1.0 } else { 0.0 }
 }
 
 fn ray_of(data: &[f32]) -> Ray {
@@ -207,6 +136,23 @@ const CASES: &[Case] = &[
                 math::clamp01(x[0] * 2.0),
                 flag(math::is_finite3(v3(x))),
             ]
+        },
+    },
+    Case {
+        name: "point_of_weights, start_on_triangle",
+        body: "float3 weights = (float3)(fabs(in[9]), fabs(in[10]), fabs(in[11])); uint largest = (uint)fabs(in[12]) % 3;\
+               if (largest == 0) weights.x = -1.0f; else if (largest == 1) weights.y = -1.0f; else weights.z = -1.0f;\
+               const TrianglePoint point = point_of_weights(vload3(0, in), vload3(1, in), vload3(2, in), weights);\
+               float3 high, low; start_on_triangle(&point, &high, &low); vstore3(high, 0, out); vstore3(low, 1, out);",
+        inputs: 13,
+        outputs: 6,
+        input: |random| random.signed() * [1.0, 1e-3, 8.0][random.bits() as usize % 3],
+        twin: |x| {
+            let mut weights = v3(&x[9..]).abs();
+            weights[x[12].abs() as usize % 3] = -1.0;
+            let point = TrianglePoint::of_weights([v3(x), v3(&x[3..]), v3(&x[6..])], weights);
+            let (high, low) = start_on_triangle(&point);
+            [high.to_array(), low.to_array()].concat()
         },
     },
     Case {
@@ -329,17 +275,29 @@ fn rays_equal_their_twins() {
     assert_same_bits("make_ray, clip_to_box", 14, &data, &run(&device, &body, 14, 12, &data), &expected);
 }
 
+fn intersect_exactly(buffers: &SceneBuffers, ray: &Ray) -> Option<Intersection> {
+    let mut hit = NO_HIT;
+    test_exactly(buffers, ray, 0, &mut hit, &mut NoWork);
+    finish_exactly(buffers, ray, &mut hit);
+    is_hit(&hit).then_some(Intersection { t: hit.t, u: hit.u, v: hit.v })
+}
+
 #[test]
 fn intersectors_equal_their_twins() {
     let Some(device) = device() else { return };
     for &intersector in Intersector::ALL {
+        let test = match intersector.cl_function() {
+            Some(function) => format!("float t, u, v; bool is_hit = {function}(GEOMETRY_AT(&geometry), &ray, 0, &t, &u, &v);"),
+            None => "Hit hit = no_hit(); test_exactly(GEOMETRY_AT(&geometry), &ray, 0, 0, &hit);\
+                     finish_exactly(GEOMETRY_AT(&geometry), &ray, &hit); bool is_hit = hit.primitive == 0;\
+                     float t = hit.t, u = hit.u, v = hit.v;"
+                .to_owned(),
+        };
         let body = format!(
             "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8);\
              geometry.transforms = (__global const float4*)(in + 20); geometry.scale = in[32];\
-             geometry.low = (float3)(-1.0f); geometry.high = (float3)(1.0f); float t, u, v;\
-             bool hit = {}(GEOMETRY_AT(&geometry), &ray, 0, &t, &u, &v);\
-             out[0] = hit ? 1.0f : 0.0f; out[1] = hit ? t : 0.0f; out[2] = hit ? u : 0.0f; out[3] = hit ? v : 0.0f;",
-            intersector.cl_function()
+             geometry.low = (float3)(-1.0f); geometry.high = (float3)(1.0f); {test}\
+             out[0] = is_hit ? 1.0f : 0.0f; out[1] = is_hit ? t : 0.0f; out[2] = is_hit ? u : 0.0f; out[3] = is_hit ? v : 0.0f;"
         );
         const INPUTS: usize = 36; // a ray, three float4, a transform of three float4, the scale, and three to align the next
         let mut random = Random(SEED);
@@ -374,7 +332,10 @@ fn intersectors_equal_their_twins() {
                 buffers.vertices = triangle.map(|p| Float4::new(p, 0.0)).to_vec();
                 buffers.transforms = triangle_transform(triangle).to_vec();
                 buffers.params.scale = x[32];
-                let found = intersect(&buffers, intersector, &ray_of(x), 0, &mut NoWork);
+                let found = match intersector {
+                    Intersector::Exact => intersect_exactly(&buffers, &ray_of(x)),
+                    rounded => intersect(&buffers, rounded, &ray_of(x), 0, &mut NoWork),
+                };
                 hits += usize::from(found.is_some());
                 found.map_or([0.0; 4], |f| [1.0, f.t, f.u, f.v])
             })
@@ -390,36 +351,6 @@ fn intersectors_equal_their_twins() {
             assert_same_bits("exact without double", INPUTS, &data, &found, &expected);
         }
     }
-}
-
-#[test]
-fn refraction_equals_its_twin() {
-    let Some(device) = device() else { return };
-    let body = "Surface surface; surface.normal = normalize3(vload3(0, in), (float3)(0.0f, 0.0f, 1.0f));\
-                surface.geometric_normal = surface.normal;\
-                float3 d = normalize3(vload3(1, in), (float3)(1.0f, 0.0f, 0.0f));\
-                d = dot3(d, surface.normal) > 0.0f ? -d : d;\
-                Refraction r = refract_direction(&surface, d, 1.0f + in[6] * 0.5f);\
-                out[0] = r.reflectance; vstore3(r.direction, 0, out + 1); vstore3(reflect_direction(&surface, d), 0, out + 4);";
-    let mut random = Random(SEED);
-    let data: Vec<f32> = (0..ITEMS * 7).map(|_| random.signed()).collect();
-    let expected: Vec<f32> = data
-        .chunks_exact(7)
-        .flat_map(|x| {
-            let normal = math::normalize3(v3(x), Vec3::Z);
-            let direction = math::normalize3(v3(&x[3..]), Vec3::X);
-            let direction = if math::dot3(direction, normal) > 0.0 { -direction } else { direction };
-            let surface = surface_with(normal);
-            let refraction = refract_direction(&surface, direction, 1.0 + x[6] * 0.5);
-            assert!((0.0..=1.0).contains(&refraction.reflectance));
-            let reflected = raybrook::reference::whitted::reflect_direction(&surface, direction);
-            let mut out = vec![refraction.reflectance];
-            out.extend(refraction.direction.to_array());
-            out.extend(reflected.to_array());
-            out
-        })
-        .collect();
-    assert_same_bits("refract_direction", 7, &data, &run(&device, body, 7, 7, &data), &expected);
 }
 
 /// Every kind of procedural texture, in the world and in texture coordinates, placed by rows that keep borders where they are, by
@@ -458,17 +389,6 @@ fn procedural_textures_equal_their_twins() {
     }
     assert!(expected.iter().all(|c| (0.0..=1.0).contains(c)), "a colour beyond its two");
     assert_same_bits("procedural_colour", INPUTS, &data, &run(&device, body, INPUTS, 3, &data), &expected);
-}
-
-fn surface_with(normal: Vec3) -> Surface {
-    Surface {
-        point: SurfacePoint { position: Vec3::ZERO, position_low: Vec3::ZERO, error: 0.0, primitive: 0 },
-        geometric_normal: normal,
-        normal,
-        texture_uv: [0.0; 2],
-        material: 0,
-        front: true,
-    }
 }
 
 /// With counted work and without. Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
@@ -540,48 +460,6 @@ fn split_kernels_equal_the_twin() {
         assert!(rendered[0].second_pass > Some(0), "{textures}");
         assert_eq!(rendered[0].film.pixels, rendered[1].film.pixels, "{textures}");
     }
-}
-
-/// The stated errors of the elementary functions, against f64. The bounds are those of the comments in `cl/shared/math.cl`.
-#[test]
-fn elementary_functions_keep_their_bounds() {
-    const EPSILON: f64 = 1.0 / 16_777_216.0;
-    let mut random = Random(SEED);
-    let (mut log_error, mut power_error) = (0f64, 0f64);
-    for _ in 0..1_000_000 {
-        let x = random.unit().powi(3).max(1e-30);
-        let exact = f64::from(x).log2();
-        if x < 1.0 {
-            log_error = log_error.max((f64::from(math::log2_fixed(x)) - exact).abs() / exact.abs());
-        }
-        let exponent = random.unit() * 500.0;
-        let power = f64::from(x).powf(exponent.into());
-        if power > 1e-37 && x < 1.0 {
-            power_error = power_error.max((f64::from(math::power_fixed(x, exponent)) - power).abs() / power);
-        }
-    }
-    let mut sine_error = 0f64;
-    for _ in 0..1_000_000 {
-        let x = random.signed();
-        let exact = (std::f64::consts::TAU * f64::from(x)).sin();
-        sine_error = sine_error.max((f64::from(math::sin_turns(x)) - exact).abs());
-    }
-    println!("worst error of the sine: {:.2} eps", sine_error / EPSILON);
-    assert!(sine_error <= 4.0 * EPSILON, "sin_turns is off by {} eps", sine_error / EPSILON);
-    for x in [0.0, 0.5, -1.0, 4_194_303.5, 8_388_609.0, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        assert_eq!(math::sin_turns(x), 0.0, "the sine of {x} turns");
-    }
-    for (x, sign) in [(0.25, 1.0), (-0.25, -1.0), (262_143.25, 1.0), (-262_143.25, -1.0)] {
-        assert!((math::sin_turns(x) - sign).abs() <= 4.0 * EPSILON as f32, "the sine of {x} turns");
-    }
-    println!("worst relative errors: log2 {:.2} eps, power {:.1} eps", log_error / EPSILON, power_error / EPSILON);
-    assert!(log_error <= 4.0 * EPSILON, "log2_fixed is off by {} eps", log_error / EPSILON);
-    // The error of log2 (4 eps) and of the product (1 eps) times the exponent's size, ln 2 * 126, and the polynomial's own.
-    assert!(
-        power_error <= (5.0 * 126.0 * std::f64::consts::LN_2 + 4.0) * EPSILON,
-        "power_fixed is off by {} eps",
-        power_error / EPSILON
-    );
 }
 
 #[test]

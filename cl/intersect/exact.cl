@@ -10,7 +10,7 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     const float3 best1 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1;
     const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
     const WideDecision closer =
-        decide_closer(start_of_ray(GEOMETRY, ray), ray->skip != NO_PRIMITIVE, ray->direction, p0, p1, p2, ray->t_near, ray->t_far,
+        decide_closer(start_of_ray(GEOMETRY, ray), starts_on_triangle(ray), ray->direction, p0, p1, p2, ray->t_near, ray->t_far,
                       has_best ? hit->u : INFINITY, hit->t, best0, best1, best2);
     *t_low = closer.t_low;
     *t_high = closer.t_high;

@@ -173,9 +173,8 @@ bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* r
 
 // Where the ray starts, exactly.
 TrianglePoint start_of_ray(GEOMETRY_PARAMETERS, const Ray* ray) {
-    const bool leaves = ray->skip != NO_PRIMITIVE;
     TrianglePoint point = {ray->origin, ray->origin, ray->origin, 0.0f, 0.0f};
-    if (leaves)
+    if (starts_on_triangle(ray))
         point = point_of_weights(LOAD_SURFACE_VERTEX(geometry, ray->skip, 0), LOAD_SURFACE_VERTEX(geometry, ray->skip, 1),
                                  LOAD_SURFACE_VERTEX(geometry, ray->skip, 2), ray->start_weights);
     return point;

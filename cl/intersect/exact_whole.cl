@@ -175,7 +175,7 @@ RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
             integer_add(&numbers.distance, &distance, -1, units.n);
         }
         // What a ray that leaves a triangle starts on, too, it leaves with it.
-        const int least = ray->skip == NO_PRIMITIVE ? 0 : 1;
+        const int least = starts_on_triangle(ray) ? 1 : 0;
         if (t == ray->t_near && compare_with_limit(&numbers, &units, ray->t_near) < least) return false;
         if (t == ray->t_far && compare_with_limit(&numbers, &units, ray->t_far) > 0) return false;
     }

@@ -13,11 +13,13 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
     float3 colour = (float3)(1.0f);
     if (material->texture != NO_TEXTURE) colour = texture_colour(scene, surface, material);
     LocalLight light = begin_local_light(material, colour);
+    SurfacePoint start = surface->point;
+    lift_point(&start, surface->lift);
     for (uint i = 0; i < scene->params->light_count; i++) {
         LightSample sample;
         float3 reflected;
         if (!light_term(scene, surface, material, light.diffuse, view_direction, i, &sample, &reflected)) continue;
-        light.radiance += reflected * light_visibility(SCENE, &surface->point, &sample, counts);
+        light.radiance += reflected * light_visibility(SCENE, &start, &sample, counts);
     }
     return light.radiance;
 }
@@ -37,13 +39,13 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
         Hit hit;
         if (!trace_pending(SCENE, &pending, &hit, counts)) {
-            radiance += pending.weight * background(scene, direction);
+            radiance += pending.weight * limit_radiance(background(scene, direction));
             continue;
         }
         const SurfaceHit at = SURFACE_HIT(GEOMETRY, &pending.ray, &hit);
         const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
         const Material material = scene->materials[surface.material];
-        radiance += pending.weight * local_light(SCENE, &surface, &material, direction, counts);
+        radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, direction, counts));
         if (pending.depth < render->max_depth)
             stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
     }

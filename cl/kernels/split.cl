@@ -114,10 +114,14 @@ PendingRay load_pending(__global const SplitRay* from) {
 void load_point(__global const SplitSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
     point->position = position_error.xyz;
-    point->position_low = from->position_low.xyz;
+    point->position_low = from->position_low_lift_x.xyz;
     point->weights = from->weights.xyz;
     point->error = position_error.w;
     point->primitive = as_uint(from->geometric_normal_primitive.w);
+}
+
+float3 load_lift(__global const SplitSurface* from) {
+    return (float3)(from->position_low_lift_x.w, from->view_direction_lift_y.w, from->diffuse_lift_z.w);
 }
 
 __kernel void split_camera(SPLIT_ARGUMENTS) {
@@ -130,7 +134,7 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     state.path = NO_PATH;
     if (is_item) state = slots[slot];
     if (state.path != NO_PATH) {
-        state.radiance.xyz += yields[slot].weight.xyz * yields[slot].radiance.xyz;
+        state.radiance.xyz += yields[slot].weight.xyz * limit_radiance(yields[slot].radiance.xyz);
         if (state.pending == 0u) {
             path_radiance[state.path] = state.radiance;
             state.path = NO_PATH;
@@ -243,12 +247,12 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             const LocalLight without_lamps = begin_local_light(&material, colour);
             radiance = without_lamps.radiance;
             surfaces[slot].position_error = (float4)(surface.point.position, surface.point.error);
-            surfaces[slot].position_low = (float4)(surface.point.position_low, 0.0f);
+            surfaces[slot].position_low_lift_x = (float4)(surface.point.position_low, surface.lift.x);
             surfaces[slot].weights = (float4)(surface.point.weights, 0.0f);
             surfaces[slot].geometric_normal_primitive = pack_bits(surface.geometric_normal, hit.primitive);
             surfaces[slot].normal_material = pack_bits(surface.normal, surface.material);
-            surfaces[slot].view_direction = (float4)(direction, 0.0f);
-            surfaces[slot].diffuse = (float4)(without_lamps.diffuse, 0.0f);
+            surfaces[slot].view_direction_lift_y = (float4)(direction, surface.lift.y);
+            surfaces[slot].diffuse_lift_z = (float4)(without_lamps.diffuse, surface.lift.z);
             if (pending.depth < render->max_depth) {
                 PendingRay secondary[2];
                 pushed = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, secondary, 0u);
@@ -283,9 +287,10 @@ __kernel void split_light(SPLIT_ARGUMENTS) {
         load_point(&surfaces[slot], &surface.point);
         surface.geometric_normal = as_float3(surfaces[slot].geometric_normal_primitive.xyz);
         surface.normal = as_float3(normal_material.xyz);
+        surface.lift = load_lift(&surfaces[slot]);
         const Material material = materials[as_uint(normal_material.w)];
-        adds = light_term(&scene, &surface, &material, surfaces[slot].diffuse.xyz, surfaces[slot].view_direction.xyz, light,
-                          &sample, &reflected);
+        adds = light_term(&scene, &surface, &material, surfaces[slot].diffuse_lift_z.xyz,
+                          surfaces[slot].view_direction_lift_y.xyz, light, &sample, &reflected);
     }
     const uint place = take_place(adds, &lengths[QUEUE_SHADOWS + light], places);
     if (!adds) return;
@@ -308,6 +313,7 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     sample.t_far = to_light_t_far.w;
     SurfacePoint point;
     load_point(&surfaces[slot], &point);
+    lift_point(&point, load_lift(&surfaces[slot]));
     uint counts[COUNTERS] = {0};
     const float3 visibility = light_visibility(SCENE_AT(&scene), &point, &sample, counts);
     NOTE_DOUBT(index);

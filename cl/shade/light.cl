@@ -8,6 +8,12 @@ typedef struct {
     float t_far;
 } LightSample;
 
+// Radiance limited to what the sum of a pixel's samples can hold, see MAX_RADIANCE. NaN stays.
+float3 limit_radiance(float3 radiance) {
+    return (float3)(min_or(MAX_RADIANCE, radiance.x), min_or(MAX_RADIANCE, radiance.y), min_or(MAX_RADIANCE, radiance.z));
+}
+
+// The light as seen from `position`. A lamp in that very point is seen in no direction and gives no light.
 LightSample sample_light(__global const Light* lights, uint index, float3 position) {
     const Light light = lights[index];
     LightSample sample;
@@ -19,16 +25,25 @@ LightSample sample_light(__global const Light* lights, uint index, float3 positi
         return sample;
     }
     sample.to_light = light.position.xyz - position;
-    sample.direction = normalize3(sample.to_light, (float3)(0.0f));
+    sample.direction = (float3)(0.0f);
     sample.t_far = 1.0f;
-    if (light.quadratic > 0.0f) sample.radiance *= 1.0f / (dot3(sample.to_light, sample.to_light) * light.quadratic);
+    float3 towards = sample.to_light;
+    float scale = 1.0f;
+    if (scale_to_unit(&towards, &scale)) {
+        const float inv_length = 1.0f / sqrt(dot3(towards, towards));
+        sample.direction = towards * inv_length;
+        if (light.falloff_scale > 0.0f) {
+            // The reciprocal of the distance in world units. Its square may leave float's range where the product with the
+            // intensity does not.
+            const float inv_distance = min_or(light.falloff_scale * scale * inv_length, FLT_MAX);
+            sample.radiance = limit_radiance(sample.radiance * inv_distance * inv_distance);
+        }
+    }
     if (light.kind == LIGHT_SPOT) {
         const float cosine = -dot3(sample.direction, light.direction.xyz);
         const float edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
         sample.radiance *= edge * edge * (3.0f - 2.0f * edge);
     }
-    // A point on the light itself has neither direction nor a finite radiance.
-    if (!is_finite3(sample.radiance)) sample.radiance = (float3)(0.0f);
     return sample;
 }
 
@@ -46,11 +61,13 @@ float toon_tone(float cosine, uint steps, float threshold) {
 #define TOON_HIGHLIGHT 0.5f
 
 // Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light is below
-// the surface, judged by both normals: a smooth normal must not let light through the back of its triangle.
+// the surface, judged by both normals: a smooth normal must not let light through the back of its triangle. Where shadow rays start
+// above the triangle (see smooth_lift()) they find out by themselves what is in the way, and the smooth normal alone judges.
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                    const LightSample* sample) {
     const float cosine = dot3(surface->normal, sample->direction);
-    if (!(cosine > 0.0f && dot3(surface->geometric_normal, sample->direction) > 0.0f)) return (float3)(0.0f);
+    const bool is_lifted = any(surface->lift != (float3)(0.0f));
+    if (!(cosine > 0.0f && (is_lifted || dot3(surface->geometric_normal, sample->direction) > 0.0f))) return (float3)(0.0f);
     const bool toon = material->toon_steps > 0u;
     float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
     if (max_component(material->specular_shininess.xyz) > 0.0f) {
@@ -59,5 +76,5 @@ float3 blinn_phong(const Surface* surface, const Material* material, float3 diff
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }
-    return reflected * sample->radiance;
+    return limit_radiance(reflected * sample->radiance);
 }

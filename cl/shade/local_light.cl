@@ -26,11 +26,13 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
     return light;
 }
 
-// What lamp number `index` adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed.
+// What lamp number `index` adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the
+// lamp is at sample->to_light * t_far as seen from where the shadow ray starts.
 bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                 uint index, LightSample* sample, float3* reflected) {
     *sample = sample_light(scene->lights, index, surface->point.position);
     *reflected = blinn_phong(surface, material, diffuse, view_direction, sample);
+    if (sample->t_far == 1.0f) sample->to_light -= surface->lift;
     return max_component(*reflected) > 0.0f;
 }
 

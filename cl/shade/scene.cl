@@ -38,6 +38,6 @@ typedef struct {
 // The light from where nothing is, along unit `direction`.
 float3 background(const Scene* scene, float3 direction) {
     const float3 bottom = scene->params->background_bottom.xyz;
-    const float height = fma(0.5f, direction.y, 0.5f);
+    const float height = clamp01(fma(0.5f, direction.y, 0.5f)); // a unit vector's rounding may lead beyond 1
     return fma3(scene->params->background_top.xyz - bottom, height, bottom);
 }

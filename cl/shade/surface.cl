@@ -13,6 +13,7 @@ typedef struct {
     SurfacePoint point;
     float3 geometric_normal; // unit, towards the side that the ray came from
     float3 normal;           // unit, interpolated, on the same side as geometric_normal
+    float3 lift;             // from the triangle to where shadow rays start, see smooth_lift()
     float texture_u, texture_v;
     uint material;
     bool front; // the ray came from the side on which the vertices run counter-clockwise
@@ -48,16 +49,30 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
     Surface surface;
     surface.point = surface_point(GEOMETRY, hit);
     surface.material = at.material;
-    const float3 outward = normalize3(cross3(p1 - p0, p2 - p0), -ray->direction);
+    // Rounding to tracing space may have flattened the triangle: it then looks at the ray.
+    const float3 towards_ray = normalize3(-ray->direction, (float3)(0.0f, 0.0f, 1.0f));
+    const float3 outward = triangle_normal(p0, p1, p2, towards_ray);
     surface.front = dot3(outward, ray->direction) < 0.0f;
     surface.geometric_normal = surface.front ? outward : -outward;
-    const float3 interpolated = fma3(at.normal0_u0.xyz, w, fma3(at.normal1_u1.xyz, hit->u, at.normal2_u2.xyz * hit->v));
-    const float3 normal = normalize3(interpolated, surface.geometric_normal); // flat triangles store zero normals
-    surface.normal = dot3(normal, surface.geometric_normal) < 0.0f ? -normal : normal;
+    surface.normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
+                                         surface.geometric_normal);
+    surface.lift = (float3)(0.0f);
+    if (SMOOTH_TERMINATOR)
+        surface.lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u,
+                                   hit->v, surface.geometric_normal);
 
     surface.texture_u = fma(at.normal0_u0.w, w, fma(at.normal1_u1.w, hit->u, at.normal2_u2.w * hit->v));
     surface.texture_v = fma(at.v0, w, fma(at.v1, hit->u, at.v2 * hit->v));
     return surface;
+}
+
+// Moves the point to where shadow rays start, which is above the triangle. Through a pointer: of a returned struct Oclgrind 21.10 makes
+// what it cannot run.
+void lift_point(SurfacePoint* point, float3 lift) {
+    if (lift.x == 0.0f && lift.y == 0.0f && lift.z == 0.0f) return;
+    point->position += lift;
+    point->position_low = (float3)(0.0f);
+    point->weights = (float3)(0.0f);
 }
 
 // A ray that leaves a surface, from an exact point of the triangle, which is itself skipped by its number. With exact hits that is all:

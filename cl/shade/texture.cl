@@ -1,7 +1,8 @@
 // Textures: pictures of 8-bit sRGB texels, repeated, bilinear in linear light; or procedural ones.
 
 // Texel coordinate of wrapped texture coordinate `t` on a side of `size` texels: *low and *high are the two texels around it,
-// the result is the weight of *high. Coordinates without a number become 0.
+// the result is the weight of *high. Coordinates without a number, as NaN and infinite ones in a file or huge ones between which no
+// sum is a number, become 0; from 2^24 on all are whole numbers, so 0, too.
 float wrap_texel(float t, uint size, uint* low, uint* high) {
     const float wrapped = is_finite(t) ? t - floor(t) : 0.0f; // in 0..1; 1 only by rounding
     const float x = fma(wrapped, (float)size, -0.5f);

@@ -1,12 +1,19 @@
 // Secondary rays: mirror reflection, and refraction with Fresnel's equations and total internal reflection.
 // Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; thesis, section 2.1.2.
 
-// The direction of unit `direction` mirrored at the surface; at the geometric normal where a smooth normal would send it
-// through the triangle.
+// `direction`, or where a smooth normal sends it to the wrong side of its triangle, that mirrored at the triangle's plane. A ray on
+// the wrong side would show the inside of the object: black spots along the outlines of coarse meshes. Mirrored it changes
+// smoothly where the side changes, unlike the reflection at the geometric normal, which leaves a seam. `normal`: the geometric
+// one, towards the right side.
+float3 keep_side(float3 direction, float3 normal) {
+    const float height = dot3(direction, normal);
+    return height < 0.0f ? fma3(normal, -2.0f * height, direction) : direction;
+}
+
+// The direction of unit `direction` mirrored at the surface.
 float3 reflect_direction(const Surface* surface, float3 direction) {
     const float3 reflected = fma3(surface->normal, -2.0f * dot3(surface->normal, direction), direction);
-    if (dot3(reflected, surface->geometric_normal) > 0.0f) return reflected;
-    return fma3(surface->geometric_normal, -2.0f * dot3(surface->geometric_normal, direction), direction);
+    return keep_side(reflected, surface->geometric_normal);
 }
 
 typedef struct {
@@ -16,23 +23,27 @@ typedef struct {
 
 // Snell's law and the unpolarised Fresnel reflectance for a ray along unit `direction`.
 // `eta` is the index of refraction on the ray's side divided by that beyond the surface.
+//
+// There is no division by zero: short of total reflection cos_out is at least 2^-12, because sin2_out is at most 1 - 2^-24. Of an eta
+// near the ends of float's range products may be NaN; that counts as total reflection, which it is but for 2^-60.
 Refraction refract_direction(const Surface* surface, float3 direction, float eta) {
     Refraction refraction = {1.0f, direction};
-    const float cos_in = clamp01(-dot3(surface->normal, direction));
-    const float sin2_out = eta * eta * fma(-cos_in, cos_in, 1.0f);
-    if (!(sin2_out < 1.0f)) return refraction;
     if (eta == 1.0f) { // nothing changes: the ray goes straight on, whatever the interpolated normal says
         refraction.reflectance = 0.0f;
         return refraction;
     }
+    const float cos_in = clamp01(-dot3(surface->normal, direction));
+    // The part of the direction along the surface. Its length, not 1 - cos^2, gives the sine, so that the refracted direction has
+    // length 1 also where eta is large and multiplies all roundings.
+    const float3 along = fma3(surface->normal, cos_in, direction);
+    const float sin2_out = eta * eta * dot3(along, along);
+    if (!(sin2_out < 1.0f)) return refraction;
     const float cos_out = sqrt(1.0f - sin2_out);
     const float s = fma(eta, cos_in, -cos_out) / fma(eta, cos_in, cos_out);
     const float p = fma(eta, cos_out, -cos_in) / fma(eta, cos_out, cos_in);
     const float reflectance = 0.5f * fma(s, s, p * p);
     refraction.reflectance = reflectance < 1.0f ? reflectance : 1.0f; // grazing: 0 / 0 would be NaN
-    refraction.direction = fma3(direction, eta, surface->normal * fma(eta, cos_in, -cos_out));
-    // A smooth normal may send it back to where it came from.
-    if (!(dot3(refraction.direction, surface->geometric_normal) < 0.0f)) refraction.direction = direction;
+    refraction.direction = keep_side(fma3(surface->normal, -cos_out, along * eta), -surface->geometric_normal);
     return refraction;
 }
 

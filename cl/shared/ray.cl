@@ -18,7 +18,8 @@ typedef struct {
     float t_near, t_far;  // closed interval; t_far is finite or -infinity
     float t_scale, t_lift; // two factors, because one would overflow for the shortest directions
     uint skip;            // triangle that is never hit: the one that the ray starts on
-    float3 start_weights; // where on it: weights of its vertices; the largest is -1, which means what the others leave of 1
+    float3 start_weights; // where on it: weights of its vertices; the largest is -1, which means what the others leave of 1. Or all 0:
+                          // the ray starts at origin, as a camera ray does
 } Ray;
 
 // t in the caller's units.
@@ -91,6 +92,11 @@ bool clip_to_box(const Ray* ray, float3 low, float3 high, float* t_near, float* 
 // same t the lower number wins, so that the answer does not depend on the order of the tests.
 bool is_nearer(const Ray* ray, const Hit* hit, float t, uint primitive) {
     return t >= ray->t_near && t <= ray->t_far && (t < hit->t || (t == hit->t && primitive < hit->primitive));
+}
+
+// Whether the ray starts at an exact point of triangle `skip`.
+bool starts_on_triangle(const Ray* ray) {
+    return ray->start_weights.x < 0.0f || ray->start_weights.y < 0.0f || ray->start_weights.z < 0.0f;
 }
 
 // A point of a triangle, exactly: base + weight1 (other1 - base) + weight2 (other2 - base).

@@ -26,6 +26,7 @@
 #define QUEUE_SHADOWS 5u
 #define COUNTERS 8u
 #define WORK_COUNTERS 9u
+#define MAX_RADIANCE 0x1p100f
 #define COUNT_CAMERA_CAST 0u
 #define COUNT_CAMERA_HIT 1u
 #define COUNT_SHADOW_CAST 2u
@@ -105,7 +106,7 @@ typedef struct {
     float4 direction; // Unit direction the light shines along (directional, spot) in x, y, z; w unused.
     float4 intensity; // Intensity, linear RGB; w unused.
     uint kind; // LIGHT_POINT, LIGHT_DIRECTIONAL or LIGHT_SPOT.
-    float quadratic; // 1 / scale^2 of the tracing space for a falloff with the squared distance, 0 for none.
+    float falloff_scale; // Tracing space's scale for a falloff with the squared distance in world units, 0 for none.
     float cos_inner; // Spot: cosine of the angle within which intensity is full.
     float cos_outer; // Spot: cosine of the angle beyond which there is none.
 } Light;
@@ -176,12 +177,12 @@ typedef struct {
 // What the lights need to know of a hit.
 typedef struct {
     float4 position_error; // Position in x, y, z and bound of its error in w.
-    float4 position_low; // What that leaves out of the position in x, y, z; w unused.
+    float4 position_low_lift_x; // What that leaves out of the position in x, y, z; x of the way to where shadow rays start in w.
     float4 weights; // Where that is on the triangle, as weights of the vertices, in x, y, z; w unused.
     int4 geometric_normal_primitive; // Bits of the geometric normal in x, y, z and the triangle in w.
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
-    float4 view_direction; // Unit direction of the ray that found it in x, y, z; w unused.
-    float4 diffuse; // Diffuse colour, textured, in x, y, z; w unused.
+    float4 view_direction_lift_y; // Unit direction of the ray that found it in x, y, z; y of that way in w.
+    float4 diffuse_lift_z; // Diffuse colour, textured, in x, y, z; z of that way in w.
 } SplitSurface;
 
 // What the ray of this wave brings its path.

@@ -27,7 +27,8 @@ mod work;
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::options::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, TexturePass, TraceOptions, Traversal, TriangleOrder,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, Terminator, TexturePass, TraceOptions, Traversal,
+    TriangleOrder,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -122,6 +123,8 @@ struct MethodArgs {
     kernels: Kernels,
     #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
     textures: TexturePass,
+    #[arg(long, help = format!("Shadow rays start at the height that smooth normals claim, or on the triangle, where coarse meshes show stairs: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
+    terminator: Terminator,
     /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
     #[arg(long, value_name = "N")]
     paths_in_flight: Option<u32>,
@@ -145,6 +148,7 @@ impl MethodArgs {
             triangles: self.triangles,
             kernels: self.kernels,
             textures: self.textures,
+            terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters: false,
         };

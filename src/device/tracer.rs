@@ -8,7 +8,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKi
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Kernels, TraceOptions, Traversal};
+use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, TraceJob, TraceResult, Tracer};
@@ -88,6 +88,7 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
     let compile_options = CompileOptions::new()
         .define("TRAVERSE", options.cl_traverse())
         .define("HITS", options.intersector.cl_hits())
+        .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
         .define("STACK_SIZE", stack_size.next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.intersector.cl_function() {

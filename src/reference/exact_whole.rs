@@ -21,9 +21,10 @@ struct WholeUnits {
 
 /// Where the ray starts.
 fn start_of_ray(buffers: &SceneBuffers, ray: &Ray) -> TrianglePoint {
-    match ray.skip {
-        NO_PRIMITIVE => TrianglePoint::at(ray.origin),
-        skip => TrianglePoint::of_weights(vertices(buffers, skip), ray.start_weights),
+    if ray.starts_on_triangle() {
+        TrianglePoint::of_weights(vertices(buffers, ray.skip), ray.start_weights)
+    } else {
+        TrianglePoint::at(ray.origin)
     }
 }
 
@@ -163,7 +164,7 @@ pub fn decide_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3], prim
     if !is_inside {
         return Decision::Miss;
     }
-    let least = i32::from(ray.skip != NO_PRIMITIVE);
+    let least = i32::from(ray.starts_on_triangle());
     if t == ray.t_near && numbers.compare_with_limit(&units, ray.t_near) < least {
         return Decision::Miss;
     }

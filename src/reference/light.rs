@@ -2,9 +2,9 @@
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x >= 0)` is also true for NaN, and that is meant
 
-use super::math::{clamp01, dot3, fma3, is_finite3, max_component, normalize3, power_fixed};
+use super::math::{clamp01, dot3, fma3, max_component, min_or, normalize3, power_fixed, scale_to_unit};
 use super::surface::Surface;
-use crate::shared::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, Material};
+use crate::shared::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, MAX_RADIANCE, Material};
 use glam::Vec3;
 
 /// A light as seen from a point.
@@ -20,6 +20,12 @@ pub struct LightSample {
     pub t_far: f32,
 }
 
+/// Radiance limited to what the sum of a pixel's samples can hold.
+#[inline(always)]
+pub fn limit_radiance(radiance: Vec3) -> Vec3 {
+    Vec3::new(min_or(MAX_RADIANCE, radiance.x), min_or(MAX_RADIANCE, radiance.y), min_or(MAX_RADIANCE, radiance.z))
+}
+
 /// The light as seen from `position`.
 #[inline(always)]
 pub fn sample_light(light: &Light, position: Vec3) -> LightSample {
@@ -29,17 +35,19 @@ pub fn sample_light(light: &Light, position: Vec3) -> LightSample {
         return LightSample { to_light, direction: to_light, radiance, t_far: f32::INFINITY };
     }
     let to_light = light.position.xyz() - position;
-    let direction = normalize3(to_light, Vec3::ZERO);
-    if light.quadratic > 0.0 {
-        radiance *= 1.0 / (dot3(to_light, to_light) * light.quadratic);
+    let mut direction = Vec3::ZERO;
+    if let Some((towards, scale)) = scale_to_unit(to_light) {
+        let inv_length = 1.0 / dot3(towards, towards).sqrt();
+        direction = towards * inv_length;
+        if light.falloff_scale > 0.0 {
+            let inv_distance = min_or(light.falloff_scale * scale * inv_length, f32::MAX);
+            radiance = limit_radiance(radiance * inv_distance * inv_distance);
+        }
     }
     if light.kind == LIGHT_SPOT {
         let cosine = -dot3(direction, light.direction.xyz());
         let edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
         radiance *= edge * edge * (3.0 - 2.0 * edge);
-    }
-    if !is_finite3(radiance) {
-        radiance = Vec3::ZERO;
     }
     LightSample { to_light, direction, radiance, t_far: 1.0 }
 }
@@ -68,7 +76,8 @@ pub fn blinn_phong(
     sample: &LightSample,
 ) -> Vec3 {
     let cosine = dot3(surface.normal, sample.direction);
-    if !(cosine > 0.0 && dot3(surface.geometric_normal, sample.direction) > 0.0) {
+    let is_lifted = surface.lift != Vec3::ZERO;
+    if !(cosine > 0.0 && (is_lifted || dot3(surface.geometric_normal, sample.direction) > 0.0)) {
         return Vec3::ZERO;
     }
     let toon = material.toon_steps > 0;
@@ -83,7 +92,7 @@ pub fn blinn_phong(
         }
         reflected = fma3(specular, highlight, reflected);
     }
-    reflected * sample.radiance
+    limit_radiance(reflected * sample.radiance)
 }
 
 #[cfg(test)]

@@ -116,14 +116,16 @@ pub fn normalize3(v: Vec3, otherwise: Vec3) -> Vec3 {
 /// Sine of `x` turns.
 #[inline(always)]
 pub fn sin_turns(x: f32) -> f32 {
-    let mut r = if x.abs() < 4_194_304.0 { x - (x + 0.5).floor() } else { 0.0 };
-    r = if r > 0.25 {
+    let turns = x.abs();
+    let mut r = if turns < 4_194_304.0 { turns - turns.floor() } else { 0.0 };
+    r = if r > 0.75 {
+        r - 1.0
+    } else if r > 0.25 {
         0.5 - r
-    } else if r < -0.25 {
-        -0.5 - r
     } else {
         r
     };
+    r = if x < 0.0 { -r } else { r };
     let r2 = r * r;
     let mut p = 3.819_952_59_f32;
     p = p.mul_add(r2, -15.094_642_6);

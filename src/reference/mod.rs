@@ -11,6 +11,7 @@ pub mod intersect;
 pub mod light;
 pub mod math;
 pub mod memory;
+pub mod normal;
 pub mod oracle;
 pub mod procedural;
 pub mod ray;

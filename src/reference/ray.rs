@@ -35,7 +35,7 @@ pub struct Ray {
     pub t_lift: f32,
     /// Triangle that is never hit: the one that the ray starts on.
     pub skip: u32,
-    /// Where on it, as weights of its vertices; the largest is -1.
+    /// Where on it, as weights of its vertices; the largest is -1. All 0: at `origin`.
     pub start_weights: Vec3,
 }
 
@@ -73,6 +73,12 @@ impl Ray {
             skip,
             start_weights: Vec3::ZERO,
         }
+    }
+
+    /// Whether it starts at an exact point of triangle `skip`.
+    #[inline(always)]
+    pub fn starts_on_triangle(&self) -> bool {
+        self.start_weights.min_element() < 0.0
     }
 
     /// `t` in the caller's units.

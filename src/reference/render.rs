@@ -1,15 +1,15 @@
 //! Twin of `cl/kernels/render.cl` and of `cl/shade/{scene,local_light,camera}.cl`: the colour of one pixel. The reasons are there.
 
-use super::light::{LightSample, blinn_phong, sample_light};
-use super::math::{fma3, max_component, normalize3};
+use super::light::{LightSample, blinn_phong, limit_radiance, sample_light};
+use super::math::{clamp01, fma3, max_component, normalize3};
 use super::memory::Work;
 use super::procedural::solid_position;
 use super::ray::Ray;
-use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_hit, surface_point};
+use super::surface::{Surface, SurfacePoint, leave_surface, lift_point, surface_at, surface_hit, surface_point};
 use super::texture::surface_colour;
 use super::traverse::{closest_hit, traverse};
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
-use crate::options::TraceOptions;
+use crate::options::{Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{
     COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, SurfaceHit, TextureRequest,
@@ -73,11 +73,16 @@ impl<W: Work> Pixel<'_, W> {
             radiance *= colour;
         }
         radiance += material.emission.xyz();
+        let mut start = surface.point;
+        lift_point(&mut start, surface.lift);
         for light in &self.buffers.lights {
-            let sample = sample_light(light, surface.point.position);
+            let mut sample = sample_light(light, surface.point.position);
             let reflected = blinn_phong(surface, material, diffuse, view_direction, &sample);
+            if sample.t_far == 1.0 {
+                sample.to_light -= surface.lift;
+            }
             if max_component(reflected) > 0.0 {
-                radiance += reflected * self.light_visibility(&surface.point, &sample);
+                radiance += reflected * self.light_visibility(&start, &sample);
             }
         }
         radiance
@@ -97,13 +102,13 @@ impl<W: Work> Pixel<'_, W> {
             let hit = closest_hit(self.buffers, self.options, &pending.ray, work);
             self.count(pending.kind, hit.primitive != NO_PRIMITIVE);
             if hit.primitive == NO_PRIMITIVE {
-                radiance += pending.weight * background(self.buffers, direction);
+                radiance += pending.weight * limit_radiance(background(self.buffers, direction));
                 continue;
             }
             let at = surface_hit(self.buffers, self.options, &pending.ray, &hit);
             let surface = surface_at(self.buffers, self.options, &pending.ray, &at);
             let material = &self.buffers.materials[surface.material as usize];
-            radiance += pending.weight * self.local_light(&surface, material, direction);
+            radiance += pending.weight * limit_radiance(self.local_light(&surface, material, direction));
             if pending.depth < self.params.max_depth {
                 let kill_weight = self.params.kill_weight;
                 push_secondary_rays(&surface, material, &pending, direction, kill_weight, &mut self.stack);
@@ -125,14 +130,15 @@ pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec
     // Of the ray only the direction matters here.
     let ray = Ray::new(Vec3::ZERO, request.direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
     let TextureRequest { weight0, u, v, primitive, .. } = *request;
-    let surface = surface_at(buffers, &TraceOptions::DEFAULT, &ray, &SurfaceHit { weight0, u, v, primitive });
+    let options = TraceOptions { terminator: Terminator::Hard, ..TraceOptions::DEFAULT };
+    let surface = surface_at(buffers, &options, &ray, &SurfaceHit { weight0, u, v, primitive });
     texture_colour(buffers, &surface, &buffers.materials[surface.material as usize])
 }
 
 #[inline(always)]
 fn background(buffers: &SceneBuffers, direction: Vec3) -> Vec3 {
     let bottom = buffers.params.background_bottom.xyz();
-    let height = 0.5f32.mul_add(direction.y, 0.5);
+    let height = clamp01(0.5f32.mul_add(direction.y, 0.5));
     fma3(buffers.params.background_top.xyz() - bottom, height, bottom)
 }
 

@@ -1,10 +1,11 @@
 //! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
 
 use super::exact::weight0_exactly;
-use super::math::{cross3, dot3, fma3, max_or, normalize3};
+use super::math::{dot3, max_or, normalize3};
+use super::normal::{interpolated_normal, smooth_lift, triangle_normal};
 use super::ray::{Ray, TrianglePoint, point_error, start_on_triangle};
 use super::traverse::vertices;
-use crate::options::{Intersector, TraceOptions};
+use crate::options::{Intersector, Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, SurfaceHit};
 use glam::Vec3;
@@ -33,6 +34,8 @@ pub struct Surface {
     pub geometric_normal: Vec3,
     /// Unit, interpolated, on the same side.
     pub normal: Vec3,
+    /// From the triangle to where shadow rays start.
+    pub lift: Vec3,
     /// Texture coordinates.
     pub texture_uv: [f32; 2],
     /// Index of the material.
@@ -85,24 +88,38 @@ pub fn surface_point(buffers: &SceneBuffers, options: &TraceOptions, hit: &Surfa
 /// What a hit is.
 #[inline(always)]
 pub fn surface_at(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &SurfaceHit) -> Surface {
-    let [p0, p1, p2] = vertices(buffers, hit.primitive);
     let at = &buffers.shading[hit.primitive as usize];
     let w = (1.0 - hit.u) - hit.v;
-    let outward = normalize3(cross3(p1 - p0, p2 - p0), -ray.direction);
+    let towards_ray = normalize3(-ray.direction, Vec3::Z);
+    let [p0, p1, p2] = vertices(buffers, hit.primitive);
+    let outward = triangle_normal([p0, p1, p2], towards_ray);
     let front = dot3(outward, ray.direction) < 0.0;
     let geometric_normal = if front { outward } else { -outward };
-    let interpolated = fma3(at.normal0_u0.xyz(), w, fma3(at.normal1_u1.xyz(), hit.u, at.normal2_u2.xyz() * hit.v));
-    let normal = normalize3(interpolated, geometric_normal);
+    let normals = [at.normal0_u0.xyz(), at.normal1_u1.xyz(), at.normal2_u2.xyz()];
     Surface {
         point: surface_point(buffers, options, hit),
         geometric_normal,
-        normal: if dot3(normal, geometric_normal) < 0.0 { -normal } else { normal },
+        normal: interpolated_normal(normals, [w, hit.u, hit.v], geometric_normal),
+        lift: match options.terminator {
+            Terminator::Smooth => smooth_lift(p1 - p0, p2 - p0, normals, [w, hit.u, hit.v], geometric_normal),
+            Terminator::Hard => Vec3::ZERO,
+        },
         texture_uv: [
             at.normal0_u0.w.mul_add(w, at.normal1_u1.w.mul_add(hit.u, at.normal2_u2.w * hit.v)),
             at.v0.mul_add(w, at.v1.mul_add(hit.u, at.v2 * hit.v)),
         ],
         material: at.material,
         front,
+    }
+}
+
+/// Moves the point to where shadow rays start.
+#[inline(always)]
+pub fn lift_point(point: &mut SurfacePoint, lift: Vec3) {
+    if lift != Vec3::ZERO {
+        point.position += lift;
+        point.position_low = Vec3::ZERO;
+        point.weights = Vec3::ZERO;
     }
 }
 

@@ -7,7 +7,8 @@ use crate::shared::{TEXTURE_IMAGE, TextureInfo};
 use glam::Vec3;
 
 #[inline(always)]
-fn wrap_texel(t: f32, size: u32) -> (u32, u32, f32) {
+/// The two texels around a texture coordinate on a side of `size` texels, and the weight of the second.
+pub fn wrap_texel(t: f32, size: u32) -> (u32, u32, f32) {
     let wrapped = if t.is_finite() { t - t.floor() } else { 0.0 };
     let x = wrapped.mul_add(size as f32, -0.5);
     let floor_x = x.floor();

@@ -9,11 +9,16 @@ use crate::shared::Material;
 use glam::Vec3;
 
 #[inline(always)]
+fn keep_side(direction: Vec3, normal: Vec3) -> Vec3 {
+    let height = dot3(direction, normal);
+    if height < 0.0 { fma3(normal, -2.0 * height, direction) } else { direction }
+}
+
 /// The mirrored direction.
+#[inline(always)]
 pub fn reflect_direction(surface: &Surface, direction: Vec3) -> Vec3 {
-    let mirrored = |normal: Vec3| fma3(normal, -2.0 * dot3(normal, direction), direction);
-    let reflected = mirrored(surface.normal);
-    if dot3(reflected, surface.geometric_normal) > 0.0 { reflected } else { mirrored(surface.geometric_normal) }
+    let reflected = fma3(surface.normal, -2.0 * dot3(surface.normal, direction), direction);
+    keep_side(reflected, surface.geometric_normal)
 }
 
 /// What becomes of a ray at a dielectric surface.
@@ -28,22 +33,22 @@ pub struct Refraction {
 /// Snell's law and Fresnel's reflectance.
 #[inline(always)]
 pub fn refract_direction(surface: &Surface, direction: Vec3, eta: f32) -> Refraction {
-    let cos_in = clamp01(-dot3(surface.normal, direction));
-    let sin2_out = eta * eta * (-cos_in).mul_add(cos_in, 1.0);
-    if !(sin2_out < 1.0) {
-        return Refraction { reflectance: 1.0, direction };
-    }
     if eta == 1.0 {
         return Refraction { reflectance: 0.0, direction };
+    }
+    let cos_in = clamp01(-dot3(surface.normal, direction));
+    let along = fma3(surface.normal, cos_in, direction);
+    let sin2_out = eta * eta * dot3(along, along);
+    if !(sin2_out < 1.0) {
+        return Refraction { reflectance: 1.0, direction };
     }
     let cos_out = (1.0 - sin2_out).sqrt();
     let s = eta.mul_add(cos_in, -cos_out) / eta.mul_add(cos_in, cos_out);
     let p = eta.mul_add(cos_out, -cos_in) / eta.mul_add(cos_out, cos_in);
     let reflectance = 0.5 * s.mul_add(s, p * p);
-    let refracted = fma3(direction, eta, surface.normal * eta.mul_add(cos_in, -cos_out));
     Refraction {
         reflectance: if reflectance < 1.0 { reflectance } else { 1.0 },
-        direction: if dot3(refracted, surface.geometric_normal) < 0.0 { refracted } else { direction },
+        direction: keep_side(fma3(surface.normal, -cos_out, along * eta), -surface.geometric_normal),
     }
 }
 

@@ -3,13 +3,13 @@
 //!
 //! Transforms are kept in f64 and every vertex is rounded once, so that a stack of many transforms costs no accuracy.
 
-use super::check::{camera_fault, light_fault, material_fault, procedural_fault};
+use super::check::{none_of, value_faults};
 use super::mesh::{Corner, Mesh, sin_cos_degrees};
 use super::{
     Background, Camera, Light, LightKind, Material, MaterialId, NO_INDEX, PictureDefaults, Scene, Texture, TextureId,
     Triangle,
 };
-use crate::error::{Error, Result};
+use crate::error::Result;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
 
 /// How the vertices between [`Builder::begin`] and [`Builder::end`] make triangles.
@@ -445,50 +445,13 @@ impl Builder {
     /// The scene.
     ///
     /// # Errors
-    /// [`Error::Scene`] tells the first faults of the calls so far, or what is out of range in camera, lights, materials,
+    /// [`Error::Scene`](crate::Error::Scene) tells the first faults of the calls so far, or what is out of range in camera, lights, materials,
     /// ambient light and background.
     pub fn finish(mut self) -> Result<Scene> {
         if self.pending.is_some() {
             self.fail("begin: not ended");
         }
-        self.check_values();
-        if self.faults.is_empty() {
-            return Ok(self.scene);
-        }
-        const TOLD: usize = 3; // later faults are mostly consequences of the first
-        let rest = self.faults.len().saturating_sub(TOLD);
-        self.faults.truncate(TOLD);
-        if rest > 0 {
-            self.faults.push(format!("and {rest} more"));
-        }
-        Err(Error::Scene(self.faults.join("; ")))
-    }
-
-    fn check_values(&mut self) {
-        let scene = &self.scene;
-        let mut faults: Vec<String> = Vec::new();
-        faults.extend(scene.camera.as_ref().and_then(camera_fault).map(|f| format!("camera: {} {}", f.key, f.message)));
-        for (i, light) in scene.lights.iter().enumerate() {
-            faults.extend(light_fault(light).map(|f| format!("light {i}: {} {}", f.key, f.message)));
-        }
-        for m in &scene.materials {
-            faults.extend(material_fault(m).map(|f| format!("material '{}': {} {}", m.name, f.key, f.message)));
-            if let Some(t) = m.diffuse_texture.filter(|&t| t as usize >= scene.textures.len()) {
-                faults.push(format!("material '{}': there is no texture number {t}", m.name));
-            }
-        }
-        for (i, texture) in scene.textures.iter().enumerate() {
-            if let Texture::Procedural(procedural) = texture {
-                faults.extend(procedural_fault(procedural).map(|f| format!("texture {i}: {} {}", f.key, f.message)));
-            }
-        }
-        for (what, colour) in
-            [("ambient", scene.ambient), ("background", scene.background.bottom), ("background", scene.background.top)]
-        {
-            if !(colour.is_finite() && colour.min_element() >= 0.0) {
-                faults.push(format!("{what}: {colour} is not a colour"));
-            }
-        }
-        self.faults.extend(faults);
+        self.faults.extend(value_faults(&self.scene));
+        none_of(self.faults).map(|()| self.scene)
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
 
-use super::{Camera, Light, LightKind, Material, Procedural, Toon};
+use super::{Camera, Light, LightKind, Material, Procedural, Scene, Texture, Toon};
+use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
 
 /// What is wrong with which value.
@@ -12,6 +13,48 @@ pub(super) struct Fault {
     pub key: &'static str,
     /// What is wrong with it; follows the key in a sentence.
     pub message: String,
+}
+
+/// What is out of range in camera, lights, materials, textures, ambient light and background.
+pub(super) fn value_faults(scene: &Scene) -> Vec<String> {
+    let mut faults: Vec<String> = Vec::new();
+    faults.extend(scene.camera.as_ref().and_then(camera_fault).map(|f| format!("camera: {} {}", f.key, f.message)));
+    for (i, light) in scene.lights.iter().enumerate() {
+        faults.extend(light_fault(light).map(|f| format!("light {i}: {} {}", f.key, f.message)));
+    }
+    for m in &scene.materials {
+        faults.extend(material_fault(m).map(|f| format!("material '{}': {} {}", m.name, f.key, f.message)));
+        if let Some(t) = m.diffuse_texture.filter(|&t| t as usize >= scene.textures.len()) {
+            faults.push(format!("material '{}': there is no texture number {t}", m.name));
+        }
+    }
+    for (i, texture) in scene.textures.iter().enumerate() {
+        if let Texture::Procedural(procedural) = texture {
+            faults.extend(procedural_fault(procedural).map(|f| format!("texture {i}: {} {}", f.key, f.message)));
+        }
+    }
+    for (what, colour) in
+        [("ambient", scene.ambient), ("background", scene.background.bottom), ("background", scene.background.top)]
+    {
+        if !(colour.is_finite() && colour.min_element() >= 0.0) {
+            faults.push(format!("{what}: {colour} is not a colour"));
+        }
+    }
+    faults
+}
+
+/// An error that tells the first of `faults`, if there are any.
+pub(super) fn none_of(mut faults: Vec<String>) -> Result<()> {
+    if faults.is_empty() {
+        return Ok(());
+    }
+    const TOLD: usize = 3; // later faults are mostly consequences of the first
+    let rest = faults.len().saturating_sub(TOLD);
+    faults.truncate(TOLD);
+    if rest > 0 {
+        faults.push(format!("and {rest} more"));
+    }
+    Err(Error::Scene(faults.join("; ")))
 }
 
 /// The sine of the angle between `up` and the view below which the camera's right vector is mostly rounding error: each

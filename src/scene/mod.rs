@@ -34,6 +34,7 @@ pub use samples::Samples;
 pub use solids::MAX_SEGMENTS;
 pub use texture::{Image, Texture, TextureId};
 
+use crate::error::Result;
 use glam::{DVec3, Vec2, Vec3};
 
 /// Marks a triangle corner without its own normal or texture coordinates.
@@ -145,6 +146,15 @@ impl Scene {
         }
         let (a, b, c): (DVec3, DVec3, DVec3) = (a.into(), b.into(), c.into());
         ((b - a).cross(c - a) == DVec3::ZERO).then_some(DropReason::ZeroArea)
+    }
+
+    /// Checks what a scene may hold: camera, lights, materials, textures, ambient light and background. Loaders and [`Builder`] have
+    /// done it; a scene that was put together or changed by hand is checked before it is traced.
+    ///
+    /// # Errors
+    /// [`Error::Scene`](crate::Error::Scene) tells the first faults.
+    pub fn check_values(&self) -> Result<()> {
+        check::none_of(check::value_faults(self))
     }
 
     /// The primitives that can be hit, in order.

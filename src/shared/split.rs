@@ -56,18 +56,18 @@ device_struct! {
     pub struct SplitSurface {
         /// Position in x, y, z and bound of its error in w.
         pub position_error: Float4,
-        /// What that leaves out of the position in x, y, z; w unused.
-        pub position_low: Float4,
+        /// What that leaves out of the position in x, y, z; x of the way to where shadow rays start in w.
+        pub position_low_lift_x: Float4,
         /// Where that is on the triangle, as weights of the vertices, in x, y, z; w unused.
         pub weights: Float4,
         /// Bits of the geometric normal in x, y, z and the triangle in w.
         pub geometric_normal_primitive: Int4,
         /// Bits of the shading normal in x, y, z and the material in w.
         pub normal_material: Int4,
-        /// Unit direction of the ray that found it in x, y, z; w unused.
-        pub view_direction: Float4,
-        /// Diffuse colour, textured, in x, y, z; w unused.
-        pub diffuse: Float4,
+        /// Unit direction of the ray that found it in x, y, z; y of that way in w.
+        pub view_direction_lift_y: Float4,
+        /// Diffuse colour, textured, in x, y, z; z of that way in w.
+        pub diffuse_lift_z: Float4,
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod models;
 pub mod ply;
+pub mod probe;
 
 use glam::Vec3;
 use raybrook::device::{DeviceHandle, Selection, select};

@@ -9,7 +9,7 @@ use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::light::sample_light;
 use raybrook::reference::ray::Ray;
 use raybrook::reference::render::camera_ray;
-use raybrook::reference::surface::{surface_at, surface_point};
+use raybrook::reference::surface::{surface_at, surface_hit, surface_point};
 use raybrook::reference::whitted::reflect_direction;
 use raybrook::scene::{Builder, Camera, Image, Material, Pattern, Procedural, Samples, Scene, load};
 use raybrook::session::{Picture, complete, open_tracer, render};
@@ -141,9 +141,10 @@ impl Model {
                 continue;
             }
             let light = &buffers.lights[i % buffers.lights.len()];
-            let to_light = sample_light(light, surface_point(&buffers, hit).position).to_light;
+            let at = surface_hit(&buffers, &options, ray, hit);
+            let to_light = sample_light(light, surface_point(&buffers, &options, &at).position).to_light;
             // Mirrored rays stay on their side; through a pane, rays leave on the other.
-            let mirrored = reflect_direction(&surface_at(&buffers, ray, hit), ray.direction);
+            let mirrored = reflect_direction(&surface_at(&buffers, &options, ray, &at), ray.direction);
             to_lights.push(Float4::new(to_light, 0.0));
             bounces.push(Float4::new(if i % 2 == 0 { mirrored } else { random.vec3() }, 0.0));
         }
