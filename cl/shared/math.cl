@@ -36,6 +36,9 @@ float clamp01(float x) { return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f; } // Na
 bool is_finite(float x) { return (as_uint(x) & 0x7f800000u) != 0x7f800000u; }
 bool is_finite3(float3 v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
 
+// x, and +0 for -0. By bits: compilers that ignore the sign of zero drop `x + 0`.
+float positive_zero(float x) { return as_uint(x) == 0x80000000u ? 0.0f : x; }
+
 // The power of two that brings `magnitude` (normal, positive, below 2^126) into [1, 2); multiplying by it is exact.
 float power_of_two_scale(float magnitude) { return as_float((254u - (as_uint(magnitude) >> 23)) << 23); }
 

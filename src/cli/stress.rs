@@ -189,6 +189,7 @@ impl Run<'_> {
         words.extend(method.arguments());
         words.extend(self.args.strict.then(|| "--strict".to_owned()));
         words.extend(self.args.device.device.iter().map(|name| format!("--device '{name}'")));
+        words.extend(self.args.device.compiler.compiler_options.iter().map(|o| format!("--compiler-options '{o}'")));
         Ok(words.join(" "))
     }
 

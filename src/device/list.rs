@@ -131,6 +131,8 @@ pub struct DeviceHandle {
     /// What the device says about itself.
     pub info: DeviceInfo,
     pub(super) device: Device,
+    /// See [`DeviceHandle::with_compiler_options`].
+    pub(super) compiler_options: String,
 }
 
 /// What there is on this computer.
@@ -179,7 +181,7 @@ pub fn list_devices() -> Result<DeviceList> {
         for id in devices {
             let device = Device::new(id);
             let info = query(list.devices.len(), platform, &device);
-            list.devices.push(DeviceHandle { info, device });
+            list.devices.push(DeviceHandle { info, device, compiler_options: String::new() });
         }
     }
     list.diagnosis = Diagnosis::of_this_computer(&list);
