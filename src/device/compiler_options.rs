@@ -46,7 +46,7 @@ fn split_options(options: &str) -> Vec<String> {
     split
 }
 
-/// After a build that failed: the first of the user's options that the compiler refuses even for a program without a kernel.
+/// After a build that failed: the first of the user's options that the compiler refuses even for a program that does nothing.
 pub(super) fn find_refused(context: &DeviceContext) -> Option<Error> {
     let refused = |option: &String| Some((option.clone(), try_option(context, option).err()?));
     let (option, said) = split_options(&context.0.compiler_options).iter().find_map(refused)?;

@@ -217,9 +217,9 @@ fn build_source(context: &DeviceContext, source: &ProgramSource, options: &str) 
     }
 }
 
-/// Builds a program without any kernel with one option; the error is what the compiler said.
+/// Builds a program that does nothing with one option; the error is what the compiler said.
 pub(super) fn try_option(context: &DeviceContext, option: &str) -> std::result::Result<(), String> {
-    match build_source(context, &ProgramSource::new([]), option) {
+    match build_source(context, &ProgramSource::empty(), option) {
         Ok(_) => Ok(()),
         Err(Error::Build { log, .. }) => Err(log),
         Err(other) => Err(other.to_string()),

@@ -54,6 +54,9 @@ const ENTRY_FILES: &[(&str, &str)] =
 /// Before all others: what keeps compilers from changing the arithmetic.
 const FIRST_FILE: &[(&str, &str)] = kernel_files!["cl/shared/compiler.cl"];
 
+/// A program to try options with.
+const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
+
 /// How compilers that ignore `#line` (NVIDIA's, Oclgrind's) name the source in their logs; the line is then counted through the
 /// whole source.
 const WHOLE_SOURCE_NAMES: [&str; 3] = ["<kernel>", "<source>", "input.cl"];
@@ -71,6 +74,11 @@ impl ProgramSource {
     pub fn kernels(entry_files: &[&str]) -> Self {
         let entries = ENTRY_FILES.iter().filter(|(path, _)| entry_files.contains(path));
         Self::new(KERNEL_FILES.iter().chain(entries).copied())
+    }
+
+    /// A program whose only kernel does nothing.
+    pub fn empty() -> Self {
+        Self::new(EMPTY_FILE.iter().copied())
     }
 
     /// A program of the given files: path as logs shall name it, text. Before them comes `cl/shared/compiler.cl`.
