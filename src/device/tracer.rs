@@ -4,7 +4,7 @@ use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
-use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
@@ -99,6 +99,12 @@ pub(super) fn defers(options: &TraceOptions) -> bool {
     options.intersector == Intersector::Exact && !options.counters
 }
 
+/// What the device does to numbers, for `-v`.
+fn notes_on(info: &DeviceInfo) -> Vec<String> {
+    let flushes = "the device does not promise to keep numbers below 1.2e-38: a t, u or v that small may be 0";
+    if info.denormals { Vec::new() } else { vec![flushes.to_owned()] }
+}
+
 impl OpenClTracer {
     /// Compiles the kernels for `options` (or loads them from `cache`) and sends the scene to the device.
     ///
@@ -137,7 +143,7 @@ impl OpenClTracer {
             work_group: work_group.min(context.info().max_work_group_size.max(1)),
             compile_s: built.compile_s,
             upload_s: start.elapsed().as_secs_f64(),
-            notes: built.notes,
+            notes: [built.notes, notes_on(context.info())].concat(),
             scene,
             context,
         })
