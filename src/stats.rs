@@ -69,6 +69,9 @@ pub struct RunStats {
     pub device: String,
     /// "cpu", "gpu", "reference", ...
     pub device_kind: String,
+    /// What the user handed to the device's compiler.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compiler_options: Option<String>,
     /// The methods and numbers as used.
     pub options: TraceOptions,
     /// Triangles of the scene.

@@ -430,7 +430,7 @@ fn every_kernel_of_the_program_has_its_work_group_limits() {
         let multiple = kernel.preferred_work_group_multiple.expect("every driver tells");
         assert!((1..=limit).contains(&multiple), "{kernel:?}");
         // Only NVIDIA's compiler tells of registers, and then of everything.
-        assert_eq!(kernel.registers.is_some(), device.info.verbose_builds, "{kernel:?}");
+        assert_eq!(kernel.registers.is_some(), device.info.nvidia_options, "{kernel:?}");
         assert_eq!(kernel.stack_frame_bytes.is_some(), kernel.registers.is_some(), "{kernel:?}");
         assert_eq!(kernel.spill_load_bytes.is_some(), kernel.registers.is_some(), "{kernel:?}");
     }

@@ -27,7 +27,13 @@ const ITEMS: usize = 512;
 
 fn surface_with(geometric_normal: Vec3, normal: Vec3) -> Surface {
     Surface {
-        point: SurfacePoint { position: Vec3::ZERO, position_low: Vec3::ZERO, weights: Vec3::ZERO, error: 0.0, primitive: 0 },
+        point: SurfacePoint {
+            position: Vec3::ZERO,
+            position_low: Vec3::ZERO,
+            weights: Vec3::ZERO,
+            error: 0.0,
+            primitive: 0,
+        },
         geometric_normal,
         normal,
         lift: Vec3::ZERO,

@@ -43,6 +43,9 @@ float next_up(float x) {
 }
 float next_down(float x) { return -next_up(-x); }
 
+// x, and +0 for -0. By bits: compilers that ignore the sign of zero drop `x + 0`.
+float positive_zero(float x) { return as_uint(x) == 0x80000000u ? 0.0f : x; }
+
 // The power of two that brings `magnitude` (normal, positive, below 2^126) into [1, 2); multiplying by it is exact.
 float power_of_two_scale(float magnitude) { return as_float((254u - (as_uint(magnitude) >> 23)) << 23); }
 

@@ -51,7 +51,8 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
         ray.t_lift = LIFT;
     }
     const bool sound = scale_to_unit(&direction, &ray.t_scale) && is_finite3(origin) && t_near <= t_far;
-    direction += 0.0f; // -0 becomes +0, so that a zero component has one reciprocal
+    // A zero component has one reciprocal.
+    direction = (float3)(positive_zero(direction.x), positive_zero(direction.y), positive_zero(direction.z));
     ray.direction = direction;
     ray.inv_direction =
         (float3)(reciprocal_or_nan(direction.x), reciprocal_or_nan(direction.y), reciprocal_or_nan(direction.z));

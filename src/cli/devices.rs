@@ -1,6 +1,6 @@
 //! `raybrook devices`.
 
-use super::{MethodArgs, Talk, kernels};
+use super::{CompilerArgs, MethodArgs, Talk, kernels};
 use clap::parser::ValueSource;
 use raybrook::device::{devices_json, devices_report, list_devices};
 use raybrook::options::{OPTIONS, TraceOptions};
@@ -35,6 +35,8 @@ pub struct DevicesArgs {
     /// Longest chain of rays [default: 8].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     pub depth: Option<u32>,
+    #[command(flatten)]
+    pub compiler: CompilerArgs,
     /// Build the kernels that count their work.
     #[arg(long)]
     counters: bool,
@@ -85,7 +87,12 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
 
 /// The first option that only `--kernels` reads. Not `--device`, which the environment sets, too.
 fn given_for_kernels(args: &DevicesArgs, options: &TraceOptions) -> Option<&'static str> {
-    let given = [("--scene", args.scene.is_some()), ("--depth", args.depth.is_some()), ("--counters", args.counters)];
+    let given = [
+        ("--scene", args.scene.is_some()),
+        ("--depth", args.depth.is_some()),
+        ("--counters", args.counters),
+        ("--compiler-options", args.compiler.compiler_options.is_some()),
+    ];
     let method = OPTIONS.iter().map(|option| (option.name, option.is_set(options)));
     given.into_iter().chain(method).find(|(_, is_given)| *is_given).map(|(name, _)| name)
 }

@@ -26,6 +26,7 @@ mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
+use raybrook::device::DeviceHandle;
 use raybrook::options::{
     Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, Terminator, TexturePass, TraceOptions, Traversal,
     TriangleOrder,
@@ -166,6 +167,27 @@ struct DeviceArgs {
     /// Compile the kernels anew and keep nothing.
     #[arg(long)]
     no_cache: bool,
+    #[command(flatten)]
+    compiler: CompilerArgs,
+}
+
+/// What the device's compiler gets.
+#[derive(Args)]
+struct CompilerArgs {
+    /// Further options for the device's compiler, such as "-cl-mad-enable -w"; the hits stay the same, see README for what was
+    /// tested.
+    #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true)]
+    compiler_options: Option<String>,
+}
+
+impl CompilerArgs {
+    /// The device with these options.
+    fn apply(&self, device: DeviceHandle) -> Result<DeviceHandle, Error> {
+        match &self.compiler_options {
+            Some(options) => device.with_compiler_options(options),
+            None => Ok(device),
+        }
+    }
 }
 
 /// Overrides of what the scene says of its picture.

@@ -54,7 +54,11 @@ pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loade
 /// A chosen device; `None` is the reference.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
     Ok(match select(args.device.as_deref())? {
-        Selection::OpenCl(device) => Some(device),
+        Selection::OpenCl(device) => Some(args.compiler.apply(device)?),
+        Selection::Reference { .. } if args.compiler.compiler_options.is_some() => {
+            let message = "the reference has no compiler; leave it out, or choose an OpenCL device";
+            return Err(Error::option("--compiler-options", message));
+        }
         Selection::Reference { notice } => {
             if let Some(notice) = notice.filter(|_| !talk.quiet) {
                 eprintln!("note: {notice}");
@@ -102,6 +106,7 @@ pub fn open(
     }
     let stats = RunStats {
         device: tracer.device_name().to_owned(),
+        compiler_options: device.map(|d| d.compiler_options().to_owned()).filter(|options| !options.is_empty()),
         device_kind: device.map_or("reference", |d| d.info.kind.name()).to_owned(),
         options,
         load_s: Some(loaded.load_s),

@@ -248,6 +248,7 @@ pub(super) fn replay_command(replay: &Replay, method: &Method, args: &StressArgs
     words.extend(method.arguments());
     words.extend(args.strict.then(|| "--strict".to_owned()));
     words.extend(args.device.device.iter().map(|name| format!("--device '{name}'")));
+    words.extend(args.device.compiler.compiler_options.iter().map(|o| format!("--compiler-options '{o}'")));
     words.join(" ")
 }
 

@@ -101,7 +101,7 @@ pub struct DeviceInfo {
     /// Highest 2D image, texels.
     pub image2d_max_height: usize,
     /// Its compiler tells what kernels take of it (`cl_nv_compiler_options`).
-    pub verbose_builds: bool,
+    pub nvidia_options: bool,
     /// It has sub-groups.
     pub subgroups: bool,
     /// `float` division and square root can be rounded correctly, so that pictures agree with the reference to the last bit.
@@ -131,6 +131,8 @@ pub struct DeviceHandle {
     /// What the device says about itself.
     pub info: DeviceInfo,
     pub(super) device: Device,
+    /// See [`DeviceHandle::with_compiler_options`].
+    pub(super) compiler_options: String,
 }
 
 /// What there is on this computer.
@@ -179,7 +181,7 @@ pub fn list_devices() -> Result<DeviceList> {
         for id in devices {
             let device = Device::new(id);
             let info = query(list.devices.len(), platform, &device);
-            list.devices.push(DeviceHandle { info, device });
+            list.devices.push(DeviceHandle { info, device, compiler_options: String::new() });
         }
     }
     list.diagnosis = Diagnosis::of_this_computer(&list);
@@ -214,7 +216,7 @@ fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
         image1d_buffer_max_texels: image_size(device.image_max_buffer_size()),
         image2d_max_width: image_size(device.image2d_max_width()),
         image2d_max_height: image_size(device.image2d_max_height()),
-        verbose_builds: has("cl_nv_compiler_options"),
+        nvidia_options: has("cl_nv_compiler_options"),
         subgroups: has("cl_khr_subgroups") || has("cl_intel_subgroups") || device.max_num_sub_groups().unwrap_or(0) > 0,
         correctly_rounded_divide_sqrt: single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT != 0,
         denormals: single & CL_FP_DENORM != 0,
@@ -278,7 +280,7 @@ pub(super) fn sample_info() -> DeviceInfo {
         image1d_buffer_max_texels: 65_536,
         image2d_max_width: 16_384,
         image2d_max_height: 16_384,
-        verbose_builds: false,
+        nvidia_options: false,
         subgroups: false,
         correctly_rounded_divide_sqrt: true,
         denormals: true,

@@ -23,6 +23,7 @@
 
 mod buffer;
 mod cache;
+mod compiler_options;
 mod diagnosis;
 mod errors;
 mod handle;
@@ -83,6 +84,8 @@ struct Opened {
     context: Context,
     device: Device,
     info: DeviceInfo,
+    /// What the user hands to the compiler.
+    compiler_options: String,
     allocated_bytes: AtomicU64,
 }
 
@@ -109,6 +112,7 @@ impl DeviceContext {
             context,
             device: handle.device,
             info,
+            compiler_options: handle.compiler_options.clone(),
             allocated_bytes: AtomicU64::new(0),
         })))
     }

@@ -1,11 +1,14 @@
 //! Builds programs, from source or from a cached binary.
 //!
-//! Arithmetic must be the same on every device, so nothing here ever asks for relaxed mathematics.
+//! Arithmetic must be the same on every device, so nothing here ever asks for relaxed mathematics; who does it nevertheless
+//! ([`DeviceHandle::with_compiler_options`](super::DeviceHandle::with_compiler_options)) finds the kernels protected
+//! (`cl/shared/compiler.cl`).
 
 use super::cache::{Cache, CacheKey};
+use super::compiler_options::find_refused;
 use super::errors::BUILD_FAILURE;
 use super::handle::Owned;
-use super::{DeviceContext, DeviceInfo, Kernel, ProgramSource};
+use super::{DeviceContext, Kernel, ProgramSource};
 use crate::error::{Error, Result};
 use opencl3::error_codes::ClError;
 use opencl3::program::Program as ClProgram;
@@ -18,6 +21,7 @@ use std::time::Instant;
 pub struct CompileOptions {
     defines: Vec<(String, String)>,
     verbose: bool,
+    most_registers: Option<u32>,
 }
 
 impl CompileOptions {
@@ -47,18 +51,32 @@ impl CompileOptions {
         CompileOptions { verbose: true, ..self }
     }
 
-    /// The options for a device, as the compiler gets them.
-    pub fn text(&self, device: &DeviceInfo) -> String {
+    /// Lets a kernel take at most so many registers, on devices whose compiler can be told. What its rare calls need beyond that lies in
+    /// memory; without a limit they set the number for all, and fewer work-items run at once.
+    #[must_use]
+    pub fn most_registers(self, count: u32) -> Self {
+        CompileOptions { most_registers: Some(count), ..self }
+    }
+
+    /// The options for a device, as the compiler gets them; the user's own come last.
+    pub fn text(&self, context: &DeviceContext) -> String {
+        let device = context.info();
         let mut text = String::from("-cl-std=CL1.2");
         // Without it a division may be off by 2.5 units in the last place. Not every compiler knows the option.
         if device.correctly_rounded_divide_sqrt {
             text += " -cl-fp32-correctly-rounded-divide-sqrt";
         }
-        if self.verbose && device.verbose_builds {
+        if self.verbose && device.nvidia_options {
             text += " -cl-nv-verbose";
+        }
+        if let Some(count) = self.most_registers.filter(|_| device.nvidia_options) {
+            text += &format!(" -cl-nv-maxrregcount={count}");
         }
         for (name, value) in &self.defines {
             text += &format!(" -D {name}={value}");
+        }
+        if !context.0.compiler_options.is_empty() {
+            text += &format!(" {}", context.0.compiler_options);
         }
         text
     }
@@ -119,14 +137,15 @@ pub struct Built {
 /// Builds `source` for the device of `context`; takes the binary from `cache`, or puts it there, if there is one.
 ///
 /// # Errors
-/// [`Error::Build`] with the compiler's log, [`Error::OpenCl`] when the driver fails otherwise.
+/// [`Error::Option`] when the compiler refuses an option of the user's, [`Error::Build`] with the compiler's log,
+/// [`Error::OpenCl`] when the driver fails otherwise.
 pub fn build(
     context: &DeviceContext,
     source: &ProgramSource,
     options: &CompileOptions,
     cache: Option<&Cache>,
 ) -> Result<Built> {
-    let options = options.text(context.info());
+    let options = options.text(context);
     let key = CacheKey::new(source.text(), &options, context.info());
     let mut notes = Vec::new();
     if let Some(cache) = cache {
@@ -144,7 +163,7 @@ pub fn build(
     }
 
     let start = Instant::now();
-    let (raw, log) = build_source(context, source, &options)?;
+    let (raw, log) = build_source(context, source, &options).map_err(|e| find_refused(context).unwrap_or(e))?;
     let built = Built::new(context, raw, start, false, log, notes);
     Ok(match cache {
         Some(cache) => built.stored(cache, &key),
@@ -206,5 +225,14 @@ fn build_source(context: &DeviceContext, source: &ProgramSource, options: &str) 
             Err(Error::Build { device: context.info().name.clone(), options: options.to_owned(), log })
         }
         Err(error) => Err(context.error(&format!("clBuildProgram with '{options}'"), error)),
+    }
+}
+
+/// Builds a program that does nothing with one option; the error is what the compiler said.
+pub(super) fn try_option(context: &DeviceContext, option: &str) -> std::result::Result<(), String> {
+    match build_source(context, &ProgramSource::empty(), option) {
+        Ok(_) => Ok(()),
+        Err(Error::Build { log, .. }) => Err(log),
+        Err(other) => Err(other.to_string()),
     }
 }

@@ -91,7 +91,7 @@ fn program_resources(context: &DeviceContext, files: &[&str], options: &CompileO
         })
     });
     Ok(ProgramResources {
-        compile_options: options.text(context.info()),
+        compile_options: options.text(context),
         binary_bytes: built.program.binary_bytes(),
         kernels: kernels.collect::<Result<_>>()?,
         log: built.log,

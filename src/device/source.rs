@@ -56,8 +56,11 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
 const ENTRY_FILES: &[(&str, &str)] =
     kernel_files!["cl/kernels/trace.cl", "cl/kernels/render.cl", "cl/kernels/split.cl"];
 
-/// Before all files: correctly rounded results must not change where the compiler may fuse a product and a sum.
-const FIRST_LINE: &str = "#pragma OPENCL FP_CONTRACT OFF\n";
+/// Before all others: what keeps compilers from changing the arithmetic.
+const FIRST_FILE: &[(&str, &str)] = kernel_files!["cl/shared/compiler.cl"];
+
+/// A program to try options with.
+const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 
 /// How compilers that ignore `#line` (NVIDIA's, Oclgrind's) name the source in their logs; the line is then counted through the
 /// whole source.
@@ -78,10 +81,15 @@ impl ProgramSource {
         Self::new(KERNEL_FILES.iter().chain(entries).copied())
     }
 
-    /// A program of the given files: path as logs shall name it, text.
+    /// A program whose only kernel does nothing.
+    pub fn empty() -> Self {
+        Self::new(EMPTY_FILE.iter().copied())
+    }
+
+    /// A program of the given files: path as logs shall name it, text. Before them comes `cl/shared/compiler.cl`.
     pub fn new<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
-        let mut source = ProgramSource { text: FIRST_LINE.to_owned(), starts: Vec::new() };
-        for (path, text) in files {
+        let mut source = ProgramSource { text: String::new(), starts: Vec::new() };
+        for (path, text) in FIRST_FILE.iter().copied().chain(files) {
             source.text += &format!("#line 1 \"{path}\"\n");
             source.starts.push((source.text.lines().count() + 1, path.to_owned()));
             source.text += text;
@@ -129,44 +137,54 @@ impl ProgramSource {
 mod tests {
     use super::*;
 
-    /// Lines of the whole: 1 pragma, 2 #line, 3-4 a.cl, 5 #line, 6 b.cl, 7 #line, 8 c.cl.
+    /// Behind the first file: 1 #line, 2-3 a.cl, 4 #line, 5 b.cl, 6 #line, 7 c.cl.
     fn three_files() -> ProgramSource {
         ProgramSource::new([("cl/a.cl", "int a1;\nint a2;\n"), ("cl/b.cl", "int b1;"), ("cl/c.cl", "int c1;\n")])
     }
 
+    /// The lines of the first file and the `#line` before it.
+    fn before() -> usize {
+        1 + FIRST_FILE[0].1.lines().count()
+    }
+
     #[test]
     fn the_source_names_its_files_and_forbids_contraction() {
-        let expected = "#pragma OPENCL FP_CONTRACT OFF\n#line 1 \"cl/a.cl\"\nint a1;\nint a2;\n#line 1 \"cl/b.cl\"\nint b1;\n\
-                        #line 1 \"cl/c.cl\"\nint c1;\n";
-        assert_eq!(three_files().text(), expected);
+        let (path, first) = FIRST_FILE[0];
+        assert!(first.contains("#pragma OPENCL FP_CONTRACT OFF\n"));
+        let expected =
+            "#line 1 \"cl/a.cl\"\nint a1;\nint a2;\n#line 1 \"cl/b.cl\"\nint b1;\n#line 1 \"cl/c.cl\"\nint c1;\n";
+        assert_eq!(three_files().text(), format!("#line 1 \"{path}\"\n{first}{expected}"));
     }
 
     #[test]
     fn every_line_is_located() {
         let source = three_files();
-        let places: Vec<_> = (1..=8).map(|line| source.locate(line)).collect();
-        assert_eq!(places[..3], [None, None, Some(("cl/a.cl", 1))]);
-        assert_eq!(places[3], Some(("cl/a.cl", 2)));
-        assert_eq!(places[5], Some(("cl/b.cl", 1)));
-        assert_eq!(places[7], Some(("cl/c.cl", 1)));
+        assert_eq!(source.locate(0), None);
+        assert_eq!(source.locate(1), None);
+        assert_eq!(source.locate(2), Some(("cl/shared/compiler.cl", 1)));
+        let places: Vec<_> = (1..=7).map(|line| source.locate(before() + line)).collect();
+        assert_eq!(places[1..3], [Some(("cl/a.cl", 1)), Some(("cl/a.cl", 2))]);
+        assert_eq!(places[4], Some(("cl/b.cl", 1)));
+        assert_eq!(places[6], Some(("cl/c.cl", 1)));
     }
 
     #[test]
     fn nvidia_places_are_mapped_and_others_kept() {
         let source = three_files();
+        let [a2, b1, c1] = [3, 5, 7].map(|line| before() + line);
         for (log, expected) in [
-            ("<kernel>:4:34: error: expected ';'", "cl/a.cl:2:34: error: expected ';'"),
-            ("<kernel>:6:1: warning: x\nint b1;\n^", "cl/b.cl:1:1: warning: x\nint b1;\n^"),
-            ("In file: <kernel>:8:2: note: y", "In file: cl/c.cl:1:2: note: y"),
-            ("input.cl:6:3: error: z", "cl/b.cl:1:3: error: z"),
-            ("cl/input.cl:6:3: error: z", "cl/input.cl:6:3: error: z"),
-            ("cl/a.cl:2:34: error: named already", "cl/a.cl:2:34: error: named already"),
-            ("<kernel>:1:1: error: before every file", "<kernel>:1:1: error: before every file"),
-            ("<kernel>:x: no number", "<kernel>:x: no number"),
-            ("<kernel>:", "<kernel>:"),
-            ("", ""),
+            (format!("<kernel>:{a2}:34: error: expected ';'"), "cl/a.cl:2:34: error: expected ';'"),
+            (format!("<kernel>:{b1}:1: warning: x\nint b1;\n^"), "cl/b.cl:1:1: warning: x\nint b1;\n^"),
+            (format!("In file: <kernel>:{c1}:2: note: y"), "In file: cl/c.cl:1:2: note: y"),
+            (format!("input.cl:{b1}:3: error: z"), "cl/b.cl:1:3: error: z"),
+            (format!("cl/input.cl:{b1}:3: error: z"), &format!("cl/input.cl:{b1}:3: error: z")),
+            ("cl/a.cl:2:34: error: named already".into(), "cl/a.cl:2:34: error: named already"),
+            ("<kernel>:1:1: error: before every file".into(), "<kernel>:1:1: error: before every file"),
+            ("<kernel>:x: no number".into(), "<kernel>:x: no number"),
+            ("<kernel>:".into(), "<kernel>:"),
+            (String::new(), ""),
         ] {
-            assert_eq!(source.map_log(log), expected);
+            assert_eq!(source.map_log(&log), expected);
         }
     }
 }

@@ -219,8 +219,7 @@ pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit) {
         return;
     }
     let triangle = vertices(buffers, hit.primitive);
-    let Intersection { t, u, v } =
-        finish_wide(ray, triangle).unwrap_or_else(|| finish_whole(buffers, ray, triangle));
+    let Intersection { t, u, v } = finish_wide(ray, triangle).unwrap_or_else(|| finish_whole(buffers, ray, triangle));
     *hit = Hit { t, u, v, ..*hit };
 }
 

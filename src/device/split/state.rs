@@ -5,7 +5,7 @@ use super::{Buffer, DeviceContext, DeviceScene, PictureBuffers};
 use crate::error::Result;
 use crate::layout::Float4;
 use crate::shared::{
-    SurfaceHit, NO_PATH, QUEUE_SHADOWS, RenderParams, SplitRay, SplitShadow, SplitSlot, SplitSurface, SplitYield,
+    NO_PATH, QUEUE_SHADOWS, RenderParams, SplitRay, SplitShadow, SplitSlot, SplitSurface, SplitYield, SurfaceHit,
     TextureRequest,
 };
 
@@ -48,7 +48,8 @@ impl Shape {
         let rays = self.depth * size_of::<SplitRay>();
         let path_radiance = PATHS_PER_SLOT * size_of::<Float4>();
         let request = if self.setup.host_textures { size_of::<TextureRequest>() + size_of::<Float4>() } else { 0 };
-        let state = size_of::<SplitSlot>() + size_of::<SurfaceHit>() + size_of::<SplitSurface>() + size_of::<SplitYield>();
+        let state =
+            size_of::<SplitSlot>() + size_of::<SurfaceHit>() + size_of::<SplitSurface>() + size_of::<SplitYield>();
         let shadow_and_lists = size_of::<SplitShadow>() + 3 * size_of::<u32>();
         let all = rays + path_radiance + request + state + shadow_and_lists;
         (all as u64, rays.max(path_radiance) as u64)
