@@ -295,7 +295,7 @@ fn exact_is_right_on_the_device() {
 
 #[test]
 fn methods_fail_in_the_kinds_that_are_made_for_them() {
-    use Fault::{False, Leak, Miss, Primitive, SelfHit, T, Weights};
+    use Fault::{Leak, Miss, Primitive, SelfHit, T, Weights};
     let cases: &[(&str, &str, Fault)] = &[
         ("moller-trumbore", "edges", Miss),
         ("moller-trumbore", "vertices", Miss),
