@@ -15,9 +15,11 @@
 #                   vector instead, by an attribute (cl/shared/compiler.cl). (float)(int)x is -0 for x in -1..0; not used.
 #                   -cl-fast-relaxed-math takes every NaN for a number: refused there (cl/shared/compiler.cl).
 #   rusticl 22.3.6  No double: the triangle test takes its float-only path. Flushes numbers below 1.2e-38 and drops the sign of some
-#                   zeros (u, v of --intersector plucker; exact and watertight kept all bits). Does not finish to compile whole
-#                   traces with --intersector exact in 6 minutes and crashes on the mega-kernel (SIGSEGV in its compiler); --kernels split
-#                   --intersector watertight rendered the reference's picture. So only functions are tested.
+#                   zeros (u, v of --intersector plucker; exact and watertight kept all bits). Whole traces with --intersector
+#                   exact return hits that no triangle has, t = u = v = 0 (test the_closest_hit_is_the_exact_one; Mesa warns "Treating
+#                   load_kernel_arg in control flow as uniform, results may be incorrect"), and compile for minutes: refused on
+#                   llvmpipe (src/device/tracer.rs). Its compiler crashes on the mega-kernel. --kernels split --intersector
+#                   watertight rendered the reference's picture. So only functions are tested.
 #   Oclgrind 21.10  Loses kernels that are launched from several threads, so one test at a time. Ignores #line. Crashes on some vector code with
 #                   OCLGRIND_UNINITIALIZED.
 #   PoCL 3.1        Contexts from several threads at once fail (src/device/mod.rs has a lock); processes must not share an empty cache.

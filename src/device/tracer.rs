@@ -5,7 +5,7 @@ use super::passes::{Doubts, Entry, Passes};
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
 use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, Traversal};
@@ -111,6 +111,20 @@ pub(super) fn defers(options: &TraceOptions) -> bool {
     options.intersector == Intersector::Exact && !options.counters
 }
 
+/// Refuses what a runtime is known to get wrong; `tests/runtimes.sh` tells how that was found.
+fn check_runtime(info: &DeviceInfo, options: &TraceOptions) -> Result<()> {
+    // Mesa 22.3.6: whole traces return hits that no triangle has (t = u = v = 0), although the test alone is right.
+    if options.intersector == Intersector::Exact && info.platform_name == "rusticl" && info.name.contains("llvmpipe") {
+        let message = format!(
+            "exact gives wrong hits on device '{}': the driver miscompiles it; nearest: --intersector watertight --kernels split, \
+             or another --device",
+            info.name
+        );
+        return Err(Error::option(Intersector::OPTION, message));
+    }
+    Ok(())
+}
+
 /// What the device does to numbers, for `-v`.
 fn notes_on(info: &DeviceInfo) -> Vec<String> {
     let flushes = "the device does not promise to keep numbers below 1.2e-38: a t, u or v that small may be 0";
@@ -123,7 +137,8 @@ impl OpenClTracer {
     /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
     ///
     /// # Errors
-    /// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory.
+    /// The device cannot be opened, its driver is known to get the options wrong, its compiler refuses the kernels, or the scene does
+    /// not fit into its memory.
     pub fn new(
         device: &DeviceHandle,
         buffers: &Arc<SceneBuffers>,
@@ -131,6 +146,7 @@ impl OpenClTracer {
         max_depth: u32,
         cache: Option<&Cache>,
     ) -> Result<Self> {
+        check_runtime(&device.info, options)?;
         let context = DeviceContext::open(device)?;
         let compile_options = compile_options(buffers, options, max_depth);
         let (passes, mut built) = Passes::new(&context, options.kernels, compile_options, defers(options), cache)?;
@@ -285,5 +301,22 @@ impl OpenClTracer {
             })?;
         rendered.second_pass = doubts.resolved();
         failed.map_or(Ok(rendered), Err)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::list::sample_info;
+
+    #[test]
+    fn what_a_runtime_gets_wrong_is_refused() {
+        let rusticl = "rusticl".to_owned();
+        let info = DeviceInfo { platform_name: rusticl, name: "llvmpipe (LLVM 15.0.6)".to_owned(), ..sample_info() };
+        let watertight = TraceOptions { intersector: Intersector::Watertight, ..TraceOptions::DEFAULT };
+        let message = check_runtime(&info, &TraceOptions::DEFAULT).unwrap_err().to_string();
+        assert!(message.starts_with("option --intersector: exact gives wrong hits on device 'llvmpipe"), "{message}");
+        assert!(check_runtime(&info, &watertight).is_ok());
+        assert!(check_runtime(&sample_info(), &TraceOptions::DEFAULT).is_ok());
     }
 }
