@@ -37,9 +37,9 @@ mod models;
 
 use combinations::{go_together, is_robust_enough, kernel_key, product, spread};
 use common::device;
-use models::{Answers, Model, Questions, models};
+use models::{Answers, Model, Questions, brute_force, models};
 use raybrook::device::{Cache, DeviceHandle};
-use raybrook::options::{Choice, Intersector, Kernels, TraceOptions, Traversal, choices, never_together};
+use raybrook::options::{Choice, Intersector, Kernels, Terminator, TraceOptions, Traversal, choices, never_together};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -64,8 +64,8 @@ struct Job {
 /// Models, what is due of them, and what came of it.
 struct Comparison {
     models: Vec<Model>,
-    /// By model and triangle test.
-    expected: HashMap<(usize, Intersector), Answers>,
+    /// By model and by what answers may depend on.
+    expected: HashMap<(usize, Intersector, Terminator), Answers>,
     tally: Mutex<Tally>,
 }
 
@@ -85,16 +85,20 @@ fn robust_tests() -> impl Iterator<Item = Intersector> {
 impl Comparison {
     fn new(size: (u32, u32)) -> Comparison {
         let models = models(size);
-        let keys: Vec<_> = (0..models.len()).flat_map(|model| robust_tests().map(move |test| (model, test))).collect();
+        let with = |model| {
+            let both = |test| Terminator::ALL.iter().map(move |&terminator| (model, test, terminator));
+            robust_tests().flat_map(both)
+        };
+        let keys: Vec<_> = (0..models.len()).flat_map(with).collect();
         let expected =
-            keys.into_par_iter().map(|(model, test)| ((model, test), models[model].expected(test))).collect();
+            keys.into_par_iter().map(|key| (key, models[key.0].expected(&brute_force(key.1, key.2)))).collect();
         Comparison { models, expected, tally: Mutex::default() }
     }
 
     /// Runs a job on a device, or by the twin.
     fn run(&self, job: &Job, device: Option<&DeviceHandle>, cache: Option<&Cache>) {
         let Job { options, model, questions } = *job;
-        let expected = &self.expected[&(model, options.intersector)];
+        let expected = &self.expected[&(model, options.intersector, options.terminator)];
         let model = &self.models[model];
         let (rays, (count, texts)) = match model.answers(device, &options, questions, cache) {
             Ok(got) => (got.rays(), model.compare(expected, &got, questions)),
@@ -247,7 +251,8 @@ fn a_traversal_that_loses_hits_is_seen() {
     let options = TraceOptions { traversal: Traversal::ThesisRestart, ..TraceOptions::DEFAULT };
     let questions = Questions { batches: true, picture: true };
     let got = room.answers(None, &options, questions, None).unwrap();
-    let (count, texts) = room.compare(&room.expected(options.intersector), &got, questions);
+    let (count, texts) =
+        room.compare(&room.expected(&brute_force(options.intersector, options.terminator)), &got, questions);
     // It loses none from where all planes are ahead: those of the camera.
     let is_seen = |what: &str| texts.iter().any(|text| text.contains(what));
     assert!(

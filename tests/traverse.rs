@@ -268,9 +268,11 @@ fn ties_give_the_hits_of_brute_force() {
 #[test]
 fn kd_trees_lose_a_hit_that_rounding_moves_past_the_start_of_the_ray() {
     let scene = scene_of(&sheet(8).into_iter().map(|t| t.map(|p| p.with_z(0.25))).collect::<Vec<_>>());
+    // In units of 2^-20, a power of two, so that both parts are as short as they are exact.
+    let unit = 2f32.powi(-20);
     let rays = [TraceRay {
-        origin_t_min: Float4::new(Vec3::new(393_216.72, 524_287.78, 262_143.63), 1.0),
-        direction_t_max: Float4::new(Vec3::new(-0.718_814_85, 0.222_812_77, 0.377_561_93), f32::INFINITY),
+        origin_t_min: Float4::new(unit * Vec3::new(393_216.72, 524_287.78, 262_143.63), 1.0),
+        direction_t_max: Float4::new(unit * Vec3::new(-0.718_814_85, 0.222_812_77, 0.377_561_93), f32::INFINITY),
     }];
     for options in all_options() {
         let hits = trace(&scene, options, &rays, false, None);

@@ -20,13 +20,13 @@ void widen_exponents3(float3 v, int* lowest, int* highest) {
 // direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the others 2 p + d + 6; a comparison of two t
 // multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a comparison with a limit 24, and all need a sign. MAX_LIMBS
 // suffice for p = 217: positions whose largest is 10^65 times the last bit of the smallest. Beyond that the lowest bits go.
-RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const float3* vertices, int count) {
+RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const float3* corners, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000, low_w = 0, high_w = 0;
     widen_exponents3(start->base, &low_p, &high_p);
     widen_exponents3(start->other1, &low_p, &high_p);
     widen_exponents3(start->other2, &low_p, &high_p);
 #pragma unroll 1
-    for (int i = 0; i < 3 * count; i++) widen_exponents3(vertices[i], &low_p, &high_p);
+    for (int i = 0; i < 3 * count; i++) widen_exponents3(corners[i], &low_p, &high_p);
     widen_exponents3(direction, &low_d, &high_d);
     widen_exponents(start->weight1, &low_w, &high_w);
     widen_exponents(start->weight2, &low_w, &high_w);
@@ -50,7 +50,7 @@ typedef struct {
     Integer distance, det, weight1, weight2; // T, D, U, V
 } WholeNumbers;
 
-// *sum += weight * (other - base), the latter two vertices of the triangle that the ray starts on.
+// *sum += weight * (other - base), the latter two corners of the triangle that the ray starts on.
 RARE void add_weighted(Integer* sum, float base, float other, float weight, const WholeUnits* units) {
     if (weight == 0.0f) return;
     Integer edge, vertex;
@@ -61,7 +61,7 @@ RARE void add_weighted(Integer* sum, float base, float other, float weight, cons
     integer_add_product(sum, &vertex, &edge, 1, units->n);
 }
 
-RARE void whole_numbers(const TrianglePoint* start, float3 ray_direction, const float3* vertices, const WholeUnits* units,
+RARE void whole_numbers(const TrianglePoint* start, float3 ray_direction, const float3* corners, const WholeUnits* units,
                         WholeNumbers* numbers) {
     const int n = units->n;
     Integer edge1[3], edge2[3], from[3], direction[3];
@@ -69,9 +69,9 @@ RARE void whole_numbers(const TrianglePoint* start, float3 ray_direction, const 
     const float other1[3] = {start->other1.x, start->other1.y, start->other1.z};
     const float other2[3] = {start->other2.x, start->other2.y, start->other2.z};
     const float along[3] = {ray_direction.x, ray_direction.y, ray_direction.z};
-    const float p0[3] = {vertices[0].x, vertices[0].y, vertices[0].z};
-    const float p1[3] = {vertices[1].x, vertices[1].y, vertices[1].z};
-    const float p2[3] = {vertices[2].x, vertices[2].y, vertices[2].z};
+    const float p0[3] = {corners[0].x, corners[0].y, corners[0].z};
+    const float p1[3] = {corners[1].x, corners[1].y, corners[1].z};
+    const float p2[3] = {corners[2].x, corners[2].y, corners[2].z};
 #pragma unroll 1
     for (int k = 0; k < 3; k++) {
         Integer corner, origin;
@@ -135,12 +135,12 @@ RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units
     return integer_sign(&distance, units->n);
 }
 
-// Whether the triangle with vertices 0 to 2 is met before the one with vertices 3 to 5; of two at the same t that with the lower number.
-RARE bool is_nearer_whole(const TrianglePoint* start, float3 direction, const float3* vertices, bool is_lower) {
-    const WholeUnits units = whole_units(start, direction, vertices, 2);
+// Whether the triangle with corners 0 to 2 is met before the one with corners 3 to 5; of two at the same t that with the lower number.
+RARE bool is_nearer_whole(const TrianglePoint* start, float3 direction, const float3* corners, bool is_lower) {
+    const WholeUnits units = whole_units(start, direction, corners, 2);
     WholeNumbers numbers, best;
-    whole_numbers(start, direction, vertices, &units, &numbers);
-    whole_numbers(start, direction, vertices + 3, &units, &best);
+    whole_numbers(start, direction, corners, &units, &numbers);
+    whole_numbers(start, direction, corners + 3, &units, &best);
     const int sign = integer_sign(&numbers.det, units.n) * integer_sign(&best.det, units.n);
     Integer difference; // T D' - T' D, times the signs of D and D'
     integer_set_zero(&difference, units.n);
@@ -155,10 +155,10 @@ RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
                        float* t_low, float* t_high) {
     if (!(ray->t_near <= ray->t_far)) return false; // NaN or infinite: not a ray
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
-    float3 vertices[6] = {p0, p1, p2, p0, p1, p2};
-    const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
+    float3 corners[6] = {p0, p1, p2, p0, p1, p2};
+    const WholeUnits units = whole_units(&start, ray->direction, corners, 1);
     WholeNumbers numbers;
-    whole_numbers(&start, ray->direction, vertices, &units, &numbers);
+    whole_numbers(&start, ray->direction, corners, &units, &numbers);
     Integer weight0;
     whole_weight0(&numbers, units.n, &weight0);
     const int sign = integer_sign(&numbers.det, units.n);
@@ -184,17 +184,17 @@ RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
     if (hit->primitive == NO_PRIMITIVE || t < hit->u) return true;
     if (t > hit->t) return false;
 #pragma unroll 1
-    for (uint i = 0; i < 3u; i++) vertices[i + 3u] = LOAD_SURFACE_VERTEX(geometry, hit->primitive, i);
-    return is_nearer_whole(&start, ray->direction, vertices, primitive < hit->primitive);
+    for (uint i = 0; i < 3u; i++) corners[i + 3u] = LOAD_SURFACE_VERTEX(geometry, hit->primitive, i);
+    return is_nearer_whole(&start, ray->direction, corners, primitive < hit->primitive);
 }
 
 // t and the weights of a triangle that is hit.
 RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, SurfaceHit* hit) {
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
-    const float3 vertices[3] = {p0, p1, p2};
-    const WholeUnits units = whole_units(&start, ray->direction, vertices, 1);
+    const float3 corners[3] = {p0, p1, p2};
+    const WholeUnits units = whole_units(&start, ray->direction, corners, 1);
     WholeNumbers numbers;
-    whole_numbers(&start, ray->direction, vertices, &units, &numbers);
+    whole_numbers(&start, ray->direction, corners, &units, &numbers);
     Integer weight0;
     whole_weight0(&numbers, units.n, &weight0);
     *t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);

@@ -4,7 +4,7 @@ use super::common::{Random, SEED, shared};
 use glam::Vec3;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Intersector, TraceOptions};
+use raybrook::options::{Accel, Intersector, Terminator, TraceOptions};
 use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::light::sample_light;
 use raybrook::reference::ray::Ray;
@@ -105,8 +105,9 @@ pub fn models(size: (u32, u32)) -> Vec<Model> {
     models
 }
 
-fn brute_force(intersector: Intersector) -> TraceOptions {
-    TraceOptions { accel: Accel::Brute, intersector, ..TraceOptions::DEFAULT }
+/// What all combinations with a triangle test and a treatment of the shadows' terminator are to agree with.
+pub fn brute_force(intersector: Intersector, terminator: Terminator) -> TraceOptions {
+    TraceOptions { accel: Accel::Brute, intersector, terminator, ..TraceOptions::DEFAULT }
 }
 
 impl Model {
@@ -114,7 +115,7 @@ impl Model {
         let samples = Samples::PerPixel(1);
         complete(&mut scene, samples.aspect(size) as f32);
         let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: DEPTH, kill_weight: Some(0.0) };
-        let options = brute_force(Intersector::Exact);
+        let options = brute_force(Intersector::Exact, Terminator::Smooth);
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let params = buffers.render_params(&picture.camera, size, samples, DEPTH, picture.kill_weight);
         let [offset_x, offset_y] = sample_positions(samples)[0];
@@ -181,10 +182,10 @@ impl Model {
         Ok(answers)
     }
 
-    /// What is due with a triangle test.
-    pub fn expected(&self, intersector: Intersector) -> Answers {
+    /// What is due: what the twin answers.
+    pub fn expected(&self, brute_force: &TraceOptions) -> Answers {
         let all = Questions { batches: true, picture: true };
-        self.answers(None, &brute_force(intersector), all, None).unwrap()
+        self.answers(None, brute_force, all, None).unwrap()
     }
 
     /// How much of `got` is not as `expected`, and for each kind of answer the first that is not; of what was asked.
