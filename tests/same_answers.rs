@@ -86,7 +86,7 @@ impl Comparison {
     fn new(size: (u32, u32)) -> Comparison {
         let models = models(size);
         let with = |model| {
-            let both = |test| Terminator::ALL.iter().map(move |&terminator| (model, test, terminator));
+            let both = move |test| Terminator::ALL.iter().map(move |&terminator| (model, test, terminator));
             robust_tests().flat_map(both)
         };
         let keys: Vec<_> = (0..models.len()).flat_map(with).collect();

@@ -37,6 +37,7 @@ fn surface_with(geometric_normal: Vec3, normal: Vec3) -> Surface {
         geometric_normal,
         normal,
         lift: Vec3::ZERO,
+        largest_coordinate: 0.0,
         texture_uv: [0.0; 2],
         material: 0,
         front: true,

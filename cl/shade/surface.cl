@@ -14,6 +14,7 @@ typedef struct {
     float3 geometric_normal; // unit, towards the side that the ray came from
     float3 normal;           // unit, interpolated, on the same side as geometric_normal
     float3 lift;             // from the triangle to where shadow rays start, see smooth_lift()
+    float largest_coordinate; // of the triangle's vertices, without sign
     float texture_u, texture_v;
     uint material;
     bool front; // the ray came from the side on which the vertices run counter-clockwise
@@ -48,6 +49,8 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
 
     Surface surface;
     surface.point = surface_point(GEOMETRY, hit);
+    surface.largest_coordinate =
+        max_or(max_or(max_component(abs3(p0)), max_component(abs3(p1))), max_component(abs3(p2)));
     surface.material = at.material;
     // Rounding to tracing space may have flattened the triangle: it then looks at the ray.
     const float3 towards_ray = normalize3(-ray->direction, (float3)(0.0f, 0.0f, 1.0f));

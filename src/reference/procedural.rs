@@ -1,6 +1,6 @@
 //! Twin of `cl/shade/procedural.cl`: procedural textures. The reasons are there.
 
-use super::math::{abs3, clamp01, fma3, max_component, sin_turns};
+use super::math::{clamp01, fma3, sin_turns};
 use super::ray::EPSILON;
 use super::surface::Surface;
 use crate::layout::Float4;
@@ -158,8 +158,7 @@ pub fn procedural_colour(info: &TextureInfo, [u, v]: [f32; 2], position: Vec3) -
 #[inline(always)]
 pub fn solid_position(surface: &Surface) -> Vec3 {
     let outward = if surface.front { surface.geometric_normal } else { -surface.geometric_normal };
-    let rounding = 6.0 * EPSILON * max_component(abs3(surface.point.position));
-    fma3(outward, -2.0 * (surface.point.error + rounding), surface.point.position)
+    fma3(outward, -12.0 * EPSILON * surface.largest_coordinate, surface.point.position)
 }
 
 #[cfg(test)]

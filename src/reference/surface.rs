@@ -1,7 +1,7 @@
 //! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
 
 use super::exact::weight0_exactly;
-use super::math::{dot3, max_or, normalize3};
+use super::math::{abs3, dot3, max_component, max_or, normalize3};
 use super::normal::{interpolated_normal, smooth_lift, triangle_normal};
 use super::ray::{Ray, TrianglePoint, point_error, start_on_triangle};
 use super::traverse::vertices;
@@ -36,6 +36,8 @@ pub struct Surface {
     pub normal: Vec3,
     /// From the triangle to where shadow rays start.
     pub lift: Vec3,
+    /// Of the triangle's vertices, without sign.
+    pub largest_coordinate: f32,
     /// Texture coordinates.
     pub texture_uv: [f32; 2],
     /// Index of the material.
@@ -104,6 +106,7 @@ pub fn surface_at(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit
             Terminator::Smooth => smooth_lift(p1 - p0, p2 - p0, normals, [w, hit.u, hit.v], geometric_normal),
             Terminator::Hard => Vec3::ZERO,
         },
+        largest_coordinate: [p0, p1, p2].map(|p| max_component(abs3(p))).into_iter().fold(0.0, max_or),
         texture_uv: [
             at.normal0_u0.w.mul_add(w, at.normal1_u1.w.mul_add(hit.u, at.normal2_u2.w * hit.v)),
             at.v0.mul_add(w, at.v1.mul_add(hit.u, at.v2 * hit.v)),
