@@ -9,7 +9,7 @@
 //! ```text
 //!  scene.toml, .obj ──load──▶ Scene ──build──▶ KdTree ──pack──▶ SceneBuffers ──▶ render kernel ──▶ Film ──▶ picture
 //!   (scene/load.rs)          (scene/)         (accel/)         (pack.rs)   │    (cl/, device/)  (film.rs)
-//!                                                                          │       ▲ -D TRAVERSE=… -D INTERSECT=…
+//!                                                                          │       ▲ -D TRAVERSE=… -D HITS=…
 //!  rays.npz ───────────────▶ RayBatch ──────────────────────▶ TraceJob ────┤
 //!                            (rays.rs)                       (tracer.rs)   ▼
 //!                                               reference/ (the same algorithms, file for file, in f32) ──▶ compare.rs
