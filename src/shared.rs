@@ -127,9 +127,9 @@ impl WorkCounter {
 device_struct! {
     /// One ray of a batch query.
     pub struct TraceRay {
-        /// Origin in x, y, z (tracing space) and t_min in w.
+        /// Origin in x, y, z (tracing space) and t_min (world units) in w.
         pub origin_t_min: Float4,
-        /// Direction in x, y, z (any length) and t_max in w.
+        /// Direction in x, y, z (world units, any length) and t_max (world units) in w.
         pub direction_t_max: Float4,
     }
 }

@@ -4,7 +4,6 @@ use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
-use crate::reference::traverse::NO_HIT;
 use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
@@ -25,7 +24,7 @@ pub struct TraceJob<'a> {
 /// What became of a batch.
 #[derive(Debug, Clone, Default)]
 pub struct TraceResult {
-    /// One for each ray; t in units of |direction| in tracing space (see [`SceneBuffers::world_hit`]).
+    /// One for each ray; t in units of |direction|, as in world space. What is farther than every float is not hit.
     pub hits: Vec<Hit>,
     /// The second rays' hits, if they were asked for.
     pub next_hits: Option<Vec<Hit>>,
@@ -113,18 +112,10 @@ pub trait Tracer {
 impl SceneBuffers {
     /// A ray in world units as the tracers take it.
     pub fn trace_ray(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
-        let scale = self.params.scale;
         TraceRay {
-            origin_t_min: Float4::new(origin * scale, t_min * scale),
-            direction_t_max: Float4::new(direction, t_max * scale),
+            origin_t_min: Float4::new(origin * self.params.scale, t_min),
+            direction_t_max: Float4::new(direction, t_max),
         }
-    }
-
-    /// A hit in world units: t in units of |direction|. Exact, because the scale is a power of two, but for a t that is not a normal
-    /// float; what is farther than every float is not hit.
-    pub fn world_hit(&self, hit: Hit) -> Hit {
-        let t = hit.t / self.params.scale;
-        if t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
     }
 }
 

@@ -24,8 +24,7 @@ fn trace(scene: &Scene, intersector: Intersector, queries: &[Query]) -> Vec<Hit>
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
     let rays: Vec<_> = queries.iter().map(|&(o, d)| buffers.trace_ray(o, d, 0.0, f32::INFINITY)).collect();
     let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-    let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
-    hits.into_iter().map(|hit| buffers.world_hit(hit)).collect()
+    ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
 }
 
 /// A sphere of radius 1 about `center`, wound outwards: an icosahedron split `levels` times. Neighbours share the very same

@@ -1,9 +1,24 @@
 // Batch queries: one work-item traces one ray of the caller's.
 
-Ray batch_ray(__global const TraceRay* rays, uint index) {
+// Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the caller's space.
+// The two factors are powers of two of like size: their product may be none that a float can hold while the t that it makes is a float.
+void use_callers_units(Ray* ray, float3 direction, float scale) {
+    int lowest, highest = -1000;
+    widen_exponents(max_component(abs3(direction)), &lowest, &highest);
+    const int exponent = 1 - highest + 127 - (int)(as_uint(scale) >> 23);
+    ray->t_lift = as_float((uint)(exponent / 2 + 127) << 23);
+    ray->t_scale = as_float((uint)(exponent - exponent / 2 + 127) << 23);
+}
+
+Ray batch_ray(__global const TraceRay* rays, uint index, float scale) {
     const TraceRay query = rays[index];
-    return make_ray(query.origin_t_min.xyz, query.direction_t_max.xyz, query.origin_t_min.w, query.direction_t_max.w,
-                    NO_PRIMITIVE);
+    const float3 direction = query.direction_t_max.xyz;
+    const float t_min = query.origin_t_min.w, t_max = query.direction_t_max.w;
+    Ray ray = make_ray(query.origin_t_min.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
+    const bool sound = ray.t_near <= ray.t_far;
+    if (sound) use_callers_units(&ray, direction, scale);
+    limit_ray(&ray, sound && t_min <= t_max, t_min, t_max);
+    return ray;
 }
 
 // In the caller's units of t, in which what is farther than every float is not hit.
@@ -14,7 +29,7 @@ Hit batch_hit(const Ray* ray, Hit hit) {
 
 void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
                  const bool any_hit) {
-    const Ray ray = batch_ray(rays, index);
+    const Ray ray = batch_ray(rays, index, geometry->scale);
     Hit hit;
     if (TRAVERSE(GEOMETRY, &ray, any_hit, &hit)) FINISH(GEOMETRY, &ray, &hit);
     hits[index] = batch_hit(&ray, hit);
@@ -62,10 +77,12 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
     const Hit from = hits[index];
     Hit hit = no_hit();
     if (from.primitive != NO_PRIMITIVE) {
-        const Ray first_ray = batch_ray(rays, index);
+        const Ray first_ray = batch_ray(rays, index, geometry.scale);
         const SurfaceHit left = SURFACE_HIT(GEOMETRY_AT(&geometry), &first_ray, &from);
         const SurfacePoint point = surface_point(GEOMETRY_AT(&geometry), &left);
-        const Ray ray = leave_surface(&point, next_directions[index].xyz, INFINITY);
+        const float3 direction = next_directions[index].xyz;
+        Ray ray = leave_surface(&point, direction, INFINITY);
+        if (ray.t_near <= ray.t_far) use_callers_units(&ray, direction, geometry.scale);
         if (TRAVERSE(GEOMETRY_AT(&geometry), &ray, false, &hit)) FINISH(GEOMETRY_AT(&geometry), &ray, &hit);
         hit = batch_hit(&ray, hit);
     }

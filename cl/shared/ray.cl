@@ -25,6 +25,12 @@ typedef struct {
 // t in the caller's units.
 float callers_t(const Ray* ray, float t) { return t * ray->t_lift * ray->t_scale; }
 
+// Sets the interval, in the caller's units; to an empty one where the ray is not sound.
+void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
+    ray->t_near = sound ? t_near / ray->t_lift / ray->t_scale : INFINITY;
+    ray->t_far = sound ? min_or(t_far / ray->t_lift / ray->t_scale, FLT_MAX) : -INFINITY;
+}
+
 #define SHORT_DIRECTION 0x1p-100f
 
 float reciprocal_or_nan(float x) {
@@ -56,8 +62,7 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
     ray.direction = direction;
     ray.inv_direction =
         (float3)(reciprocal_or_nan(direction.x), reciprocal_or_nan(direction.y), reciprocal_or_nan(direction.z));
-    ray.t_near = sound ? t_near / ray.t_lift / ray.t_scale : INFINITY;
-    ray.t_far = sound ? min_or(t_far / ray.t_lift / ray.t_scale, FLT_MAX) : -INFINITY;
+    limit_ray(&ray, sound, t_near, t_far);
     return ray;
 }
 

@@ -47,8 +47,8 @@
 
 // One ray of a batch query.
 typedef struct {
-    float4 origin_t_min; // Origin in x, y, z (tracing space) and t_min in w.
-    float4 direction_t_max; // Direction in x, y, z (any length) and t_max in w.
+    float4 origin_t_min; // Origin in x, y, z (tracing space) and t_min (world units) in w.
+    float4 direction_t_max; // Direction in x, y, z (world units, any length) and t_max (world units) in w.
 } TraceRay;
 
 // The nearest intersection found.

@@ -58,20 +58,18 @@ fn job_rays(batch: &RayBatch, buffers: &SceneBuffers) -> Vec<TraceRay> {
 }
 
 /// The hits as NumPy users take them.
-fn hit_batch(result: &TraceResult, buffers: &SceneBuffers, any_hit: bool) -> HitBatch {
-    let world = |hits: &[Hit]| -> Vec<Hit> { hits.iter().map(|&hit| buffers.world_hit(hit)).collect() };
+fn hit_batch(result: &TraceResult, any_hit: bool) -> HitBatch {
     let times = |hits: &[Hit]| hits.iter().map(|hit| hit.t).collect();
     let primitives = |hits: &[Hit]| hits.iter().map(|hit| hit.primitive as i32).collect(); // NO_PRIMITIVE becomes -1
-    let hits = world(&result.hits);
-    let next = result.next_hits.as_deref().map(world);
+    let (hits, next) = (&result.hits, result.next_hits.as_deref());
     HitBatch {
-        t: times(&hits),
-        primitive: primitives(&hits),
+        t: times(hits),
+        primitive: primitives(hits),
         u: hits.iter().map(|hit| hit.u).collect(),
         v: hits.iter().map(|hit| hit.v).collect(),
         hit: any_hit.then(|| hits.iter().map(|hit| u8::from(is_hit(hit))).collect()),
-        next_t: next.as_deref().map(times),
-        next_primitive: next.as_deref().map(primitives),
+        next_t: next.map(times),
+        next_primitive: next.map(primitives),
         work: result.work.clone(),
         next_work: result.next_work.clone(),
     }
@@ -110,7 +108,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     drop(bar);
 
     if let Some(output) = &args.output {
-        hit_batch(&result, &opened.buffers, args.any_hit).write(output)?;
+        hit_batch(&result, args.any_hit).write(output)?;
     }
     let hits = result.hits.iter().filter(|hit| is_hit(hit)).count();
     let stats = &mut opened.stats;

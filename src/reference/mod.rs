@@ -29,6 +29,9 @@ use crate::pack::SceneBuffers;
 use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
 use crate::work::{PixelWork, RayWork};
+use glam::Vec3;
+use integer::widen_exponents;
+use math::{abs3, max_component};
 use memory::{NoWork, Work};
 use ray::Ray;
 use rayon::prelude::*;
@@ -150,11 +153,31 @@ fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
     if t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
 }
 
+/// Twin of `use_callers_units` in `cl/kernels/trace.cl`.
+#[inline(always)]
+fn use_callers_units(ray: &mut Ray, direction: Vec3, scale: f32) {
+    let (mut lowest, mut highest) = (0, -1000);
+    widen_exponents(max_component(abs3(direction)), &mut lowest, &mut highest);
+    let exponent = 1 - highest + 127 - (scale.to_bits() >> 23) as i32;
+    let power = |exponent: i32| f32::from_bits(((exponent + 127) as u32) << 23);
+    ray.t_lift = power(exponent / 2);
+    ray.t_scale = power(exponent - exponent / 2);
+}
+
 /// The ray of a query.
 #[inline(always)]
-fn batch_ray(query: &TraceRay) -> Ray {
+fn batch_ray(query: &TraceRay, scale: f32) -> Ray {
     let (origin, direction) = (query.origin_t_min, query.direction_t_max);
-    Ray::new(origin.xyz(), direction.xyz(), origin.w, direction.w, NO_PRIMITIVE)
+    let mut ray = Ray::new(origin.xyz(), direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
+    if ray.t_near <= ray.t_far {
+        use_callers_units(&mut ray, direction.xyz(), scale);
+        if origin.w <= direction.w {
+            ray.limit(origin.w, direction.w);
+        } else {
+            (ray.t_near, ray.t_far) = (f32::INFINITY, f32::NEG_INFINITY);
+        }
+    }
+    ray
 }
 
 impl ReferenceTracer {
@@ -180,7 +203,7 @@ impl ReferenceTracer {
 
     #[inline(always)]
     fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
-        let ray = batch_ray(query);
+        let ray = batch_ray(query, self.buffers.params.scale);
         let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
         finish(&self.buffers, &self.options, &ray, &mut hit);
         batch_hit(&ray, hit)
@@ -191,9 +214,13 @@ impl ReferenceTracer {
         if !is_hit(from) {
             return NO_HIT;
         }
-        let left = surface_hit(&self.buffers, &self.options, &batch_ray(query), from);
+        let scale = self.buffers.params.scale;
+        let left = surface_hit(&self.buffers, &self.options, &batch_ray(query, scale), from);
         let point = surface_point(&self.buffers, &self.options, &left);
-        let ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
+        let mut ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
+        if ray.t_near <= ray.t_far {
+            use_callers_units(&mut ray, direction.xyz(), scale);
+        }
         let hit = closest_hit(&self.buffers, &self.options, &ray, work);
         batch_hit(&ray, hit)
     }

@@ -57,7 +57,7 @@ impl Ray {
         let (direction, t_scale) = scaled.unwrap_or((direction, 1.0));
         let sound = scaled.is_some() && is_finite3(origin) && t_near <= t_far;
         let direction = direction + Vec3::ZERO; // -0 becomes +0
-        Ray {
+        let mut ray = Ray {
             origin,
             origin_low: Vec3::ZERO,
             direction,
@@ -66,13 +66,24 @@ impl Ray {
                 reciprocal_or_nan(direction.y),
                 reciprocal_or_nan(direction.z),
             ),
-            t_near: if sound { t_near / t_lift / t_scale } else { f32::INFINITY },
-            t_far: if sound { min_or(t_far / t_lift / t_scale, f32::MAX) } else { f32::NEG_INFINITY },
+            t_near: f32::INFINITY,
+            t_far: f32::NEG_INFINITY,
             t_scale,
             t_lift,
             skip,
             start_weights: Vec3::ZERO,
+        };
+        if sound {
+            ray.limit(t_near, t_far);
         }
+        ray
+    }
+
+    /// Sets the interval, in the caller's units.
+    #[inline(always)]
+    pub fn limit(&mut self, t_near: f32, t_far: f32) {
+        self.t_near = t_near / self.t_lift / self.t_scale;
+        self.t_far = min_or(t_far / self.t_lift / self.t_scale, f32::MAX);
     }
 
     /// Whether it starts at an exact point of triangle `skip`.

@@ -41,8 +41,7 @@ impl Found {
         let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
         let job = TraceJob { rays: &rays, next_directions, any_hit: false, repeat: 1 };
         let result = tracer.trace(&job, &|_| ())?;
-        let world = |hits: Vec<Hit>| hits.into_iter().map(|hit| buffers.world_hit(hit)).collect();
-        Ok(Found { hits: world(result.hits), next_hits: result.next_hits.map(world) })
+        Ok(Found { hits: result.hits, next_hits: result.next_hits })
     }
 
     /// The rays with wrong answers, by number.
