@@ -48,7 +48,8 @@ fn ray_count() -> usize {
 
 fn trace(device: Option<&DeviceHandle>, scene: &Scene, options: &TraceOptions) -> Vec<Hit> {
     let buffers = Arc::new(SceneBuffers::new(scene, options).unwrap());
-    let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
+    let opened = open_tracer(device, &buffers, options, 1, None);
+    let mut tracer = opened.unwrap_or_else(|error| panic!("{options:?}: {error}"));
     let rays = rays(&buffers, ray_count());
     let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
     tracer.trace(&job, &|_| ()).unwrap().hits

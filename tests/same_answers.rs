@@ -18,8 +18,8 @@
 //!
 //! # Two sizes
 //!
-//! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those with the
-//! exact test, among which is every structure and traversal, on every model; and the twin in every structure, build and traversal.
+//! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those of the
+//! mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile, in some GB of memory on 16
 //! cores. `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth. The test program needs nothing of the project then but the models:
@@ -175,18 +175,18 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
     lists.into_iter().map(|(_, list)| list).collect()
 }
 
-/// The combinations of the spread, each with one model, but those with the exact test with all. With that one the mega-kernel is not asked
-/// for pictures, because compiling its two passes takes longest; other tests render with it.
+/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all. With that one the
+/// mega-kernel is not asked for pictures, because compiling its two passes takes longest; other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
         let own = i % models;
         let mut jobs = Vec::new();
         for &options in list {
             let is_exact = options.intersector == Intersector::Exact;
-            for model in (0..models).filter(|&model| is_exact || model == own) {
-                let is_mega = options.kernels == Kernels::Mega;
+            let is_mega = options.kernels == Kernels::Mega;
+            for model in (0..models).filter(|&model| is_exact && is_mega || model == own) {
                 let picture = model == own && !(is_exact && is_mega);
-                jobs.push(Job { options, model, questions: Questions { batches: is_exact || is_mega, picture } });
+                jobs.push(Job { options, model, questions: Questions { batches: is_mega, picture } });
             }
         }
         jobs

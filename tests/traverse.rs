@@ -245,7 +245,7 @@ fn ties_give_the_hits_of_brute_force() {
         for &build in Build::ALL {
             let base = TraceOptions { build, ..DEEP };
             let ropes = SceneBuffers::new(&scene, &TraceOptions { traversal: Traversal::Ropes, ..base }).unwrap();
-            let rays = tying_rays(&ropes, 20_000, &mut Random(SEED + 4));
+            let rays = tying_rays(&ropes, 6000, &mut Random(SEED + 4));
             let expected =
                 trace(&scene, TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT }, &rays, false, None);
             assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 1000);
@@ -378,7 +378,7 @@ fn robust_tests_give_the_hits_of_brute_force_in_the_planes_of_triangles() {
     let mut differ = vec![0; Intersector::ALL.len()];
     for triangles in [soup(1000, 0.3, &mut random), flat] {
         let scene = scene_of(&triangles);
-        let queries: Vec<Query> = (0..40_000)
+        let queries: Vec<Query> = (0..12_000)
             .map(|i| {
                 let [a, b, c] = triangles[random.bits() as usize % triangles.len()];
                 let target = a.lerp(b, random.unit()).lerp(c, random.unit() / 2.0);
@@ -440,7 +440,7 @@ fn hits_are_those_of_the_oracle() {
 }
 
 #[test]
-fn a_power_of_two_changes_nothing_but_t() {
+fn a_power_of_two_changes_nothing() {
     let scene = scene_of(&soup(200, 0.3, &mut Random(SEED)));
     let queries = queries(5000, &mut Random(SEED + 3));
     let options = TraceOptions::default();
@@ -449,11 +449,12 @@ fn a_power_of_two_changes_nothing_but_t() {
         let mut scaled = scene.clone();
         scaled.positions.iter_mut().for_each(|p| *p *= factor);
         let buffers = Arc::new(SceneBuffers::new(&scaled, &options).unwrap());
-        // Only rays whose origin survives the factor.
+        // Only rays that survive the factor.
         let rays: Vec<_> = queries
             .iter()
             .filter(|q| q.0.abs().max_element() < 8.0 && q.0.abs().min_element() > 1e-3)
-            .map(|&(o, d, near, far)| buffers.trace_ray(o * factor, d, near * factor, far * factor))
+            .filter(|q| q.1.to_array().iter().all(|&x| x == 0.0 || x.abs() > 1e-6))
+            .map(|&(o, d, near, far)| buffers.trace_ray(o * factor, d * factor, near, far))
             .collect();
         let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits

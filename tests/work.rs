@@ -314,6 +314,7 @@ fn camera_bounce_shadow(scene: &Scene, options: TraceOptions) -> [WorkSum; 3] {
     let mut tracer = open_tracer(None, &buffers, &options, 1, None).unwrap();
     let traced = trace(tracer.as_mut(), &camera, Some(&bounces), false);
 
+    let scale = buffers.params.scale;
     let size = (params.eye.xyz() - buffers.params.low.xyz()).length();
     let light = params.eye.xyz() + Vec3::new(0.3, 0.6, 0.1) * size;
     let shadows: Vec<_> = camera
@@ -322,8 +323,8 @@ fn camera_bounce_shadow(scene: &Scene, options: TraceOptions) -> [WorkSum; 3] {
         .filter(|(_, hit)| is_hit(hit))
         .map(|(ray, hit)| {
             // Just before the surface.
-            let from = params.eye.xyz() + ray.direction_t_max.xyz() * (hit.t * 0.9999);
-            TraceRay { origin_t_min: Float4::new(from, 0.0), direction_t_max: Float4::new(light - from, 1.0) }
+            let from = params.eye.xyz() + ray.direction_t_max.xyz() * (hit.t * scale * 0.9999);
+            TraceRay { origin_t_min: Float4::new(from, 0.0), direction_t_max: Float4::new(light - from, 1.0 / scale) }
         })
         .collect();
     let shadow_work = trace(tracer.as_mut(), &shadows, None, true).work.unwrap();

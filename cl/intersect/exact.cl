@@ -87,9 +87,9 @@ void finish_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
     hit->v = at.v;
 }
 
-SurfaceHit surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit) {
+void surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
     float t;
-    return finish_hit(GEOMETRY, ray, hit->primitive, false, &t);
+    *at = finish_hit(GEOMETRY, ray, hit->primitive, false, &t);
 }
 
 float error_exactly(float3 p0, float3 p1, float3 p2) { return 0.0f; }

@@ -42,7 +42,8 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
             radiance += pending.weight * limit_radiance(background(scene, direction));
             continue;
         }
-        const SurfaceHit at = SURFACE_HIT(GEOMETRY, &pending.ray, &hit);
+        SurfaceHit at;
+        SURFACE_HIT(GEOMETRY, &pending.ray, &hit, &at);
         const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
         const Material material = scene->materials[surface.material];
         radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, direction, counts));

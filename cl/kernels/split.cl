@@ -187,7 +187,7 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
     uint counts[COUNTERS] = {0};
     Hit hit;
     SurfaceHit at = {0.0f, 0.0f, 0.0f, NO_PRIMITIVE};
-    if (trace_pending(SCENE_AT(&scene), &pending, &hit, counts)) at = SURFACE_HIT(GEOMETRY_AT(&scene.geometry), &pending.ray, &hit);
+    if (trace_pending(SCENE_AT(&scene), &pending, &hit, counts)) SURFACE_HIT(GEOMETRY_AT(&scene.geometry), &pending.ray, &hit, &at);
     NOTE_DOUBT(index);
     if (IN_DOUBT) return;
     hits[slot] = at;

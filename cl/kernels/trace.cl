@@ -78,7 +78,8 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
     Hit hit = no_hit();
     if (from.primitive != NO_PRIMITIVE) {
         const Ray first_ray = batch_ray(rays, index, geometry.scale);
-        const SurfaceHit left = SURFACE_HIT(GEOMETRY_AT(&geometry), &first_ray, &from);
+        SurfaceHit left;
+        SURFACE_HIT(GEOMETRY_AT(&geometry), &first_ray, &from, &left);
         const SurfacePoint point = surface_point(GEOMETRY_AT(&geometry), &left);
         const float3 direction = next_directions[index].xyz;
         Ray ray = leave_surface(&point, direction, INFINITY);

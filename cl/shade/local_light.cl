@@ -55,7 +55,8 @@ float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightS
         if (material->transparent == 0u) break;
         tint *= material->transmission_ior.xyz;
         // On from the surface that was passed, towards the same light.
-        const SurfaceHit passed = SURFACE_HIT(GEOMETRY, &ray, &hit);
+        SurfaceHit passed;
+        SURFACE_HIT(GEOMETRY, &ray, &hit, &passed);
         const SurfacePoint point = surface_point(GEOMETRY, &passed);
         const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
         ray = leave_surface(&point, direction, sample->t_far);

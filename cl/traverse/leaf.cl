@@ -14,7 +14,7 @@ Hit no_hit(void) {
 // HITS says which kind of triangle test there is, and names its functions:
 //     test_HITS     what becomes of *hit by a triangle that the ray may hit
 //     finish_HITS   writes t, u and v of the hit that a traversal has found
-//     surface_HITS  the weights of the hit that a traversal has found, finished or not
+//     surface_HITS  the weights of the hit that a traversal has found, finished or not (through a pointer, as lift_point())
 //     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
 // `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and final.
 #define JOIN_NAMES(a, b) a##b
@@ -35,9 +35,11 @@ void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     hit->primitive = primitive;
 }
 void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {}
-SurfaceHit surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit) {
-    const SurfaceHit at = {max_or(0.0f, (1.0f - hit->u) - hit->v), hit->u, hit->v, hit->primitive};
-    return at;
+void surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
+    at->weight0 = max_or(0.0f, (1.0f - hit->u) - hit->v);
+    at->u = hit->u;
+    at->v = hit->v;
+    at->primitive = hit->primitive;
 }
 float error_rounded(float3 p0, float3 p1, float3 p2) { return point_error(p0, p1, p2); }
 #endif
