@@ -96,6 +96,10 @@ methods! {
         EmptyLeaves = "empty-leaves",
         /// Ray-triangle tests. The triangle that a ray starts on is not tested.
         Tests = "tests",
+        /// Those of them that `exact` takes to twice the precision, because float32 bounds leave them open.
+        WideTests = "wide-tests",
+        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to whole numbers.
+        CloseTests = "close-tests",
         /// Descents that began anew; with ropes rays that `push-down` traces again, and its restarts.
         Restarts = "restarts",
         /// Entries that the short stack forgot.

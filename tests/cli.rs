@@ -308,7 +308,7 @@ fn counted_work_is_written_as_numbers_and_colours() {
         let output = raybrook(at, &[&fixed, arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(said.contains(" tests, ") && said.contains("deepest stack 0"), "{said}");
+        assert!(said.contains(" tests (") && said.contains("deepest stack 0"), "{said}");
         assert_eq!(said.matches("(black)").count(), pictures, "{said}");
         for file in files {
             std::fs::remove_file(at.join(file)).expect(file);

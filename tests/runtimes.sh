@@ -14,6 +14,7 @@
 #                   and more: __attribute__((noinline)) float f(float3 p) { return p.x + p.y; } called by a kernel. One lane for each
 #                   vector instead, by an attribute (cl/shared/compiler.cl). (float)(int)x is -0 for x in -1..0; not used.
 #                   -cl-fast-relaxed-math takes every NaN for a number: refused there (cl/shared/compiler.cl).
+#   NVIDIA          -cl-fast-relaxed-math makes divisions inexact: refused there (cl/shared/compiler.cl).
 #   rusticl 22.3.6  No double: the triangle test takes its float-only path. Flushes numbers below 1.2e-38 and drops the sign of some
 #                   zeros (u, v of --intersector plucker; exact and watertight kept all bits). Whole traces with --intersector
 #                   exact return hits that no triangle has, t = u = v = 0 (test the_closest_hit_is_the_exact_one; Mesa warns "Treating

@@ -21,9 +21,10 @@
 //! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those of the
 //! mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //!
-//! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile, in some GB of memory on 16
-//! cores. `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth. The test program needs nothing of the project then but the models:
-//! `RAYBROOK_SHARED` is the folder in which `scenes` and `spd` are; `RAYBROOK_DEVICE` the device, `POCL_CACHE_DIR` a folder for 2 GB.
+//! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile. `RAYBROOK_ALL_COMBINATIONS=2/5` runs the
+//! second fifth: PoCL compiles one program at a time, so on many cores run many parts, each with a `POCL_CACHE_DIR` of its own
+//! ([`docs/records.md`](../docs/records.md)). The test program needs nothing of the project then but the models:
+//! `RAYBROOK_SHARED` is the folder in which `scenes` and `spd` are; `RAYBROOK_DEVICE` the device.
 //!
 //! ```text
 //! RAYBROOK_ALL_COMBINATIONS=1 cargo test --release --test same_answers -- --nocapture

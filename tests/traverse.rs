@@ -248,7 +248,7 @@ fn ties_give_the_hits_of_brute_force() {
             let rays = tying_rays(&ropes, 6000, &mut Random(SEED + 4));
             let expected =
                 trace(&scene, TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT }, &rays, false, None);
-            assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 1000);
+            assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 400);
             for (traversal, stack_size) in all_traversals() {
                 let options = TraceOptions { traversal, stack_size, ..base };
                 assert_same(
@@ -453,7 +453,7 @@ fn a_power_of_two_changes_nothing() {
         let rays: Vec<_> = queries
             .iter()
             .filter(|q| q.0.abs().max_element() < 8.0 && q.0.abs().min_element() > 1e-3)
-            .filter(|q| q.1.to_array().iter().all(|&x| x == 0.0 || x.abs() > 1e-6))
+            .filter(|q| q.1.to_array().iter().all(|&x| x == 0.0 || (1e-6..1e6).contains(&x.abs())))
             .map(|&(o, d, near, far)| buffers.trace_ray(o * factor, d * factor, near, far))
             .collect();
         let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };

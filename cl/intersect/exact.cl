@@ -45,13 +45,20 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     const ShearedTriangle sheared = shear_triangle(ray, p0, p1, p2);
     float t_low, t_high;
     int decision = decide_rounded(&sheared, farthest_distance(ray, geometry->low, geometry->high), &t_low, &t_high);
-    if (decision == HIT) decision = place_hit(ray, hit, t_low, t_high);
+    if (decision != MISS) {
+        const int place = place_hit(ray, hit, t_low, t_high);
+        if (decision == HIT || place == MISS) decision = place;
+    }
     if (decision == DOUBTFUL) {
+        COUNT(geometry, WIDE_TESTS, 1);
         const WideDecision wide = decide_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
         decision = wide.decision == HIT ? place_hit(ray, hit, wide.t_low, wide.t_high) : wide.decision;
         t_low = wide.t_low;
         t_high = wide.t_high;
-        if (decision == DOUBTFUL) decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high);
+        if (decision == DOUBTFUL) {
+            COUNT(geometry, CLOSE_TESTS, 1);
+            decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high);
+        }
     }
     if (decision != HIT) return;
     hit->t = t_high;

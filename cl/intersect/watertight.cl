@@ -17,10 +17,9 @@ uint major_axis(float3 direction) {
 
 // The triangle in the sheared space.
 typedef struct {
-    float weight0, weight1, weight2; // edge functions: of one sign where the ray passes inside
-    float az, bz, cz;                // depths of the vertices along the major axis
+    float ax, ay, bx, by, cx, cy;
+    float az, bz, cz; // depths of the vertices along the major axis
     float direction_z, inv_direction_z; // by which t is scaled
-    float extent;                    // largest |x| or |y| of a vertex
 } ShearedTriangle;
 
 ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) {
@@ -35,34 +34,27 @@ ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) 
     const float3 a = rotate_to_z(from_origin(ray, p0), axis);
     const float3 b = rotate_to_z(from_origin(ray, p1), axis);
     const float3 c = rotate_to_z(from_origin(ray, p2), axis);
-    const float ax = fma(-shear_x, a.z, a.x), ay = fma(-shear_y, a.z, a.y);
-    const float bx = fma(-shear_x, b.z, b.x), by = fma(-shear_y, b.z, b.y);
-    const float cx = fma(-shear_x, c.z, c.x), cy = fma(-shear_y, c.z, c.y);
-
-    ShearedTriangle triangle;
-    triangle.weight0 = difference_of_products(cx, by, cy, bx);
-    triangle.weight1 = difference_of_products(ax, cy, ay, cx);
-    triangle.weight2 = difference_of_products(bx, ay, by, ax);
-    triangle.az = a.z;
-    triangle.bz = b.z;
-    triangle.cz = c.z;
-    triangle.direction_z = direction.z;
-    triangle.inv_direction_z = inv_z;
-    triangle.extent = max_or(max_or(max_or(fabs(ax), fabs(ay)), max_or(fabs(bx), fabs(by))), max_or(fabs(cx), fabs(cy)));
+    const ShearedTriangle triangle = {
+        fma(-shear_x, a.z, a.x), fma(-shear_y, a.z, a.y), fma(-shear_x, b.z, b.x), fma(-shear_y, b.z, b.y),
+        fma(-shear_x, c.z, c.x), fma(-shear_y, c.z, c.y), a.z, b.z, c.z, direction.z, inv_z};
     return triangle;
 }
 
 bool intersect_watertight(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
     const ShearedTriangle s = shear_triangle(ray, LOAD_VERTEX(geometry, slot, 0), LOAD_VERTEX(geometry, slot, 1),
                                              LOAD_VERTEX(geometry, slot, 2));
-    const bool all_positive = s.weight0 >= 0.0f && s.weight1 >= 0.0f && s.weight2 >= 0.0f;
-    const bool all_negative = s.weight0 <= 0.0f && s.weight1 <= 0.0f && s.weight2 <= 0.0f;
+    // Edge functions: of one sign where the ray passes inside.
+    const float weight0 = difference_of_products(s.cx, s.by, s.cy, s.bx);
+    const float weight1 = difference_of_products(s.ax, s.cy, s.ay, s.cx);
+    const float weight2 = difference_of_products(s.bx, s.ay, s.by, s.ax);
+    const bool all_positive = weight0 >= 0.0f && weight1 >= 0.0f && weight2 >= 0.0f;
+    const bool all_negative = weight0 <= 0.0f && weight1 <= 0.0f && weight2 <= 0.0f;
     if (!(all_positive || all_negative)) return false;
 
-    const float det = s.weight0 + s.weight1 + s.weight2;
-    const float z_weighted = fma(s.weight0, s.az, fma(s.weight1, s.bz, s.weight2 * s.cz));
+    const float det = weight0 + weight1 + weight2;
+    const float z_weighted = fma(weight0, s.az, fma(weight1, s.bz, weight2 * s.cz));
     *t = z_weighted / (det * s.direction_z); // a triangle seen edge-on has det = 0: infinite or NaN, rejected
-    *u = s.weight1 / det;
-    *v = s.weight2 / det;
+    *u = weight1 / det;
+    *v = weight2 / det;
     return is_finite(*t);
 }

@@ -2,6 +2,10 @@
 //
 // A product and a sum must not be fused, sums not be regrouped, divisions not become products, and NaN, infinity and -0 not be assumed
 // away, whatever options the program is built with: rounded results would change, and with them hits.
+#if defined(__NV_CL_C_VERSION) && defined(__FAST_RELAXED_MATH__)
+// Divisions and square roots are no longer rounded correctly, whatever else is asked for.
+#error "the kernels cannot be protected against -cl-fast-relaxed-math here; -cl-unsafe-math-optimizations -cl-finite-math-only can be used"
+#endif
 #ifdef __clang__
 #if defined(__SPIR__) || defined(__SPIRV__)
 // Compilers that go through SPIR or SPIR-V ignore float_control. What is left protects against -cl-unsafe-math-optimizations and

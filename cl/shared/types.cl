@@ -25,7 +25,7 @@
 #define QUEUE_RESOLVED 4u
 #define QUEUE_SHADOWS 5u
 #define COUNTERS 8u
-#define WORK_COUNTERS 9u
+#define WORK_COUNTERS 11u
 #define MAX_RADIANCE 0x1p100f
 #define COUNT_CAMERA_CAST 0u
 #define COUNT_CAMERA_HIT 1u
@@ -39,11 +39,13 @@
 #define WORK_LEAVES 1u
 #define WORK_EMPTY_LEAVES 2u
 #define WORK_TESTS 3u
-#define WORK_RESTARTS 4u
-#define WORK_OVERFLOWS 5u
-#define WORK_NODE_BYTES 6u
-#define WORK_TRIANGLE_BYTES 7u
-#define WORK_DEEPEST_STACK 8u
+#define WORK_WIDE_TESTS 4u
+#define WORK_CLOSE_TESTS 5u
+#define WORK_RESTARTS 6u
+#define WORK_OVERFLOWS 7u
+#define WORK_NODE_BYTES 8u
+#define WORK_TRIANGLE_BYTES 9u
+#define WORK_DEEPEST_STACK 10u
 
 // One ray of a batch query.
 typedef struct {

@@ -8,10 +8,10 @@ use super::memory::{Work, load_vertices};
 use super::ray::{EPSILON, Ray};
 use super::traverse::vertices;
 use crate::pack::SceneBuffers;
-use crate::shared::{Hit, NO_PRIMITIVE};
+use crate::shared::{Hit, NO_PRIMITIVE, WorkCounter};
 use glam::{DVec3, Vec3};
 
-const SHEAR_ERROR: f32 = 80.0 * EPSILON;
+const SHEAR_ERROR: f32 = 74.0 * EPSILON;
 const SHEAR_ERROR2: f32 = 544.0 * EPSILON * EPSILON;
 const SPREAD_ERROR: f32 = 3.1;
 const DEPTH_ERROR: f32 = 26.0 * EPSILON;
@@ -27,28 +27,35 @@ pub enum Decision {
     Doubtful,
 }
 
+/// `None`: surely no hit. Else whether it is one for sure, and limits of its t.
 #[inline(always)]
-fn decide_rounded(s: &ShearedTriangle, distance: f32) -> Decision {
-    let [weight0, weight1, weight2] = s.weights;
-    let bound = distance * SHEAR_ERROR.mul_add(s.extent, SHEAR_ERROR2 * distance);
+fn decide_rounded(s: &ShearedTriangle, distance: f32) -> Option<(bool, [f32; 2])> {
+    let [a, b, c] = s.vertices;
+    let weight0 = c.x.mul_add(b.y, -(c.y * b.x));
+    let weight1 = a.x.mul_add(c.y, -(a.y * c.x));
+    let weight2 = b.x.mul_add(a.y, -(b.y * a.x));
+    let larger = |p: Vec3| max_or(p.x.abs(), p.y.abs());
+    let extent = max_or(max_or(larger(a), larger(b)), larger(c));
+    let bound = distance * SHEAR_ERROR.mul_add(extent, SHEAR_ERROR2 * distance);
     let low = min_or(weight0, min_or(weight1, weight2));
     let high = max_or(weight0, max_or(weight1, weight2));
     if low < -bound && high > bound {
-        return Decision::Miss;
+        return None;
     }
+    let (nearest, farthest) = (min_or(a.z, min_or(b.z, c.z)), max_or(a.z, max_or(b.z, c.z)));
+    let depth_error = DEPTH_ERROR * max_or(nearest.abs(), farthest.abs());
     let is_inside = low > bound || high < -bound;
     if !is_inside {
-        return Decision::Doubtful;
+        let (t_nearest, t_farthest) = (nearest * s.inv_direction_z, farthest * s.inv_direction_z);
+        let limits = [min_or(t_nearest, t_farthest) - depth_error, max_or(t_nearest, t_farthest) + depth_error];
+        return Some((false, limits));
     }
-    let [az, bz, cz] = s.depths;
     let det = weight0 + weight1 + weight2;
-    let z_weighted = weight0.mul_add(az, weight1.mul_add(bz, weight2 * cz));
+    let z_weighted = weight0.mul_add(a.z, weight1.mul_add(b.z, weight2 * c.z));
     let inv_det = 1.0 / det;
     let t = z_weighted * inv_det * s.inv_direction_z;
-    let (nearest, farthest) = (min_or(az, min_or(bz, cz)), max_or(az, max_or(bz, cz)));
-    let depth = max_or(nearest.abs(), farthest.abs());
-    let error = (SPREAD_ERROR * bound).mul_add((farthest - nearest) * inv_det.abs(), DEPTH_ERROR * depth);
-    Decision::Hit([t - error, t + error])
+    let error = (SPREAD_ERROR * bound).mul_add((farthest - nearest) * inv_det.abs(), depth_error);
+    Some((true, [t - error, t + error]))
 }
 
 /// What limits of its t say of a hit.
@@ -200,11 +207,19 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
         Decision::Hit(limits) => place_hit(ray, hit, limits),
         other => other,
     };
-    let mut decision = placed(hit, decide_rounded(&shear_triangle(ray, triangle), distance));
+    let mut decision = match decide_rounded(&shear_triangle(ray, triangle), distance) {
+        None => Decision::Miss,
+        Some((is_sure, limits)) => match place_hit(ray, hit, limits) {
+            place if is_sure || place == Decision::Miss => place,
+            _ => Decision::Doubtful,
+        },
+    };
     if decision == Decision::Doubtful {
+        work.count(WorkCounter::WideTests, 1);
         decision = placed(hit, decide_wide(ray, triangle));
     }
     if decision == Decision::Doubtful {
+        work.count(WorkCounter::CloseTests, 1);
         decision = decide_whole(buffers, ray, triangle, primitive, hit);
     }
     if let Decision::Hit([t_low, t_high]) = decision {

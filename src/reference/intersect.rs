@@ -1,6 +1,6 @@
 //! Twins of `cl/intersect/`: the ray-triangle tests. The reasons are there.
 
-use super::math::{abs3, cross3, difference_of_products, dot3, max_or};
+use super::math::{abs3, cross3, difference_of_products, dot3};
 use super::memory::{Work, load_transform, load_vertices};
 use super::ray::Ray;
 use crate::layout::Float4;
@@ -78,16 +78,12 @@ fn major_axis(direction: Vec3) -> usize {
 /// A triangle in the space where the ray is the z axis.
 #[derive(Debug, Clone, Copy)]
 pub struct ShearedTriangle {
-    /// Edge functions.
-    pub weights: [f32; 3],
-    /// Depths of the vertices along the major axis.
-    pub depths: [f32; 3],
+    /// The vertices; z is the depth along the major axis.
+    pub vertices: [Vec3; 3],
     /// By which t is scaled.
     pub direction_z: f32,
     /// Its reciprocal.
     pub inv_direction_z: f32,
-    /// Largest |x| or |y| of a vertex.
-    pub extent: f32,
 }
 
 /// Brings a triangle into that space.
@@ -102,33 +98,23 @@ pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
         let p = rotate_to_z(ray.from_origin(p), axis);
         Vec3::new((-shear_x).mul_add(p.z, p.x), (-shear_y).mul_add(p.z, p.y), p.z)
     };
-    let (a, b, c) = (shear(p0), shear(p1), shear(p2));
-    let larger = |p: Vec3| max_or(p.x.abs(), p.y.abs());
-    ShearedTriangle {
-        weights: [
-            difference_of_products(c.x, b.y, c.y, b.x),
-            difference_of_products(a.x, c.y, a.y, c.x),
-            difference_of_products(b.x, a.y, b.y, a.x),
-        ],
-        depths: [a.z, b.z, c.z],
-        direction_z: direction.z,
-        inv_direction_z: inv_z,
-        extent: max_or(max_or(larger(a), larger(b)), larger(c)),
-    }
+    ShearedTriangle { vertices: [shear(p0), shear(p1), shear(p2)], direction_z: direction.z, inv_direction_z: inv_z }
 }
 
 /// Twin of `cl/intersect/watertight.cl`.
 #[inline(always)]
 pub fn intersect_watertight(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
-    let ShearedTriangle { weights: [weight0, weight1, weight2], depths: [az, bz, cz], direction_z, .. } =
-        shear_triangle(ray, triangle);
+    let ShearedTriangle { vertices: [a, b, c], direction_z, .. } = shear_triangle(ray, triangle);
+    let weight0 = difference_of_products(c.x, b.y, c.y, b.x);
+    let weight1 = difference_of_products(a.x, c.y, a.y, c.x);
+    let weight2 = difference_of_products(b.x, a.y, b.y, a.x);
     let all_positive = weight0 >= 0.0 && weight1 >= 0.0 && weight2 >= 0.0;
     let all_negative = weight0 <= 0.0 && weight1 <= 0.0 && weight2 <= 0.0;
     if !(all_positive || all_negative) {
         return None;
     }
     let det = weight0 + weight1 + weight2;
-    let z_weighted = weight0.mul_add(az, weight1.mul_add(bz, weight2 * cz));
+    let z_weighted = weight0.mul_add(a.z, weight1.mul_add(b.z, weight2 * c.z));
     let t = z_weighted / (det * direction_z);
     t.is_finite().then_some(Intersection { t, u: weight1 / det, v: weight2 / det })
 }
