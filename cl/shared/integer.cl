@@ -4,7 +4,7 @@
 // are whole numbers, and so are all sums and products of them: their signs and quotients are exact. Two's complement, least
 // significant limb first; every function takes the number n of limbs that the caller has found to suffice.
 
-#define MAX_LIMBS 40 // see whole_units() in cl/intersect/exact.cl
+#define MAX_LIMBS 40 // see whole_units() in cl/intersect/exact_whole.cl
 
 // A copy of a function at each of its many calls would take compilers longer than all tracing takes: 17 s on NVIDIA's.
 #define RARE __attribute__((noinline))
@@ -59,24 +59,48 @@ int integer_take_sign(Integer* a, int n) {
     return sign;
 }
 
-// *r = *r + sign * a * b. In two's complement the product's lower limbs are right whatever the signs.
-RARE void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sign, int n) {
-    const uint flip = sign < 0 ? 0xffffffffu : 0u;
-    Integer product;
-    integer_set_zero(&product, n);
+// *magnitude = |a|; returns how many limbs of it matter, and changes *sign if a is negative.
+int integer_magnitude(const Integer* a, Integer* magnitude, int* sign, int n) {
+    const uint flip = integer_is_negative(a, n) ? 0xffffffffu : 0u;
+    if (flip != 0u) *sign = -*sign;
+    int length = 0;
+    ulong carry = flip & 1u;
 #pragma unroll 1
     for (int i = 0; i < n; i++) {
-        const ulong factor = a->limb[i];
-        if (factor == 0) continue;
-        ulong carry = 0;
-#pragma unroll 1
-        for (int j = 0; i + j < n; j++) {
-            carry += factor * b->limb[j] + product.limb[i + j];
-            product.limb[i + j] = (uint)carry;
-            carry >>= 32;
-        }
+        carry += a->limb[i] ^ flip;
+        magnitude->limb[i] = (uint)carry;
+        if ((uint)carry != 0u) length = i + 1;
+        carry >>= 32;
     }
-    integer_add(r, &product, sign, n);
+    return length;
+}
+
+// *r = *r + sign * a * b; r is neither of them. Only limbs that matter are multiplied: n is that of the largest result, which is far
+// longer than most factors. Column by column, so that nothing waits for a store or a carry within a column: a GPU runs the few
+// rays that come here at its latency.
+RARE void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sign, int n) {
+    Integer x, y;
+    const int x_length = integer_magnitude(a, &x, &sign, n), y_length = integer_magnitude(b, &y, &sign, n);
+    if (x_length == 0 || y_length == 0) return;
+    const uint flip = sign < 0 ? 0xffffffffu : 0u;
+    // Sums of the lower and of the upper words of a column's products, the former with what is carried from the columns before.
+    ulong column = 0, next = 0;
+    ulong carry = flip & 1u;
+#pragma unroll 1
+    for (int k = 0; k < n; k++) {
+        const int end = k < x_length ? k + 1 : x_length;
+#pragma unroll 1
+        for (int i = k < y_length ? 0 : k - y_length + 1; i < end; i++) {
+            const ulong product = (ulong)x.limb[i] * y.limb[k - i];
+            column += (uint)product;
+            next += product >> 32;
+        }
+        carry += (ulong)r->limb[k] + ((uint)column ^ flip);
+        r->limb[k] = (uint)carry;
+        carry >>= 32;
+        column = (column >> 32) + next;
+        next = 0;
+    }
 }
 
 // Position of the highest bit of a >= 0, counted from 1; 0 for zero.
@@ -152,7 +176,9 @@ RARE float integer_quotient(Integer* numerator, Integer* denominator, int expone
     const int sign = integer_take_sign(numerator, n) * integer_take_sign(denominator, n);
     if (sign == 0) return 0.0f;
     // Brought to the same number of bits, and divided bit by bit to 25 or 26 bits: two more than a float has.
-    const int scale = integer_bits(denominator, n) - integer_bits(numerator, n);
+    const int denominator_bits = integer_bits(denominator, n), numerator_bits = integer_bits(numerator, n);
+    const int scale = denominator_bits - numerator_bits;
+    n = (max(denominator_bits, numerator_bits) + 2 + 31) / 32;
     if (scale >= 0) {
         integer_shift_up(numerator, scale, n);
     } else {

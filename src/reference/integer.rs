@@ -70,17 +70,29 @@ impl Integer {
         sign
     }
 
+    /// The magnitude, and how many limbs of it matter; changes `sign` if the number is negative.
+    fn magnitude(&self, sign: &mut i32, n: usize) -> (Integer, usize) {
+        let mut magnitude = *self;
+        if magnitude.take_sign(n) < 0 {
+            *sign = -*sign;
+        }
+        let length = magnitude.limbs[..n].iter().rposition(|&limb| limb != 0).map_or(0, |i| i + 1);
+        (magnitude, length)
+    }
+
     /// Adds `sign * a * b`.
-    pub fn add_product(&mut self, a: &Integer, b: &Integer, sign: i32, n: usize) {
+    pub fn add_product(&mut self, a: &Integer, b: &Integer, mut sign: i32, n: usize) {
+        let (x, x_length) = a.magnitude(&mut sign, n);
+        let (y, y_length) = b.magnitude(&mut sign, n);
         let mut product = Integer::ZERO;
-        for i in 0..n {
-            let factor = u64::from(a.limbs[i]);
-            if factor == 0 {
-                continue;
-            }
+        for i in 0..x_length {
+            let factor = u64::from(x.limbs[i]);
             let mut carry = 0;
             for j in 0..n - i {
-                carry += factor * u64::from(b.limbs[j]) + u64::from(product.limbs[i + j]);
+                if j >= y_length && carry == 0 {
+                    break;
+                }
+                carry += factor * u64::from(y.limbs[j]) + u64::from(product.limbs[i + j]);
                 product.limbs[i + j] = carry as u32;
                 carry >>= 32;
             }
@@ -138,7 +150,9 @@ pub fn integer_quotient(mut numerator: Integer, mut denominator: Integer, expone
     if sign == 0 {
         return 0.0;
     }
-    let scale = denominator.bits(n) - numerator.bits(n);
+    let (denominator_bits, numerator_bits) = (denominator.bits(n), numerator.bits(n));
+    let scale = denominator_bits - numerator_bits;
+    let n = (denominator_bits.max(numerator_bits) as usize + 2).div_ceil(32);
     if scale >= 0 {
         numerator.shift_up(scale as usize, n);
     } else {
