@@ -80,12 +80,30 @@ pub struct SplitStats {
 /// Called from time to time with the part of the work that is done, 0..=1.
 pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
 
+/// What a tracer can be asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Task {
+    /// [`Tracer::trace`].
+    Batch,
+    /// [`Tracer::render`].
+    Picture,
+}
+
 /// Something that traces rays through one scene.
 pub trait Tracer {
     /// The device's name.
     fn device_name(&self) -> &str;
 
-    /// Seconds that compiling (or loading) the kernels took.
+    /// Compiles what `task` needs, if that is not done yet. Without it the first job of that kind does.
+    ///
+    /// # Errors
+    /// The device's compiler refuses the kernels.
+    fn prepare(&mut self, task: Task) -> Result<()> {
+        let _ = task;
+        Ok(())
+    }
+
+    /// Seconds that compiling (or loading) kernels took so far.
     fn compile_s(&self) -> f64;
 
     /// Seconds that sending the scene took.

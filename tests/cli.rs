@@ -217,12 +217,14 @@ fn devices_kernels_lists_every_kernel() {
         serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--accel", "grid"])).unwrap();
     assert_eq!(json[0]["device"], device.info.name);
     let programs = json[0]["programs"].as_array().unwrap();
-    for (program, pass) in programs.iter().zip(["DEFER_DOUBTS", "RESOLVE_DOUBTS"]) {
+    let passes = ["DEFER_DOUBTS", "DEFER_DOUBTS", "RESOLVE_DOUBTS", "RESOLVE_DOUBTS"];
+    for ((program, pass), kernel) in programs.iter().zip(passes).zip(["trace_any", "render"].iter().cycle()) {
         let options = program["compile_options"].as_str().unwrap();
         assert!(options.contains("traverse_grid") && options.contains(pass), "{options}");
+        assert_eq!(program["kernels"][0]["kernel"], *kernel);
         assert!(program["kernels"][0]["max_work_group_size"].as_u64().unwrap() > 0);
     }
-    assert_eq!(programs.len(), 2);
+    assert_eq!(programs.len(), passes.len());
     let text = run(&["--depth", "30", "--intersector", "watertight", "--counters"]);
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for expected in ["registers", "-DMAX_PENDING=32", "-DCOUNT_WORK=1", "render", "trace_next"] {

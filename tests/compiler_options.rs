@@ -10,7 +10,7 @@ use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Builder, Image, Light, Material, Samples, Scene};
 use raybrook::session::{Picture, complete, open_tracer, render};
 use raybrook::shared::{Hit, TraceRay};
-use raybrook::tracer::{TraceJob, Tracer};
+use raybrook::tracer::{Task, TraceJob, Tracer};
 use raybrook::{Error, Result};
 use std::process::Command;
 use std::sync::Arc;
@@ -27,8 +27,14 @@ const RELAXED: [&str; 7] = [
 ];
 
 /// A tracer on `device`, or `None`, with the reason printed, where the kernels refuse the device's compiler options.
-fn open(device: &DeviceHandle, buffers: &Arc<SceneBuffers>, options: &TraceOptions) -> Option<Box<dyn Tracer>> {
-    match open_tracer(Some(device), buffers, options, 4, None) {
+fn open(
+    device: &DeviceHandle,
+    buffers: &Arc<SceneBuffers>,
+    options: &TraceOptions,
+    task: Task,
+) -> Option<Box<dyn Tracer>> {
+    let tracer = open_tracer(Some(device), buffers, options, 4, None);
+    match tracer.and_then(|mut tracer| tracer.prepare(task).map(|()| tracer)) {
         Ok(tracer) => Some(tracer),
         Err(error @ Error::Option { .. }) => {
             let message = error.to_string();
@@ -83,7 +89,7 @@ fn hits_keep_their_bits() {
         assert!(expected.iter().filter(|hit| hit.t.is_finite()).count() > 500);
         for relaxed in RELAXED {
             let device = device.clone().with_compiler_options(relaxed).unwrap();
-            let Some(mut tracer) = open(&device, &buffers, &options) else { continue };
+            let Some(mut tracer) = open(&device, &buffers, &options, Task::Batch) else { continue };
             let got = tracer.trace(&job, &|_| ()).unwrap();
             assert_eq!(bits(&got.hits), bits(&expected), "{relaxed}: {options:?} (seed {SEED})");
             if options.intersector == Intersector::Exact {
@@ -131,7 +137,7 @@ fn pictures_keep_their_bits() {
     assert!(expected.1.iter().all(|&count| count > 0), "not all kinds of rays: {:?}", expected.1);
     for relaxed in RELAXED {
         let device = device.clone().with_compiler_options(relaxed).unwrap();
-        let Some(mut tracer) = open(&device, &buffers, &TraceOptions::DEFAULT) else { continue };
+        let Some(mut tracer) = open(&device, &buffers, &TraceOptions::DEFAULT, Task::Picture) else { continue };
         assert!(picture_of(tracer.as_mut()) == expected, "{relaxed}");
     }
 }

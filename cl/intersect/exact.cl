@@ -16,7 +16,22 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     *t_high = closer.t_high;
     if (closer.decision != DOUBTFUL) return closer.decision;
 #endif
-    return DECIDE(geometry, decide_whole(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high)) ? HIT : MISS;
+    return DECIDE_WHOLE(geometry, decide_whole(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high)) ? HIT : MISS;
+}
+
+// Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
+bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
+                     float* t_low, float* t_high) {
+    COUNT(geometry, WIDE_TESTS, 1);
+    const WideDecision wide = decide_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
+    *t_low = wide.t_low;
+    *t_high = wide.t_high;
+    int decision = wide.decision == HIT ? place_hit(ray, hit, wide.t_low, wide.t_high) : wide.decision;
+    if (decision == DOUBTFUL) {
+        COUNT(geometry, CLOSE_TESTS, 1);
+        decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high);
+    }
+    return decision == HIT;
 }
 
 // t, if it is wanted, and the weights that step 2 is not sure of.
@@ -32,7 +47,7 @@ void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, f
         return;
     }
 #endif
-    (void)DECIDE(geometry, finish_whole(GEOMETRY, ray, p0, p1, p2, t, hit));
+    (void)DECIDE_WHOLE(geometry, finish_whole(GEOMETRY, ray, p0, p1, p2, t, hit));
 }
 
 // A triangle test of its own kind (HITS in cl/traverse/leaf.cl): what is kept of the nearest hit while the traversal goes on are limits of
@@ -50,20 +65,43 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
         if (decision == HIT || place == MISS) decision = place;
     }
     if (decision == DOUBTFUL) {
-        COUNT(geometry, WIDE_TESTS, 1);
-        const WideDecision wide = decide_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
-        decision = wide.decision == HIT ? place_hit(ray, hit, wide.t_low, wide.t_high) : wide.decision;
-        t_low = wide.t_low;
-        t_high = wide.t_high;
-        if (decision == DOUBTFUL) {
-            COUNT(geometry, CLOSE_TESTS, 1);
-            decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high);
-        }
+        if (postpone(geometry, primitive)) return;
+        decision = decide_doubtful(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high) ? HIT : MISS;
     }
     if (decision != HIT) return;
     hit->t = t_high;
     hit->u = t_low;
     hit->primitive = primitive;
+}
+
+// Decides about the triangles that a traversal has postponed. Returns whether one of them is now the hit.
+//
+// The nearest hit does not depend on the order in which triangles are tested. Of any hits that one is the answer which the traversal
+// would have stopped at: a postponed one, if it is hit, because a sure hit ends the traversal.
+bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
+    bool found = false;
+#ifdef DEFER_DOUBTS
+    const uint count = geometry->undecided->count;
+    if (count == 0u) return false;
+    geometry->undecided->count = 0u;
+    const Hit sure = *hit;
+    if (any_hit) *hit = no_hit();
+    for (uint i = 0; i < count && !(any_hit && found); i++) {
+        const uint primitive = geometry->undecided->primitives[i];
+        if (primitive == hit->primitive) continue;
+        const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
+        const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
+        const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
+        float t_low, t_high;
+        if (!decide_doubtful(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) continue;
+        hit->t = t_high;
+        hit->u = t_low;
+        hit->primitive = primitive;
+        found = true;
+    }
+    if (any_hit && !found) *hit = sure;
+#endif
+    return found;
 }
 
 // t, if it is wanted, and the weights of the triangle that a traversal has found: the floats nearest to them. Not a hit's t that is

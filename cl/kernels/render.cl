@@ -68,7 +68,7 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint y = tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE;
     if (x >= render->width || y >= render->height) return;
 
-    DOUBT_FLAG
+    UNDECIDED
     WORK_SUMS(work)
     WORK_SUMS(camera_work)
     const Scene scene = MAKE_SCENE;

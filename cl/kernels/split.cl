@@ -180,7 +180,7 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
     }
     if (number >= traced_end(end, doubts)) return;
     const uint index = ITEM_OF(number);
-    DOUBT_FLAG
+    UNDECIDED
     const Scene scene = MAKE_SCENE;
     const uint slot = queue[index];
     const PendingRay pending = load_pending(&rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot]);
@@ -197,7 +197,7 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
 __kernel void split_request(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    DOUBT_FLAG
+    UNDECIDED
     const Scene scene = MAKE_SCENE;
     bool is_textured = false;
     uint slot = 0u;
@@ -224,7 +224,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
 __kernel void split_shade(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    DOUBT_FLAG
+    UNDECIDED
     const Scene scene = MAKE_SCENE;
     if (index == 0u) lengths[QUEUE_ACTIVE] = 0u; // for the next wave
     bool is_hit = false;
@@ -273,7 +273,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
 __kernel void split_light(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    DOUBT_FLAG
+    UNDECIDED
     const Scene scene = MAKE_SCENE;
     if (index == 0u) doubts[0] = 0u; // for split_shadow
     bool adds = false;
@@ -303,7 +303,7 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     if (IS_SECOND_PASS && number == 0u) lengths[QUEUE_RESOLVED] += doubts[0];
     if (number >= traced_end(min(end, lengths[QUEUE_SHADOWS + light]), doubts)) return;
     const uint index = ITEM_OF(number);
-    DOUBT_FLAG
+    UNDECIDED
     const Scene scene = MAKE_SCENE;
     const float4 to_light_t_far = shadows[index].to_light_t_far;
     const int4 reflected_slot = shadows[index].reflected_slot;

@@ -31,7 +31,7 @@ void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hi
                  const bool any_hit) {
     const Ray ray = batch_ray(rays, index, geometry->scale);
     Hit hit;
-    if (TRAVERSE(GEOMETRY, &ray, any_hit, &hit)) FINISH(GEOMETRY, &ray, &hit);
+    if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) FINISH(GEOMETRY, &ray, &hit);
     hits[index] = batch_hit(&ray, hit);
 }
 
@@ -41,7 +41,7 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = ITEM_OF(item);
-    DOUBT_FLAG
+    UNDECIDED
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false);
@@ -55,7 +55,7 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = ITEM_OF(item);
-    DOUBT_FLAG
+    UNDECIDED
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true);
@@ -71,7 +71,7 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = ITEM_OF(item);
-    DOUBT_FLAG
+    UNDECIDED
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     const Hit from = hits[index];
@@ -84,7 +84,7 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
         const float3 direction = next_directions[index].xyz;
         Ray ray = leave_surface(&point, direction, INFINITY);
         if (ray.t_near <= ray.t_far) use_callers_units(&ray, direction, geometry.scale);
-        if (TRAVERSE(GEOMETRY_AT(&geometry), &ray, false, &hit)) FINISH(GEOMETRY_AT(&geometry), &ray, &hit);
+        if (trace_ray(GEOMETRY_AT(&geometry), &ray, false, &hit)) FINISH(GEOMETRY_AT(&geometry), &ray, &hit);
         hit = batch_hit(&ray, hit);
     }
     next_hits[index] = hit;

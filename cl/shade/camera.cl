@@ -11,7 +11,7 @@ Ray camera_ray(__global const RenderParams* render, float x, float y) {
 // Looks for the closest hit of a ray, and counts the ray.
 bool trace_pending(SCENE_PARAMETERS, const PendingRay* pending, Hit* hit, uint* counts) {
     counts[pending->kind]++;
-    if (!TRAVERSE(GEOMETRY_AT(GEOMETRY_FOR(pending->kind, scene)), &pending->ray, false, hit)) return false;
+    if (!trace_ray(GEOMETRY_AT(GEOMETRY_FOR(pending->kind, scene)), &pending->ray, false, hit)) return false;
     counts[pending->kind + 1u]++; // …_HIT follows …_CAST
     return true;
 }

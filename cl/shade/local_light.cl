@@ -44,13 +44,13 @@ float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightS
     Hit hit;
     counts[COUNT_SHADOW_CAST]++;
     if (scene->params->has_transparent == 0u) {
-        const bool blocked = TRAVERSE(GEOMETRY, &ray, true, &hit);
+        const bool blocked = trace_ray(GEOMETRY, &ray, true, &hit);
         counts[COUNT_SHADOW_HIT] += blocked ? 1u : 0u;
         return (float3)(blocked ? 0.0f : 1.0f);
     }
     float3 tint = (float3)(1.0f);
     for (uint layer = 0; layer < MAX_SHADOW_LAYERS; layer++) {
-        if (!TRAVERSE(GEOMETRY, &ray, false, &hit)) return tint;
+        if (!trace_ray(GEOMETRY, &ray, false, &hit)) return tint;
         __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit.primitive)];
         if (material->transparent == 0u) break;
         tint *= material->transmission_ior.xyz;

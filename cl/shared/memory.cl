@@ -8,7 +8,7 @@
 //   LEAF_ORDER           vertices and transforms are copied for each reference, in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle, not in an array of its own
 //   DEFER_DOUBTS         what only whole numbers can decide is left to a second pass over the rays or pixels that met it, so that
-//                        their many registers are not in the kernels that all others run: see DECIDE below
+//                        their many registers are not in the kernels that all others run: see doubts below
 //   RESOLVE_DOUBTS       the kernels are that second pass
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in the Geometry: see COUNT below
 //
@@ -41,6 +41,16 @@
 #define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
 #endif
 
+#ifdef DEFER_DOUBTS
+// Of a ray that meets more triangles in doubt, the rest is left to the second pass. Around a vertex there are six.
+#define MAX_POSTPONED 8u
+typedef struct {
+    uint in_doubt; // 1: something is left to the second pass
+    uint count;
+    uint primitives[MAX_POSTPONED]; // triangles that the ray may hit
+} Undecided;
+#endif
+
 // The arrays:
 //   nodes             KdNode records
 //   references        leaf lists; for brute force: every triangle that can be hit
@@ -69,7 +79,7 @@ typedef struct {
     uint* work; // WORK_COUNTERS sums
 #endif
 #ifdef DEFER_DOUBTS
-    uint* doubt; // set to 1 when something was left undecided
+    Undecided* undecided;
 #endif
 } Geometry;
 
@@ -94,7 +104,7 @@ typedef struct {
 #define WORK_VALUE(sums)
 #endif
 #ifdef DEFER_DOUBTS
-#define DOUBT_VALUE , &doubt
+#define DOUBT_VALUE , &undecided
 #else
 #define DOUBT_VALUE
 #endif
@@ -148,22 +158,34 @@ int4 load_node(const Geometry* geometry, uint index) {
 #endif
 
 // Doubts. Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
-//   DOUBT_FLAG         declares the flag that MAKE_GEOMETRY takes
-//   DECIDE             what `call` decides; or false, and the flag is set
-//   NOTE_DOUBT         puts an item on the list if the flag is set
+//   UNDECIDED          declares what MAKE_GEOMETRY takes
+//   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
+//   DECIDE_WHOLE       what `call`, in whole numbers, decides; or false, and the item is in doubt
+//   NOTE_DOUBT         puts an item on the list if it is in doubt
 //   ITEM_OF            the item of work-item number i: in the second pass that on the list
 #define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
 #ifdef DEFER_DOUBTS
-#define DOUBT_FLAG uint doubt = 0;
-#define DECIDE(geometry, call) (*(geometry)->doubt = 1u, false)
-#define IN_DOUBT (doubt != 0u)
+#define UNDECIDED Undecided undecided = {0u, 0u, {0u}};
+#define DECIDE_WHOLE(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
+#define IN_DOUBT (undecided.in_doubt != 0u)
 #define NOTE_DOUBT(item)    \
     if (IN_DOUBT) doubts[1u + atomic_inc(&doubts[0])] = item
+bool postpone(const Geometry* geometry, uint primitive) {
+    Undecided* undecided = geometry->undecided;
+    for (uint i = 0; i < undecided->count; i++)
+        if (undecided->primitives[i] == primitive) return true; // met again in another leaf
+    if (undecided->count == MAX_POSTPONED)
+        undecided->in_doubt = 1u;
+    else
+        undecided->primitives[undecided->count++] = primitive;
+    return true;
+}
 #else
-#define DOUBT_FLAG
-#define DECIDE(geometry, call) call
+#define UNDECIDED
+#define DECIDE_WHOLE(geometry, call) call
 #define IN_DOUBT false
 #define NOTE_DOUBT(item)
+bool postpone(const Geometry* geometry, uint primitive) { return false; }
 #endif
 #ifdef RESOLVE_DOUBTS
 #define ITEM_OF(i) doubts[1u + (i)]

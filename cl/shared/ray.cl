@@ -94,6 +94,11 @@ bool clip_to_box(const Ray* ray, float3 low, float3 high, float* t_near, float* 
     return *t_near <= *t_far;
 }
 
+Hit no_hit(void) {
+    const Hit hit = {INFINITY, 0.0f, 0.0f, NO_PRIMITIVE};
+    return hit;
+}
+
 // Whether a hit at t (in the ray's own units) on `primitive` is inside the limits and nearer than *hit; of two hits at the
 // same t the lower number wins, so that the answer does not depend on the order of the tests.
 bool is_nearer(const Ray* ray, const Hit* hit, float t, uint primitive) {

@@ -2,17 +2,13 @@
 //
 // Every traversal has the signature
 //     bool traverse_…(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit)
-// and finds the closest hit of the ray, or with any_hit (a constant at every call, so that inlining folds it away) some hit. *hit
+// and, but for what is settled behind it (query.cl), finds the closest hit of the ray, or with any_hit (a constant at every call, so that inlining folds it away) some hit. *hit
 // is written in the ray's own units of t, its t, u and v by FINISH; its primitive is NO_PRIMITIVE on a miss. Returns whether anything
 // was hit.
 
-Hit no_hit(void) {
-    const Hit hit = {INFINITY, 0.0f, 0.0f, NO_PRIMITIVE};
-    return hit;
-}
-
 // HITS says which kind of triangle test there is, and names its functions:
 //     test_HITS     what becomes of *hit by a triangle that the ray may hit
+//     settle_HITS   decides what test_HITS has postponed; returns whether the hit is another one now
 //     finish_HITS   writes t, u and v of the hit that a traversal has found
 //     surface_HITS  the weights of the hit that a traversal has found, finished or not (through a pointer, as lift_point())
 //     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
@@ -20,6 +16,7 @@ Hit no_hit(void) {
 #define JOIN_NAMES(a, b) a##b
 #define JOIN(a, b) JOIN_NAMES(a, b)
 #define TEST JOIN(test_, HITS)
+#define SETTLE JOIN(settle_, HITS)
 #define FINISH JOIN(finish_, HITS)
 #define SURFACE_HIT JOIN(surface_, HITS)
 #define LEAVING_ERROR JOIN(error_, HITS)
@@ -34,6 +31,7 @@ void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     hit->v = v;
     hit->primitive = primitive;
 }
+bool settle_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) { return false; }
 void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {}
 void surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
     at->weight0 = max_or(0.0f, (1.0f - hit->u) - hit->v);

@@ -11,7 +11,7 @@ use raybrook::reference::render::camera_direction;
 use raybrook::scene::Samples;
 use raybrook::session::{Picture, render};
 use raybrook::shared::{COUNTER_NAMES, TraceRay};
-use raybrook::tracer::{RenderResult, TraceJob, Tracer};
+use raybrook::tracer::{RenderResult, Task, TraceJob, Tracer};
 use raybrook::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -67,7 +67,8 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     };
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);
-    let mut opened = open::open(&loaded, Some(&device), &args.device, options, picture.depth, talk)?;
+    let mut opened =
+        open::open(&loaded, Some(&device), &args.device, options, picture.depth, &[Task::Batch, Task::Picture], talk)?;
     let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
 
     let rays = camera_rays(&opened.buffers, &picture);

@@ -7,7 +7,7 @@ use raybrook::pack::SceneBuffers;
 use raybrook::scene::{self, Samples, Scene};
 use raybrook::session::{complete, open_tracer};
 use raybrook::stats::RunStats;
-use raybrook::tracer::Tracer;
+use raybrook::tracer::{Task, Tracer};
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -78,18 +78,20 @@ pub struct Opened {
     pub stats: RunStats,
 }
 
-/// Builds, compiles and uploads.
+/// Builds, uploads, and compiles what the `tasks` need.
 pub fn open(
     loaded: &Loaded,
     device: Option<&DeviceHandle>,
     args: &DeviceArgs,
     options: TraceOptions,
     depth: u32,
+    tasks: &[Task],
     talk: Talk,
 ) -> Result<Opened> {
     let cache = if args.no_cache { None } else { Cache::open() };
     let buffers = Arc::new(SceneBuffers::new(&loaded.scene, &options)?);
-    let tracer = open_tracer(device, &buffers, &options, depth, cache.as_ref())?;
+    let mut tracer = open_tracer(device, &buffers, &options, depth, cache.as_ref())?;
+    tasks.iter().try_for_each(|&task| tracer.prepare(task))?;
     if talk.verbose {
         for note in tracer.notes() {
             eprintln!("note: {note}");

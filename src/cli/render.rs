@@ -9,6 +9,7 @@ use raybrook::scene::Scene;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
 use raybrook::shared::WorkCounter;
 use raybrook::stats::{RayCounts, WorkStats};
+use raybrook::tracer::Task;
 use raybrook::work::WorkSum;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -68,7 +69,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let device = open::choose(&args.device, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, picture.depth, talk)?;
+    let mut opened =
+        open::open(&loaded, device.as_ref(), &args.device, options, picture.depth, &[Task::Picture], talk)?;
 
     let bar = Bar::new("render", talk);
     let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples.per_pixel());
@@ -93,6 +95,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     }
     stats.kernel_s = vec![result.kernel_s];
     stats.second_pass = result.second_pass;
+    stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
     stats.set_rate();
     stats.read_s = Some(result.read_s);
     stats.split = result.split;

@@ -10,7 +10,7 @@ use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
 use raybrook::shared::{Hit, TraceRay};
 use raybrook::stats::{RayCount, WorkStats};
-use raybrook::tracer::{TraceJob, TraceResult, is_hit};
+use raybrook::tracer::{Task, TraceJob, TraceResult, is_hit};
 use raybrook::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
@@ -96,7 +96,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         eprintln!("note: {}: arrays that mean nothing here: {}", args.rays.display(), batch.ignored.join(", "));
     }
     let loaded = open::load(&args.scene.scene, None, talk)?;
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, 1, talk)?;
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, 1, &[Task::Batch], talk)?;
 
     let rays = job_rays(&batch, &opened.buffers);
     let next: Option<Vec<Float4>> =
@@ -126,6 +126,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     }
     stats.kernel_s = result.kernel_s;
     stats.second_pass = result.second_pass;
+    stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
     stats.set_rate();
     stats.upload_s = stats.upload_s.map(|s| s + result.upload_s);
     stats.read_s = Some(result.read_s);

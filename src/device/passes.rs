@@ -1,8 +1,8 @@
-//! The kernels of a tracer, and the second pass: rays and pixels that the first one leaves in doubt (`cl/shared/memory.cl`) are
-//! traced again by kernels that can decide everything, and are compiled when the first doubt arises.
+//! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that the first one
+//! leaves in doubt (`cl/shared/memory.cl`) are traced again by kernels that can decide everything.
 
 use super::launch::{FIRST_ITEMS, LaunchPlan, launch};
-use super::{Buffer, Built, Cache, CompileOptions, DeviceContext, Kernel, Program, ProgramSource, build};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use crate::options;
 use std::cell::Cell;
@@ -22,7 +22,6 @@ pub(super) enum Entry {
 }
 
 impl Entry {
-    /// The one that renders first.
     const ALL: [Entry; 4] = [Entry::Render, Entry::TraceClosest, Entry::TraceAny, Entry::TraceNext];
 
     fn name(self) -> &'static str {
@@ -40,30 +39,25 @@ impl Entry {
     }
 }
 
-/// Kernels by what they do.
-#[derive(Default)]
-struct Kernels(Vec<(Entry, Kernel)>);
-
-impl Kernels {
-    fn add(&mut self, program: &Program, entry: Entry) -> Result<()> {
-        self.0.push((entry, program.kernel(entry.name())?));
-        Ok(())
-    }
-
-    fn get(&mut self, entry: Entry) -> Option<&mut Kernel> {
-        self.0.iter_mut().find(|(known, _)| *known == entry).map(|(_, kernel)| kernel)
-    }
-}
-
-/// Both passes.
+/// The kernels of a tracer.
 pub(super) struct Passes {
-    first: Kernels,
     /// Those that were needed so far.
-    second: Kernels,
+    kernels: Vec<(Pass, Entry, Kernel)>,
     /// Whether the first pass leaves anything to the second.
     pub defers: bool,
     options: CompileOptions,
     cache: Option<Cache>,
+    /// Seconds that compilers took so far.
+    pub compile_s: f64,
+    /// What [`crate::tracer::Tracer::notes`] tells.
+    pub notes: Vec<String>,
+}
+
+/// Which of the passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pass {
+    First,
+    Second,
 }
 
 /// The items that the first pass left in doubt, and how many there were in all.
@@ -94,7 +88,7 @@ impl Doubts {
     }
 }
 
-/// The files with the kernels of the first pass: of batches, and those that render.
+/// The files with the kernels of both passes: of batches, and those that render. A program has the kernels of one.
 pub(super) fn entry_files(kernels: options::Kernels) -> [&'static str; 2] {
     match kernels {
         options::Kernels::Mega => [TRACE_FILE, RENDER_FILE],
@@ -102,41 +96,55 @@ pub(super) fn entry_files(kernels: options::Kernels) -> [&'static str; 2] {
     }
 }
 
-/// The definitions of the first pass, which leaves something to the second where it `defers`.
-pub(super) fn first_pass(options: CompileOptions, defers: bool) -> CompileOptions {
-    if defers { options.define("DEFER_DOUBTS", 1) } else { options }
-}
+/// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
+/// work-items run at once the more memory's latency is hidden.
+const TRACE_REGISTERS: u32 = 56;
+/// Of those that shade, and of the second pass: without a limit the calls that decide what double leaves open take 252.
+const MOST_REGISTERS: u32 = 168;
 
-/// The definitions of the second pass.
-pub(super) fn second_pass(options: CompileOptions) -> CompileOptions {
-    options.define("RESOLVE_DOUBTS", 1)
+/// The definitions of a pass of the kernels in `file`, where there are two passes.
+pub(super) fn pass_options(options: &CompileOptions, defers: bool, pass: Pass, file: &str) -> CompileOptions {
+    let options = options.clone();
+    if !defers {
+        return options;
+    }
+    match pass {
+        Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
+        Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
+        Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
+    }
 }
 
 impl Passes {
-    /// Compiles the first pass, with one of both kinds of kernels that render; returns the program, too.
-    pub fn new(
-        context: &DeviceContext,
-        kernels: options::Kernels,
-        options: CompileOptions,
-        defers: bool,
-        cache: Option<&Cache>,
-    ) -> Result<(Self, Built)> {
-        let entries = match kernels {
-            options::Kernels::Mega => &Entry::ALL[..],
-            options::Kernels::Split => &Entry::ALL[1..],
-        };
-        let first_options = first_pass(options.clone(), defers);
-        let built = build(context, &ProgramSource::kernels(&entry_files(kernels)), &first_options, cache)?;
-        let mut first = Kernels::default();
-        entries.iter().try_for_each(|&entry| first.add(&built.program, entry))?;
-        let passes = Passes { first, second: Kernels::default(), defers, options, cache: cache.cloned() };
-        Ok((passes, built))
+    /// `notes`: those that there are before anything is compiled.
+    pub fn new(options: CompileOptions, defers: bool, cache: Option<&Cache>, notes: Vec<String>) -> Self {
+        Passes { kernels: Vec::new(), defers, options, cache: cache.cloned(), compile_s: 0.0, notes }
     }
 
-    /// Compiles the second pass of the kernels in `file`, and no others: compilers take long for these.
-    pub fn second_program(&self, context: &DeviceContext, file: &str) -> Result<Built> {
-        let options = second_pass(self.options.clone());
-        build(context, &ProgramSource::kernels(&[file]), &options, self.cache.as_ref())
+    /// Compiles one pass of the kernels in `file`, and no others: compilers take long.
+    pub fn program(&mut self, context: &DeviceContext, pass: Pass, file: &str) -> Result<Program> {
+        let options = pass_options(&self.options, self.defers, pass, file);
+        let built = build(context, &ProgramSource::kernels(&[file]), &options, self.cache.as_ref())?;
+        self.compile_s += built.compile_s;
+        self.notes.extend(built.notes);
+        Ok(built.program)
+    }
+
+    /// Compiles the first pass of what runs `entry`, if it is not there yet.
+    pub fn prepare(&mut self, context: &DeviceContext, entry: Entry) -> Result<()> {
+        self.kernel(context, Pass::First, entry).map(|_| ())
+    }
+
+    /// A kernel, which is compiled with the others of its file when it is first needed.
+    fn kernel(&mut self, context: &DeviceContext, pass: Pass, entry: Entry) -> Result<&mut Kernel> {
+        if !self.kernels.iter().any(|known| (known.0, known.1) == (pass, entry)) {
+            let program = self.program(context, pass, entry.file())?;
+            for other in Entry::ALL.into_iter().filter(|other| other.file() == entry.file()) {
+                self.kernels.push((pass, other, program.kernel(other.name())?));
+            }
+        }
+        let known = self.kernels.iter_mut().find(|known| (known.0, known.1) == (pass, entry));
+        Ok(&mut known.expect("it was just added").2)
     }
 
     /// Runs a kernel over `total` items in work-groups of `work_group`, and again over those that were left in doubt; `set` sets all
@@ -152,7 +160,7 @@ impl Passes {
         doubts: &Doubts,
         mut progress: impl FnMut(usize),
     ) -> Result<f64> {
-        let kernel = self.first.get(entry).expect("all were added");
+        let kernel = self.kernel(context, Pass::First, entry)?;
         set(kernel)?;
         let mut seconds = launch(kernel, plan, (total, work_group), &mut progress)?;
         if !self.defers {
@@ -160,7 +168,7 @@ impl Passes {
         }
         let count = doubts.take_count()?;
         if count > 0 {
-            let kernel = self.second(context, entry)?;
+            let kernel = self.kernel(context, Pass::Second, entry)?;
             set(kernel)?;
             // How long such items take is not known from the others. The first launch takes most lists whole: a small one would
             // leave a GPU idle for as long as its slowest item takes.
@@ -169,13 +177,5 @@ impl Passes {
             doubts.items.write(&[0])?;
         }
         Ok(seconds)
-    }
-
-    fn second(&mut self, context: &DeviceContext, entry: Entry) -> Result<&mut Kernel> {
-        if self.second.get(entry).is_none() {
-            let built = self.second_program(context, entry.file())?;
-            self.second.add(&built.program, entry)?;
-        }
-        Ok(self.second.get(entry).expect("it was just added"))
     }
 }

@@ -1,6 +1,6 @@
 //! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
 
-use super::passes::{entry_files, first_pass, second_pass};
+use super::passes::{Pass, entry_files, pass_options};
 use super::ptxas::{self, PtxasInfo};
 use super::tracer::{compile_options, defers};
 use super::{CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
@@ -47,8 +47,8 @@ pub struct ProgramResources {
     pub kernels: Vec<KernelResources>,
 }
 
-/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they take. Where
-/// rare decisions are left to a second pass, its kernels are a second program.
+/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they take: a
+/// program for batches and one for pictures, and where decisions are left to a second pass, the same two for that.
 ///
 /// # Errors
 /// The device cannot be opened or its compiler refuses the kernels.
@@ -61,18 +61,19 @@ pub fn kernel_resources(
     let context = DeviceContext::open(device)?;
     let compile_options = compile_options(buffers, options, max_depth).verbose();
     let defers = defers(options);
-    let second = defers.then(|| second_pass(compile_options.clone()));
-    let passes = std::iter::once(first_pass(compile_options, defers)).chain(second);
-    let files = entry_files(options.kernels);
-    passes.map(|pass| program_resources(&context, &files, &pass)).collect()
+    let passes = [Some(Pass::First), defers.then_some(Pass::Second)].into_iter().flatten();
+    let programs = passes.flat_map(|pass| entry_files(options.kernels).map(|file| (pass, file)));
+    programs
+        .map(|(pass, file)| program_resources(&context, file, &pass_options(&compile_options, defers, pass, file)))
+        .collect()
 }
 
-fn program_resources(context: &DeviceContext, files: &[&str], options: &CompileOptions) -> Result<ProgramResources> {
+fn program_resources(context: &DeviceContext, file: &str, options: &CompileOptions) -> Result<ProgramResources> {
     // Without our cache and with a definition that no build had before: a program from a cache, the driver's own included, comes
     // without the compiler's log.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_nanos());
     let unique = options.clone().define("BUILD_TIME", format!("{now}ul"));
-    let built = build(context, &ProgramSource::kernels(files), &unique, None)?;
+    let built = build(context, &ProgramSource::kernels(&[file]), &unique, None)?;
     let told = ptxas::parse(&built.log);
     let kernels = built.program.kernel_names().into_iter().map(|name| {
         let kernel = built.program.kernel(name)?;

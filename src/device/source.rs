@@ -41,6 +41,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/traverse/octree.cl",
     "cl/traverse/boxes.cl",
     "cl/traverse/spheres.cl",
+    "cl/traverse/query.cl",
     "cl/shade/normal.cl",
     "cl/shade/surface.cl",
     "cl/shade/procedural.cl",

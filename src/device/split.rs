@@ -5,10 +5,10 @@ mod state;
 mod step;
 
 use super::launch::LaunchPlan;
-use super::passes::{Passes, SPLIT_FILE};
+use super::passes::{Pass, Passes, SPLIT_FILE};
 use super::scene::DeviceScene;
 use super::tracer::{PictureBuffers, Rendered};
-use super::{Buffer, Built, CompileOptions, DeviceContext};
+use super::{Buffer, CompileOptions, DeviceContext};
 use crate::error::Result;
 use crate::options::{TexturePass, TraceOptions};
 use crate::pack::SceneBuffers;
@@ -75,26 +75,24 @@ impl SplitPipeline {
         compile.define("HOST_TEXTURES", u32::from(options.textures == TexturePass::HostPass))
     }
 
-    /// Takes the kernels of `built`, the first of the `passes`; compiles the second, too, and adds what that takes.
+    /// Compiles both passes of its kernels.
     pub fn new(
         context: &DeviceContext,
-        passes: &Passes,
-        built: &mut Built,
+        passes: &mut Passes,
         buffers: &Arc<SceneBuffers>,
         options: &TraceOptions,
     ) -> Result<Self> {
+        let first = passes.program(context, Pass::First, SPLIT_FILE)?;
         let mut second = None;
         if passes.defers {
             // Now, not at the first doubt: whether there is one only the device knows while it renders.
-            let second_built = passes.second_program(context, SPLIT_FILE)?;
-            built.compile_s += second_built.compile_s;
-            built.notes.extend(second_built.notes);
+            let program = passes.program(context, Pass::Second, SPLIT_FILE)?;
             second = Some(SecondPass {
-                trace: Step::new(&second_built.program, "split_trace", true)?,
-                shadow: Step::new(&second_built.program, "split_shadow", true)?,
+                trace: Step::new(&program, "split_trace", true)?,
+                shadow: Step::new(&program, "split_shadow", true)?,
             });
         }
-        let step = |name: &str, traces: bool| Step::new(&built.program, name, traces);
+        let step = |name: &str, traces: bool| Step::new(&first, name, traces);
         let host_textures = options.textures == TexturePass::HostPass;
         Ok(SplitPipeline {
             camera: step("split_camera", false)?,

@@ -11,7 +11,7 @@ use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, SplitStats, TraceJob, TraceResult, Tracer};
+use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
@@ -66,20 +66,15 @@ pub struct OpenClTracer {
     context: DeviceContext,
     scene: DeviceScene,
     passes: Passes,
-    /// What renders in place of the mega-kernel, if it was asked for.
+    /// What renders in place of the mega-kernel, once it was needed.
     split: Option<Box<SplitPipeline>>,
+    buffers: Arc<SceneBuffers>,
+    options: TraceOptions,
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
-    counters: bool,
-    compile_s: f64,
     upload_s: f64,
-    notes: Vec<String>,
 }
-
-/// Of exact kernels on NVIDIA's GPUs. Without a limit the calls that decide what double leaves open take 252. Of 64, 80, 96, 128, 168 and
-/// none, this was the best or close to it on an H200: bunny 1.29, sponza 1.01, showcase 1.01 times the speed without.
-const MOST_REGISTERS: u32 = 168;
 
 /// The definitions of kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays.
 pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, max_depth: u32) -> CompileOptions {
@@ -97,7 +92,7 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.intersector.cl_function() {
         Some(function) => compile_options.define("INTERSECT", function),
-        None => compile_options.most_registers(MOST_REGISTERS),
+        None => compile_options,
     };
     let compile_options = match options.kernels {
         Kernels::Mega => compile_options.define("MAX_PENDING", (max_depth + 1).next_multiple_of(8)),
@@ -132,13 +127,12 @@ fn notes_on(info: &DeviceInfo) -> Vec<String> {
 }
 
 impl OpenClTracer {
-    /// Compiles the kernels for `options` (or loads them from `cache`) and sends the scene to the device.
+    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Tracer::prepare`].
     ///
     /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
     ///
     /// # Errors
-    /// The device cannot be opened, its driver is known to get the options wrong, its compiler refuses the kernels, or the scene does
-    /// not fit into its memory.
+    /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its memory.
     pub fn new(
         device: &DeviceHandle,
         buffers: &Arc<SceneBuffers>,
@@ -149,12 +143,8 @@ impl OpenClTracer {
         check_runtime(&device.info, options)?;
         let context = DeviceContext::open(device)?;
         let compile_options = compile_options(buffers, options, max_depth);
-        let (passes, mut built) = Passes::new(&context, options.kernels, compile_options, defers(options), cache)?;
-        let split = match options.kernels {
-            Kernels::Mega => None,
-            Kernels::Split => Some(Box::new(SplitPipeline::new(&context, &passes, &mut built, buffers, options)?)),
-        };
-
+        let notes = notes_on(context.info());
+        let passes = Passes::new(compile_options, defers(options), cache, notes);
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
         // CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
@@ -164,14 +154,13 @@ impl OpenClTracer {
         };
         Ok(OpenClTracer {
             passes,
-            split,
+            split: None,
+            buffers: buffers.clone(),
+            options: *options,
             trace_plan: LaunchPlan::starting_with(first_items),
             first_items,
-            counters: options.counters,
             work_group: work_group.min(context.info().max_work_group_size.max(1)),
-            compile_s: built.compile_s,
             upload_s: start.elapsed().as_secs_f64(),
-            notes: [built.notes, notes_on(context.info())].concat(),
             scene,
             context,
         })
@@ -179,7 +168,7 @@ impl OpenClTracer {
 
     /// Room for `count` work records, if the kernels count.
     fn work_buffer<T: Pod>(&self, count: usize) -> Result<Option<Buffer<T>>> {
-        self.counters.then(|| Buffer::empty(&self.context, "work records", count)).transpose()
+        self.options.counters.then(|| Buffer::empty(&self.context, "work records", count)).transpose()
     }
 }
 
@@ -189,7 +178,7 @@ impl Tracer for OpenClTracer {
     }
 
     fn compile_s(&self) -> f64 {
-        self.compile_s
+        self.passes.compile_s
     }
 
     fn upload_s(&self) -> f64 {
@@ -197,10 +186,25 @@ impl Tracer for OpenClTracer {
     }
 
     fn notes(&self) -> &[String] {
-        &self.notes
+        &self.passes.notes
+    }
+
+    fn prepare(&mut self, task: Task) -> Result<()> {
+        match (task, self.options.kernels) {
+            (Task::Batch, _) => self.passes.prepare(&self.context, Entry::TraceClosest),
+            (Task::Picture, Kernels::Mega) => self.passes.prepare(&self.context, Entry::Render),
+            (Task::Picture, Kernels::Split) => {
+                if self.split.is_none() {
+                    let split = SplitPipeline::new(&self.context, &mut self.passes, &self.buffers, &self.options)?;
+                    self.split = Some(Box::new(split));
+                }
+                Ok(())
+            }
+        }
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
+        self.prepare(Task::Batch)?;
         let total = job.rays.len();
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
@@ -254,6 +258,7 @@ impl Tracer for OpenClTracer {
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+        self.prepare(Task::Picture)?;
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.width as usize * params.height as usize)?;
         let shape = (self.first_items, self.work_group);
