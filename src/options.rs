@@ -4,6 +4,7 @@
 //! one kernel file, its twin in `reference/`, and one line here.
 
 use crate::error::{Error, Result};
+use crate::shared::{BVH_COUNT_SHIFT, BVH_LEAF};
 
 /// Defines an enum of methods: its `ALL`, `name` (as the user types it) and documentation, which `raybrook methods` prints.
 macro_rules! methods {
@@ -80,6 +81,8 @@ methods! {
         Brute = "brute",
         /// A kd-tree.
         Kd = "kd",
+        /// A binary hierarchy of boxes, the two of a node's children side by side (Aila and Laine 2009).
+        Bvh2 = "bvh2",
         /// A uniform grid (Amanatides and Woo 1987).
         Grid = "grid",
         /// Every cell divided at its centre into eight (Glassner 1984).
@@ -285,9 +288,10 @@ pub struct TraceOptions {
     /// The ray-triangle test.
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
-    /// A node with at most this many triangles is not split, and a cluster has no more; at least 1. `None`: the build's own
-    /// default: 1 for a kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median and an
-    /// octree, 4 for the others; the square root of the triangles for clusters.
+    /// A node with at most this many triangles is not split, and a leaf of a hierarchy of boxes or a cluster has no more; at least 1
+    /// (and at most [`TraceOptions::BVH2_MAX_LEAF`] for [`Accel::Bvh2`]). `None`: the build's own default: 1 for a
+    /// kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median, an octree and a hierarchy
+    /// of boxes, 4 for the others; the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
     /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.
@@ -372,6 +376,9 @@ impl TraceOptions {
         self.stack_size.unwrap_or(Self::SHORT_STACK)
     }
 
+    /// The most triangles in a leaf of [`Accel::Bvh2`]: what a link has room for.
+    pub const BVH2_MAX_LEAF: u32 = (BVH_LEAF >> BVH_COUNT_SHIFT) - 1;
+
     /// The most cells of a grid: 256 MiB of them, and numbers that are exact in float32.
     pub const MAX_GRID_CELLS: u32 = 1 << 24;
 
@@ -385,6 +392,7 @@ impl TraceOptions {
             (Accel::Kd, Traversal::ShortStack) => "traverse_kd_short_stack",
             (Accel::Kd, Traversal::Ropes) => "traverse_kd_ropes",
             (Accel::Kd, Traversal::ThesisRestart) => "traverse_thesis_restart",
+            (Accel::Bvh2, _) => "traverse_bvh2",
             (Accel::Grid, _) => "traverse_grid",
             (Accel::Octree, _) => "traverse_octree",
             (Accel::Boxes, _) => "traverse_boxes",
@@ -401,6 +409,11 @@ impl TraceOptions {
         self.kd.validate(self.build)?;
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
+        }
+        if let Some(size) = self.leaf_size.filter(|&size| self.accel == Accel::Bvh2 && size > Self::BVH2_MAX_LEAF) {
+            let message =
+                format!("{size}: a leaf of --accel {} has room for {} at most", self.accel, Self::BVH2_MAX_LEAF);
+            return Err(Error::option("--leaf-size", message));
         }
         if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {
             return Err(Error::option("--max-depth", format!("{depth} is over the limit of {}", Self::MAX_DEPTH)));
@@ -458,9 +471,11 @@ impl TraceOptions {
         for option in OPTIONS {
             if option.is_set(self) && !option.structures.contains(&self.accel) {
                 let names: Vec<_> = option.structures.iter().map(|accel| accel.name()).collect();
-                // The limits of other structures than the kd-tree alone are what a grid has its number of cells for.
+                // The limits that octrees have, too, are what a grid has its number of cells for.
                 let nearest = match self.accel {
-                    Accel::Grid if option.structures != [Accel::Kd] => "; a grid's cells are set by --grid-size X,Y,Z",
+                    Accel::Grid if option.structures.contains(&Accel::Octree) => {
+                        "; a grid's cells are set by --grid-size X,Y,Z"
+                    }
                     _ => "",
                 };
                 let message = format!(

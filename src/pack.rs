@@ -8,16 +8,16 @@ pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
-    Aabb, BuildOptions, Structure, build_boxes, build_grid, build_kd_tree, build_octree, build_spheres, link_leaves,
-    reorder,
+    Aabb, BuildOptions, Structure, build_boxes, build_bvh, build_grid, build_kd_tree, build_octree, build_spheres,
+    link_leaves, pack_bvh2, reorder,
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
 use crate::shared::{
-    KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material, NO_TEXTURE,
-    RenderParams, SceneParams, Shading, TextureInfo,
+    BVH_NODE_RECORDS, KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material,
+    NO_TEXTURE, RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use std::time::Instant;
@@ -52,6 +52,8 @@ pub struct SceneBuffers {
     pub srgb_to_linear: Vec<f32>,
     /// Largest radiance that one surface can send along a ray from the lights, per unit of weight; infinite when there is no bound.
     pub brightest: f32,
+    /// The most entries that a traversal's stack of nodes has: the depth of the tree, or its limit; 1 without such a stack.
+    pub stack_entries: u32,
     /// What the tree was built with.
     pub build_options: BuildOptions,
     /// Seconds the structure took to build.
@@ -96,8 +98,14 @@ impl SceneBuffers {
         let start = Instant::now();
         let build_options = match options.accel {
             Accel::Octree => BuildOptions::octree(primitives.len(), options.leaf_size, options.max_depth),
+            Accel::Bvh2 => BuildOptions::bvh(options, primitives.len()),
             _ => BuildOptions::new(options, primitives.len()),
         };
+        let mut stack_entries = match (options.accel, options.traversal) {
+            (Accel::Octree, _) | (Accel::Kd, Traversal::Stack) => build_options.max_depth.max(1),
+            _ => 1,
+        };
+        let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
         let Structure { nodes, references, bounds } = match options.accel {
             Accel::Brute => {
@@ -106,7 +114,6 @@ impl SceneBuffers {
             }
             Accel::Kd => {
                 let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
-                let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
                 if top > 0 || options.node_order != NodeOrder::Preorder {
                     tree.nodes = reorder(&tree.nodes, options.node_order, top);
                 }
@@ -115,6 +122,11 @@ impl SceneBuffers {
                     _ => Vec::new(),
                 };
                 Structure { nodes: tree.nodes, references: tree.references, bounds }
+            }
+            Accel::Bvh2 => {
+                let tree = build_bvh(&triangles, &primitives, &build_options);
+                stack_entries = tree.depth() + 1; // the last entry says that there are no more
+                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize)
             }
             Accel::Grid => build_grid(&triangles, &primitives, bounding_box, options.grid_size)?,
             Accel::Octree => build_octree(&triangles, &primitives, bounding_box, &build_options),
@@ -152,6 +164,7 @@ impl SceneBuffers {
                 .map(|code| crate::film::linear_from_srgb(f64::from(code) / 255.0) as f32)
                 .collect(),
             brightest: brightest(scene),
+            stack_entries,
             build_options,
             build_s,
         })

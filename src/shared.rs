@@ -21,6 +21,17 @@ pub const KD_LEAF: u32 = 3;
 /// A rope that leads out of the scene. The root's number, because no rope leads to the root.
 pub const NO_ROPE: u32 = 0;
 
+/// Records of `nodes` that a node of a binary hierarchy of boxes takes.
+pub const BVH_NODE_RECORDS: u32 = 4;
+/// Bit of a link to a leaf of such a hierarchy; without it a link is a node's number.
+pub const BVH_LEAF: u32 = 1 << 31;
+/// Bits of a link to a leaf that number its first reference.
+pub const BVH_FIRST_MASK: u32 = (1 << BVH_COUNT_SHIFT) - 1;
+/// The bits above them, up to [`BVH_LEAF`], are how many references there are.
+pub const BVH_COUNT_SHIFT: u32 = 27;
+/// Where there is no more: the link of a leaf that no tree has.
+pub const BVH_END: u32 = u32::MAX;
+
 /// `Light::kind` of a point light.
 pub const LIGHT_POINT: u32 = 0;
 /// `Light::kind` of a directional light.
@@ -80,6 +91,7 @@ methods! {
     /// | structure | a step is | a leaf is | entries of the stack |
     /// |---|---|---|---|
     /// | kd-tree | an inner node visited | a leaf visited | far children (`stack`, `short-stack`); else none |
+    /// | hierarchy of boxes | an inner node visited, and its children's boxes tested | a leaf visited | far children |
     /// | octree | a child cell tested against the ray | a leaf visited | open nodes |
     /// | grid | a move to the next cell | a cell visited, so with the first one a leaf more than steps | none |
     /// | boxes, spheres | a volume tested | a cluster whose volume was met | none |
@@ -366,6 +378,11 @@ pub fn types_cl() -> String {
         ("NO_PRIMITIVE", NO_PRIMITIVE),
         ("KD_LEAF", KD_LEAF),
         ("NO_ROPE", NO_ROPE),
+        ("BVH_NODE_RECORDS", BVH_NODE_RECORDS),
+        ("BVH_LEAF", BVH_LEAF),
+        ("BVH_FIRST_MASK", BVH_FIRST_MASK),
+        ("BVH_COUNT_SHIFT", BVH_COUNT_SHIFT),
+        ("BVH_END", BVH_END),
         ("LIGHT_POINT", LIGHT_POINT),
         ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
         ("LIGHT_SPOT", LIGHT_SPOT),

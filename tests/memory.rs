@@ -89,6 +89,7 @@ fn every_array_is_found_in_every_memory() {
         for options in [
             TraceOptions { traversal: Traversal::Ropes, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Grid, ..TraceOptions::DEFAULT },
+            TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Octree, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Boxes, triangles: TriangleOrder::LeafOrder, ..TraceOptions::DEFAULT },
         ] {

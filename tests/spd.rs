@@ -131,7 +131,8 @@ fn a_grid_lists_what_was_published() {
     let Some(scene) = database("tetra") else { return };
     let options = TraceOptions { accel: Accel::Grid, grid_size: Some([35; 3]), ..TraceOptions::DEFAULT };
     let buffers = SceneBuffers::new(&scene, &options).unwrap();
-    let stats = StructureStats::new(&buffers.nodes, &buffers.references, &buffers.bounds, scene.triangles.len());
+    let stats =
+        StructureStats::new(Accel::Grid, &buffers.nodes, &buffers.references, &buffers.bounds, scene.triangles.len());
     assert_eq!((stats.cells, stats.empty_cells, stats.references), (42_875, 37_311, 35_936));
 }
 

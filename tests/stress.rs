@@ -265,6 +265,7 @@ fn exact_is_right_in_every_kind_and_structure() {
     let structures = [
         EXACT,
         TraceOptions { accel: Accel::Brute, ..EXACT },
+        TraceOptions { accel: Accel::Bvh2, ..EXACT },
         TraceOptions { accel: Accel::Grid, ..EXACT },
         TraceOptions { accel: Accel::Octree, ..EXACT },
         TraceOptions { accel: Accel::Boxes, ..EXACT },

@@ -1,4 +1,4 @@
-//! Grid, octree, boxes and spheres: rays and scenes made to break them, against brute force bit for bit; what each structure
+//! Grid, octree, boxes, spheres and hierarchies of boxes: rays and scenes made to break them, against brute force bit for bit; what each structure
 //! promises of its lists; and the options that go with them.
 
 mod common;
@@ -61,10 +61,10 @@ fn all_options() -> Vec<TraceOptions> {
     let with = |accel| TraceOptions { accel, ..TraceOptions::default() };
     let grids = [[1, 1, 1], [4, 4, 4], [7, 3, 1], [2, 1, 90], [33, 34, 35]];
     let grids = grids.map(|size| TraceOptions { grid_size: Some(size), ..with(Accel::Grid) });
-    let mut all =
-        vec![with(Accel::Brute), with(Accel::Grid), with(Accel::Octree), with(Accel::Boxes), with(Accel::Spheres)];
+    let others = [Accel::Bvh2, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
+    let mut all: Vec<_> = std::iter::once(Accel::Brute).chain(others).map(with).collect();
     all.extend(grids);
-    for accel in [Accel::Octree, Accel::Boxes, Accel::Spheres] {
+    for accel in [Accel::Bvh2, Accel::Octree, Accel::Boxes, Accel::Spheres] {
         all.push(TraceOptions { leaf_size: Some(1), ..with(accel) });
     }
     all.push(TraceOptions { max_depth: Some(0), ..with(Accel::Octree) });
@@ -182,7 +182,7 @@ fn the_device_agrees_on_them_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
-        for options in all_options().into_iter().skip(1).take(5) {
+        for options in all_options().into_iter().skip(1).take(6) {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let rays = queries(&buffers, 1400);
             let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
@@ -319,7 +319,7 @@ fn default_grids_are_of_bounded_size() {
     let one_size = scene_of(&soup(20_000, 0.02, &mut random));
     let options = TraceOptions { accel: Accel::Grid, ..TraceOptions::default() };
     let stats = |buffers: &SceneBuffers, triangles: usize| {
-        StructureStats::new(&buffers.nodes, &buffers.references, &buffers.bounds, triangles)
+        StructureStats::new(Accel::Grid, &buffers.nodes, &buffers.references, &buffers.bounds, triangles)
     };
     let good = stats(&SceneBuffers::new(&one_size, &options).unwrap(), 20_000);
     println!("{good:?}");
@@ -356,6 +356,8 @@ fn options_without_a_meaning_are_refused() {
         (TraceOptions { build: Build::Median, ..with(Accel::Grid) }, "--build", "--accel kd"),
         (TraceOptions { leaf_size: Some(4), ..with(Accel::Grid) }, "--leaf-size", "--grid-size X,Y,Z"),
         (TraceOptions { leaf_size: Some(4), ..with(Accel::Brute) }, "--leaf-size", "boxes or spheres"),
+        (TraceOptions { leaf_size: Some(16), ..with(Accel::Bvh2) }, "--leaf-size", "has room for 15"),
+        (TraceOptions { max_depth: Some(4), ..with(Accel::Bvh2) }, "--max-depth", "kd or octree"),
         (TraceOptions { max_depth: Some(4), ..with(Accel::Spheres) }, "--max-depth", "kd or octree"),
         (TraceOptions { grid_size: Some([4, 4, 4]), ..with(Accel::Kd) }, "--grid-size", "--accel grid"),
         (TraceOptions { grid_size: Some([4, 0, 4]), ..with(Accel::Grid) }, "--grid-size", "1,1,1"),

@@ -210,6 +210,8 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
         // The grid's four records and one cell; the first of these says how far away a ray may start.
         (TraceOptions { accel: Accel::Grid, grid_size: Some([1, 1, 1]), ..COUNTED }, [0, 1, 1, 64 + 16, 0], 16),
         (TraceOptions { accel: Accel::Octree, ..COUNTED }, [0, 1, 1, 16, 0], 0),
+        // The root with its two boxes.
+        (TraceOptions { accel: Accel::Bvh2, ..COUNTED }, [1, 1, 1, 64, 0], 64),
         // The list, one volume, the leaf.
         (TraceOptions { accel: Accel::Boxes, ..COUNTED }, [1, 1, 1, 16 + 32 + 16, 0], 48),
         (TraceOptions { accel: Accel::Spheres, ..COUNTED }, [1, 1, 1, 16 + 16 + 16, 0], 32),
@@ -237,7 +239,7 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
             }
         }
         let brute = options.accel == Accel::Brute;
-        let volumes = matches!(options.accel, Accel::Boxes | Accel::Spheres);
+        let volumes = matches!(options.accel, Accel::Bvh2 | Accel::Boxes | Accel::Spheres);
         assert_eq!(work[2].get(WorkCounter::Tests), u32::from(brute), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Steps), u32::from(volumes), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Leaves), 0, "{options:?}");
@@ -282,6 +284,11 @@ fn counters_agree_with_each_other() {
                         _ => assert_eq!(count(WorkCounter::Restarts), restarts, "{options:?}"),
                     }
                 }
+                (Accel::Bvh2, _) => {
+                    assert_eq!(count(WorkCounter::NodeBytes), 64 * count(WorkCounter::Steps), "{options:?}");
+                    // The root, and after each leaf or dead end one from the stack; a node has two children.
+                    assert!(count(WorkCounter::Leaves) <= count(WorkCounter::Steps) + 1, "{options:?}");
+                }
                 (Accel::Grid, _) if count(WorkCounter::Leaves) > 0 => {
                     assert_eq!(count(WorkCounter::Steps) + 1, count(WorkCounter::Leaves));
                 }
@@ -292,7 +299,7 @@ fn counters_agree_with_each_other() {
         assert!(seen.get(WorkCounter::Tests) > 0 && seen.saturated == 0, "{options:?}");
         let walks = options.accel != Accel::Brute;
         assert_eq!(seen.get(WorkCounter::Steps) > 0, walks, "{options:?}");
-        let stacks = options.accel == Accel::Octree
+        let stacks = matches!(options.accel, Accel::Octree | Accel::Bvh2)
             || options.accel == Accel::Kd && matches!(options.traversal, Traversal::Stack | Traversal::ShortStack);
         assert_eq!(seen.get(WorkCounter::DeepestStack) > 0, stacks, "{options:?}");
     }

@@ -1,5 +1,7 @@
 //! Acceleration structures: what every builder returns, and its checks. Knows nothing of devices.
 
+mod bvh;
+mod bvh2;
 mod clip;
 mod cost;
 mod divide;
@@ -20,6 +22,8 @@ mod subtree;
 mod validate;
 mod volumes;
 
+pub use bvh::{Bvh, BvhNode, build_bvh};
+pub use bvh2::pack_bvh2;
 pub use cost::Measure;
 pub use grid::build_grid;
 pub use node_order::reorder;

@@ -1,12 +1,14 @@
 //! What a structure other than the kd-tree looks like on the device, and in numbers.
 
+use super::bvh2;
 use crate::layout::Float4;
+use crate::options::Accel;
 use crate::shared::{KD_LEAF, KdNode};
 
 /// A structure as the kernels read it; what the arrays mean, its file in `cl/traverse/` says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structure {
-    /// Cells, clusters or nodes; those that list triangles are leaf records.
+    /// Cells, clusters or nodes; those that list triangles are leaf records, but in packed hierarchies of boxes.
     pub nodes: Vec<KdNode>,
     /// Triangle numbers, a range for each leaf record, ascending in each; behind a grid's, all triangles.
     pub references: Vec<u32>,
@@ -39,16 +41,25 @@ pub struct StructureStats {
 }
 
 impl StructureStats {
-    /// The numbers of a structure over `triangle_count` triangles.
-    pub fn new(nodes: &[KdNode], references: &[u32], bounds: &[Float4], triangle_count: usize) -> StructureStats {
-        let counts = || nodes.iter().filter(|node| node.flags == KD_LEAF).map(|node| node.right);
-        let listed: usize = counts().map(|count| count as usize).sum();
+    /// The numbers of a structure of kind `accel` over `triangle_count` triangles.
+    pub fn new(
+        accel: Accel,
+        nodes: &[KdNode],
+        references: &[u32],
+        bounds: &[Float4],
+        triangle_count: usize,
+    ) -> StructureStats {
+        let counts: Vec<u32> = match accel {
+            Accel::Bvh2 => bvh2::leaf_counts(nodes).collect(),
+            _ => nodes.iter().filter(|node| node.flags == KD_LEAF).map(|node| node.right).collect(),
+        };
+        let listed: usize = counts.iter().map(|&count| count as usize).sum();
         StructureStats {
-            cells: counts().count(),
-            empty_cells: counts().filter(|&count| count == 0).count(),
+            cells: counts.len(),
+            empty_cells: counts.iter().filter(|&&count| count == 0).count(),
             references: listed,
             references_per_triangle: listed as f64 / triangle_count.max(1) as f64,
-            largest_cell: counts().max().unwrap_or(0),
+            largest_cell: counts.iter().copied().max().unwrap_or(0),
             bytes: size_of_val(nodes) + size_of_val(references) + size_of_val(bounds),
         }
     }

@@ -69,7 +69,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         device_bytes: buffers.size_bytes(&options),
         structure: (!matches!(options.accel, Accel::Kd | Accel::Brute)).then(|| {
             let triangle_count = scene.triangles.len() - reasons.len();
-            StructureStats::new(&buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)
+            StructureStats::new(options.accel, &buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)
         }),
         tree: (options.accel == Accel::Kd).then(|| {
             let bounds = raybrook::accel::Aabb { low: buffers.params.low.xyz(), high: buffers.params.high.xyz() };

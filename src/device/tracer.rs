@@ -8,7 +8,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceIn
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, Traversal};
+use crate::options::{Intersector, Kernels, Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
@@ -80,15 +80,11 @@ pub struct OpenClTracer {
 pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, max_depth: u32) -> CompileOptions {
     // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
     // and, in the mega-kernel, 8 bound both. Methods without such a stack have the same kernels for every scene.
-    let stack_size = match (options.accel, options.traversal) {
-        (Accel::Octree, _) | (Accel::Kd, Traversal::Stack) => buffers.build_options.max_depth.max(1),
-        _ => 1,
-    };
     let compile_options = CompileOptions::new()
         .define("TRAVERSE", options.cl_traverse())
         .define("HITS", options.intersector.cl_hits())
         .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
-        .define("STACK_SIZE", stack_size.next_multiple_of(16))
+        .define("STACK_SIZE", buffers.stack_entries.next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.intersector.cl_function() {
         Some(function) => compile_options.define("INTERSECT", function),

@@ -16,6 +16,7 @@ pub mod oracle;
 pub mod procedural;
 pub mod ray;
 pub mod render;
+pub mod slab;
 pub mod surface;
 pub mod texture;
 pub mod traverse;

@@ -1,0 +1,92 @@
+// Slab tests of boxes at one fma a plane: when a ray enters and leaves the space between two planes, a little early and a little late.
+// Kay and Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986; the offsets are those of Aila and Laine, "Understanding the Efficiency
+// of Ray Traversal on GPUs", HPG 2009; conservative in the spirit of Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013, but for the
+// errors of the triangle tests, too.
+//
+// On an axis with origin o, direction d and inv = 1 / d the ray meets the plane p at t = (p - o) inv = fma(p, inv, -o inv). The offset
+// is lowered by a pad for planes where the ray enters, and raised by it for those where it leaves, once for each ray:
+//     t_enter <= the t of any hit in the box <= t_leave,  for every box within the scene's, every ray and every triangle test.
+//
+// The pad. D is no less than the distance on any axis of any point of the scene's box from the start (farthest_distance in ray.cl),
+// and |d| is at least 1 on some axis, so the hits that matter have |t| <= D (1 + SLACK). On each axis, in units of |inv|:
+//   - the hit's point may lie HIT_ERROR EPSILON D outside of its triangle's box (ray.cl);
+//   - inv is off by 5 EPSILON of itself (2.5 ulp, on devices whose division is no better) and the fma by EPSILON of its result: as t is
+//     (p - o) inv and |p - o| <= D, together 6 EPSILON D;
+//   - a direction below LEAST_SLAB_DIRECTION is taken for that, so that nothing overflows: it moves the point at t by no more than
+//     EPSILON D / 4. A zero component is one of these: boxes that the ray runs beside are culled, those that it touches are not;
+//   - the second part of the origin, which is left out, is at most EPSILON |o|; the product -o inv is off by as much; and so is its sum
+//     with the pad, beside EPSILON of the pad: 3 EPSILON |o|.
+// HIT_ERROR + 6.25 is below SLACK / EPSILON = HIT_ERROR + 8, and 3 below 4, which leaves room for the second order. LEAST_PAD is for what
+// underflows, here or on devices without the smallest numbers: half a dozen times 2^-126, on the scale of t, where |inv| > 1/2.
+//
+// From FARTHEST_START on, where the pad has long been larger than the scene, an offset could overflow: such a ray meets every box. So
+// every number here is one: neither NaN nor, but for these rays' offsets, infinite.
+#define LEAST_SLAB_DIRECTION 0x1p-26f
+#define ORIGIN_ERROR (4.0f * EPSILON)
+#define LEAST_PAD 0x1p-120f
+#define FARTHEST_START 0x1p64f
+
+// Of a ray. The near plane of a slab is the upper one where inv < 0.
+typedef struct {
+    float3 inv;
+    float3 enter; // t_enter = fma(near plane, inv, enter)
+    float3 leave; // t_leave = fma(far plane, inv, leave)
+} Slabs;
+
+float slab_inverse(float direction, float inv_direction) {
+    const float largest = 1.0f / LEAST_SLAB_DIRECTION;
+    return fabs(direction) >= LEAST_SLAB_DIRECTION ? inv_direction : direction < 0.0f ? -largest : largest;
+}
+
+// For boxes within low..high.
+Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
+    const float distance = farthest_distance(ray, low, high);
+    Slabs slabs;
+    if (!(distance < FARTHEST_START)) {
+        slabs.inv = (float3)(0.0f);
+        slabs.enter = (float3)(-INFINITY);
+        slabs.leave = (float3)(INFINITY);
+        return slabs;
+    }
+    slabs.inv = (float3)(slab_inverse(ray->direction.x, ray->inv_direction.x),
+                         slab_inverse(ray->direction.y, ray->inv_direction.y),
+                         slab_inverse(ray->direction.z, ray->inv_direction.z));
+    const float thickness = fma(SLACK, distance, LEAST_PAD);
+    const float3 pad = fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)) * abs3(slabs.inv);
+    const float3 at_origin = -(ray->origin * slabs.inv);
+    slabs.enter = at_origin - pad;
+    slabs.leave = at_origin + pad;
+    return slabs;
+}
+
+// The same for two boxes at a time, in vectors of four for what has such registers. An interval is written {t_enter, -t_leave}, so that
+// both bounds narrow by max_or.
+typedef struct {
+    float4 inv_xy, inv_zz;       // inv, -inv of x and of y; twice of z
+    float4 offset_xy, offset_zz; // enter, -leave
+    int4 swap_xy, swap_zz;       // all bits set where the near plane is the upper one
+} PairSlabs;
+
+PairSlabs make_pair_slabs(const Slabs* s) {
+    const int4 swap = (int4)(s->inv.x < 0.0f ? -1 : 0, s->inv.y < 0.0f ? -1 : 0, s->inv.z < 0.0f ? -1 : 0, 0);
+    PairSlabs pair;
+    pair.inv_xy = (float4)(s->inv.x, -s->inv.x, s->inv.y, -s->inv.y);
+    pair.inv_zz = (float4)(s->inv.z, -s->inv.z, s->inv.z, -s->inv.z);
+    pair.offset_xy = (float4)(s->enter.x, -s->leave.x, s->enter.y, -s->leave.y);
+    pair.offset_zz = (float4)(s->enter.z, -s->leave.z, s->enter.z, -s->leave.z);
+    pair.swap_xy = swap.xxyy;
+    pair.swap_zz = swap.zzzz;
+    return pair;
+}
+
+float4 max4_or(float4 a, float4 b) { return a > b ? a : b; }
+
+// Where the ray enters and leaves two boxes, {t_enter, -t_leave} of each, no wider than `limits` are. A box is missed where that is
+// empty: where t_enter <= t_leave is not true. The boxes are {low.x, high.x, low.y, high.y} of each, and z of both.
+float4 clip_to_pair(const PairSlabs* s, float4 limits, float4 xy0, float4 xy1, float4 zz) {
+    const float4 t0 = fma(select(xy0, xy0.yxwz, s->swap_xy), s->inv_xy, s->offset_xy);
+    const float4 t1 = fma(select(xy1, xy1.yxwz, s->swap_xy), s->inv_xy, s->offset_xy);
+    const float4 tz = fma(select(zz, zz.yxwz, s->swap_zz), s->inv_zz, s->offset_zz);
+    const float4 tx = (float4)(t0.xy, t1.xy), ty = (float4)(t0.zw, t1.zw);
+    return max4_or(max4_or(tx, ty), max4_or(tz, limits));
+}

@@ -1,0 +1,72 @@
+// Binary bounding volume hierarchy: a node has the boxes of both its children, which are tested together.
+// Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", HPG 2009 (the loops are their "while-while").
+//
+// Each triangle is in one leaf, and empty space costs nothing but the boxes around it: half the steps of a kd-tree or less, and a fifth
+// of its references. Bad at: large oblique triangles among small ones, whose boxes hold much that they do not; and the first hit need
+// not be the nearest one, because boxes overlap.
+//
+// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes are tested with the pads of
+// cl/shared/slab.cl, so that a hit's t is within the computed interval of all boxes above it, and one that is entered after the hit
+// has no nearer one.
+
+#ifndef STACK_SIZE
+#define STACK_SIZE 64 // at least the depth of the tree and one; the host knows it
+#endif
+
+// A far child, and where the ray enters it.
+typedef struct {
+    uint link;
+    float t_enter;
+} FarChild;
+
+bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
+    *hit = no_hit();
+    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
+    const PairSlabs pair = make_pair_slabs(&slabs);
+    float t_limit = ray->t_far;
+
+    FarChild stack[STACK_SIZE];
+    const FarChild end = {BVH_END, -INFINITY};
+    stack[0] = end;
+    uint stacked = 0; // apart from the end
+    uint link = 0;
+    while (true) {
+        // Descend to a leaf, nearer children first, and remember the far ones.
+        while ((link & BVH_LEAF) == 0u) {
+            COUNT(geometry, STEPS, 1);
+            const float4 xy0 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link));
+            const float4 xy1 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 1u));
+            const float4 zz = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 2u));
+            const int4 links = LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 3u);
+            const float4 limits = (float4)(ray->t_near, -t_limit, ray->t_near, -t_limit);
+            const float4 t = clip_to_pair(&pair, limits, xy0, xy1, zz);
+            const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
+            if (meets0 && meets1) {
+                const bool is_second_nearer = t.z < t.x;
+                const FarChild far = {(uint)(is_second_nearer ? links.x : links.y), is_second_nearer ? t.x : t.z};
+                stacked++;
+                stack[stacked] = far;
+                COUNT_DEEPEST(geometry, stacked);
+                link = (uint)(is_second_nearer ? links.y : links.x);
+            } else if (meets0 || meets1) {
+                link = (uint)(meets0 ? links.x : links.y);
+            } else {
+                // What is entered behind the hit has no nearer one. The end is entered before everything.
+                while (t_limit < stack[stacked].t_enter) stacked--;
+                link = stack[stacked].link;
+                stacked--;
+            }
+        }
+        if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
+
+        const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
+        COUNT(geometry, LEAVES, 1);
+        COUNT(geometry, EMPTY_LEAVES, count == 0u ? 1 : 0);
+        if (test_triangles(GEOMETRY, ray, first, first + count, any_hit, hit)) return true;
+        t_limit = min_or(hit->t, ray->t_far);
+
+        while (t_limit < stack[stacked].t_enter) stacked--;
+        link = stack[stacked].link;
+        stacked--;
+    }
+}

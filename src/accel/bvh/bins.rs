@@ -1,0 +1,117 @@
+//! Splits of large nodes: centroids are sorted into bins on each axis, and the planes between bins are candidates.
+//!
+//! Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium on Interactive Ray Tracing 2007, section 3.
+
+use super::items::{Bounds, CHUNK, Extent, Item, PARALLEL_ITEMS};
+use glam::Vec4;
+use rayon::prelude::*;
+
+/// Bins of an axis.
+const BINS: usize = 16;
+
+/// Which bins centroids belong to.
+pub(super) struct Binning {
+    low: Vec4,
+    /// Bins per unit of length; 0 on an axis on which all centroids are alike.
+    scale: Vec4,
+}
+
+/// A plane before a bin.
+pub(super) struct Split {
+    /// Half areas of the two sides, each times the items in it.
+    pub cost: f64,
+    axis: usize,
+    bin: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: Bounds,
+    count: u32,
+}
+
+impl Bin {
+    const EMPTY: Bin = Bin { bounds: Bounds::EMPTY, count: 0 };
+
+    #[inline(always)]
+    fn union(self, other: Bin) -> Bin {
+        Bin { bounds: self.bounds.union(other.bounds), count: self.count + other.count }
+    }
+
+    #[inline(always)]
+    fn cost(&self) -> f64 {
+        self.bounds.half_area() * f64::from(self.count)
+    }
+}
+
+type Bins = [[Bin; BINS]; 3];
+
+impl Binning {
+    pub fn new(extent: &Extent) -> Binning {
+        let spread = extent.centroids.high - extent.centroids.low;
+        let scale = |length: f32| if length > 0.0 { BINS as f32 / length } else { 0.0 };
+        Binning { low: extent.centroids.low, scale: spread.to_array().map(scale).into() }
+    }
+
+    /// The bins of an item's centroid. Lengths so short that the scale is infinite leave the first and the last bin: 0 times it is NaN,
+    /// which converts to 0.
+    #[inline(always)]
+    fn bins_of(&self, item: &Item) -> [usize; 3] {
+        let [x, y, z, _] = ((item.centroid() - self.low) * self.scale).to_array();
+        [x, y, z].map(|bin| (bin as i32).min(BINS as i32 - 1) as usize)
+    }
+
+    /// The cheapest split; `None` when all centroids are alike.
+    pub fn best_split(&self, items: &[Item]) -> Option<Split> {
+        let bins = match items.len() >= PARALLEL_ITEMS {
+            true => items.par_chunks(CHUNK).map(|chunk| self.fill(chunk)).reduce(|| [[Bin::EMPTY; BINS]; 3], merge),
+            false => self.fill(items),
+        };
+        let mut best: Option<Split> = None;
+        for (axis, bins) in bins.iter().enumerate().filter(|(axis, _)| self.scale[*axis] > 0.0) {
+            let mut high_costs = [0.0; BINS];
+            let mut high = Bin::EMPTY;
+            for bin in (1..BINS).rev() {
+                high = high.union(bins[bin]);
+                high_costs[bin] = high.cost();
+            }
+            let mut low = Bin::EMPTY;
+            for bin in 1..BINS {
+                low = low.union(bins[bin - 1]);
+                // The first and the last bin have items: both sides have. An empty bin's plane is that before it.
+                if bins[bin - 1].count == 0 {
+                    continue;
+                }
+                let cost = low.cost() + high_costs[bin];
+                if best.as_ref().is_none_or(|best| cost < best.cost) {
+                    best = Some(Split { cost, axis, bin });
+                }
+            }
+        }
+        best
+    }
+
+    fn fill(&self, items: &[Item]) -> Bins {
+        let mut bins = [[Bin::EMPTY; BINS]; 3];
+        for item in items {
+            let one = Bin { bounds: item.bounds(), count: 1 };
+            for (bins, bin) in bins.iter_mut().zip(self.bins_of(item)) {
+                bins[bin] = bins[bin].union(one);
+            }
+        }
+        bins
+    }
+
+    /// Whether an item lies below the plane.
+    #[inline(always)]
+    pub fn is_before(&self, item: &Item, split: &Split) -> bool {
+        self.bins_of(item)[split.axis] < split.bin
+    }
+}
+
+fn merge(mut a: Bins, b: Bins) -> Bins {
+    for (a, b) in a.iter_mut().flatten().zip(b.iter().flatten()) {
+        *a = a.union(*b);
+    }
+    a
+}

@@ -1,0 +1,138 @@
+//! The triangles of a hierarchy while it is built: their boxes, and how lists of them are divided.
+
+use crate::accel::Aabb;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+/// Lists of at least this many items are read and divided by all cores.
+pub(super) const PARALLEL_ITEMS: usize = 1 << 15;
+
+/// What one task reads of such a list.
+pub(super) const CHUNK: usize = 1 << 13;
+
+/// A box in two registers; the fourth components mean nothing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    pub low: Vec4,
+    pub high: Vec4,
+}
+
+impl Bounds {
+    pub const EMPTY: Bounds = Bounds { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
+
+    #[inline(always)]
+    pub fn union(self, other: Bounds) -> Bounds {
+        Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// Half of the surface; in f64, where products of float32 lengths neither over- nor underflow.
+    #[inline(always)]
+    pub fn half_area(&self) -> f64 {
+        let [x, y, z, _] = (self.high - self.low).to_array().map(f64::from);
+        x * y + (x + y) * z
+    }
+
+    pub fn to_aabb(self) -> Aabb {
+        Aabb { low: self.low.truncate(), high: self.high.truncate() }
+    }
+}
+
+/// A triangle's box, and in the bits of `low.w` its number.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Item {
+    low: Vec4,
+    high: Vec4,
+}
+
+impl Item {
+    pub fn new(vertices: &[Vec3; 3], triangle: u32) -> Item {
+        // Adding 0 turns -0 into +0: else the sign of a zero would depend on the order of unions.
+        let Aabb { low, high } = Aabb::of_triangle(vertices);
+        Item { low: (low + 0.0).extend(f32::from_bits(triangle)), high: (high + 0.0).extend(0.0) }
+    }
+
+    #[inline(always)]
+    pub fn triangle(&self) -> u32 {
+        self.low.w.to_bits()
+    }
+
+    #[inline(always)]
+    pub fn bounds(&self) -> Bounds {
+        Bounds { low: self.low, high: self.high }
+    }
+
+    /// Halved before they are added, so that no sum overflows.
+    #[inline(always)]
+    pub fn centroid(&self) -> Vec4 {
+        self.low * 0.5 + self.high * 0.5
+    }
+}
+
+/// The boxes around some items and around their centroids.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Extent {
+    pub bounds: Bounds,
+    pub centroids: Bounds,
+}
+
+impl Extent {
+    const EMPTY: Extent = Extent { bounds: Bounds::EMPTY, centroids: Bounds::EMPTY };
+
+    /// That of `items`.
+    pub fn of(items: &[Item]) -> Extent {
+        if items.len() >= PARALLEL_ITEMS {
+            return items.par_chunks(CHUNK).map(Self::of_few).reduce(|| Self::EMPTY, Self::union);
+        }
+        Self::of_few(items)
+    }
+
+    fn of_few(items: &[Item]) -> Extent {
+        items.iter().fold(Self::EMPTY, |extent, item| {
+            let (bounds, centroid) = (item.bounds(), item.centroid());
+            extent.union(Extent { bounds, centroids: Bounds { low: centroid, high: centroid } })
+        })
+    }
+
+    #[inline(always)]
+    fn union(self, other: Extent) -> Extent {
+        Extent { bounds: self.bounds.union(other.bounds), centroids: self.centroids.union(other.centroids) }
+    }
+}
+
+/// Brings the items that are `before` the others to the front, in any order, and returns how many these are.
+pub(super) fn partition(items: &mut [Item], before: &(impl Fn(&Item) -> bool + Sync)) -> usize {
+    if items.len() < PARALLEL_ITEMS {
+        return partition_few(items, before);
+    }
+    let half = items.len() / 2;
+    let (low, high) = items.split_at_mut(half);
+    let (low_count, high_count) = rayon::join(|| partition(low, before), || partition(high, before));
+    // Before, behind, before, behind: the two in the middle change places, as many as the shorter one has.
+    let swapped = (half - low_count).min(high_count);
+    low[low_count..low_count + swapped].swap_with_slice(&mut high[high_count - swapped..high_count]);
+    low_count + high_count
+}
+
+fn partition_few(items: &mut [Item], before: &impl Fn(&Item) -> bool) -> usize {
+    // Without branches on what `before` says, which nobody can predict (Lomuto's scheme).
+    let mut count = 0;
+    for i in 0..items.len() {
+        let item = items[i];
+        items[i] = items[count];
+        items[count] = item;
+        count += usize::from(before(&item));
+    }
+    count
+}
+
+/// Brings the half with the lower centroids, along the axis on which these spread widest, to the front; of equal ones those of lower
+/// triangles.
+pub(super) fn halve(items: &mut [Item], extent: &Extent) -> usize {
+    let spread = (extent.centroids.high - extent.centroids.low).to_array();
+    let axis = (1..3).fold(0, |widest, axis| if spread[axis] > spread[widest] { axis } else { widest });
+    let half = items.len() / 2;
+    items.select_nth_unstable_by(half, |a, b| {
+        a.centroid()[axis].total_cmp(&b.centroid()[axis]).then(a.triangle().cmp(&b.triangle()))
+    });
+    half
+}

@@ -1,0 +1,173 @@
+use super::*;
+use crate::stress::Random;
+
+type Triangles = Vec<[Vec3; 3]>;
+
+fn soup(count: usize, size: f32) -> Triangles {
+    let mut random = Random(20_081_121);
+    (0..count)
+        .map(|_| {
+            let at = random.vec3();
+            [(); 3].map(|()| at + random.vec3() * size)
+        })
+        .collect()
+}
+
+fn all(triangles: &Triangles) -> Vec<u32> {
+    (0..triangles.len() as u32).collect()
+}
+
+fn options(leaf_size: Option<u32>) -> BuildOptions {
+    BuildOptions::bvh(&TraceOptions { leaf_size, ..TraceOptions::DEFAULT }, 0)
+}
+
+/// Scenes from which builders come out badly, beside ordinary ones.
+fn scenes() -> Vec<(&'static str, Triangles)> {
+    // Each centroid twice as far away as the one before: bins cut off one at a time, and the depth runs out.
+    let spiral = (0..250).map(|i| 2f32.powi(i - 125)).map(|x| [Vec3::ZERO, Vec3::splat(x), Vec3::new(x, 0.0, x)]);
+    // Of ordinary size, at centroids in groups that only bins of their own tell apart.
+    let nested = (0..4000).map(|i| {
+        let at = Vec3::splat(1.0 / f32::from(1u16 << (i % 16))) + Vec3::Y * (i / 16) as f32 * 1e-6;
+        [at, at + Vec3::X * 1e-3, at + Vec3::Y * 1e-3]
+    });
+    let star = (0..600).map(|i| (i as f32 * 0.7).sin_cos()).map(|(s, c)| Vec3::new(s, c, s * c));
+    vec![
+        ("empty", vec![]),
+        ("one", soup(1, 1.0)),
+        ("two", soup(2, 1.0)),
+        ("as many as are swept", soup(sweep::CAPACITY, 0.2)),
+        ("one more", soup(sweep::CAPACITY + 1, 0.2)),
+        ("soup", soup(3000, 0.05)),
+        ("crossing", soup(500, 2.0)),
+        ("duplicates", vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 1000]),
+        ("one centroid", star.map(|p| [p, -p, Vec3::ZERO]).collect()),
+        ("flat", soup(1000, 0.1).into_iter().map(|t| t.map(|p| p.with_x(0.25))).collect()),
+        ("on a line", (0..999).map(|i| Vec3::X * i as f32).map(|p| [p, p + Vec3::Y, p + Vec3::Z]).collect()),
+        ("doubling", spiral.collect()),
+        ("nested", nested.collect()),
+        ("subnormal", soup(300, 0.1).into_iter().map(|t| t.map(|p| p * 1e-42)).collect()),
+        ("huge", soup(300, 0.1).into_iter().map(|t| t.map(|p| p * 1e38)).collect()),
+        ("zeros of both signs", vec![[Vec3::ZERO, Vec3::X, Vec3::Y], [-Vec3::ZERO, Vec3::X, Vec3::Z]]),
+    ]
+}
+
+fn check(name: &str, triangles: &Triangles, leaf_size: u32, tree: &Bvh) {
+    let mut seen = vec![false; triangles.len()];
+    let mut starts = vec![false; tree.nodes.len() + 1];
+    for (index, node) in tree.nodes.iter().enumerate() {
+        let around = if node.is_leaf() {
+            let list = tree.triangles(index);
+            assert!(list.len() <= leaf_size as usize && list.is_sorted(), "{name}: {list:?}");
+            list.iter().for_each(|&i| assert!(!std::mem::replace(&mut seen[i as usize], true), "{name}: {i} twice"));
+            list.iter().map(|&i| Aabb::of_triangle(&triangles[i as usize])).fold(Aabb::EMPTY, Aabb::union)
+        } else {
+            let children = tree.children(index);
+            children.iter().for_each(|&child| assert!(child > index && !std::mem::replace(&mut starts[child], true)));
+            let [first, second] = children.map(|child| tree.nodes[child].bounds);
+            let area = |b: Aabb| {
+                let [x, y, z] = (b.high - b.low).to_array().map(f64::from);
+                x * y + y * z + z * x
+            };
+            assert!(area(first) >= area(second) * (1.0 - 1e-12), "{name}: the larger child is the second");
+            first.union(second)
+        };
+        assert_eq!(node.bounds, around, "{name}");
+    }
+    assert!(seen.iter().all(|&seen| seen), "{name}: a triangle is missing");
+    assert!(starts[1..tree.nodes.len().max(1)].iter().all(|&seen| seen), "{name}: a node that is no child");
+    assert!(tree.depth() <= TraceOptions::MAX_DEPTH, "{name}: depth {}", tree.depth());
+}
+
+#[test]
+fn trees_hold_every_triangle_once_in_the_smallest_boxes() {
+    for (name, triangles) in scenes() {
+        for leaf_size in [None, Some(1), Some(15), Some(u32::MAX)] {
+            let options = options(leaf_size);
+            let tree = build_bvh(&triangles, &all(&triangles), &options);
+            check(name, &triangles, options.leaf_size, &tree);
+            assert_eq!(tree.nodes.is_empty(), triangles.is_empty(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_depth_has_a_bound_and_leaves_of_one_fit_below_it() {
+    // A leaf of one each although the costs would have none: a step costs nothing.
+    let options = BuildOptions { cost_traverse: 0.0, ..options(Some(1)) };
+    let deepest = |name: &str| {
+        let (_, triangles) = scenes().into_iter().find(|scene| scene.0 == name).unwrap();
+        let tree = build_bvh(&triangles, &all(&triangles), &options);
+        check(name, &triangles, 1, &tree);
+        tree.depth()
+    };
+    assert_eq!(deepest("doubling"), TraceOptions::MAX_DEPTH);
+    assert_eq!(deepest("duplicates"), 10);
+}
+
+#[test]
+fn the_tree_depends_neither_on_threads_nor_on_the_order_of_triangles() {
+    for (name, triangles) in
+        [("large", soup(150_000, 0.01)), ("duplicates", vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 70_000])]
+    {
+        let options = options(None);
+        let in_threads = |threads: usize, primitives: &[u32]| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| build_bvh(&triangles, primitives, &options))
+        };
+        let mut order = all(&triangles);
+        let expected = in_threads(1, &order);
+        check(name, &triangles, options.leaf_size, &expected);
+        assert!(in_threads(2, &order) == expected, "{name}: 2 threads");
+        assert!(in_threads(7, &order) == expected, "{name}: 7 threads");
+        order.reverse();
+        order.extend([0, 5]); // twice in the list
+        assert!(in_threads(2, &order) == expected, "{name}: order");
+    }
+}
+
+#[test]
+fn costs_and_size_make_leaves() {
+    let triangles = soup(2000, 0.05);
+    let leaves = |options: BuildOptions| {
+        build_bvh(&triangles, &all(&triangles), &options).nodes.iter().filter(|node| node.is_leaf()).count()
+    };
+    let base = options(Some(15));
+    let few = leaves(BuildOptions { cost_traverse: 8.0, ..base });
+    assert!(few < leaves(base) && leaves(base) < leaves(BuildOptions { cost_intersect: 8.0, ..base }));
+    assert_eq!(leaves(BuildOptions { leaf_size: 1, ..base }), triangles.len());
+}
+
+/// Expected cost of a tree: steps and tests of a ray through its box.
+fn cost(tree: &Bvh, options: &BuildOptions) -> f64 {
+    let area = |b: &Aabb| {
+        let [x, y, z] = (b.high - b.low).to_array().map(f64::from);
+        x * y + y * z + z * x
+    };
+    let of = |node: &BvhNode| match node.count {
+        0 => f64::from(options.cost_traverse) * area(&node.bounds),
+        count => f64::from(options.cost_intersect) * f64::from(count) * area(&node.bounds),
+    };
+    tree.nodes.iter().map(of).sum::<f64>() / area(&tree.nodes[0].bounds)
+}
+
+#[test]
+fn surface_areas_beat_medians() {
+    let triangles: Triangles = soup(5000, 0.02).into_iter().chain(soup(40, 1.0)).collect();
+    let options = options(Some(4));
+    let tree = build_bvh(&triangles, &all(&triangles), &options);
+    let builder = Builder { leaf_size: 4, cost_traverse: 1.0, cost_intersect: 1.0 };
+    // Every node halved, as where the depth runs out.
+    fn halved(builder: &Builder, items: &mut [Item]) -> f64 {
+        let extent = Extent::of(items);
+        if items.len() <= builder.leaf_size {
+            return extent.bounds.half_area() * items.len() as f64;
+        }
+        let middle = halve(items, &extent);
+        let (low, high) = items.split_at_mut(middle);
+        extent.bounds.half_area() + halved(builder, low) + halved(builder, high)
+    }
+    let mut items: Vec<_> = triangles.iter().zip(0..).map(|(triangle, i)| Item::new(triangle, i)).collect();
+    let root = Extent::of(&items).bounds.half_area();
+    let by_medians = halved(&builder, &mut items) / root;
+    assert!(cost(&tree, &options) < 0.8 * by_medians, "{} {by_medians}", cost(&tree, &options));
+}

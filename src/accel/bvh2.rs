@@ -1,0 +1,177 @@
+//! A binary bounding volume hierarchy as `cl/traverse/bvh2.cl` reads it: both children's boxes in their parent, 64 bytes a node.
+//!
+//! Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", High Performance Graphics 2009. Four records a node:
+//!
+//! ```text
+//! low0.x  high0.x  low0.y  high0.y     the box of child 0
+//! low1.x  high1.x  low1.y  high1.y     of child 1
+//! low0.z  high0.z  low1.z  high1.z     of both
+//! link0   link1    0       0
+//!
+//! link:  bit 31 clear   an inner node's number; its first record is four times that
+//!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are
+//! ```
+//!
+//! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
+//! ray enters.
+
+use super::bvh::{Bvh, MAX_TRIANGLES};
+use super::{Aabb, Structure};
+use crate::options::TraceOptions;
+use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, KdNode};
+use glam::Vec3;
+
+const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
+
+/// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far away.
+const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
+const FAR: f32 = (1u128 << 64) as f32;
+
+/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others.
+///
+/// # Panics
+/// When a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles.
+pub fn pack_bvh2(tree: &Bvh, top: usize) -> Structure {
+    let mut references = Vec::with_capacity(tree.order.len());
+    // What links to each node say.
+    let mut links = vec![0; tree.nodes.len()];
+    let order = numbered(tree, top);
+    for (number, &index) in order.iter().enumerate() {
+        links[index as usize] = number as u32;
+    }
+    for (index, link) in links.iter_mut().enumerate().filter(|(index, _)| tree.nodes[*index].is_leaf()) {
+        let triangles = tree.triangles(index);
+        *link = leaf_link(references.len() as u32, triangles.len() as u32);
+        references.extend_from_slice(triangles);
+    }
+    let nowhere = (NOWHERE, leaf_link(0, 0));
+    let child = |index: usize| (tree.nodes[index].bounds, links[index]);
+    let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
+    for &index in &order {
+        nodes.extend(records(tree.children(index as usize).map(child)));
+    }
+    if order.is_empty() {
+        let only = if tree.nodes.is_empty() { nowhere } else { child(0) };
+        nodes.extend(records([only, nowhere]));
+    }
+    Structure { nodes, references, bounds: Vec::new() }
+}
+
+/// The inner nodes in their order in memory.
+fn numbered(tree: &Bvh, top: usize) -> Vec<u32> {
+    let is_inner = |index: &usize| !tree.nodes[*index].is_leaf();
+    let mut is_taken = vec![false; tree.nodes.len()];
+    let mut order = Vec::new();
+    let mut level: Vec<usize> = (0..tree.nodes.len().min(1)).filter(is_inner).collect();
+    while !level.is_empty() && order.len() < top {
+        level.truncate(top - order.len());
+        for &index in &level {
+            is_taken[index] = true;
+            order.push(index as u32);
+        }
+        level = level.iter().flat_map(|&index| tree.children(index)).filter(is_inner).collect();
+    }
+    order.extend((0..tree.nodes.len()).filter(is_inner).filter(|&index| !is_taken[index]).map(|index| index as u32));
+    order
+}
+
+fn leaf_link(first: u32, count: u32) -> u32 {
+    assert!(count <= TraceOptions::BVH2_MAX_LEAF, "a leaf of {count} triangles");
+    BVH_LEAF | count << BVH_COUNT_SHIFT | first
+}
+
+fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NODE_RECORDS as usize] {
+    let planes =
+        |[a, b, c, d]: [f32; 4]| KdNode { flags: a.to_bits(), left: b.to_bits(), right: c.to_bits(), split: d };
+    [
+        planes([box0.low.x, box0.high.x, box0.low.y, box0.high.y]),
+        planes([box1.low.x, box1.high.x, box1.low.y, box1.high.y]),
+        planes([box0.low.z, box0.high.z, box1.low.z, box1.high.z]),
+        KdNode { flags: link0, left: link1, right: 0, split: 0.0 },
+    ]
+}
+
+/// How many triangles each leaf has.
+pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
+    let links = nodes.chunks_exact(BVH_NODE_RECORDS as usize).flat_map(|records| [records[3].flags, records[3].left]);
+    // A leaf without triangles is the child that is none.
+    links
+        .filter(|link| link & BVH_LEAF != 0)
+        .map(|link| (link & !BVH_LEAF) >> BVH_COUNT_SHIFT)
+        .filter(|&count| count > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{BuildOptions, build_bvh};
+
+    fn tree(count: usize, leaf_size: u32) -> Bvh {
+        let triangle = |i: usize| {
+            let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
+            [at, at + Vec3::X, at + Vec3::Y]
+        };
+        let vertices: Vec<_> = (0..count).map(triangle).collect();
+        let options = TraceOptions { leaf_size: Some(leaf_size), ..TraceOptions::DEFAULT };
+        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, count))
+    }
+
+    /// The boxes and links of a node, from its records.
+    fn children(structure: &Structure, number: usize) -> [(Aabb, u32); 2] {
+        let records = &structure.nodes[4 * number..][..4];
+        let planes = |record: &KdNode| bytemuck::cast::<KdNode, [f32; 4]>(*record);
+        let [xy0, xy1, zz] = [planes(&records[0]), planes(&records[1]), planes(&records[2])];
+        let of = |xy: [f32; 4], z: &[f32]| Aabb { low: [xy[0], xy[2], z[0]].into(), high: [xy[1], xy[3], z[1]].into() };
+        [(of(xy0, &zz[..2]), records[3].flags), (of(xy1, &zz[2..]), records[3].left)]
+    }
+
+    #[test]
+    fn links_lead_to_every_node_and_triangle_with_the_boxes_of_the_tree() {
+        for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
+            let tree = tree(count, 4);
+            let structure = pack_bvh2(&tree, top);
+            let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
+            assert_eq!(structure.nodes.len(), 4 * inner.max(1));
+            let mut seen = vec![false; count];
+            let mut visited = 0;
+            let mut open = vec![(0, (inner > 0).then_some(0))];
+            while let Some((number, index)) = open.pop() {
+                visited += 1;
+                for (i, (bounds, link)) in children(&structure, number).into_iter().enumerate() {
+                    let child = index.map_or(0, |index| tree.children(index)[i]);
+                    if link == leaf_link(0, 0) {
+                        assert_eq!(bounds, NOWHERE);
+                        continue;
+                    }
+                    assert_eq!(bounds, tree.nodes[child].bounds);
+                    if link & BVH_LEAF == 0 {
+                        open.push((link as usize, Some(child)));
+                        continue;
+                    }
+                    let first = (link & BVH_FIRST_MASK) as usize;
+                    let leaf_count = ((link & !BVH_LEAF) >> BVH_COUNT_SHIFT) as usize;
+                    let list = &structure.references[first..first + leaf_count];
+                    assert_eq!(list, tree.triangles(child));
+                    list.iter().for_each(|&triangle| assert!(!std::mem::replace(&mut seen[triangle as usize], true)));
+                }
+            }
+            assert_eq!(visited, inner.max(1));
+            assert!(seen.iter().all(|&seen| seen));
+            assert_eq!(leaf_counts(&structure.nodes).sum::<u32>() as usize, count);
+        }
+    }
+
+    #[test]
+    fn the_top_of_the_tree_comes_first_level_by_level() {
+        let tree = tree(500, 1);
+        let order = numbered(&tree, 7);
+        let level = |nodes: &[u32]| -> Vec<u32> {
+            nodes.iter().flat_map(|&index| tree.children(index as usize)).map(|index| index as u32).collect()
+        };
+        assert_eq!(order[0], 0);
+        assert_eq!(order[1..3], level(&order[..1]));
+        assert_eq!(order[3..7], level(&order[1..3]));
+        assert!(order[7..].is_sorted());
+        assert!(numbered(&tree, 0).is_sorted());
+    }
+}

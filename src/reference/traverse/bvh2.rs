@@ -1,0 +1,85 @@
+//! Twin of `cl/traverse/bvh2.cl`. The reasons are there.
+
+use super::NO_HIT;
+use super::leaf::test_triangles;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::math::min_or;
+use crate::reference::memory::{Work, load_node};
+use crate::reference::ray::Ray;
+use crate::reference::slab::{PairSlabs, Slabs};
+use crate::shared::{BVH_COUNT_SHIFT, BVH_END, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
+
+#[derive(Clone, Copy, Default)]
+struct FarChild {
+    link: u32,
+    t_enter: f32,
+}
+
+#[inline(always)]
+pub fn traverse_bvh2(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
+    let mut hit = NO_HIT;
+    let pair = PairSlabs::new(&Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz()));
+    let mut t_limit = ray.t_far;
+
+    let mut stack = [FarChild::default(); TraceOptions::MAX_DEPTH as usize + 1];
+    stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
+    let mut stacked = 0;
+    let mut link = 0;
+    loop {
+        while link & BVH_LEAF == 0 {
+            work.count(WorkCounter::Steps, 1);
+            let first = (BVH_NODE_RECORDS * link) as usize;
+            let mut planes = |record: usize| bytemuck::cast(load_node(buffers, first + record, work));
+            let (xy0, xy1, zz) = (planes(0), planes(1), planes(2));
+            let links = load_node(buffers, first + 3, work);
+            let limits = [ray.t_near, -t_limit, ray.t_near, -t_limit];
+            let t = pair.clip(limits, xy0, xy1, zz);
+            let (meets0, meets1) = (t[0] <= -t[1], t[2] <= -t[3]);
+            let (link0, link1) = (links.flags, links.left);
+            if meets0 && meets1 {
+                let is_second_nearer = t[2] < t[0];
+                stacked += 1;
+                stack[stacked] = match is_second_nearer {
+                    true => FarChild { link: link0, t_enter: t[0] },
+                    false => FarChild { link: link1, t_enter: t[2] },
+                };
+                work.count(WorkCounter::DeepestStack, stacked as u32);
+                link = if is_second_nearer { link1 } else { link0 };
+            } else if meets0 || meets1 {
+                link = if meets0 { link0 } else { link1 };
+            } else {
+                link = pop(&stack, &mut stacked, t_limit);
+            }
+        }
+        if link == BVH_END {
+            return hit;
+        }
+        let (first, count) = (link & BVH_FIRST_MASK, (link & !BVH_LEAF) >> BVH_COUNT_SHIFT);
+        work.count(WorkCounter::Leaves, 1);
+        work.count(WorkCounter::EmptyLeaves, u32::from(count == 0));
+        let references = first as usize..(first + count) as usize;
+        if test_triangles(buffers, options, ray, references, any_hit, &mut hit, work) {
+            return hit;
+        }
+        t_limit = min_or(hit.t, ray.t_far);
+        link = pop(&stack, &mut stacked, t_limit);
+    }
+}
+
+/// The next child that is not entered behind the hit, or the end, which is entered before everything.
+#[inline(always)]
+fn pop(stack: &[FarChild], stacked: &mut usize, t_limit: f32) -> u32 {
+    while t_limit < stack[*stacked].t_enter {
+        *stacked -= 1;
+    }
+    let link = stack[*stacked].link;
+    *stacked = stacked.wrapping_sub(1); // the end's place is never asked for again
+    link
+}
