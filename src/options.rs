@@ -83,6 +83,8 @@ methods! {
         Kd = "kd",
         /// A binary hierarchy of boxes, the two of a node's children side by side (Aila and Laine 2009).
         Bvh2 = "bvh2",
+        /// A hierarchy of boxes with eight children a node, tested at once (Dammertz, Hanika and Keller 2008); for CPUs.
+        Bvh8 = "bvh8",
         /// A uniform grid (Amanatides and Woo 1987).
         Grid = "grid",
         /// Every cell divided at its centre into eight (Glassner 1984).
@@ -253,6 +255,16 @@ impl Intersector {
         if self == Intersector::Exact { "exactly" } else { "rounded" }
     }
 
+    /// What `FILTER` is in `cl/intersect/filter.cl`.
+    pub fn cl_filter(self) -> &'static str {
+        if self.is_sheared() { "sheared" } else { "none" }
+    }
+
+    /// Whether it never finds a hit where sheared edge functions are surely of different signs.
+    pub fn is_sheared(self) -> bool {
+        matches!(self, Intersector::Exact | Intersector::Watertight)
+    }
+
     /// Whether t stays right when the ray lies in the triangle's plane. Then every structure gives the hits of brute force; else a
     /// traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
     ///
@@ -289,7 +301,7 @@ pub struct TraceOptions {
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
     /// A node with at most this many triangles is not split, and a leaf of a hierarchy of boxes or a cluster has no more; at least 1
-    /// (and at most [`TraceOptions::BVH2_MAX_LEAF`] for [`Accel::Bvh2`]). `None`: the build's own default: 1 for a
+    /// (and at most [`TraceOptions::BVH2_MAX_LEAF`] for [`Accel::Bvh2`], [`TraceOptions::BVH8_MAX_LEAF`] for [`Accel::Bvh8`]). `None`: the build's own default: 1 for a
     /// kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median, an octree and a hierarchy
     /// of boxes, 4 for the others; the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
@@ -379,6 +391,9 @@ impl TraceOptions {
     /// The most triangles in a leaf of [`Accel::Bvh2`]: what a link has room for.
     pub const BVH2_MAX_LEAF: u32 = (BVH_LEAF >> BVH_COUNT_SHIFT) - 1;
 
+    /// The most triangles in a leaf of [`Accel::Bvh8`]: those that are looked at together.
+    pub const BVH8_MAX_LEAF: u32 = 8;
+
     /// The most cells of a grid: 256 MiB of them, and numbers that are exact in float32.
     pub const MAX_GRID_CELLS: u32 = 1 << 24;
 
@@ -393,6 +408,7 @@ impl TraceOptions {
             (Accel::Kd, Traversal::Ropes) => "traverse_kd_ropes",
             (Accel::Kd, Traversal::ThesisRestart) => "traverse_thesis_restart",
             (Accel::Bvh2, _) => "traverse_bvh2",
+            (Accel::Bvh8, _) => "traverse_bvh8",
             (Accel::Grid, _) => "traverse_grid",
             (Accel::Octree, _) => "traverse_octree",
             (Accel::Boxes, _) => "traverse_boxes",
@@ -410,9 +426,13 @@ impl TraceOptions {
         if self.leaf_size == Some(0) {
             return Err(Error::option("--leaf-size", "must be at least 1"));
         }
-        if let Some(size) = self.leaf_size.filter(|&size| self.accel == Accel::Bvh2 && size > Self::BVH2_MAX_LEAF) {
-            let message =
-                format!("{size}: a leaf of --accel {} has room for {} at most", self.accel, Self::BVH2_MAX_LEAF);
+        let most_in_leaf = match self.accel {
+            Accel::Bvh2 => Self::BVH2_MAX_LEAF,
+            Accel::Bvh8 => Self::BVH8_MAX_LEAF,
+            _ => u32::MAX,
+        };
+        if let Some(size) = self.leaf_size.filter(|&size| size > most_in_leaf) {
+            let message = format!("{size}: a leaf of --accel {} has room for {most_in_leaf} at most", self.accel);
             return Err(Error::option("--leaf-size", message));
         }
         if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {

@@ -9,7 +9,7 @@ pub use transforms::triangle_transform;
 
 use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_bvh, build_grid, build_kd_tree, build_octree, build_spheres,
-    link_leaves, pack_bvh2, reorder,
+    link_leaves, pack_bvh2, pack_bvh8, reorder,
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
@@ -98,7 +98,7 @@ impl SceneBuffers {
         let start = Instant::now();
         let build_options = match options.accel {
             Accel::Octree => BuildOptions::octree(primitives.len(), options.leaf_size, options.max_depth),
-            Accel::Bvh2 => BuildOptions::bvh(options, primitives.len()),
+            Accel::Bvh2 | Accel::Bvh8 => BuildOptions::bvh(options, primitives.len()),
             _ => BuildOptions::new(options, primitives.len()),
         };
         let mut stack_entries = match (options.accel, options.traversal) {
@@ -127,6 +127,11 @@ impl SceneBuffers {
                 let tree = build_bvh(&triangles, &primitives, &build_options);
                 stack_entries = tree.depth() + 1; // the last entry says that there are no more
                 pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize)
+            }
+            Accel::Bvh8 => {
+                let packed = pack_bvh8(&build_bvh(&triangles, &primitives, &build_options), &triangles);
+                stack_entries = packed.stack_entries;
+                packed.structure
             }
             Accel::Grid => build_grid(&triangles, &primitives, bounding_box, options.grid_size)?,
             Accel::Octree => build_octree(&triangles, &primitives, bounding_box, &build_options),

@@ -32,6 +32,13 @@ pub const BVH_COUNT_SHIFT: u32 = 27;
 /// Where there is no more: the link of a leaf that no tree has.
 pub const BVH_END: u32 = u32::MAX;
 
+/// Records of `nodes` that a node of a hierarchy of eight children takes.
+pub const BVH8_NODE_RECORDS: u32 = 16;
+/// The first of these with links.
+pub const BVH8_LINKS: u32 = 12;
+/// Records of `bounds` that a packet of eight triangles takes.
+pub const BVH8_PACKET_RECORDS: u32 = 18;
+
 /// `Light::kind` of a point light.
 pub const LIGHT_POINT: u32 = 0;
 /// `Light::kind` of a directional light.
@@ -383,6 +390,9 @@ pub fn types_cl() -> String {
         ("BVH_FIRST_MASK", BVH_FIRST_MASK),
         ("BVH_COUNT_SHIFT", BVH_COUNT_SHIFT),
         ("BVH_END", BVH_END),
+        ("BVH8_NODE_RECORDS", BVH8_NODE_RECORDS),
+        ("BVH8_LINKS", BVH8_LINKS),
+        ("BVH8_PACKET_RECORDS", BVH8_PACKET_RECORDS),
         ("LIGHT_POINT", LIGHT_POINT),
         ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
         ("LIGHT_SPOT", LIGHT_SPOT),

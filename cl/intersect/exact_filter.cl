@@ -18,15 +18,8 @@
 #define HIT 1
 #define DOUBTFUL 2
 
-// Step 1. With M the largest coordinate of a vertex relative to the origin and H the largest sheared coordinate, to first order:
-// a difference is off by 4 EPSILON M (two roundings and 2 of the origin's second part), the shear's quotient by up to 5 EPSILON (2.5
-// ulp on some devices) and its product by 1, which its factor M passes on, the difference in it by 4 more, and the fma rounds by 2 M: a
-// sheared coordinate is off by delta = (4 + 6 + 4 + 2) EPSILON M = 16 EPSILON M. An edge function of two vertices is off by
-// 4 H delta + 2 delta^2 and, by itself, by EPSILON H^2 for its product and 2 EPSILON H^2 for its fma, which is no more than
-// 3 EPSILON H 2 M: (64 + 6) EPSILON M H + 512 EPSILON^2 M^2. The constants leave room for the second order, for the roundings of H and M,
-// and of the bound itself.
-#define SHEAR_ERROR (74.0f * EPSILON)
-#define SHEAR_ERROR2 (544.0f * EPSILON * EPSILON)
+// Step 1. The edge functions and the bound of their error are in edges.cl.
+//
 // In sheared space the ray is the z axis, and it meets the triangle at z = t direction_z, the mean of the vertices' z weighted by the
 // edge functions. These, each off by `bound`, move that mean by at most 3 bound spread / |their sum|, where spread is the vertices'
 // extent in z. The z are off by 5 EPSILON of the largest, Z; the sums, reciprocals and products that give t round by 3 + 2 + 10 + 2
@@ -36,28 +29,21 @@
 
 // Hit or miss, and limits of the hit's t, if there is one: in doubt those of all the triangle.
 int decide_rounded(const ShearedTriangle* s, float distance, float* t_low, float* t_high) {
-    const float weight0 = fma(s->cx, s->by, -(s->cy * s->bx));
-    const float weight1 = fma(s->ax, s->cy, -(s->ay * s->cx));
-    const float weight2 = fma(s->bx, s->ay, -(s->by * s->ax));
-    const float extent = max_or(max_or(max_or(fabs(s->ax), fabs(s->ay)), max_or(fabs(s->bx), fabs(s->by))),
-                                max_or(fabs(s->cx), fabs(s->cy)));
-    const float bound = distance * fma(SHEAR_ERROR, extent, SHEAR_ERROR2 * distance);
-    const float low = min_or(weight0, min_or(weight1, weight2));
-    const float high = max_or(weight0, max_or(weight1, weight2));
-    if (low < -bound && high > bound) return MISS;
+    const Edges e = edges_of(s->ax, s->ay, s->bx, s->by, s->cx, s->cy, distance);
+    if (surely_missed(e)) return MISS;
     const float nearest = min_or(s->az, min_or(s->bz, s->cz)), farthest = max_or(s->az, max_or(s->bz, s->cz));
     const float depth_error = DEPTH_ERROR * max_or(fabs(nearest), fabs(farthest));
-    if (!(low > bound || high < -bound)) {
+    if (!(e.low > e.bound || e.high < -e.bound)) {
         const float t_nearest = nearest * s->inv_direction_z, t_farthest = farthest * s->inv_direction_z;
         *t_low = min_or(t_nearest, t_farthest) - depth_error;
         *t_high = max_or(t_nearest, t_farthest) + depth_error;
         return DOUBTFUL;
     }
-    const float det = weight0 + weight1 + weight2;
-    const float z_weighted = fma(weight0, s->az, fma(weight1, s->bz, weight2 * s->cz));
+    const float det = e.weight0 + e.weight1 + e.weight2;
+    const float z_weighted = fma(e.weight0, s->az, fma(e.weight1, s->bz, e.weight2 * s->cz));
     const float inv_det = 1.0f / det;
     const float t = z_weighted * inv_det * s->inv_direction_z;
-    const float error = fma(SPREAD_ERROR * bound, (farthest - nearest) * fabs(inv_det), depth_error);
+    const float error = fma(SPREAD_ERROR * e.bound, (farthest - nearest) * fabs(inv_det), depth_error);
     *t_low = t - error;
     *t_high = t + error;
     return HIT;

@@ -221,6 +221,26 @@ void store_work(__global uint* records, uint index, const Geometry* geometry) {
 #define STORE_WORK(geometry, index)
 #endif
 
+// Eight numbers: two records one behind the other, the first one with an even number. And word number `lane` of the links of a wide node.
+#if defined(IMAGE) || defined(CONSTANT_NODES)
+#define EIGHT_NODE_WORDS(geometry, record) \
+    (float8)(as_float4(NODE_RECORD(geometry, record)), as_float4(NODE_RECORD(geometry, (record) + 1u)))
+#define LINK_WORD(geometry, node, lane) word_of(NODE_RECORD(geometry, (node) + BVH8_LINKS + (lane) / 4u), (lane) % 4u)
+uint word_of(int4 record, uint i) { return (uint)(i == 0u ? record.x : i == 1u ? record.y : i == 2u ? record.z : record.w); }
+#else
+#define EIGHT_NODE_WORDS(geometry, record) vload8(0, (__global const float*)((geometry)->nodes + (record)))
+#define LINK_WORD(geometry, node, lane) ((__global const uint*)((geometry)->nodes + (node) + BVH8_LINKS))[lane]
+#endif
+#ifdef IMAGE
+#define EIGHT_BOUNDS_WORDS(geometry, record) \
+    (float8)(BOUNDS_RECORD(geometry, record), BOUNDS_RECORD(geometry, (record) + 1u))
+#else
+#define EIGHT_BOUNDS_WORDS(geometry, record) vload8(0, (__global const float*)((geometry)->bounds + (record)))
+#endif
+#define LOAD_EIGHT(geometry, record) COUNTED(geometry, NODE_BYTES, sizeof(float8), EIGHT_NODE_WORDS(geometry, record))
+#define LOAD_LINK(geometry, node, lane) COUNTED(geometry, NODE_BYTES, sizeof(uint), LINK_WORD(geometry, node, lane))
+#define LOAD_PACKET(geometry, record) COUNTED(geometry, TRIANGLE_BYTES, sizeof(float8), EIGHT_BOUNDS_WORDS(geometry, record))
+
 #define LOAD_NODE(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(int4), NODE_RECORD(geometry, index))
 #define LOAD_BOUNDS(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(float4), BOUNDS_RECORD(geometry, index))
 #define LOAD_REFERENCE(geometry, index) COUNTED(geometry, TRIANGLE_BYTES, sizeof(uint), REFERENCE_RECORD(geometry, index))

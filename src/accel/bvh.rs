@@ -14,7 +14,7 @@ mod sweep;
 
 use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
-use crate::options::{KdOptions, TraceOptions};
+use crate::options::{Accel, KdOptions, TraceOptions};
 use bins::Binning;
 use glam::Vec3;
 use items::{Extent, Item, PARALLEL_ITEMS, halve, partition};
@@ -87,12 +87,19 @@ impl BuildOptions {
     /// The most triangles of a leaf, unless something else is asked for: the costs stop most nodes earlier.
     const BVH_LEAF_SIZE: u32 = 8;
 
+    /// Cost of a triangle test where eight are looked at together, in steps.
+    const WIDE_COST_INTERSECT: f32 = 0.25;
+
     /// What `options` ask for in a bounding volume hierarchy of `triangle_count` triangles.
     pub fn bvh(options: &TraceOptions, triangle_count: usize) -> Self {
         BuildOptions {
             leaf_size: options.leaf_size.unwrap_or(Self::BVH_LEAF_SIZE),
             max_depth: TraceOptions::MAX_DEPTH,
             cost_traverse: options.kd.cost_traverse.unwrap_or(KdOptions::COST),
+            cost_intersect: options.kd.cost_intersect.unwrap_or(match options.accel {
+                Accel::Bvh8 => Self::WIDE_COST_INTERSECT,
+                _ => KdOptions::COST,
+            }),
             ..BuildOptions::new(&TraceOptions { leaf_size: None, max_depth: None, ..*options }, triangle_count)
         }
     }

@@ -24,7 +24,7 @@ use glam::Vec3;
 const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
 
 /// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far away.
-const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
+pub(super) const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
 const FAR: f32 = (1u128 << 64) as f32;
 
 /// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others.
@@ -75,7 +75,7 @@ fn numbered(tree: &Bvh, top: usize) -> Vec<u32> {
     order
 }
 
-fn leaf_link(first: u32, count: u32) -> u32 {
+pub(super) fn leaf_link(first: u32, count: u32) -> u32 {
     assert!(count <= TraceOptions::BVH2_MAX_LEAF, "a leaf of {count} triangles");
     BVH_LEAF | count << BVH_COUNT_SHIFT | first
 }
@@ -91,14 +91,16 @@ fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NOD
     ]
 }
 
+/// How many triangles the leaf of a link has.
+pub(super) fn leaf_count(link: u32) -> u32 {
+    (link & !BVH_LEAF) >> BVH_COUNT_SHIFT
+}
+
 /// How many triangles each leaf has.
 pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
     let links = nodes.chunks_exact(BVH_NODE_RECORDS as usize).flat_map(|records| [records[3].flags, records[3].left]);
     // A leaf without triangles is the child that is none.
-    links
-        .filter(|link| link & BVH_LEAF != 0)
-        .map(|link| (link & !BVH_LEAF) >> BVH_COUNT_SHIFT)
-        .filter(|&count| count > 0)
+    links.filter(|link| link & BVH_LEAF != 0).map(leaf_count).filter(|&count| count > 0)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 mod bvh;
 mod bvh2;
+mod bvh8;
 mod clip;
 mod cost;
 mod divide;
@@ -24,6 +25,7 @@ mod volumes;
 
 pub use bvh::{Bvh, BvhNode, build_bvh};
 pub use bvh2::pack_bvh2;
+pub use bvh8::{Bvh8, pack_bvh8};
 pub use cost::Measure;
 pub use grid::build_grid;
 pub use node_order::reorder;

@@ -1,6 +1,6 @@
 //! What a structure other than the kd-tree looks like on the device, and in numbers.
 
-use super::bvh2;
+use super::{bvh2, bvh8};
 use crate::layout::Float4;
 use crate::options::Accel;
 use crate::shared::{KD_LEAF, KdNode};
@@ -51,6 +51,7 @@ impl StructureStats {
     ) -> StructureStats {
         let counts: Vec<u32> = match accel {
             Accel::Bvh2 => bvh2::leaf_counts(nodes).collect(),
+            Accel::Bvh8 => bvh8::leaf_counts(nodes).collect(),
             _ => nodes.iter().filter(|node| node.flags == KD_LEAF).map(|node| node.right).collect(),
         };
         let listed: usize = counts.iter().map(|&count| count as usize).sum();

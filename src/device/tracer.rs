@@ -8,7 +8,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceIn
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Intersector, Kernels, Terminator, TraceOptions};
+use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
@@ -86,6 +86,10 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
         .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
         .define("STACK_SIZE", buffers.stack_entries.next_multiple_of(16))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
+    let compile_options = match options.accel {
+        Accel::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
+        _ => compile_options,
+    };
     let compile_options = match options.intersector.cl_function() {
         Some(function) => compile_options.define("INTERSECT", function),
         None => compile_options,

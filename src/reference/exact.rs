@@ -1,6 +1,7 @@
 //! Twin of `cl/intersect/exact.cl` and `exact_filter.cl`: the ray-triangle test that is right. The reasons are there. There is no step
 //! between wide and whole numbers here, as on devices without double: the answers are the same.
 
+use super::edges::Edges;
 use super::exact_whole::{decide_whole, finish_whole, weight0_whole};
 use super::intersect::{Intersection, ShearedTriangle, shear_triangle};
 use super::math::{abs3, dot3, fma3, max_or, min_or};
@@ -11,8 +12,6 @@ use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE, WorkCounter};
 use glam::{DVec3, Vec3};
 
-const SHEAR_ERROR: f32 = 74.0 * EPSILON;
-const SHEAR_ERROR2: f32 = 544.0 * EPSILON * EPSILON;
 const SPREAD_ERROR: f32 = 3.1;
 const DEPTH_ERROR: f32 = 26.0 * EPSILON;
 
@@ -31,17 +30,11 @@ pub enum Decision {
 #[inline(always)]
 fn decide_rounded(s: &ShearedTriangle, distance: f32) -> Option<(bool, [f32; 2])> {
     let [a, b, c] = s.vertices;
-    let weight0 = c.x.mul_add(b.y, -(c.y * b.x));
-    let weight1 = a.x.mul_add(c.y, -(a.y * c.x));
-    let weight2 = b.x.mul_add(a.y, -(b.y * a.x));
-    let larger = |p: Vec3| max_or(p.x.abs(), p.y.abs());
-    let extent = max_or(max_or(larger(a), larger(b)), larger(c));
-    let bound = distance * SHEAR_ERROR.mul_add(extent, SHEAR_ERROR2 * distance);
-    let low = min_or(weight0, min_or(weight1, weight2));
-    let high = max_or(weight0, max_or(weight1, weight2));
-    if low < -bound && high > bound {
+    let edges = Edges::new(s, distance);
+    if edges.surely_missed() {
         return None;
     }
+    let Edges { weights: [weight0, weight1, weight2], low, high, bound } = edges;
     let (nearest, farthest) = (min_or(a.z, min_or(b.z, c.z)), max_or(a.z, max_or(b.z, c.z)));
     let depth_error = DEPTH_ERROR * max_or(nearest.abs(), farthest.abs());
     let is_inside = low > bound || high < -bound;

@@ -2,7 +2,7 @@
 
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
-use crate::shared::{KdNode, WorkCounter};
+use crate::shared::{BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode, WorkCounter};
 use crate::work::RayWork;
 use glam::Vec3;
 
@@ -44,6 +44,19 @@ pub fn load_node(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -> 
 #[inline(always)]
 pub fn load_bounds(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -> Float4 {
     read(&buffers.bounds, index, WorkCounter::NodeBytes, work)
+}
+
+/// The words of the wide node whose first record is `first`: its planes, which are counted, and its links, which are not.
+#[inline(always)]
+pub fn load_wide_node<'a>(buffers: &'a SceneBuffers, first: usize, work: &mut impl Work) -> &'a [u32] {
+    work.count(WorkCounter::NodeBytes, BVH8_LINKS * size_of::<KdNode>() as u32);
+    bytemuck::cast_slice(&buffers.nodes[first..first + BVH8_NODE_RECORDS as usize])
+}
+
+/// Counts a packet of eight triangles, whose numbers the twin reads elsewhere.
+#[inline(always)]
+pub fn count_packet(work: &mut impl Work) {
+    work.count(WorkCounter::TriangleBytes, BVH8_PACKET_RECORDS * size_of::<Float4>() as u32);
 }
 
 /// The triangle of a reference.

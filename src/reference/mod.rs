@@ -4,6 +4,7 @@
 //! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which accuracy is
 //! measured.
 
+pub mod edges;
 pub mod exact;
 pub mod exact_whole;
 pub mod integer;

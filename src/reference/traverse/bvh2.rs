@@ -10,10 +10,11 @@ use crate::reference::ray::Ray;
 use crate::reference::slab::{PairSlabs, Slabs};
 use crate::shared::{BVH_COUNT_SHIFT, BVH_END, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 
+/// A child to be visited later, and where the ray enters it.
 #[derive(Clone, Copy, Default)]
-struct FarChild {
-    link: u32,
-    t_enter: f32,
+pub(super) struct FarChild {
+    pub link: u32,
+    pub t_enter: f32,
 }
 
 #[inline(always)]
@@ -75,7 +76,7 @@ pub fn traverse_bvh2(
 
 /// The next child that is not entered behind the hit, or the end, which is entered before everything.
 #[inline(always)]
-fn pop(stack: &[FarChild], stacked: &mut usize, t_limit: f32) -> u32 {
+pub(super) fn pop(stack: &[FarChild], stacked: &mut usize, t_limit: f32) -> u32 {
     while t_limit < stack[*stacked].t_enter {
         *stacked -= 1;
     }

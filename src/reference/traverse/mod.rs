@@ -2,6 +2,7 @@
 
 mod brute_force;
 mod bvh2;
+mod bvh8;
 mod grid;
 mod kd_push_down;
 mod kd_restart;
@@ -57,6 +58,7 @@ pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &m
 pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool, work: &mut impl Work) -> Hit {
     match (options.accel, options.traversal) {
         (Accel::Bvh2, _) => bvh2::traverse_bvh2(buffers, options, ray, any_hit, work),
+        (Accel::Bvh8, _) => bvh8::traverse_bvh8(buffers, options, ray, any_hit, work),
         (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
         (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
         (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),

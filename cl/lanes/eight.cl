@@ -1,0 +1,14 @@
+// What a file that is written for any number of lanes is compiled for next: eight numbers at a time, in vectors. Its names end in 8.
+#undef REAL
+#undef LANES
+#define REAL float8
+#define LANES(name) name##8
+
+float8 max_or8(float8 a, float8 b) { return a > b ? a : b; }
+float8 min_or8(float8 a, float8 b) { return a < b ? a : b; }
+
+// Bit 8 i: whether lane i of a comparison is true.
+ulong lanes_where8(int8 comparison) { return as_ulong(convert_char8(comparison)) & 0x0101010101010101ul; }
+// The lowest lane of some, and the others.
+uint first_lane8(ulong lanes) { return (63u - (uint)clz(lanes & (0ul - lanes))) / 8u; }
+ulong other_lanes8(ulong lanes) { return lanes & (lanes - 1ul); }

@@ -1,0 +1,89 @@
+// Bounding volume hierarchy of eight children a node, all eight boxes tested at once in vectors, and so are the triangles of a leaf.
+// Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays", EGSR 2008; Wald,
+// Benthin and Boulos, "Getting Rid of Packets", IEEE Symposium on Interactive Ray Tracing 2008.
+//
+// For CPUs, whose vectors one ray fills: a quarter of the steps of a binary hierarchy, whatever its neighbours do. Bad at: GPUs, where a
+// work-item has one lane and eight boxes take its registers.
+//
+// nodes: BVH8_NODE_RECORDS records a node; what they are, and what a link is, src/accel/bvh8.rs says. bounds: packets of triangles
+// (cl/intersect/filter.cl). Boxes are tested with the pads of cl/shared/slab.cl.
+
+#ifndef STACK_SIZE
+#define STACK_SIZE 64 // the host knows it
+#endif
+
+// When the ray enters the boxes of a node, and leaves them.
+typedef struct {
+    float8 enter, leave;
+} Interval8;
+
+// `near`: for each axis the record of the planes where the ray enters, from those of the axis on; the others are behind or before it.
+Interval8 clip_to_eight(GEOMETRY_PARAMETERS, const Slabs* s, uint3 near, uint node, float t_near, float t_limit) {
+    const float8 enter_x = fma(LOAD_EIGHT(geometry, node + near.x), (float8)(s->inv.x), (float8)(s->enter.x));
+    const float8 enter_y = fma(LOAD_EIGHT(geometry, node + near.y), (float8)(s->inv.y), (float8)(s->enter.y));
+    const float8 enter_z = fma(LOAD_EIGHT(geometry, node + near.z), (float8)(s->inv.z), (float8)(s->enter.z));
+    const float8 leave_x = fma(LOAD_EIGHT(geometry, node + 2u - near.x), (float8)(s->inv.x), (float8)(s->leave.x));
+    const float8 leave_y = fma(LOAD_EIGHT(geometry, node + 10u - near.y), (float8)(s->inv.y), (float8)(s->leave.y));
+    const float8 leave_z = fma(LOAD_EIGHT(geometry, node + 18u - near.z), (float8)(s->inv.z), (float8)(s->leave.z));
+    const Interval8 t = {max_or8(max_or8(enter_x, enter_y), max_or8(enter_z, (float8)(t_near))),
+                         min_or8(min_or8(leave_x, leave_y), min_or8(leave_z, (float8)(t_limit)))};
+    return t;
+}
+
+bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
+    *hit = no_hit();
+    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
+    const uint3 near = (uint3)(slabs.inv.x < 0.0f ? 2u : 0u, slabs.inv.y < 0.0f ? 6u : 4u, slabs.inv.z < 0.0f ? 10u : 8u);
+    const Filter filter = make_filter(ray, farthest_distance(ray, geometry->low, geometry->high));
+    float t_limit = ray->t_far;
+
+    FarChild stack[STACK_SIZE];
+    const FarChild end = {BVH_END, -INFINITY};
+    stack[0] = end;
+    uint stacked = 0; // apart from the end
+    uint link = 0;
+    while (link != BVH_END) {
+        if ((link & BVH_LEAF) == 0u) {
+            COUNT(geometry, STEPS, 1);
+            const uint node = BVH8_NODE_RECORDS * link;
+            const Interval8 t = clip_to_eight(GEOMETRY, &slabs, near, node, ray->t_near, t_limit);
+            ulong met = lanes_where8(t.enter <= t.leave);
+            if (met != 0ul && other_lanes8(met) == 0ul) { // the most frequent case needs no stack
+                link = LOAD_LINK(geometry, node, first_lane8(met));
+                continue;
+            }
+            float enter[8];
+            vstore8(t.enter, 0, enter);
+            // On the stack, the nearest on top; of two at the same t the first one.
+            const uint lowest = stacked + 1u;
+            for (; met != 0ul; met = other_lanes8(met)) {
+                const uint lane = first_lane8(met);
+                const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
+                stacked++;
+                uint place = stacked;
+                for (; place > lowest && stack[place - 1u].t_enter <= child.t_enter; place--) stack[place] = stack[place - 1u];
+                stack[place] = child;
+            }
+            COUNT_DEEPEST(geometry, stacked);
+        } else {
+            const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
+            COUNT(geometry, LEAVES, 1);
+            COUNT(geometry, EMPTY_LEAVES, count == 0u ? 1 : 0);
+            if (count > 0u) {
+                const ulong lanes = 0x0101010101010101ul >> (8u * (8u - count));
+                ulong open = JOIN(filter_, FILTER)(GEOMETRY, &filter, first / 8u) & lanes;
+                COUNT(geometry, TESTS, popcount(lanes & ~open));
+                for (; open != 0ul; open = other_lanes8(open)) {
+                    test_triangle(GEOMETRY, ray, first + first_lane8(open), hit);
+                    if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
+                }
+                t_limit = min_or(hit->t, ray->t_far);
+            }
+        }
+        // What is entered behind the hit has no nearer one. The end is entered before everything.
+        while (t_limit < stack[stacked].t_enter) stacked--;
+        link = stack[stacked].link;
+        stacked--;
+    }
+    return hit->primitive != NO_PRIMITIVE;
+}

@@ -1,0 +1,198 @@
+//! A bounding volume hierarchy of eight children a node as `cl/traverse/bvh8.cl` reads it, made of a binary one.
+//!
+//! Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays", Eurographics Symposium
+//! on Rendering 2008: a node's largest child that is no leaf makes way for its own two until there are eight. Sixteen records a node:
+//!
+//! ```text
+//! low.x of the eight children, two records; high.x; low.y; high.y; low.z; high.z
+//! links, two records
+//! two that are unused, so that a node starts with a cache line
+//!
+//! link:  bit 31 clear   an inner node's number; its first record is sixteen times that
+//!        bit 31 set     a leaf: bits 0-26 its first reference, a multiple of eight, bits 27-30 how many there are
+//! ```
+//!
+//! A leaf's triangles are in `bounds`, too, in packets of eight (`cl/intersect/filter.cl`), packet number i those of the references from
+//! 8 i on. Where a leaf has fewer, its last one is repeated, and nobody looks at it.
+
+use super::bvh::Bvh;
+use super::bvh2::{NOWHERE, leaf_link};
+use super::{Aabb, Structure};
+use crate::layout::Float4;
+use crate::options::TraceOptions;
+use crate::shared::{BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Children of a node, and triangles of a packet.
+const WIDTH: usize = 8;
+const _: () = assert!(TraceOptions::BVH8_MAX_LEAF as usize == WIDTH);
+
+/// A packed tree, and how deep it is.
+pub struct Bvh8 {
+    /// As the kernels read it.
+    pub structure: Structure,
+    /// The most entries of a traversal's stack.
+    pub stack_entries: u32,
+}
+
+/// Packs `tree`, of the triangles `vertices`.
+///
+/// # Panics
+/// When a leaf has more than [`TraceOptions::BVH8_MAX_LEAF`] triangles, or there are 2^24 leaves or more.
+pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Bvh8 {
+    let mut nodes: Vec<KdNode> = Vec::new();
+    let mut references = Vec::new();
+    let mut deepest = 0;
+    // Inner nodes of the binary tree whose wide node is still to be written: number, index, depth.
+    let mut open = vec![(0, 0, 1)];
+    let mut numbered = 1;
+    while let Some((number, index, depth)) = open.pop() {
+        deepest = deepest.max(depth);
+        let mut boxes = [NOWHERE; WIDTH];
+        let mut links = [leaf_link(0, 0); WIDTH];
+        let first_open = open.len();
+        for (slot, child) in children(tree, index).into_iter().enumerate() {
+            boxes[slot] = tree.nodes[child].bounds;
+            links[slot] = if tree.nodes[child].is_leaf() {
+                push_leaf(tree.triangles(child), &mut references)
+            } else {
+                open.push((numbered, child, depth + 1));
+                numbered += 1;
+                numbered as u32 - 1
+            };
+        }
+        // Depth first, in the order of the children.
+        open[first_open..].reverse();
+        let end = BVH8_NODE_RECORDS as usize * (number + 1);
+        nodes.resize(nodes.len().max(end), KdNode::default());
+        write_node(&mut nodes[end - BVH8_NODE_RECORDS as usize..end], &boxes, &links);
+    }
+    let packets: Vec<_> = references.par_chunks(WIDTH).flat_map_iter(|triangles| packet(triangles, vertices)).collect();
+    // Of each node on the way down all children but the one that is visited, and the end.
+    let stack_entries = (WIDTH as u32 - 1) * deepest + 2;
+    Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries }
+}
+
+/// The up to eight nodes that become the children of `index`; none of an empty tree, and of one that is a leaf that itself.
+fn children(tree: &Bvh, index: usize) -> Vec<usize> {
+    let mut children: Vec<usize> = (!tree.nodes.is_empty()).then_some(index).into_iter().collect();
+    while children.len() < WIDTH {
+        let inner = children.iter().enumerate().filter(|&(_, &child)| !tree.nodes[child].is_leaf());
+        let area = |&(_, &child): &(usize, &usize)| half_area(&tree.nodes[child].bounds);
+        // Of several that are as large the first.
+        let Some((slot, &largest)) = inner.rev().max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+        let [first, second] = tree.children(largest);
+        children[slot] = first;
+        children.insert(slot + 1, second);
+    }
+    children
+}
+
+fn half_area(bounds: &Aabb) -> f32 {
+    let size = bounds.high - bounds.low;
+    size.x * size.y + size.y * size.z + size.z * size.x
+}
+
+/// Appends a leaf's triangles and what fills up its packet; returns the link to it.
+fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> u32 {
+    assert!(triangles.len() <= WIDTH, "a leaf of {} triangles", triangles.len());
+    let first = references.len();
+    assert!(first < crate::shared::BVH_FIRST_MASK as usize, "more leaves than a link can number");
+    references.extend_from_slice(triangles);
+    let last = *triangles.last().expect("a leaf has a triangle");
+    references.resize(first + WIDTH, last);
+    leaf_link(first as u32, triangles.len() as u32)
+}
+
+fn write_node(records: &mut [KdNode], boxes: &[Aabb; WIDTH], links: &[u32; WIDTH]) {
+    for axis in 0..3 {
+        write_eight(&mut records[4 * axis..], boxes.map(|b| b.low[axis].to_bits()));
+        write_eight(&mut records[4 * axis + 2..], boxes.map(|b| b.high[axis].to_bits()));
+    }
+    write_eight(&mut records[BVH8_LINKS as usize..], *links);
+}
+
+fn write_eight(records: &mut [KdNode], words: [u32; WIDTH]) {
+    for (record, words) in records.iter_mut().zip(words.chunks_exact(4)) {
+        *record = KdNode { flags: words[0], left: words[1], right: words[2], split: f32::from_bits(words[3]) };
+    }
+}
+
+fn packet(triangles: &[u32], vertices: &[[Vec3; 3]]) -> impl Iterator<Item = Float4> {
+    let triangles: [&[Vec3; 3]; WIDTH] = std::array::from_fn(|lane| &vertices[triangles[lane] as usize]);
+    (0..BVH8_PACKET_RECORDS as usize).map(move |record| {
+        let (corner, axis, half) = (record / 6, record / 2 % 3, record % 2);
+        let [x, y, z, w] = std::array::from_fn(|i| triangles[4 * half + i][corner][axis]);
+        Float4 { x, y, z, w }
+    })
+}
+
+/// How many triangles each leaf has.
+pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
+    nodes.chunks_exact(BVH8_NODE_RECORDS as usize).flat_map(|records| {
+        let links = bytemuck::cast_slice::<KdNode, u32>(&records[BVH8_LINKS as usize..][..2]);
+        links.iter().filter(|&link| link & BVH_LEAF != 0).map(|link| super::bvh2::leaf_count(*link)).filter(|&n| n > 0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{BuildOptions, build_bvh};
+    use crate::options::Accel;
+    use crate::shared::BVH_FIRST_MASK;
+
+    #[test]
+    fn links_lead_to_every_triangle_through_boxes_that_hold_it() {
+        for count in [0, 1, 2, 8, 9, 60, 3000] {
+            let triangle = |i: usize| {
+                let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
+                [at, at + Vec3::X, at + Vec3::Y]
+            };
+            let vertices: Vec<_> = (0..count).map(triangle).collect();
+            let options = TraceOptions { accel: Accel::Bvh8, ..TraceOptions::DEFAULT };
+            let primitives: Vec<_> = (0..count as u32).collect();
+            let Bvh8 { structure, stack_entries } =
+                pack_bvh8(&build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, count)), &vertices);
+            let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
+            let mut seen = vec![0; count];
+            let everywhere = Aabb { low: Vec3::NEG_INFINITY, high: Vec3::INFINITY };
+            let mut open = vec![(0, everywhere, 1)];
+            let mut visited = 0;
+            while let Some((number, outer, depth)) = open.pop() {
+                visited += 1;
+                assert!(7 * depth + 2 <= stack_entries);
+                let node = &words[4 * BVH8_NODE_RECORDS as usize * number..];
+                for slot in 0..WIDTH {
+                    let plane = |axis: usize, high: usize| f32::from_bits(node[16 * axis + 8 * high + slot]);
+                    let [low, high] = [0, 1].map(|high| Vec3::new(plane(0, high), plane(1, high), plane(2, high)));
+                    let link = node[4 * BVH8_LINKS as usize + slot];
+                    if link == leaf_link(0, 0) {
+                        assert!(low.cmpgt(high).all());
+                        continue;
+                    }
+                    assert!(low.cmpge(outer.low).all() && high.cmple(outer.high).all());
+                    if link & BVH_LEAF == 0 {
+                        open.push((link as usize, Aabb { low, high }, depth + 1));
+                        continue;
+                    }
+                    let (first, leaf) = ((link & BVH_FIRST_MASK) as usize, super::super::bvh2::leaf_count(link));
+                    assert!(first % WIDTH == 0 && (1..=8).contains(&leaf));
+                    let packet: &[[f32; 8]] = bytemuck::cast_slice(&structure.bounds[first / WIDTH * 18..][..18]);
+                    for lane in 0..leaf as usize {
+                        let number = structure.references[first + lane] as usize;
+                        seen[number] += 1;
+                        for (corner, at) in vertices[number].iter().enumerate() {
+                            assert!(at.cmpge(low).all() && at.cmple(high).all());
+                            assert_eq!(at.to_array(), [0, 1, 2].map(|axis| packet[3 * corner + axis][lane]));
+                        }
+                    }
+                }
+            }
+            assert_eq!(visited * BVH8_NODE_RECORDS as usize, structure.nodes.len());
+            assert!(seen.iter().all(|&times| times == 1));
+            assert_eq!(leaf_counts(&structure.nodes).sum::<u32>() as usize, count);
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
+
+use super::bvh2::{FarChild, pop};
+use super::leaf::test_triangles;
+use super::{NO_HIT, vertices};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::edges::Edges;
+use crate::reference::intersect::shear_triangle;
+use crate::reference::math::{max_or, min_or};
+use crate::reference::memory::{Work, count_packet, load_wide_node};
+use crate::reference::ray::Ray;
+use crate::reference::slab::Slabs;
+use crate::shared::{
+    BVH_COUNT_SHIFT, BVH_END, BVH_FIRST_MASK, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter,
+};
+
+const WIDTH: usize = 8;
+
+/// When the ray enters child `lane` of a node, and leaves it.
+#[inline(always)]
+fn clip(node: &[u32], slabs: &Slabs, lane: usize, t_near: f32, t_limit: f32) -> [f32; 2] {
+    let (mut enter, mut leave) = ([0.0; 3], [0.0; 3]);
+    for axis in 0..3 {
+        let plane = |high: bool| f32::from_bits(node[2 * WIDTH * axis + WIDTH * usize::from(high) + lane]);
+        let is_upper_near = slabs.inv[axis] < 0.0;
+        enter[axis] = plane(is_upper_near).mul_add(slabs.inv[axis], slabs.enter[axis]);
+        leave[axis] = plane(!is_upper_near).mul_add(slabs.inv[axis], slabs.leave[axis]);
+    }
+    [
+        max_or(max_or(enter[0], enter[1]), max_or(enter[2], t_near)),
+        min_or(min_or(leave[0], leave[1]), min_or(leave[2], t_limit)),
+    ]
+}
+
+#[inline(always)]
+pub fn traverse_bvh8(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
+    let mut hit = NO_HIT;
+    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let slabs = Slabs::new(ray, low, high);
+    let distance = ray.farthest_distance(low, high);
+    let mut t_limit = ray.t_far;
+
+    let mut stack = vec![FarChild::default(); buffers.stack_entries as usize];
+    stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
+    let mut stacked = 0;
+    let mut link = 0;
+    while link != BVH_END {
+        if link & BVH_LEAF == 0 {
+            work.count(WorkCounter::Steps, 1);
+            let node = load_wide_node(buffers, (BVH8_NODE_RECORDS * link) as usize, work);
+            let intervals: [_; WIDTH] = std::array::from_fn(|lane| clip(node, &slabs, lane, ray.t_near, t_limit));
+            let is_met = |lane: &usize| intervals[*lane][0] <= intervals[*lane][1];
+            let child =
+                |lane: usize| FarChild { link: node[4 * BVH8_LINKS as usize + lane], t_enter: intervals[lane][0] };
+            let met = (0..WIDTH).filter(is_met).count();
+            work.count(WorkCounter::NodeBytes, (met * size_of::<u32>()) as u32);
+            if met == 1 {
+                link = (0..WIDTH).find(is_met).map(child).expect("there is one").link;
+                continue;
+            }
+            let lowest = stacked + 1;
+            for child in (0..WIDTH).filter(is_met).map(child) {
+                stacked += 1;
+                let mut place = stacked;
+                while place > lowest && stack[place - 1].t_enter <= child.t_enter {
+                    stack[place] = stack[place - 1];
+                    place -= 1;
+                }
+                stack[place] = child;
+            }
+            work.count(WorkCounter::DeepestStack, stacked as u32);
+        } else {
+            let (first, count) = (link & BVH_FIRST_MASK, (link & !BVH_LEAF) >> BVH_COUNT_SHIFT);
+            work.count(WorkCounter::Leaves, 1);
+            work.count(WorkCounter::EmptyLeaves, u32::from(count == 0));
+            let is_filtered = options.intersector.is_sheared();
+            if is_filtered && count > 0 {
+                count_packet(work);
+            }
+            let is_open = |&reference: &usize| {
+                let triangle = vertices(buffers, buffers.references[reference]);
+                !(is_filtered && Edges::new(&shear_triangle(ray, triangle), distance).surely_missed())
+            };
+            let references = first as usize..(first + count) as usize;
+            let left_out = count - references.clone().filter(is_open).count() as u32;
+            work.count(WorkCounter::Tests, left_out);
+            for reference in references.filter(is_open) {
+                if test_triangles(buffers, options, ray, reference..reference + 1, any_hit, &mut hit, work) {
+                    return hit;
+                }
+            }
+            t_limit = min_or(hit.t, ray.t_far);
+        }
+        link = pop(&stack, &mut stacked, t_limit);
+    }
+    hit
+}
