@@ -108,7 +108,7 @@ mod tests {
 
     /// A component of a direction: ordinary, zero, subnormal, or about the least that is not changed.
     fn component(random: &mut Random) -> f32 {
-        let sign = if random.bits() % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if random.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
         let least = LEAST_SLAB_DIRECTION;
         let kinds = [0.0, 1e-45, 1e-40, 1.2e-38, 1e-30, least, least.next_down(), least.next_up(), 1e-4, 1.0];
         match random.bits() % 3 {
@@ -131,7 +131,7 @@ mod tests {
         let size = [1.0, 1e-3, 1e-7][i / 3 % 3];
         let mut corners =
             [(); 4].map(|()| (middle + random.vec3() * size).clamp(Vec3::splat(-1.99), Vec3::splat(1.99)));
-        if i % 5 == 0 {
+        if i.is_multiple_of(5) {
             corners.iter_mut().for_each(|corner| corner.x = middle.x);
         }
         let low = |points: &[Vec3]| points.iter().copied().reduce(Vec3::min).unwrap();
@@ -154,7 +154,7 @@ mod tests {
         }
         let direction = Vec3::new(component(random), component(random), component(random));
         let mut ray = Ray::new(origin, direction, f32::NEG_INFINITY, f32::INFINITY, NO_PRIMITIVE);
-        if i % 2 == 0 {
+        if i.is_multiple_of(2) {
             ray.origin_low = ray.origin * random.vec3() * EPSILON; // as of a ray that leaves a triangle
         }
         Query { ray, scene: [low(&corners), high(&corners)], bounds }
