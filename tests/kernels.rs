@@ -17,6 +17,7 @@ use raybrook::reference::math;
 use raybrook::reference::memory::NoWork;
 use raybrook::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
 use raybrook::reference::ray::{Ray, SLACK, TrianglePoint, start_on_triangle, widen_down, widen_up};
+use raybrook::reference::slab::{PairSlabs, Slabs};
 use raybrook::reference::traverse::NO_HIT;
 use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
@@ -96,6 +97,28 @@ const CASES: &[Case] = &[
             let sphere = Float4::new(low, x[11].abs());
             let met = may_meet_sphere(&ray, SPHERE_SLACK * distance, sphere, x[12]);
             vec![distance, flag(inside.is_some()), t_near, t_far, flag(met)]
+        },
+    },
+    Case {
+        name: "make_slabs, clip_to_pair",
+        body: "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);\
+               float3 low = vload3(0, in + 8), high = low + fabs(vload3(0, in + 11));\
+               const Slabs slabs = make_slabs(&ray, low, high); const PairSlabs pair = make_pair_slabs(&slabs);\
+               vstore3(slabs.inv, 0, out); vstore3(slabs.enter, 1, out); vstore3(slabs.leave, 2, out);\
+               const float4 limits = (float4)(ray.t_near, -ray.t_far, ray.t_near, -ray.t_far);\
+               const float4 t = clip_to_pair(&pair, limits, (float4)(low.x, high.x, low.y, high.y),\
+                   (float4)(low.x, low.x, high.y, high.y), (float4)(low.z, high.z, high.z, high.z)); vstore4(t, 0, out + 9);",
+        inputs: 14,
+        outputs: 13,
+        input: |random| if random.bits().is_multiple_of(8) { random.any_float() } else { mixed(random) },
+        twin: |x| {
+            let (ray, low) = (ray_of(x), v3(&x[8..]));
+            let high = low + v3(&x[11..]).abs();
+            let slabs = Slabs::new(&ray, low, high);
+            let limits = [ray.t_near, -ray.t_far, ray.t_near, -ray.t_far];
+            let (xy0, xy1) = ([low.x, high.x, low.y, high.y], [low.x, low.x, high.y, high.y]);
+            let t = PairSlabs::new(&slabs).clip(limits, xy0, xy1, [low.z, high.z, high.z, high.z]);
+            [slabs.inv, slabs.enter, slabs.leave].iter().flat_map(|v| v.to_array()).chain(t).collect()
         },
     },
     Case {

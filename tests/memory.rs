@@ -90,6 +90,7 @@ fn every_array_is_found_in_every_memory() {
             TraceOptions { traversal: Traversal::Ropes, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Grid, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT },
+            TraceOptions { accel: Accel::Bvh8, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Octree, ..TraceOptions::DEFAULT },
             TraceOptions { accel: Accel::Boxes, triangles: TriangleOrder::LeafOrder, ..TraceOptions::DEFAULT },
         ] {

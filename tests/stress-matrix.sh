@@ -37,7 +37,7 @@ done
 for build in sampled-median spatial-median volume; do
     count_wrong "kd $build stack" yes --accel kd --build "$build" "$@"
 done
-for accel in brute grid octree boxes spheres; do
+for accel in brute bvh2 bvh8 grid octree boxes spheres; do
     count_wrong "$accel" yes --accel "$accel" "$@"
 done
 exit "$status"

@@ -266,6 +266,7 @@ fn exact_is_right_in_every_kind_and_structure() {
         EXACT,
         TraceOptions { accel: Accel::Brute, ..EXACT },
         TraceOptions { accel: Accel::Bvh2, ..EXACT },
+        TraceOptions { accel: Accel::Bvh8, ..EXACT },
         TraceOptions { accel: Accel::Grid, ..EXACT },
         TraceOptions { accel: Accel::Octree, ..EXACT },
         TraceOptions { accel: Accel::Boxes, ..EXACT },

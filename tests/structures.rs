@@ -61,10 +61,10 @@ fn all_options() -> Vec<TraceOptions> {
     let with = |accel| TraceOptions { accel, ..TraceOptions::default() };
     let grids = [[1, 1, 1], [4, 4, 4], [7, 3, 1], [2, 1, 90], [33, 34, 35]];
     let grids = grids.map(|size| TraceOptions { grid_size: Some(size), ..with(Accel::Grid) });
-    let others = [Accel::Bvh2, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
+    let others = [Accel::Bvh2, Accel::Bvh8, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
     let mut all: Vec<_> = std::iter::once(Accel::Brute).chain(others).map(with).collect();
     all.extend(grids);
-    for accel in [Accel::Bvh2, Accel::Octree, Accel::Boxes, Accel::Spheres] {
+    for accel in [Accel::Bvh2, Accel::Bvh8, Accel::Octree, Accel::Boxes, Accel::Spheres] {
         all.push(TraceOptions { leaf_size: Some(1), ..with(accel) });
     }
     all.push(TraceOptions { max_depth: Some(0), ..with(Accel::Octree) });
@@ -357,6 +357,7 @@ fn options_without_a_meaning_are_refused() {
         (TraceOptions { leaf_size: Some(4), ..with(Accel::Grid) }, "--leaf-size", "--grid-size X,Y,Z"),
         (TraceOptions { leaf_size: Some(4), ..with(Accel::Brute) }, "--leaf-size", "boxes or spheres"),
         (TraceOptions { leaf_size: Some(16), ..with(Accel::Bvh2) }, "--leaf-size", "has room for 15"),
+        (TraceOptions { leaf_size: Some(9), ..with(Accel::Bvh8) }, "--leaf-size", "has room for 8"),
         (TraceOptions { max_depth: Some(4), ..with(Accel::Bvh2) }, "--max-depth", "kd or octree"),
         (TraceOptions { max_depth: Some(4), ..with(Accel::Spheres) }, "--max-depth", "kd or octree"),
         (TraceOptions { grid_size: Some([4, 4, 4]), ..with(Accel::Kd) }, "--grid-size", "--accel grid"),

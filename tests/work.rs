@@ -212,6 +212,8 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
         (TraceOptions { accel: Accel::Octree, ..COUNTED }, [0, 1, 1, 16, 0], 0),
         // The root with its two boxes.
         (TraceOptions { accel: Accel::Bvh2, ..COUNTED }, [1, 1, 1, 64, 0], 64),
+        // The root's planes and the one link.
+        (TraceOptions { accel: Accel::Bvh8, ..COUNTED }, [1, 1, 1, 192 + 4, 0], 192),
         // The list, one volume, the leaf.
         (TraceOptions { accel: Accel::Boxes, ..COUNTED }, [1, 1, 1, 16 + 32 + 16, 0], 48),
         (TraceOptions { accel: Accel::Spheres, ..COUNTED }, [1, 1, 1, 16 + 16 + 16, 0], 32),
@@ -233,13 +235,14 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
             ]
             .map(|counter| inside.get(counter));
             assert_eq!(counted, [steps, leaves, tests, node_bytes, deepest], "{options:?}");
-            assert_eq!(inside.get(WorkCounter::TriangleBytes), 4 + 48, "{options:?}");
+            let packet = if options.accel == Accel::Bvh8 { 288 } else { 0 };
+            assert_eq!(inside.get(WorkCounter::TriangleBytes), packet + 4 + 48, "{options:?}");
             for none in [WorkCounter::EmptyLeaves, WorkCounter::Restarts, WorkCounter::Overflows] {
                 assert_eq!(inside.get(none), 0, "{options:?}");
             }
         }
         let brute = options.accel == Accel::Brute;
-        let volumes = matches!(options.accel, Accel::Bvh2 | Accel::Boxes | Accel::Spheres);
+        let volumes = matches!(options.accel, Accel::Bvh2 | Accel::Bvh8 | Accel::Boxes | Accel::Spheres);
         assert_eq!(work[2].get(WorkCounter::Tests), u32::from(brute), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Steps), u32::from(volumes), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Leaves), 0, "{options:?}");
@@ -289,6 +292,12 @@ fn counters_agree_with_each_other() {
                     // The root, and after each leaf or dead end one from the stack; a node has two children.
                     assert!(count(WorkCounter::Leaves) <= count(WorkCounter::Steps) + 1, "{options:?}");
                 }
+                (Accel::Bvh8, _) => {
+                    let links = count(WorkCounter::NodeBytes) - 192 * count(WorkCounter::Steps);
+                    assert!(links % 4 == 0 && links <= 32 * count(WorkCounter::Steps), "{options:?}");
+                    // One link leads to each node and leaf but the root.
+                    assert!(count(WorkCounter::Leaves) + count(WorkCounter::Steps) <= links / 4 + 1, "{options:?}");
+                }
                 (Accel::Grid, _) if count(WorkCounter::Leaves) > 0 => {
                     assert_eq!(count(WorkCounter::Steps) + 1, count(WorkCounter::Leaves));
                 }
@@ -299,7 +308,7 @@ fn counters_agree_with_each_other() {
         assert!(seen.get(WorkCounter::Tests) > 0 && seen.saturated == 0, "{options:?}");
         let walks = options.accel != Accel::Brute;
         assert_eq!(seen.get(WorkCounter::Steps) > 0, walks, "{options:?}");
-        let stacks = matches!(options.accel, Accel::Octree | Accel::Bvh2)
+        let stacks = matches!(options.accel, Accel::Octree | Accel::Bvh2 | Accel::Bvh8)
             || options.accel == Accel::Kd && matches!(options.traversal, Traversal::Stack | Traversal::ShortStack);
         assert_eq!(seen.get(WorkCounter::DeepestStack) > 0, stacks, "{options:?}");
     }

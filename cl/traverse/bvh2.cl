@@ -41,15 +41,14 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
             const float4 limits = (float4)(ray->t_near, -t_limit, ray->t_near, -t_limit);
             const float4 t = clip_to_pair(&pair, limits, xy0, xy1, zz);
             const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
-            if (meets0 && meets1) {
-                const bool is_second_nearer = t.z < t.x;
-                const FarChild far = {(uint)(is_second_nearer ? links.x : links.y), is_second_nearer ? t.x : t.z};
-                stacked++;
-                stack[stacked] = far;
+            if (meets0 || meets1) {
+                const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
+                link = (uint)(goes_to1 ? links.y : links.x);
+                // Written whether or not the ray meets it: nobody can predict that branch (4 to 11 % of a picture's time on a CPU).
+                const FarChild far = {(uint)(goes_to1 ? links.x : links.y), goes_to1 ? t.x : t.z};
+                stack[stacked + 1u] = far;
+                stacked += meets0 && meets1 ? 1u : 0u;
                 COUNT_DEEPEST(geometry, stacked);
-                link = (uint)(is_second_nearer ? links.y : links.x);
-            } else if (meets0 || meets1) {
-                link = (uint)(meets0 ? links.x : links.y);
             } else {
                 // What is entered behind the hit has no nearer one. The end is entered before everything.
                 while (t_limit < stack[stacked].t_enter) stacked--;

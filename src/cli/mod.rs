@@ -100,6 +100,7 @@ struct MethodArgs {
     precision: Option<Intersector>,
     /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
     /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
+    /// put no more than N into a leaf of bvh2 [default: 8; at most 15];
     /// put up to N into one box or sphere [default: the square root of the triangles].
     #[arg(long, value_name = "N")]
     leaf_size: Option<u32>,

@@ -117,10 +117,8 @@ fn partition_few(items: &mut [Item], before: &impl Fn(&Item) -> bool) -> usize {
     // Without branches on what `before` says, which nobody can predict (Lomuto's scheme).
     let mut count = 0;
     for i in 0..items.len() {
-        let item = items[i];
-        items[i] = items[count];
-        items[count] = item;
-        count += usize::from(before(&item));
+        items.swap(i, count);
+        count += usize::from(before(&items[count]));
     }
     count
 }

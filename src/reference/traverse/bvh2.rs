@@ -44,17 +44,15 @@ pub fn traverse_bvh2(
             let t = pair.clip(limits, xy0, xy1, zz);
             let (meets0, meets1) = (t[0] <= -t[1], t[2] <= -t[3]);
             let (link0, link1) = (links.flags, links.left);
-            if meets0 && meets1 {
-                let is_second_nearer = t[2] < t[0];
-                stacked += 1;
-                stack[stacked] = match is_second_nearer {
+            if meets0 || meets1 {
+                let goes_to1 = meets1 && (!meets0 || t[2] < t[0]);
+                link = if goes_to1 { link1 } else { link0 };
+                stack[stacked + 1] = match goes_to1 {
                     true => FarChild { link: link0, t_enter: t[0] },
                     false => FarChild { link: link1, t_enter: t[2] },
                 };
+                stacked += usize::from(meets0 && meets1);
                 work.count(WorkCounter::DeepestStack, stacked as u32);
-                link = if is_second_nearer { link1 } else { link0 };
-            } else if meets0 || meets1 {
-                link = if meets0 { link0 } else { link1 };
             } else {
                 link = pop(&stack, &mut stacked, t_limit);
             }
