@@ -65,6 +65,7 @@ macro_rules! methods {
 }
 pub(crate) use methods;
 
+mod automatic;
 mod combinations;
 mod kd;
 mod table;

@@ -64,7 +64,7 @@ fn wrong_input_ends_with_the_documented_code() {
         ),
         (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
         (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
-        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, grid"]),
+        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, bvh2"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
         (&["info", "one.obj", "--build", "middle"], 2, &["--build", "sampled-median", "volume"]),
@@ -119,7 +119,7 @@ fn render_writes_every_format_and_stats() {
     // The key light shines on the triangle, and nothing is in the way.
     assert_eq!(stats["rays"]["shadow"]["cast"], hit);
     assert_eq!(stats["rays"]["shadow"]["hit"], 0);
-    assert_eq!(stats["options"]["accel"], "kd");
+    assert_eq!(stats["options"]["accel"], "bvh2");
     assert_eq!((&stats["width"], &stats["height"]), (&20.into(), &10.into()));
     for time in ["load_s", "build_s", "total_s"] {
         assert!(stats[time].as_f64().unwrap() > 0.0, "{time}");
@@ -232,6 +232,31 @@ fn devices_kernels_lists_every_kernel() {
     }
 }
 
+/// Left to choose, the program takes what is fast on the device, and what other options are for.
+#[test]
+fn the_structure_follows_device_and_options() {
+    let Some(device) = common::device() else { return };
+    let folder = folder();
+    let fastest = raybrook::options::Accel::fastest_on(Some(device.info.kind)).name();
+    let index = device.info.index.to_string();
+    for (device, arguments, expected) in [
+        (index.as_str(), "", fastest),
+        (&index, "--accel auto --memory constant", fastest),
+        (&index, "--accel octree", "octree"),
+        (&index, "--build median", "kd"),
+        (&index, "--grid-size 3,3,3", "grid"),
+        ("reference", "", "bvh2"),
+    ] {
+        let render = ["render", "one.obj", "--size", "8x8", "--device", device, "--stats", "stats.json", "-q"];
+        let output =
+            raybrook(folder.path(), &[&render[..], &arguments.split_whitespace().collect::<Vec<_>>()].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let stats: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+        assert_eq!(stats["options"]["accel"], expected, "--device {device} {arguments}");
+    }
+}
+
 /// Each option in turn must change the tree of a scene of ours, as `raybrook info` tells of it.
 #[test]
 fn info_shows_the_tree_that_the_options_build() {
@@ -300,7 +325,7 @@ fn trace_answers_a_batch() {
 fn counted_work_is_written_as_numbers_and_colours() {
     let folder = folder();
     let at = folder.path();
-    let fixed = ["render", "one.obj", "--device", "reference", "--size", "20x10", "--stats", "s.json"];
+    let fixed = ["render", "one.obj", "--device", "reference", "--size", "20x10", "--accel", "kd", "--stats", "s.json"];
     for (arguments, pictures, files) in [
         (&["--aov", "steps,empty-leaves"][..], 2, &["one-steps.png", "one-empty-leaves.png"][..]),
         (&["-o", "one.exr", "--aov", "tests"], 1, &["one-tests.png", "one-tests.exr"]),

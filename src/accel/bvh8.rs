@@ -180,12 +180,13 @@ mod tests {
                     let (first, leaf) = ((link & BVH_FIRST_MASK) as usize, super::super::bvh2::leaf_count(link));
                     assert!(first % WIDTH == 0 && (1..=8).contains(&leaf));
                     let packet: &[[f32; 8]] = bytemuck::cast_slice(&structure.bounds[first / WIDTH * 18..][..18]);
-                    for lane in 0..leaf as usize {
-                        let number = structure.references[first + lane] as usize;
+                    for (lane, &number) in structure.references[first..][..leaf as usize].iter().enumerate() {
+                        let number = number as usize;
                         seen[number] += 1;
                         for (corner, at) in vertices[number].iter().enumerate() {
                             assert!(at.cmpge(low).all() && at.cmple(high).all());
-                            assert_eq!(at.to_array(), [0, 1, 2].map(|axis| packet[3 * corner + axis][lane]));
+                            let packed = packet[3 * corner..][..3].iter().map(|lanes| lanes[lane]);
+                            assert!(at.to_array().into_iter().eq(packed));
                         }
                     }
                 }

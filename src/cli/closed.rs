@@ -57,10 +57,11 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-pub fn run(args: &StressArgs, models: &[PathBuf], options: TraceOptions, talk: Talk) -> Result<ExitCode> {
+pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode> {
     let start = Instant::now();
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
+    let options = args.method.options_for(device.as_ref())?;
     let cache = if args.device.no_cache { None } else { Cache::open() };
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
     for path in models {

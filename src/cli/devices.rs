@@ -3,7 +3,7 @@
 use super::{CompilerArgs, MethodArgs, Talk, kernels};
 use clap::parser::ValueSource;
 use raybrook::device::{devices_json, devices_report, list_devices};
-use raybrook::options::{OPTIONS, TraceOptions};
+use raybrook::options::{Accel, OPTIONS, TraceOptions};
 use raybrook::scene::PictureDefaults;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
@@ -39,9 +39,9 @@ pub struct DevicesArgs {
     pub compiler: CompilerArgs,
     /// Build the kernels that count their work.
     #[arg(long)]
-    counters: bool,
+    pub(super) counters: bool,
     #[command(flatten)]
-    method: MethodArgs,
+    pub(super) method: MethodArgs,
 }
 
 /// Whether `--kernels` was given; its value is one of [`MethodArgs`], which takes it away when it is read.
@@ -69,9 +69,9 @@ impl clap::Args for KernelsGiven {
 }
 
 pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
-    let options = TraceOptions { counters: args.counters, ..args.method.options()? };
+    let options = TraceOptions { counters: args.counters, ..args.method.options(Accel::Kd)? };
     if args.kernels.0 {
-        return kernels::run(args, &options, talk);
+        return kernels::run(args, talk);
     }
     if let Some(option) = given_for_kernels(args, &options) {
         return Err(Error::option(option, "means nothing to a list of devices; leave it out, or add --kernels"));

@@ -42,21 +42,22 @@ struct Entry {
     error: Option<String>,
 }
 
-pub fn run(args: &DevicesArgs, options: &TraceOptions, talk: Talk) -> Result<()> {
+pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     let devices = devices(args.device.as_deref())?;
     let scene = match &args.scene {
         Some(path) => open::load(path, None, talk)?.scene,
         None => sphere()?,
     };
-    let buffers = SceneBuffers::new(&scene, options)?;
     let mut entries = Vec::new();
     let mut errors = Vec::new();
     for device in devices {
         let device = args.compiler.apply(device)?;
+        let options = TraceOptions { counters: args.counters, ..args.method.options_for(Some(&device))? };
+        let buffers = SceneBuffers::new(&scene, &options)?;
         let mut entry =
             Entry { index: device.info.index, device: device.info.name.clone(), programs: Vec::new(), error: None };
         // A device that cannot build them must not hide the others.
-        match kernel_resources(&device, &buffers, options, args.depth.unwrap_or(DEFAULT_DEPTH)) {
+        match kernel_resources(&device, &buffers, &options, args.depth.unwrap_or(DEFAULT_DEPTH)) {
             Ok(programs) => entry.programs = programs,
             Err(error) => {
                 entry.error = Some(super::chain(&error));

@@ -4,7 +4,7 @@
 /// Prints a line, also into a pipe that nobody reads any more (`raybrook info | head`), where `println!` would panic.
 macro_rules! say {
     ($($argument:tt)*) => {{
-        use std::io::Write;
+use std::io::Write;
         let _ = writeln!(std::io::stdout(), $($argument)*);
     }};
 }
@@ -34,6 +34,7 @@ use raybrook::options::{
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::str::FromStr;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done; 1 `check` found a difference above its tolerance, or `stress` a wrong answer; 2 wrong option or argument; 3 the scene or another input is \
@@ -84,8 +85,8 @@ enum Command {
 /// What to trace with.
 #[derive(Args)]
 struct MethodArgs {
-    #[arg(long, help = format!("Structure: {}", Accel::names()), value_name = "NAME", default_value_t = TraceOptions::default().accel)]
-    accel: Accel,
+    #[arg(long, help = format!("Structure: {}, or auto: bvh8 on a CPU, else bvh2, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
+    accel: AccelChoice,
     #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
     #[arg(long, help = format!("How rays walk through the kd-tree: {}; thesis-restart loses hits and is there for study", Traversal::names()), value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
@@ -100,7 +101,7 @@ struct MethodArgs {
     precision: Option<Intersector>,
     /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
     /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
-    /// put no more than N into a leaf of bvh2 [default: 8; at most 15];
+    /// put no more than N into a leaf of bvh2 [default: 8; at most 15] or bvh8 [default and at most 8];
     /// put up to N into one box or sphere [default: the square root of the triangles].
     #[arg(long, value_name = "N")]
     leaf_size: Option<u32>,
@@ -132,10 +133,31 @@ struct MethodArgs {
     paths_in_flight: Option<u32>,
 }
 
+/// A structure, or the choice of one.
+#[derive(Clone, Copy)]
+enum AccelChoice {
+    Auto,
+    Only(Accel),
+}
+
+impl FromStr for AccelChoice {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        if text == "auto" { Ok(AccelChoice::Auto) } else { text.parse().map(AccelChoice::Only) }
+    }
+}
+
 impl MethodArgs {
-    fn options(&self) -> Result<TraceOptions, Error> {
-        let options = TraceOptions {
-            accel: self.accel,
+    /// The options, with the fastest structure for `device` where the user leaves the choice.
+    fn options_for(&self, device: Option<&DeviceHandle>) -> Result<TraceOptions, Error> {
+        self.options(Accel::fastest_on(device.map(|device| device.info.kind)))
+    }
+
+    /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.
+    fn options(&self, preferred: Accel) -> Result<TraceOptions, Error> {
+        let mut options = TraceOptions {
+            accel: TraceOptions::DEFAULT.accel,
             build: self.build,
             traversal: self.traversal,
             stack_size: self.stack_size,
@@ -153,6 +175,10 @@ impl MethodArgs {
             terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters: false,
+        };
+        options.accel = match self.accel {
+            AccelChoice::Auto => options.structure_for(preferred),
+            AccelChoice::Only(accel) => accel,
         };
         options.validate().map(|()| options)
     }

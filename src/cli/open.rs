@@ -97,9 +97,10 @@ pub fn open(
             eprintln!("note: {note}");
         }
         eprintln!(
-            "{}: {} triangles, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",
+            "{}: {} triangles in {}, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",
             tracer.device_name(),
             loaded.scene.triangles.len(),
+            options.accel,
             loaded.load_s,
             buffers.build_s,
             tracer.compile_s(),

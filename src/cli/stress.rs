@@ -2,7 +2,7 @@
 
 use super::{DeviceArgs, MethodArgs, Talk, closed, open};
 use raybrook::device::{Cache, DeviceHandle};
-use raybrook::options::{Intersector, TraceOptions};
+use raybrook::options::{Accel, Intersector, TraceOptions};
 use raybrook::output::{check_writable, write_json};
 use raybrook::shared::{Hit, NO_PRIMITIVE};
 use raybrook::stress::{Answers, Case, Fault, Found, Kind, Method, Replay};
@@ -62,7 +62,7 @@ pub struct StressArgs {
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,
     #[command(flatten)]
-    method: MethodArgs,
+    pub(super) method: MethodArgs,
     #[command(flatten)]
     pub(super) device: DeviceArgs,
 }
@@ -114,11 +114,11 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let options = args.method.options()?;
+    let options = args.method.options(Accel::Kd)?;
     if let Some(models) = &args.closed {
-        return closed::run(args, models, options, talk);
+        return closed::run(args, models, talk);
     }
-    let methods = match &args.methods {
+    let mut methods = match &args.methods {
         None => vec![Method { name: options.intersector.name().into(), options }],
         Some(names) if names.iter().all(String::is_empty) => Method::all(options),
         Some(names) => names.iter().map(|name| Method::parse(name, options)).collect::<Result<_>>()?,
@@ -126,6 +126,9 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     let kinds = chosen_kinds(&args.kinds)?;
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
+    if args.methods.is_none() {
+        methods[0].options = args.method.options_for(device.as_ref())?;
+    }
     let cache = if args.device.no_cache { None } else { Cache::open() };
     let rays = args.rays.unwrap_or(DEFAULT_RAYS);
     if rays > MAX_RAYS {

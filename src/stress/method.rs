@@ -50,14 +50,16 @@ impl Method {
         names.filter_map(|name| Method::parse(name, options).ok()).collect()
     }
 
-    /// The options that differ from the default, as the user types them.
+    /// The structure and the options that differ from the default, as the user types them.
     pub fn arguments(&self) -> Vec<String> {
         let fields = |options: &TraceOptions| match serde_json::to_value(options) {
             Ok(Value::Object(fields)) => fields,
             _ => Map::new(), // cannot be: options are a struct of names and numbers
         };
         let default = fields(&TraceOptions::DEFAULT);
-        let changed = fields(&self.options).into_iter().filter(|(name, value)| default.get(name) != Some(value));
+        let changed = fields(&self.options)
+            .into_iter()
+            .filter(|(name, value)| name == "accel" || default.get(name) != Some(value));
         changed
             .flat_map(|(name, value)| {
                 let text = match value {

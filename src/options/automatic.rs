@@ -1,0 +1,58 @@
+//! What is chosen where the user leaves the choice, by a small model of the device.
+
+use super::{Accel, OPTIONS, TraceOptions};
+use crate::device::DeviceKind;
+
+impl Accel {
+    /// The fastest structure on a kind of device (`None`: the reference), with the triangle test that is the default.
+    ///
+    /// A CPU has vectors that one ray fills with eight boxes, so that [`Accel::Bvh8`] takes a third of the kd-tree's time there. A GPU's
+    /// work-item has one lane, and the fewer registers it takes the better: [`Accel::Bvh2`]. Measured in `docs/records.md`.
+    pub fn fastest_on(device: Option<DeviceKind>) -> Accel {
+        match device {
+            Some(DeviceKind::Cpu) => Accel::Bvh8,
+            _ => Accel::Bvh2,
+        }
+    }
+}
+
+impl TraceOptions {
+    /// `preferred`, or, if that does not read everything that is set here, the first structure that does: a grid's size is for grids, a
+    /// build for kd-trees. `preferred` as well if there is none.
+    pub fn structure_for(&self, preferred: Accel) -> Accel {
+        let candidates = || std::iter::once(preferred).chain([Accel::Kd]).chain(Accel::ALL.iter().copied());
+        let reads_all =
+            |accel: &Accel| OPTIONS.iter().all(|option| !option.is_set(self) || option.structures.contains(accel));
+        let fits = |accel: &Accel| reads_all(accel) && TraceOptions { accel: *accel, ..*self }.validate().is_ok();
+        // A number beyond all limits is for the check of the options to name.
+        candidates().find(fits).or_else(|| candidates().find(reads_all)).unwrap_or(preferred)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::{Build, Memory, Traversal};
+
+    #[test]
+    fn what_is_set_decides_before_what_is_fast() {
+        let default = TraceOptions::DEFAULT;
+        for (options, expected) in [
+            (default, Accel::Bvh8),
+            (TraceOptions { memory: Memory::Constant, ..default }, Accel::Bvh8),
+            (TraceOptions { leaf_size: Some(8), ..default }, Accel::Bvh8),
+            (TraceOptions { leaf_size: Some(9), ..default }, Accel::Kd),
+            (TraceOptions { build: Build::Median, ..default }, Accel::Kd),
+            (TraceOptions { traversal: Traversal::Ropes, ..default }, Accel::Kd),
+            (TraceOptions { max_depth: Some(9), ..default }, Accel::Kd),
+            (TraceOptions { max_depth: Some(99), ..default }, Accel::Kd),
+            (TraceOptions { grid_size: Some([3; 3]), ..default }, Accel::Grid),
+            // Nothing reads both: the check of the options says so.
+            (TraceOptions { grid_size: Some([3; 3]), build: Build::Median, ..default }, Accel::Bvh8),
+        ] {
+            assert_eq!(options.structure_for(Accel::Bvh8), expected, "{options:?}");
+        }
+        assert_eq!(Accel::fastest_on(Some(DeviceKind::Cpu)), Accel::Bvh8);
+        assert_eq!([Some(DeviceKind::Gpu), None].map(Accel::fastest_on), [Accel::Bvh2; 2]);
+    }
+}
