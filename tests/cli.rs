@@ -368,7 +368,19 @@ fn counted_work_is_written_as_numbers_and_colours() {
             ("next_direction", 3, &[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]),
         ],
     );
-    let fixed = ["trace", "one.obj", "rays.npz", "-o", "hits.npz", "--device", "reference", "--stats", "s.json"];
+    let fixed = [
+        "trace",
+        "one.obj",
+        "rays.npz",
+        "--accel",
+        "kd",
+        "-o",
+        "hits.npz",
+        "--device",
+        "reference",
+        "--stats",
+        "s.json",
+    ];
     let output = raybrook(at, &[&fixed[..], &["--counters"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let numbers = |name: &str| read_npz(&at.join("hits.npz"), name);
