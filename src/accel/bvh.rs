@@ -112,7 +112,7 @@ impl BuildOptions {
 /// [`TraceOptions::MAX_DEPTH`].
 ///
 /// # Panics
-/// When there are more than [`MAX_TRIANGLES`].
+/// When there are more than 2^27 - 16 of them.
 pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Bvh {
     let triangles = ascending(primitives);
     assert!(triangles.len() <= MAX_TRIANGLES, "more triangles than a link can number");
