@@ -9,6 +9,9 @@ float8 min_or8(float8 a, float8 b) { return a < b ? a : b; }
 
 // Bit 8 i: whether lane i of a comparison is true.
 ulong lanes_where8(int8 comparison) { return as_ulong(convert_char8(comparison)) & 0x0101010101010101ul; }
-// The lowest lane of some, and the others.
+// How many lanes those are. Not popcount(), which Oclgrind does not know.
+uint count_lanes8(ulong lanes) { return (uint)((lanes * 0x0101010101010101ul) >> 56); }
+// The lowest lane of some, whether it is the only one, and the others.
 uint first_lane8(ulong lanes) { return (63u - (uint)clz(lanes & (0ul - lanes))) / 8u; }
+bool is_only_lane8(ulong lanes, uint first) { return lanes >> (8u * first) == 1ul; }
 ulong other_lanes8(ulong lanes) { return lanes & (lanes - 1ul); }

@@ -48,9 +48,12 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
             const uint node = BVH8_NODE_RECORDS * link;
             const Interval8 t = clip_to_eight(GEOMETRY, &slabs, near, node, ray->t_near, t_limit);
             ulong met = lanes_where8(t.enter <= t.leave);
-            if (met != 0ul && other_lanes8(met) == 0ul) { // the most frequent case needs no stack
-                link = LOAD_LINK(geometry, node, first_lane8(met));
-                continue;
+            if (met != 0ul) { // the most frequent case needs no stack
+                const uint lane = first_lane8(met);
+                if (is_only_lane8(met, lane)) {
+                    link = LOAD_LINK(geometry, node, lane);
+                    continue;
+                }
             }
             float enter[8];
             vstore8(t.enter, 0, enter);
@@ -72,7 +75,7 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
             if (count > 0u) {
                 const ulong lanes = 0x0101010101010101ul >> (8u * (8u - count));
                 ulong open = JOIN(filter_, FILTER)(GEOMETRY, &filter, first / 8u) & lanes;
-                COUNT(geometry, TESTS, popcount(lanes & ~open));
+                COUNT(geometry, TESTS, count_lanes8(lanes & ~open));
                 for (; open != 0ul; open = other_lanes8(open)) {
                     test_triangle(GEOMETRY, ray, first + first_lane8(open), hit);
                     if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
