@@ -302,8 +302,8 @@ pub struct TraceOptions {
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
     /// A node with at most this many triangles is not split, and a leaf of a hierarchy of boxes or a cluster has no more; at least 1
-    /// (and at most [`TraceOptions::BVH2_MAX_LEAF`] for [`Accel::Bvh2`], [`TraceOptions::BVH8_MAX_LEAF`] for [`Accel::Bvh8`]). `None`: the build's own default: 1 for a
-    /// kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median, an octree and a hierarchy
+    /// (and at most [`TraceOptions::BVH2_MAX_LEAF`] for [`Accel::Bvh2`], [`TraceOptions::BVH8_MAX_LEAF`] for [`Accel::Bvh8`]).
+    /// `None`: the build's own default: 1 for a kd-tree that stops by cost, else 12 for the median and the sampled median, 8 for the spatial median, an octree and a hierarchy
     /// of boxes, 4 for the others; the square root of the triangles for clusters.
     pub leaf_size: Option<u32>,
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for

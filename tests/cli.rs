@@ -64,7 +64,7 @@ fn wrong_input_ends_with_the_documented_code() {
         ),
         (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
         (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
-        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, bvh2"]),
+        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "auto, brute, kd, bvh2"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
         (&["info", "one.obj", "--build", "middle"], 2, &["--build", "sampled-median", "volume"]),

@@ -81,8 +81,11 @@ impl Methods {
         let longest = names.chain(self.numbers.iter().map(|number| number.option)).map(str::len).max().unwrap_or(0);
         let label = |mark: char, name: &str| format!("  {mark} {name:longest$}  ");
 
-        let mut text =
-            wrapped("", "Options that choose the method, for every command that traces. * marks the default.");
+        let mut text = wrapped(
+            "",
+            "Options that choose the method, for every command that traces. * marks the default, which --accel auto, the \
+             program's own, replaces by what is fastest on the device.",
+        );
         for option in &self.options {
             text += "\n";
             let only = only_with(&option.structures, &[]);

@@ -144,7 +144,8 @@ impl FromStr for AccelChoice {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        if text == "auto" { Ok(AccelChoice::Auto) } else { text.parse().map(AccelChoice::Only) }
+        let no_accel = |_| Error::option(Accel::OPTION, format!("no '{text}'; possible: auto, {}", Accel::names()));
+        if text == "auto" { Ok(AccelChoice::Auto) } else { text.parse().map(AccelChoice::Only).map_err(no_accel) }
     }
 }
 

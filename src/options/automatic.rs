@@ -6,7 +6,8 @@ use crate::device::DeviceKind;
 impl Accel {
     /// The fastest structure on a kind of device (`None`: the reference), with the triangle test that is the default.
     ///
-    /// A CPU has vectors that one ray fills with eight boxes, so that [`Accel::Bvh8`] takes a third of the kd-tree's time there. A GPU's
+    /// A CPU has vectors that one ray fills with eight boxes, so that the bunny takes half to a third of the kd-tree's time with
+    /// [`Accel::Bvh8`]. A GPU's
     /// work-item has one lane, and the fewer registers it takes the better: [`Accel::Bvh2`]. Measured in `docs/records.md`.
     pub fn fastest_on(device: Option<DeviceKind>) -> Accel {
         match device {
