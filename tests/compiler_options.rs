@@ -87,7 +87,9 @@ fn hits_keep_their_bits() {
         let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         let expected = open_tracer(None, &buffers, &options, 4, None).unwrap().trace(&job, &|_| ()).unwrap().hits;
         assert!(expected.iter().filter(|hit| hit.t.is_finite()).count() > 500);
-        for relaxed in RELAXED {
+        // All options for the default; what stands for the most of them for the others, because each is a program to compile.
+        let relaxed_by = if options.intersector == Intersector::Exact { &RELAXED[..] } else { &RELAXED[3..=5] };
+        for relaxed in relaxed_by {
             let device = device.clone().with_compiler_options(relaxed).unwrap();
             let Some(mut tracer) = open(&device, &buffers, &options, Task::Batch) else { continue };
             let got = tracer.trace(&job, &|_| ()).unwrap();

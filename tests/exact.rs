@@ -311,6 +311,29 @@ fn the_closest_hit_is_the_exact_one() {
     }
 }
 
+/// A direction that turns from its axis by so little that it shows only 2^126 units of length away.
+#[test]
+fn the_smallest_turns_count() {
+    let turn = 1.0 + 2f32.powi(-22);
+    let scene = scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Z]]);
+    let device = device();
+    for &accel in Accel::ALL {
+        let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        // Compilers take longer than all else here.
+        let on_device = device.as_ref().filter(|_| matches!(accel, Accel::Kd | Accel::Bvh2 | Accel::Bvh8));
+        for (along, sideways) in [(2f32.powi(24), 2f32.powi(-105)), (-2f32.powi(100), 2f32.powi(-29))] {
+            let from = Vec3::new(0.0, -2f32.powi(126) * along.signum(), 0.25);
+            let ray = buffers.trace_ray(from, Vec3::new(sideways * turn, along, 0.0), 0.0, f32::INFINITY);
+            for device in [None, on_device] {
+                let hit = trace(device, &buffers, &options, &[ray])[0];
+                let expected = Hit { t: 2f32.powi(126) / along.abs(), u: 0.125 * turn, v: 0.25, primitive: 0 };
+                assert_eq!(hit, expected, "{accel}, {along}, {}", device.is_some());
+            }
+        }
+    }
+}
+
 #[test]
 fn numbers_of_the_most_bits_fit() {
     // The positions of this ray and these triangles take 255 bits, more than the 247 that are kept beside a direction of 5. Two hits at

@@ -3,9 +3,10 @@
 // Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the caller's space.
 // The two factors are powers of two of like size: their product may be none that a float can hold while the t that it makes is a float.
 void use_callers_units(Ray* ray, float3 direction, float scale) {
-    int lowest, highest = -1000;
+    int lowest = 0, highest = -1000, own_highest = -1000;
     widen_exponents(max_component(abs3(direction)), &lowest, &highest);
-    const int exponent = 1 - highest + 127 - (int)(as_uint(scale) >> 23);
+    widen_exponents(max_component(abs3(ray->direction)), &lowest, &own_highest);
+    const int exponent = own_highest - highest + 127 - (int)(as_uint(scale) >> 23);
     ray->t_lift = as_float((uint)(exponent / 2 + 127) << 23);
     ray->t_scale = as_float((uint)(exponent - exponent / 2 + 127) << 23);
 }

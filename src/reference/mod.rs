@@ -158,9 +158,12 @@ fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
 /// Twin of `use_callers_units` in `cl/kernels/trace.cl`.
 #[inline(always)]
 fn use_callers_units(ray: &mut Ray, direction: Vec3, scale: f32) {
-    let (mut lowest, mut highest) = (0, -1000);
-    widen_exponents(max_component(abs3(direction)), &mut lowest, &mut highest);
-    let exponent = 1 - highest + 127 - (scale.to_bits() >> 23) as i32;
+    let highest = |v: Vec3| {
+        let (mut lowest, mut highest) = (0, -1000);
+        widen_exponents(max_component(abs3(v)), &mut lowest, &mut highest);
+        highest
+    };
+    let exponent = highest(ray.direction) - highest(direction) + 127 - (scale.to_bits() >> 23) as i32;
     let power = |exponent: i32| f32::from_bits(((exponent + 127) as u32) << 23);
     ray.t_lift = power(exponent / 2);
     ray.t_scale = power(exponent - exponent / 2);

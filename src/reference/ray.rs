@@ -21,7 +21,7 @@ pub struct Ray {
     pub origin: Vec3,
     /// The ray starts at `origin + origin_low`.
     pub origin_low: Vec3,
-    /// Largest component in [1, 2).
+    /// Largest component in [1, 2), or in [2^64, 2^65) where another one would lose bits.
     pub direction: Vec3,
     /// Component-wise reciprocal.
     pub inv_direction: Vec3,
@@ -54,7 +54,12 @@ impl Ray {
         let is_short = max_component(abs3(direction)) < SHORT_DIRECTION;
         let (direction, t_lift) = if is_short { (direction * LIFT, LIFT) } else { (direction, 1.0) };
         let scaled = scale_to_unit(direction);
-        let (direction, t_scale) = scaled.unwrap_or((direction, 1.0));
+        let given = direction;
+        let (mut direction, mut t_scale) = scaled.unwrap_or((direction, 1.0));
+        if (0..3).any(|k| given[k] != 0.0 && direction[k].abs() < f32::MIN_POSITIVE) {
+            t_scale *= LIFT;
+            direction = given * t_scale;
+        }
         let sound = scaled.is_some() && is_finite3(origin) && t_near <= t_far;
         let direction = direction + Vec3::ZERO; // -0 becomes +0
         let mut ray = Ray {
