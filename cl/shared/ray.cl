@@ -10,7 +10,7 @@
 
 // A ray ready for traversal. The direction is scaled by a power of two to a largest component in [1, 2), which is exact and
 // makes every later step independent of the caller's units; t here is the caller's t / t_lift / t_scale. Where it would not be exact,
-// because another component is over 2^126 times smaller, the largest is in [2^64, 2^65): a ray from far away turns by so little.
+// because another component is over 2^126 times smaller, the largest is in [2^60, 2^61), whose square is a float: a ray from far away turns by so little.
 typedef struct {
     float3 origin;
     float3 origin_low;    // the ray starts at origin + origin_low; not larger than the rounding of origin. See start_on_triangle
@@ -33,6 +33,7 @@ void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
 }
 
 #define SHORT_DIRECTION 0x1p-100f
+#define SMALL_TURN_LIFT 0x1p60f
 
 // Whether a number has lost bits when it was scaled, or may have.
 bool is_too_small(float scaled, float x) { return x != 0.0f && fabs(scaled) < FLT_MIN; }
@@ -63,7 +64,7 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
     const float3 given = direction;
     const bool sound = scale_to_unit(&direction, &ray.t_scale) && is_finite3(origin) && t_near <= t_far;
     if (is_too_small(direction.x, given.x) || is_too_small(direction.y, given.y) || is_too_small(direction.z, given.z)) {
-        ray.t_scale *= LIFT;
+        ray.t_scale *= SMALL_TURN_LIFT;
         direction = given * ray.t_scale;
     }
     // A zero component has one reciprocal.

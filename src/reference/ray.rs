@@ -21,7 +21,7 @@ pub struct Ray {
     pub origin: Vec3,
     /// The ray starts at `origin + origin_low`.
     pub origin_low: Vec3,
-    /// Largest component in [1, 2), or in [2^64, 2^65) where another one would lose bits.
+    /// Largest component in [1, 2), or in [2^60, 2^61) where another one would lose bits.
     pub direction: Vec3,
     /// Component-wise reciprocal.
     pub inv_direction: Vec3,
@@ -40,6 +40,7 @@ pub struct Ray {
 }
 
 const SHORT_DIRECTION: f32 = 1.0 / (1u128 << 100) as f32;
+const SMALL_TURN_LIFT: f32 = (1u64 << 60) as f32;
 
 #[inline(always)]
 fn reciprocal_or_nan(x: f32) -> f32 {
@@ -57,7 +58,7 @@ impl Ray {
         let given = direction;
         let (mut direction, mut t_scale) = scaled.unwrap_or((direction, 1.0));
         if (0..3).any(|k| given[k] != 0.0 && direction[k].abs() < f32::MIN_POSITIVE) {
-            t_scale *= LIFT;
+            t_scale *= SMALL_TURN_LIFT;
             direction = given * t_scale;
         }
         let sound = scaled.is_some() && is_finite3(origin) && t_near <= t_far;
