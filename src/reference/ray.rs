@@ -57,9 +57,10 @@ impl Ray {
         let scaled = scale_to_unit(direction);
         let given = direction;
         let (mut direction, mut t_scale) = scaled.unwrap_or((direction, 1.0));
-        if (0..3).any(|k| given[k] != 0.0 && direction[k].abs() < f32::MIN_POSITIVE) {
+        let lifted = given * (t_scale * SMALL_TURN_LIFT);
+        if (0..3).any(|k| lifted[k] != 0.0 && direction[k].abs() < f32::MIN_POSITIVE) {
             t_scale *= SMALL_TURN_LIFT;
-            direction = given * t_scale;
+            direction = lifted;
         }
         let sound = scaled.is_some() && is_finite3(origin) && t_near <= t_far;
         let direction = direction + Vec3::ZERO; // -0 becomes +0
