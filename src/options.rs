@@ -151,6 +151,27 @@ methods! {
 }
 
 methods! {
+    /// How many rays of a batch a work-item traces together. The hits are the same; of any hits of a ray another one may be found. Pictures are
+    /// rendered with one ray at a time.
+    pub enum PacketSize ("--packet-size") {
+        /// Each ray by itself.
+        One = "1",
+        /// Sixteen rays in the lanes of vectors (Wald et al. 2001), for CPUs: neighbours in the batch should be neighbours in space.
+        Sixteen = "16",
+    }
+}
+
+impl PacketSize {
+    /// The number.
+    pub const fn rays(self) -> usize {
+        match self {
+            PacketSize::One => 1,
+            PacketSize::Sixteen => 16,
+        }
+    }
+}
+
+methods! {
     /// Where on the device nodes, references, vertices and the structures' other arrays lie (thesis, section 5.3). The reference
     /// has one kind of memory: the choice changes nothing there.
     pub enum Memory ("--memory") {
@@ -298,6 +319,9 @@ pub struct TraceOptions {
     /// Entries of the short stack, 1 to [`TraceOptions::MAX_DEPTH`]; `None`: [`TraceOptions::SHORT_STACK`]. Only for
     /// [`Traversal::ShortStack`].
     pub stack_size: Option<u32>,
+    /// How many rays of a batch are traced together; more than one only with [`Accel::Bvh8`] and [`Intersector::Exact`].
+    #[serde(serialize_with = "as_name")]
+    pub packet_size: PacketSize,
     /// The ray-triangle test.
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
@@ -365,6 +389,7 @@ impl TraceOptions {
         build: Build::Sah,
         traversal: Traversal::Stack,
         stack_size: None,
+        packet_size: PacketSize::One,
         intersector: Intersector::Exact,
         leaf_size: None,
         max_depth: None,
@@ -461,7 +486,28 @@ impl TraceOptions {
             let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: --layout split";
             return Err(Error::option("--triangles", reason));
         }
+        self.check_packets()?;
         self.check_split()
+    }
+
+    /// Checks what packets of rays cannot do.
+    fn check_packets(&self) -> Result<()> {
+        if self.packet_size == PacketSize::One {
+            return Ok(());
+        }
+        if self.intersector != Intersector::Exact {
+            let reason = format!(
+                "packets leave what float32 does not decide to the exact test; nearest: --intersector exact, or --packet-size 1 \
+                 --intersector {}",
+                self.intersector
+            );
+            return Err(Error::option(PacketSize::OPTION, reason));
+        }
+        if self.counters {
+            let reason = "work is counted for each ray by itself; nearest: --packet-size 1";
+            return Err(Error::option("--counters", reason));
+        }
+        Ok(())
     }
 
     /// Checks what only the split kernels know.

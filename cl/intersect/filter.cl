@@ -36,7 +36,7 @@ ulong filter_sheared(GEOMETRY_PARAMETERS, const Filter* f, uint packet) {
     return lanes_where8(!surely_missed(e));
 }
 
-ulong filter_none(GEOMETRY_PARAMETERS, const Filter* f, uint packet) { return 0x0101010101010101ul; }
+ulong filter_none(GEOMETRY_PARAMETERS, const Filter* f, uint packet) { return ALL_LANES8; }
 
 #ifndef FILTER
 #define FILTER none

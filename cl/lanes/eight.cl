@@ -1,17 +1,28 @@
 // What a file that is written for any number of lanes is compiled for next: eight numbers at a time, in vectors. Its names end in 8.
+// MASK: the type of a comparison.
 #undef REAL
+#undef MASK
 #undef LANES
 #define REAL float8
+#define MASK int8
 #define LANES(name) name##8
 
 float8 max_or8(float8 a, float8 b) { return a > b ? a : b; }
 float8 min_or8(float8 a, float8 b) { return a < b ? a : b; }
 
+// All lanes, and the first `count`, of which there is at least one.
+#define ALL_LANES8 0x0101010101010101ul
+#define FIRST_LANES8(count) (ALL_LANES8 >> (8u * (8u - (count))))
 // Bit 8 i: whether lane i of a comparison is true.
-ulong lanes_where8(int8 comparison) { return as_ulong(convert_char8(comparison)) & 0x0101010101010101ul; }
-// How many lanes those are. Not popcount(), which Oclgrind does not know.
+ulong lanes_where8(int8 comparison) { return as_ulong(convert_char8(comparison)) & ALL_LANES8; }
+bool is_any8(int8 comparison) { return as_ulong(convert_char8(comparison)) != 0ul; }
+// How many lanes some are. Not popcount(), which Oclgrind does not know.
 uint count_lanes8(ulong lanes) { return (uint)((lanes * 0x0101010101010101ul) >> 56); }
 // The lowest lane of some, whether it is the only one, and the others.
 uint first_lane8(ulong lanes) { return (63u - (uint)clz(lanes & (0ul - lanes))) / 8u; }
 bool is_only_lane8(ulong lanes, uint first) { return lanes >> (8u * first) == 1ul; }
 ulong other_lanes8(ulong lanes) { return lanes & (lanes - 1ul); }
+
+bool is_lane8(ulong lanes, uint lane) { return (lanes >> (8u * lane) & 1ul) != 0ul; }
+
+float lane_of8(const float8* v, uint lane) { return ((const float*)v)[lane]; }

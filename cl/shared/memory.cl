@@ -162,12 +162,18 @@ int4 load_node(const Geometry* geometry, uint index) {
 //   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
 //   DECIDE_WHOLE       what `call`, in whole numbers, decides; or false, and the item is in doubt
 //   NOTE_DOUBT         puts an item on the list if it is in doubt
+//   TAKE_DOUBT         the same for a work-item with several items, which forgets it for the next one
 //   ITEM_OF            the item of work-item number i: in the second pass that on the list
 #define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
 #ifdef DEFER_DOUBTS
 #define UNDECIDED Undecided undecided = {0u, 0u, {0u}};
 #define DECIDE_WHOLE(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
 #define IN_DOUBT (undecided.in_doubt != 0u)
+#define TAKE_DOUBT(geometry, item)                \
+    if ((geometry)->undecided->in_doubt != 0u) {  \
+        (geometry)->undecided->in_doubt = 0u;     \
+        doubts[1u + atomic_inc(&doubts[0])] = item; \
+    }
 #define NOTE_DOUBT(item)    \
     if (IN_DOUBT) doubts[1u + atomic_inc(&doubts[0])] = item
 bool postpone(const Geometry* geometry, uint primitive) {
@@ -184,6 +190,7 @@ bool postpone(const Geometry* geometry, uint primitive) {
 #define UNDECIDED
 #define DECIDE_WHOLE(geometry, call) call
 #define IN_DOUBT false
+#define TAKE_DOUBT(geometry, item)
 #define NOTE_DOUBT(item)
 bool postpone(const Geometry* geometry, uint primitive) { return false; }
 #endif
@@ -221,25 +228,31 @@ void store_work(__global uint* records, uint index, const Geometry* geometry) {
 #define STORE_WORK(geometry, index)
 #endif
 
-// Eight numbers: two records one behind the other, the first one with an even number. And word number `lane` of the links of a wide node.
+// Eight numbers: two records one behind the other, the first one with an even number; and number `lane` of these. The links of a wide
+// node are such numbers, too.
 #if defined(IMAGE) || defined(CONSTANT_NODES)
 #define EIGHT_NODE_WORDS(geometry, record) \
     (float8)(as_float4(NODE_RECORD(geometry, record)), as_float4(NODE_RECORD(geometry, (record) + 1u)))
-#define LINK_WORD(geometry, node, lane) word_of(NODE_RECORD(geometry, (node) + BVH8_LINKS + (lane) / 4u), (lane) % 4u)
+#define NODE_WORD(geometry, record, lane) word_of(NODE_RECORD(geometry, (record) + (lane) / 4u), (lane) % 4u)
 uint word_of(int4 record, uint i) { return (uint)(i == 0u ? record.x : i == 1u ? record.y : i == 2u ? record.z : record.w); }
 #else
 #define EIGHT_NODE_WORDS(geometry, record) vload8(0, (__global const float*)((geometry)->nodes + (record)))
-#define LINK_WORD(geometry, node, lane) ((__global const uint*)((geometry)->nodes + (node) + BVH8_LINKS))[lane]
+#define NODE_WORD(geometry, record, lane) ((__global const uint*)((geometry)->nodes + (record)))[lane]
 #endif
 #ifdef IMAGE
+#define BOUNDS_WORD(geometry, record, lane) word_of(as_int4(BOUNDS_RECORD(geometry, (record) + (lane) / 4u)), (lane) % 4u)
 #define EIGHT_BOUNDS_WORDS(geometry, record) \
     (float8)(BOUNDS_RECORD(geometry, record), BOUNDS_RECORD(geometry, (record) + 1u))
 #else
+#define BOUNDS_WORD(geometry, record, lane) ((__global const uint*)((geometry)->bounds + (record)))[lane]
 #define EIGHT_BOUNDS_WORDS(geometry, record) vload8(0, (__global const float*)((geometry)->bounds + (record)))
 #endif
 #define LOAD_EIGHT(geometry, record) COUNTED(geometry, NODE_BYTES, sizeof(float8), EIGHT_NODE_WORDS(geometry, record))
-#define LOAD_LINK(geometry, node, lane) COUNTED(geometry, NODE_BYTES, sizeof(uint), LINK_WORD(geometry, node, lane))
+#define LOAD_LANE(geometry, record, lane) as_float(COUNTED(geometry, NODE_BYTES, sizeof(uint), NODE_WORD(geometry, record, lane)))
+#define LOAD_LINK(geometry, node, lane) COUNTED(geometry, NODE_BYTES, sizeof(uint), NODE_WORD(geometry, (node) + BVH8_LINKS, lane))
 #define LOAD_PACKET(geometry, record) COUNTED(geometry, TRIANGLE_BYTES, sizeof(float8), EIGHT_BOUNDS_WORDS(geometry, record))
+#define LOAD_PACKET_LANE(geometry, record, lane) \
+    as_float(COUNTED(geometry, TRIANGLE_BYTES, sizeof(uint), BOUNDS_WORD(geometry, record, lane)))
 
 #define LOAD_NODE(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(int4), NODE_RECORD(geometry, index))
 #define LOAD_BOUNDS(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(float4), BOUNDS_RECORD(geometry, index))

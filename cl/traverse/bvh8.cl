@@ -18,7 +18,7 @@ typedef struct {
     float8 enter, leave;
 } Interval8;
 
-// `near`: for each axis the record of the planes where the ray enters, from those of the axis on; the others are behind or before it.
+// `near`: see near_planes().
 Interval8 clip_to_eight(GEOMETRY_PARAMETERS, const Slabs* s, uint3 near, uint node, float t_near, float t_limit) {
     const float8 enter_x = fma(LOAD_EIGHT(geometry, node + near.x), (float8)(s->inv.x), (float8)(s->enter.x));
     const float8 enter_y = fma(LOAD_EIGHT(geometry, node + near.y), (float8)(s->inv.y), (float8)(s->enter.y));
@@ -31,10 +31,48 @@ Interval8 clip_to_eight(GEOMETRY_PARAMETERS, const Slabs* s, uint3 near, uint no
     return t;
 }
 
+// For each axis the record of a node's planes where a ray enters, from those of the axis on; the others are behind or before it.
+uint3 near_planes(float3 inv) { return (uint3)(inv.x < 0.0f ? 2u : 0u, inv.y < 0.0f ? 6u : 4u, inv.z < 0.0f ? 10u : 8u); }
+
+// The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before everything.
+uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
+    uint top = *stacked;
+    while (t_limit < stack[top].t_enter) top--;
+    *stacked = top - 1u;
+    return stack[top].link;
+}
+
+// What comes after the inner node `link`: the nearest child that the ray meets, while the others wait, or what waited before.
+uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit, FarChild* stack,
+                     uint* stacked) {
+    COUNT(geometry, STEPS, 1);
+    const uint node = BVH8_NODE_RECORDS * link;
+    const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);
+    ulong met = lanes_where8(t.enter <= t.leave);
+    if (met != 0ul) { // the most frequent case needs no stack
+        const uint lane = first_lane8(met);
+        if (is_only_lane8(met, lane)) return LOAD_LINK(geometry, node, lane);
+    }
+    float enter[8];
+    vstore8(t.enter, 0, enter);
+    // On the stack, the nearest on top; of two at the same t the first one.
+    const uint lowest = *stacked + 1u;
+    for (; met != 0ul; met = other_lanes8(met)) {
+        const uint lane = first_lane8(met);
+        const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
+        *stacked += 1u;
+        uint place = *stacked;
+        for (; place > lowest && stack[place - 1u].t_enter <= child.t_enter; place--) stack[place] = stack[place - 1u];
+        stack[place] = child;
+    }
+    COUNT_DEEPEST(geometry, *stacked);
+    return next_on_stack(stack, stacked, t_limit);
+}
+
 bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
-    const uint3 near = (uint3)(slabs.inv.x < 0.0f ? 2u : 0u, slabs.inv.y < 0.0f ? 6u : 4u, slabs.inv.z < 0.0f ? 10u : 8u);
+    const uint3 near = near_planes(slabs.inv);
     const Filter filter = make_filter(ray, farthest_distance(ray, geometry->low, geometry->high));
     float t_limit = ray->t_far;
 
@@ -45,49 +83,23 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint link = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            COUNT(geometry, STEPS, 1);
-            const uint node = BVH8_NODE_RECORDS * link;
-            const Interval8 t = clip_to_eight(GEOMETRY, &slabs, near, node, ray->t_near, t_limit);
-            ulong met = lanes_where8(t.enter <= t.leave);
-            if (met != 0ul) { // the most frequent case needs no stack
-                const uint lane = first_lane8(met);
-                if (is_only_lane8(met, lane)) {
-                    link = LOAD_LINK(geometry, node, lane);
-                    continue;
-                }
-            }
-            float enter[8];
-            vstore8(t.enter, 0, enter);
-            // On the stack, the nearest on top; of two at the same t the first one.
-            const uint lowest = stacked + 1u;
-            for (; met != 0ul; met = other_lanes8(met)) {
-                const uint lane = first_lane8(met);
-                const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
-                stacked++;
-                uint place = stacked;
-                for (; place > lowest && stack[place - 1u].t_enter <= child.t_enter; place--) stack[place] = stack[place - 1u];
-                stack[place] = child;
-            }
-            COUNT_DEEPEST(geometry, stacked);
-        } else {
-            const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
-            COUNT(geometry, LEAVES, 1);
-            COUNT(geometry, EMPTY_LEAVES, count == 0u ? 1 : 0);
-            if (count > 0u) {
-                const ulong lanes = 0x0101010101010101ul >> (8u * (8u - count));
-                ulong open = JOIN(filter_, FILTER)(GEOMETRY, &filter, first / 8u) & lanes;
-                COUNT(geometry, TESTS, count_lanes8(lanes & ~open));
-                for (; open != 0ul; open = other_lanes8(open)) {
-                    test_triangle(GEOMETRY, ray, first + first_lane8(open), hit);
-                    if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
-                }
-                t_limit = min_or(hit->t, ray->t_far);
-            }
+            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, t_limit, stack, &stacked);
+            continue;
         }
-        // What is entered behind the hit has no nearer one. The end is entered before everything.
-        while (t_limit < stack[stacked].t_enter) stacked--;
-        link = stack[stacked].link;
-        stacked--;
+        const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
+        COUNT(geometry, LEAVES, 1);
+        COUNT(geometry, EMPTY_LEAVES, count == 0u ? 1 : 0);
+        if (count > 0u) {
+            const ulong lanes = FIRST_LANES8(count);
+            ulong open = JOIN(filter_, FILTER)(GEOMETRY, &filter, first / 8u) & lanes;
+            COUNT(geometry, TESTS, count_lanes8(lanes & ~open));
+            for (; open != 0ul; open = other_lanes8(open)) {
+                test_triangle(GEOMETRY, ray, first + first_lane8(open), hit);
+                if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
+            }
+            t_limit = min_or(hit->t, ray->t_far);
+        }
+        link = next_on_stack(stack, &stacked, t_limit);
     }
     return hit->primitive != NO_PRIMITIVE;
 }

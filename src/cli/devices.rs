@@ -69,7 +69,7 @@ impl clap::Args for KernelsGiven {
 }
 
 pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
-    let options = TraceOptions { counters: args.counters, ..args.method.options(Accel::Kd)? };
+    let options = args.method.options(Accel::Kd, args.counters)?;
     if args.kernels.0 {
         return kernels::run(args, talk);
     }

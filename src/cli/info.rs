@@ -44,7 +44,7 @@ struct SceneInfo {
 }
 
 pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
-    let options = args.method.options(Accel::Kd)?;
+    let options = args.method.options(Accel::Kd, false)?;
     let loaded = open::load(&args.scene.scene, None, talk)?;
     let scene = &loaded.scene;
     let buffers = SceneBuffers::new(scene, &options)?;

@@ -6,7 +6,6 @@ use super::{Talk, open};
 use raybrook::device::{
     DeviceHandle, KernelResources, ProgramResources, Selection, kernel_resources, list_devices, select,
 };
-use raybrook::options::TraceOptions;
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Builder, Scene};
 use raybrook::session::DEFAULT_DEPTH;
@@ -52,7 +51,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     let mut errors = Vec::new();
     for device in devices {
         let device = args.compiler.apply(device)?;
-        let options = TraceOptions { counters: args.counters, ..args.method.options_for(Some(&device))? };
+        let options = args.method.options_for(Some(&device), args.counters)?;
         let buffers = SceneBuffers::new(&scene, &options)?;
         let mut entry =
             Entry { index: device.info.index, device: device.info.name.clone(), programs: Vec::new(), error: None };

@@ -28,8 +28,8 @@ use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::DeviceHandle;
 use raybrook::options::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, Terminator, TexturePass, TraceOptions, Traversal,
-    TriangleOrder,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, Terminator, TexturePass, TraceOptions,
+    Traversal, TriangleOrder,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -94,6 +94,8 @@ struct MethodArgs {
     /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
     #[arg(long, value_name = "K")]
     stack_size: Option<u32>,
+    #[arg(long, help = format!("Rays of a batch that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, else 1]", PacketSize::names()), value_name = "N")]
+    packet_size: Option<PacketSize>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
     /// Short for an --intersector: exact hits, or the fastest float32 test, which loses some: moller-trumbore.
@@ -150,18 +152,22 @@ impl FromStr for AccelChoice {
 }
 
 impl MethodArgs {
-    /// The options, with the fastest structure for `device` where the user leaves the choice.
-    fn options_for(&self, device: Option<&DeviceHandle>) -> Result<TraceOptions, Error> {
-        self.options(Accel::fastest_on(device.map(|device| device.info.kind)))
+    /// The options, with what is fastest on `device` where the user leaves the choice.
+    fn options_for(&self, device: Option<&DeviceHandle>, counters: bool) -> Result<TraceOptions, Error> {
+        let kind = device.map(|device| device.info.kind);
+        let mut options = self.options(Accel::fastest_on(kind), counters)?;
+        options.packet_size = self.packet_size.unwrap_or_else(|| options.fastest_packets_on(kind));
+        Ok(options)
     }
 
     /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.
-    fn options(&self, preferred: Accel) -> Result<TraceOptions, Error> {
+    fn options(&self, preferred: Accel, counters: bool) -> Result<TraceOptions, Error> {
         let mut options = TraceOptions {
             accel: TraceOptions::DEFAULT.accel,
             build: self.build,
             traversal: self.traversal,
             stack_size: self.stack_size,
+            packet_size: self.packet_size.unwrap_or(PacketSize::One),
             intersector: self.precision.unwrap_or(self.intersector),
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
@@ -175,7 +181,7 @@ impl MethodArgs {
             textures: self.textures,
             terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
-            counters: false,
+            counters,
         };
         options.accel = match self.accel {
             AccelChoice::Auto => options.structure_for(preferred),

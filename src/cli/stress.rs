@@ -114,7 +114,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let options = args.method.options(Accel::Kd)?;
+    let options = args.method.options(Accel::Kd, false)?;
     if let Some(models) = &args.closed {
         return closed::run(args, models, talk);
     }
@@ -127,7 +127,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     if args.methods.is_none() {
-        methods[0].options = args.method.options_for(device.as_ref())?;
+        methods[0].options = args.method.options_for(device.as_ref(), false)?;
     }
     let cache = if args.device.no_cache { None } else { Cache::open() };
     let rays = args.rays.unwrap_or(DEFAULT_RAYS);

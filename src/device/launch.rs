@@ -75,22 +75,33 @@ impl<'k> Arguments<'k> {
     }
 }
 
+/// What a kernel is launched over.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shape {
+    /// Rays, or pixels.
+    pub total: usize,
+    /// Work-items of a work-group.
+    pub work_group: usize,
+    /// Rays or pixels of a work-item.
+    pub items_of_one: usize,
+}
+
 /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part. Returns
 /// seconds of device time.
 pub(super) fn launch(
     kernel: &mut Kernel,
     plan: &mut LaunchPlan,
-    (total, work_group): (usize, usize),
+    Shape { total, work_group, items_of_one }: Shape,
     mut progress: impl FnMut(usize),
 ) -> Result<f64> {
     let bounds = kernel.arg_count() - 2;
     let mut seconds = 0.0;
     let mut first = 0;
     while first < total {
-        let items = plan.next(total - first, work_group);
+        let items = plan.next(total - first, work_group * items_of_one);
         kernel.set_arg(bounds, first as u32)?;
         kernel.set_arg(bounds + 1, (first + items) as u32)?;
-        let event = kernel.launch(&[items.next_multiple_of(work_group)], Some(&[work_group]))?;
+        let event = kernel.launch(&[items.div_ceil(items_of_one).next_multiple_of(work_group)], Some(&[work_group]))?;
         let launch_s = event.wait()?;
         plan.learn(items, launch_s);
         seconds += launch_s;

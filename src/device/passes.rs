@@ -1,13 +1,15 @@
 //! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that the first one
 //! leaves in doubt (`cl/shared/memory.cl`) are traced again by kernels that can decide everything.
 
-use super::launch::{FIRST_ITEMS, LaunchPlan, launch};
+use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
 use super::{Buffer, Cache, CompileOptions, DeviceContext, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
-use crate::options;
+use crate::options::{Kernels, PacketSize, TraceOptions};
 use std::cell::Cell;
 
 const TRACE_FILE: &str = "cl/kernels/trace.cl";
+/// The same for packets of rays.
+const PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
 /// The kernels that [`super::split`] starts.
 pub(super) const SPLIT_FILE: &str = "cl/kernels/split.cl";
@@ -19,10 +21,43 @@ pub(super) enum Entry {
     TraceClosest,
     TraceAny,
     TraceNext,
+    TraceClosestPackets,
+    TraceAnyPackets,
 }
 
 impl Entry {
-    const ALL: [Entry; 4] = [Entry::Render, Entry::TraceClosest, Entry::TraceAny, Entry::TraceNext];
+    const ALL: [Entry; 6] = [
+        Entry::Render,
+        Entry::TraceClosest,
+        Entry::TraceAny,
+        Entry::TraceNext,
+        Entry::TraceClosestPackets,
+        Entry::TraceAnyPackets,
+    ];
+
+    /// What traces a batch.
+    pub fn of_batch(any_hit: bool, packet_size: PacketSize) -> Entry {
+        match (any_hit, packet_size) {
+            (false, PacketSize::One) => Entry::TraceClosest,
+            (true, PacketSize::One) => Entry::TraceAny,
+            (false, PacketSize::Sixteen) => Entry::TraceClosestPackets,
+            (true, PacketSize::Sixteen) => Entry::TraceAnyPackets,
+        }
+    }
+
+    /// What traces again what this one leaves in doubt: one item each.
+    fn second(self) -> Entry {
+        match self {
+            Entry::TraceClosestPackets => Entry::TraceClosest,
+            Entry::TraceAnyPackets => Entry::TraceAny,
+            other => other,
+        }
+    }
+
+    /// How many items a work-item has.
+    fn items_of_one(self) -> usize {
+        if self.file() == PACKETS_FILE { PacketSize::Sixteen.rays() } else { 1 }
+    }
 
     fn name(self) -> &'static str {
         match self {
@@ -30,12 +65,18 @@ impl Entry {
             Entry::TraceClosest => "trace_closest",
             Entry::TraceAny => "trace_any",
             Entry::TraceNext => "trace_next",
+            Entry::TraceClosestPackets => "trace_closest_packets",
+            Entry::TraceAnyPackets => "trace_any_packets",
         }
     }
 
     /// The file that has it.
     fn file(self) -> &'static str {
-        if self == Entry::Render { RENDER_FILE } else { TRACE_FILE }
+        match self {
+            Entry::Render => RENDER_FILE,
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets => PACKETS_FILE,
+            Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,
+        }
     }
 }
 
@@ -89,11 +130,13 @@ impl Doubts {
 }
 
 /// The files with the kernels of both passes: of batches, and those that render. A program has the kernels of one.
-pub(super) fn entry_files(kernels: options::Kernels) -> [&'static str; 2] {
-    match kernels {
-        options::Kernels::Mega => [TRACE_FILE, RENDER_FILE],
-        options::Kernels::Split => [TRACE_FILE, SPLIT_FILE],
-    }
+pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
+    let render = match options.kernels {
+        Kernels::Mega => RENDER_FILE,
+        Kernels::Split => SPLIT_FILE,
+    };
+    let packets = (options.packet_size == PacketSize::Sixteen).then_some(PACKETS_FILE);
+    [TRACE_FILE].into_iter().chain(packets).chain([render]).collect()
 }
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -109,7 +152,9 @@ pub(super) fn pass_options(options: &CompileOptions, defers: bool, pass: Pass, f
         return options;
     }
     match pass {
-        Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
+        Pass::First if file == TRACE_FILE || file == PACKETS_FILE => {
+            options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1)
+        }
         Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
         Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
     }
@@ -162,18 +207,19 @@ impl Passes {
     ) -> Result<f64> {
         let kernel = self.kernel(context, Pass::First, entry)?;
         set(kernel)?;
-        let mut seconds = launch(kernel, plan, (total, work_group), &mut progress)?;
+        let shape = |total, entry: Entry| Shape { total, work_group, items_of_one: entry.items_of_one() };
+        let mut seconds = launch(kernel, plan, shape(total, entry), &mut progress)?;
         if !self.defers {
             return Ok(seconds);
         }
         let count = doubts.take_count()?;
         if count > 0 {
-            let kernel = self.kernel(context, Pass::Second, entry)?;
+            let kernel = self.kernel(context, Pass::Second, entry.second())?;
             set(kernel)?;
             // How long such items take is not known from the others. The first launch takes most lists whole: a small one would
             // leave a GPU idle for as long as its slowest item takes.
             let mut plan = LaunchPlan::starting_with(FIRST_ITEMS);
-            seconds += launch(kernel, &mut plan, (count, work_group), |_| progress(0))?;
+            seconds += launch(kernel, &mut plan, shape(count, entry.second()), |_| progress(0))?;
             doubts.items.write(&[0])?;
         }
         Ok(seconds)

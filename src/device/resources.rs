@@ -62,7 +62,7 @@ pub fn kernel_resources(
     let compile_options = compile_options(buffers, options, max_depth).verbose();
     let defers = defers(options);
     let passes = [Some(Pass::First), defers.then_some(Pass::Second)].into_iter().flatten();
-    let programs = passes.flat_map(|pass| entry_files(options.kernels).map(|file| (pass, file)));
+    let programs = passes.flat_map(|pass| entry_files(options).into_iter().map(move |file| (pass, file)));
     programs
         .map(|(pass, file)| program_resources(&context, file, &pass_options(&compile_options, defers, pass, file)))
         .collect()

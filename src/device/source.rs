@@ -26,6 +26,9 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/intersect/edges.cl",
     "cl/lanes/eight.cl",
     "cl/intersect/edges.cl",
+    "cl/packets/decide.cl",
+    "cl/lanes/sixteen.cl",
+    "cl/packets/decide.cl",
     "cl/intersect/filter.cl",
     "cl/intersect/exact_filter.cl",
     "cl/intersect/exact_closer.cl",
@@ -45,11 +48,17 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/traverse/thesis_restart.cl",
     "cl/traverse/bvh2.cl",
     "cl/traverse/bvh8.cl",
+    "cl/packets/ray_packet.cl",
+    "cl/packets/frustum.cl",
+    "cl/packets/triangles.cl",
+    "cl/packets/finish.cl",
+    "cl/packets/bvh8.cl",
     "cl/traverse/grid.cl",
     "cl/traverse/octree.cl",
     "cl/traverse/boxes.cl",
     "cl/traverse/spheres.cl",
     "cl/traverse/query.cl",
+    "cl/traverse/batch.cl",
     "cl/shade/normal.cl",
     "cl/shade/surface.cl",
     "cl/shade/procedural.cl",
@@ -63,7 +72,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
 
 /// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation of the others.
 const ENTRY_FILES: &[(&str, &str)] =
-    kernel_files!["cl/kernels/trace.cl", "cl/kernels/render.cl", "cl/kernels/split.cl"];
+    kernel_files!["cl/kernels/trace.cl", "cl/kernels/trace_packets.cl", "cl/kernels/render.cl", "cl/kernels/split.cl"];
 
 /// Before all others: what keeps compilers from changing the arithmetic.
 const FIRST_FILE: &[(&str, &str)] = kernel_files!["cl/shared/compiler.cl"];

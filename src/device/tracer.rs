@@ -191,7 +191,7 @@ impl Tracer for OpenClTracer {
 
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.kernels) {
-            (Task::Batch, _) => self.passes.prepare(&self.context, Entry::TraceClosest),
+            (Task::Batch, _) => self.passes.prepare(&self.context, Entry::of_batch(false, self.options.packet_size)),
             (Task::Picture, Kernels::Mega) => self.passes.prepare(&self.context, Entry::Render),
             (Task::Picture, Kernels::Split) => {
                 if self.split.is_none() {
@@ -218,7 +218,7 @@ impl Tracer for OpenClTracer {
 
         let doubts = Doubts::new(&self.context, self.passes.defers, total)?;
         let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
-        let first_entry = if job.any_hit { Entry::TraceAny } else { Entry::TraceClosest };
+        let first_entry = Entry::of_batch(job.any_hit, self.options.packet_size);
         let set_first = |kernel: &mut Kernel| {
             scene
                 .geometry_arguments(kernel)?

@@ -1,6 +1,6 @@
 //! What is chosen where the user leaves the choice, by a small model of the device.
 
-use super::{Accel, OPTIONS, TraceOptions};
+use super::{Accel, OPTIONS, PacketSize, TraceOptions};
 use crate::device::DeviceKind;
 
 impl Accel {
@@ -18,6 +18,17 @@ impl Accel {
 }
 
 impl TraceOptions {
+    /// The fastest size of packets on a kind of device that goes together with these options. A CPU's vectors hold sixteen rays, and even rays
+    /// of all directions are several times as fast that way; a GPU makes such vectors of its work-items by itself.
+    pub fn fastest_packets_on(&self, device: Option<DeviceKind>) -> PacketSize {
+        let sixteen = TraceOptions { packet_size: PacketSize::Sixteen, ..*self };
+        if device == Some(DeviceKind::Cpu) && sixteen.validate().is_ok() {
+            PacketSize::Sixteen
+        } else {
+            PacketSize::One
+        }
+    }
+
     /// `preferred`, or, if that does not read everything that is set here, the first structure that does: a grid's size is for grids, a
     /// build for kd-trees. `preferred` as well if there is none.
     pub fn structure_for(&self, preferred: Accel) -> Accel {
@@ -33,7 +44,7 @@ impl TraceOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{Build, Memory, Traversal};
+    use crate::options::{Build, Intersector, Memory, Traversal};
 
     #[test]
     fn what_is_set_decides_before_what_is_fast() {
@@ -52,6 +63,17 @@ mod tests {
             (TraceOptions { grid_size: Some([3; 3]), build: Build::Median, ..default }, Accel::Bvh8),
         ] {
             assert_eq!(options.structure_for(Accel::Bvh8), expected, "{options:?}");
+        }
+        let bvh8 = TraceOptions { accel: Accel::Bvh8, ..default };
+        for (options, device, expected) in [
+            (bvh8, Some(DeviceKind::Cpu), PacketSize::Sixteen),
+            (bvh8, Some(DeviceKind::Gpu), PacketSize::One),
+            (bvh8, None, PacketSize::One),
+            (default, Some(DeviceKind::Cpu), PacketSize::One),
+            (TraceOptions { counters: true, ..bvh8 }, Some(DeviceKind::Cpu), PacketSize::One),
+            (TraceOptions { intersector: Intersector::Watertight, ..bvh8 }, Some(DeviceKind::Cpu), PacketSize::One),
+        ] {
+            assert_eq!(options.fastest_packets_on(device), expected, "{options:?}");
         }
         assert_eq!(Accel::fastest_on(Some(DeviceKind::Cpu)), Accel::Bvh8);
         assert_eq!([Some(DeviceKind::Gpu), None].map(Accel::fastest_on), [Accel::Bvh2; 2]);

@@ -4,8 +4,8 @@
 //! A new value is a line of its enum; a new option is a line of [`OPTIONS`].
 
 use super::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, SplitAxis, Stop, Terminator, TexturePass,
-    TraceOptions, Traversal, TriangleOrder,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, SplitAxis, Stop, Terminator,
+    TexturePass, TraceOptions, Traversal, TriangleOrder,
 };
 use std::fmt;
 
@@ -73,6 +73,7 @@ pub static OPTIONS: &[MethodOption] = &[
     names!(Build, build, &[Accel::Kd]),
     names!(Traversal, traversal, &[Accel::Kd]),
     number!("--stack-size", stack_size, &[Accel::Kd], 1),
+    names!(PacketSize, packet_size, &[Accel::Bvh8]),
     names!(Intersector, intersector, Accel::ALL),
     number!(
         "--leaf-size",

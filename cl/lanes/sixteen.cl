@@ -1,0 +1,32 @@
+// What a file that is written for any number of lanes is compiled for next: sixteen numbers at a time, one of each ray of a packet. Its
+// names end in 16.
+#undef REAL
+#undef MASK
+#undef LANES
+#define REAL float16
+#define MASK int16
+#define LANES(name) name##16
+
+float16 max_or16(float16 a, float16 b) { return a > b ? a : b; }
+float16 min_or16(float16 a, float16 b) { return a < b ? a : b; }
+
+// Whether any lane of a comparison is true.
+bool is_any16(int16 comparison) {
+    const ulong2 words = as_ulong2(convert_char16(comparison));
+    return (words.x | words.y) != 0ul;
+}
+#define ALL_LANES16 0x1111111111111111ul
+// Lanes as bits of one word: lane i below 8 is bit 8 i, lane 8 + i is bit 8 i + 4.
+ulong lanes_where16(int16 comparison) {
+    const ulong2 words = as_ulong2(convert_char16(comparison));
+    return (words.x & ALL_LANES8) | (words.y & ALL_LANES8 << 4);
+}
+// The lowest bit's lane, and how many there are. The others: other_lanes8().
+uint first_lane16(ulong lanes) {
+    const uint bit = 63u - (uint)clz(lanes & (0ul - lanes));
+    return bit / 8u + 2u * (bit & 4u);
+}
+uint count_lanes16(ulong lanes) { return count_lanes8((lanes & ALL_LANES8) + (lanes >> 4 & ALL_LANES8)); }
+
+float lane_of16(const float16* v, uint lane) { return ((const float*)v)[lane]; }
+void set_lane16(float16* v, uint lane, float x) { ((float*)v)[lane] = x; }

@@ -1,0 +1,79 @@
+// The triangles of a wide leaf (bvh8.cl) for decide.cl: what is of the triangles alone, for eight at a time; and the hits of a packet.
+
+// In each lane one triangle.
+typedef struct {
+    float8 a[3], e1[3], e2[3], n[3];
+    float8 weight_bound, det_bound, t_bound;
+} LeafTriangles;
+
+float8 farthest8(float8 p, float least, float greatest) { return max_or8(fabs(p - least), fabs(p - greatest)); }
+
+// Reads packet number `packet` for rays of that range. Returns which of the triangles they may hit, as far as their frustum tells, if they
+// have one: else 0.
+ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frustum, uint packet, LeafTriangles* l) {
+    float8 b[3], c[3];
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        const uint record = BVH8_PACKET_RECORDS * packet + 2u * axis;
+        l->a[axis] = LOAD_PACKET(geometry, record);
+        b[axis] = LOAD_PACKET(geometry, record + 6u);
+        c[axis] = LOAD_PACKET(geometry, record + 12u);
+    }
+    const ulong met = frustum == 0 ? ALL_LANES8 : frustum_meets_triangles(frustum, l->a, b, c);
+    if (met == 0ul) return met;
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        l->e1[axis] = b[axis] - l->a[axis];
+        l->e2[axis] = c[axis] - l->a[axis];
+    }
+    l->n[0] = fma(l->e1[1], l->e2[2], -(l->e1[2] * l->e2[1]));
+    l->n[1] = fma(l->e1[2], l->e2[0], -(l->e1[0] * l->e2[2]));
+    l->n[2] = fma(l->e1[0], l->e2[1], -(l->e1[1] * l->e2[0]));
+
+    // The magnitudes of decide.cl, each no less than that of any of the rays.
+    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]);
+    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]);
+    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]);
+    const float8 e1x = fabs(l->e1[0]), e1y = fabs(l->e1[1]), e1z = fabs(l->e1[2]);
+    const float8 e2x = fabs(l->e2[0]), e2y = fabs(l->e2[1]), e2z = fabs(l->e2[2]);
+    const float8 dx = (float8)(range->steepest[0]), dy = (float8)(range->steepest[1]), dz = (float8)(range->steepest[2]);
+    const float8 px = fma(ay, dz, az * dy), py = fma(az, dx, ax * dz), pz = fma(ax, dy, ay * dx);
+    const float8 q = fma(e1x + e2x, px, fma(e1y + e2y, py, (e1z + e2z) * pz)); // Q1 + Q2
+    const float8 mx = fma(e1y, e2z, e1z * e2y), my = fma(e1z, e2x, e1x * e2z), mz = fma(e1x, e2y, e1y * e2x);
+    const float8 r = fma(mx, dx, fma(my, dy, mz * dz));
+    const float8 s = fma(mx, ax, fma(my, ay, mz * az));
+    l->weight_bound = fma((float8)(DECIDE_ERROR_WEIGHT), q + r, (float8)(DECIDE_LEAST));
+    l->det_bound = fma((float8)(DECIDE_ERROR_DET), r, (float8)(DECIDE_LEAST));
+    l->t_bound = fma((float8)(DECIDE_ERROR_T), s, (float8)(DECIDE_LEAST));
+    return met;
+}
+
+// The nearest hit so far of each lane: limits of its t, of which the upper one is t_far where there is none.
+typedef struct {
+    float16 t_high, t_low;
+    uint16 reference; // NO_PRIMITIVE where there is none
+} PacketHits;
+
+// What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one; none where that is
+// -infinity. Lanes that float32 does not decide are added to *doubtful.
+void test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference, const bool any_hit,
+                      float16* t_limit, PacketHits* hits, int16* doubtful) {
+#define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
+    const Decision16 d =
+        decide16(OF_TRIANGLE(a[0]) - p->origin[0], OF_TRIANGLE(a[1]) - p->origin[1], OF_TRIANGLE(a[2]) - p->origin[2],
+                 p->direction[0], p->direction[1], p->direction[2], OF_TRIANGLE(e1[0]), OF_TRIANGLE(e1[1]), OF_TRIANGLE(e1[2]),
+                 OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]), OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]),
+                 OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound), OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
+#undef OF_TRIANGLE
+    if (!is_any16(d.possible)) return;
+    const int16 open = d.possible && p->skip != LOAD_REFERENCE(geometry, reference) && *t_limit >= p->t_near &&
+                       !(d.has_t && (d.t_high < p->t_near || d.t_low > *t_limit));
+    const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < p->t_far && d.t_high < hits->t_low;
+    hits->t_high = taken ? d.t_high : hits->t_high;
+    hits->t_low = taken ? d.t_low : hits->t_low;
+    hits->reference = taken ? (uint16)(reference) : hits->reference;
+    const int16 in_doubt = open && !taken;
+    *doubtful = *doubtful || in_doubt;
+    const int16 is_done = any_hit ? open : in_doubt;
+    *t_limit = is_done ? (float16)(-INFINITY) : taken ? d.t_high : *t_limit;
+}

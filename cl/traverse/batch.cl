@@ -1,0 +1,37 @@
+// One ray of a batch: from the caller's numbers to a hit in the caller's units.
+
+// Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the caller's space.
+// The two factors are powers of two of like size: their product may be none that a float can hold while the t that it makes is a float.
+void use_callers_units(Ray* ray, float3 direction, float scale) {
+    int lowest = 0, highest = -1000, own_highest = -1000;
+    widen_exponents(max_component(abs3(direction)), &lowest, &highest);
+    widen_exponents(max_component(abs3(ray->direction)), &lowest, &own_highest);
+    const int exponent = own_highest - highest + 127 - (int)(as_uint(scale) >> 23);
+    ray->t_lift = as_float((uint)(exponent / 2 + 127) << 23);
+    ray->t_scale = as_float((uint)(exponent - exponent / 2 + 127) << 23);
+}
+
+Ray batch_ray(__global const TraceRay* rays, uint index, float scale) {
+    const TraceRay query = rays[index];
+    const float3 direction = query.direction_t_max.xyz;
+    const float t_min = query.origin_t_min.w, t_max = query.direction_t_max.w;
+    Ray ray = make_ray(query.origin_t_min.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
+    const bool sound = ray.t_near <= ray.t_far;
+    if (sound) use_callers_units(&ray, direction, scale);
+    limit_ray(&ray, sound && t_min <= t_max, t_min, t_max);
+    return ray;
+}
+
+// In the caller's units of t, in which what is farther than every float is not hit.
+Hit batch_hit(const Ray* ray, Hit hit) {
+    hit.t = callers_t(ray, hit.t);
+    return is_finite(hit.t) ? hit : no_hit();
+}
+
+void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
+                 const bool any_hit) {
+    const Ray ray = batch_ray(rays, index, geometry->scale);
+    Hit hit;
+    if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) FINISH(GEOMETRY, &ray, &hit);
+    hits[index] = batch_hit(&ray, hit);
+}
