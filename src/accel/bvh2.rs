@@ -15,9 +15,10 @@
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
 //! ray enters.
 
-use super::bvh::{Bvh, MAX_TRIANGLES};
+use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
 use super::{Aabb, Structure};
-use crate::options::TraceOptions;
+use crate::error::Result;
+use crate::options::{Accel, TraceOptions};
 use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
 
@@ -29,9 +30,12 @@ const FAR: f32 = (1u128 << 64) as f32;
 
 /// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others.
 ///
-/// # Panics
-/// When a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles.
-pub fn pack_bvh2(tree: &Bvh, top: usize) -> Structure {
+/// # Errors
+/// [`Error::Option`](crate::Error::Option) when a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles,
+/// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
+pub fn pack_bvh2(tree: &Bvh, top: usize) -> Result<Structure> {
+    check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
+    tree.check_leaves(Accel::Bvh2, TraceOptions::BVH2_MAX_LEAF)?;
     let mut references = Vec::with_capacity(tree.order.len());
     // What links to each node say.
     let mut links = vec![0; tree.nodes.len()];
@@ -54,7 +58,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize) -> Structure {
         let only = if tree.nodes.is_empty() { nowhere } else { child(0) };
         nodes.extend(records([only, nowhere]));
     }
-    Structure { nodes, references, bounds: Vec::new() }
+    Ok(Structure { nodes, references, bounds: Vec::new() })
 }
 
 /// The inner nodes in their order in memory.
@@ -76,7 +80,7 @@ fn numbered(tree: &Bvh, top: usize) -> Vec<u32> {
 }
 
 pub(super) fn leaf_link(first: u32, count: u32) -> u32 {
-    assert!(count <= TraceOptions::BVH2_MAX_LEAF, "a leaf of {count} triangles");
+    debug_assert!(count <= TraceOptions::BVH2_MAX_LEAF && first <= BVH_FIRST_MASK, "{count} triangles from {first} on");
     BVH_LEAF | count << BVH_COUNT_SHIFT | first
 }
 
@@ -115,7 +119,7 @@ mod tests {
         };
         let vertices: Vec<_> = (0..count).map(triangle).collect();
         let options = TraceOptions { leaf_size: Some(leaf_size), ..TraceOptions::DEFAULT };
-        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, count))
+        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, count)).unwrap()
     }
 
     /// The boxes and links of a node, from its records.
@@ -131,7 +135,7 @@ mod tests {
     fn links_lead_to_every_node_and_triangle_with_the_boxes_of_the_tree() {
         for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
             let tree = tree(count, 4);
-            let structure = pack_bvh2(&tree, top);
+            let structure = pack_bvh2(&tree, top).unwrap();
             let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
             assert_eq!(structure.nodes.len(), 4 * inner.max(1));
             let mut seen = vec![false; count];
@@ -161,6 +165,17 @@ mod tests {
             assert!(seen.iter().all(|&seen| seen));
             assert_eq!(leaf_counts(&structure.nodes).sum::<u32>() as usize, count);
         }
+    }
+
+    #[test]
+    fn what_links_have_no_room_for_is_refused() {
+        let large = pack_bvh2(&Bvh::of_one_leaf(16), 0).map(drop).unwrap_err().to_string();
+        assert!(large.starts_with("option --leaf-size: there is a leaf of 16 triangles"), "{large}");
+        let limit = MAX_TRIANGLES;
+        check_triangle_count(limit, limit).unwrap();
+        let many = check_triangle_count(limit + 1, limit).unwrap_err();
+        assert!(many.exit_code() == 3 && many.to_string().contains("134217713 triangles"), "{many}");
+        assert!(many.to_string().ends_with("; take --accel kd"), "{many}");
     }
 
     #[test]

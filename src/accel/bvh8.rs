@@ -18,15 +18,19 @@
 use super::bvh::Bvh;
 use super::bvh2::{NOWHERE, leaf_link};
 use super::{Aabb, Structure};
+use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::TraceOptions;
-use crate::shared::{BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
+use crate::options::{Accel, TraceOptions};
+use crate::shared::{BVH_FIRST_MASK, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Children of a node, and triangles of a packet.
 const WIDTH: usize = 8;
 const _: () = assert!(TraceOptions::BVH8_MAX_LEAF as usize == WIDTH);
+
+/// The most leaves: of the numbers of references that a link has room for each takes eight.
+const MAX_LEAVES: usize = (BVH_FIRST_MASK as usize + 1) / WIDTH;
 
 /// A packed tree, and how deep it is.
 pub struct Bvh8 {
@@ -38,9 +42,23 @@ pub struct Bvh8 {
 
 /// Packs `tree`, of the triangles `vertices`.
 ///
-/// # Panics
-/// When a leaf has more than [`TraceOptions::BVH8_MAX_LEAF`] triangles, or there are 2^24 leaves or more.
-pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Bvh8 {
+/// # Errors
+/// [`Error::Option`] when a leaf has more than [`TraceOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are more than
+/// 2^24 leaves.
+pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Result<Bvh8> {
+    pack_leaves(tree, vertices, MAX_LEAVES)
+}
+
+/// Packs a tree of at most `most_leaves`.
+fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], most_leaves: usize) -> Result<Bvh8> {
+    tree.check_leaves(Accel::Bvh8, TraceOptions::BVH8_MAX_LEAF)?;
+    let leaf_count = tree.nodes.iter().filter(|node| node.is_leaf()).count();
+    if leaf_count > most_leaves {
+        let reason = format!(
+            "its hierarchy of boxes has {leaf_count} leaves, and --accel bvh8 can number {most_leaves}; take --accel bvh2"
+        );
+        return Err(Error::Scene(reason));
+    }
     let mut nodes: Vec<KdNode> = Vec::new();
     let mut references = Vec::new();
     let mut deepest = 0;
@@ -71,7 +89,7 @@ pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Bvh8 {
     let packets: Vec<_> = references.par_chunks(WIDTH).flat_map_iter(|triangles| packet(triangles, vertices)).collect();
     // Of each node on the way down all children but the one that is visited, and the end.
     let stack_entries = (WIDTH as u32 - 1) * deepest + 2;
-    Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries }
+    Ok(Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries })
 }
 
 /// The up to eight nodes that become the children of `index`; none of an empty tree, and of one that is a leaf that itself.
@@ -96,9 +114,7 @@ fn half_area(bounds: &Aabb) -> f32 {
 
 /// Appends a leaf's triangles and what fills up its packet; returns the link to it.
 fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> u32 {
-    assert!(triangles.len() <= WIDTH, "a leaf of {} triangles", triangles.len());
     let first = references.len();
-    assert!(first < crate::shared::BVH_FIRST_MASK as usize, "more leaves than a link can number");
     references.extend_from_slice(triangles);
     let last = *triangles.last().expect("a leaf has a triangle");
     references.resize(first + WIDTH, last);
@@ -140,21 +156,39 @@ pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
 mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_bvh};
-    use crate::options::Accel;
-    use crate::shared::BVH_FIRST_MASK;
+
+    fn tree(count: usize, leaf_size: Option<u32>) -> (Bvh, Vec<[Vec3; 3]>) {
+        let triangle = |i: usize| {
+            let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
+            [at, at + Vec3::X, at + Vec3::Y]
+        };
+        let vertices: Vec<_> = (0..count).map(triangle).collect();
+        let options = TraceOptions { accel: Accel::Bvh8, leaf_size, ..TraceOptions::DEFAULT };
+        let primitives: Vec<_> = (0..count as u32).collect();
+        (build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, count)).unwrap(), vertices)
+    }
+
+    #[test]
+    fn what_links_have_no_room_for_is_refused() {
+        let error = pack_bvh8(&Bvh::of_one_leaf(9), &[[Vec3::ZERO; 3]; 9]).map(drop).unwrap_err().to_string();
+        assert!(error.starts_with("option --leaf-size: there is a leaf of 9 triangles"), "{error}");
+
+        let (tree, vertices) = tree(100, Some(1));
+        pack_leaves(&tree, &vertices, 100).unwrap();
+        let error = pack_leaves(&tree, &vertices, 99).map(drop).unwrap_err();
+        assert!(error.exit_code() == 3 && error.to_string().contains("100 leaves"), "{error}");
+        assert!(error.to_string().ends_with("; take --accel bvh2"), "{error}");
+        // The last packet's link is neither a number too large nor that of the end.
+        let last = leaf_link((WIDTH * (MAX_LEAVES - 1)) as u32, WIDTH as u32);
+        assert_eq!(last & BVH_FIRST_MASK, (WIDTH * (MAX_LEAVES - 1)) as u32);
+        assert!(super::super::bvh2::leaf_count(last) == 8 && last != crate::shared::BVH_END);
+    }
 
     #[test]
     fn links_lead_to_every_triangle_through_boxes_that_hold_it() {
         for count in [0, 1, 2, 8, 9, 60, 3000] {
-            let triangle = |i: usize| {
-                let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
-                [at, at + Vec3::X, at + Vec3::Y]
-            };
-            let vertices: Vec<_> = (0..count).map(triangle).collect();
-            let options = TraceOptions { accel: Accel::Bvh8, ..TraceOptions::DEFAULT };
-            let primitives: Vec<_> = (0..count as u32).collect();
-            let Bvh8 { structure, stack_entries } =
-                pack_bvh8(&build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, count)), &vertices);
+            let (tree, vertices) = tree(count, None);
+            let Bvh8 { structure, stack_entries } = pack_bvh8(&tree, &vertices).unwrap();
             let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
             let mut seen = vec![0; count];
             let everywhere = Aabb { low: Vec3::NEG_INFINITY, high: Vec3::INFINITY };
