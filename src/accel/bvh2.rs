@@ -16,10 +16,11 @@
 //! ray enters.
 
 use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
+use super::link::{self, NO_CHILD, leaf_link};
 use super::{Aabb, Structure};
 use crate::error::Result;
 use crate::options::{Accel, TraceOptions};
-use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, KdNode};
+use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
 
 const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
@@ -48,7 +49,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize) -> Result<Structure> {
         *link = leaf_link(references.len() as u32, triangles.len() as u32);
         references.extend_from_slice(triangles);
     }
-    let nowhere = (NOWHERE, leaf_link(0, 0));
+    let nowhere = (NOWHERE, NO_CHILD);
     let child = |index: usize| (tree.nodes[index].bounds, links[index]);
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
@@ -79,11 +80,6 @@ fn numbered(tree: &Bvh, top: usize) -> Vec<u32> {
     order
 }
 
-pub(super) fn leaf_link(first: u32, count: u32) -> u32 {
-    debug_assert!(count <= TraceOptions::BVH2_MAX_LEAF && first <= BVH_FIRST_MASK, "{count} triangles from {first} on");
-    BVH_LEAF | count << BVH_COUNT_SHIFT | first
-}
-
 fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NODE_RECORDS as usize] {
     let planes =
         |[a, b, c, d]: [f32; 4]| KdNode { flags: a.to_bits(), left: b.to_bits(), right: c.to_bits(), split: d };
@@ -95,16 +91,10 @@ fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NOD
     ]
 }
 
-/// How many triangles the leaf of a link has.
-pub(super) fn leaf_count(link: u32) -> u32 {
-    (link & !BVH_LEAF) >> BVH_COUNT_SHIFT
-}
-
 /// How many triangles each leaf has.
 pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
-    let links = nodes.chunks_exact(BVH_NODE_RECORDS as usize).flat_map(|records| [records[3].flags, records[3].left]);
-    // A leaf without triangles is the child that is none.
-    links.filter(|link| link & BVH_LEAF != 0).map(leaf_count).filter(|&count| count > 0)
+    let nodes = nodes.chunks_exact(BVH_NODE_RECORDS as usize);
+    link::leaf_counts(nodes.flat_map(|records| [records[3].flags, records[3].left]))
 }
 
 #[cfg(test)]
@@ -145,18 +135,16 @@ mod tests {
                 visited += 1;
                 for (i, (bounds, link)) in children(&structure, number).into_iter().enumerate() {
                     let child = index.map_or(0, |index| tree.children(index)[i]);
-                    if link == leaf_link(0, 0) {
+                    if link == NO_CHILD {
                         assert_eq!(bounds, NOWHERE);
                         continue;
                     }
                     assert_eq!(bounds, tree.nodes[child].bounds);
-                    if link & BVH_LEAF == 0 {
+                    let Some(leaf) = link::leaf_range(link) else {
                         open.push((link as usize, Some(child)));
                         continue;
-                    }
-                    let first = (link & BVH_FIRST_MASK) as usize;
-                    let leaf_count = ((link & !BVH_LEAF) >> BVH_COUNT_SHIFT) as usize;
-                    let list = &structure.references[first..first + leaf_count];
+                    };
+                    let list = &structure.references[leaf];
                     assert_eq!(list, tree.triangles(child));
                     list.iter().for_each(|&triangle| assert!(!std::mem::replace(&mut seen[triangle as usize], true)));
                 }

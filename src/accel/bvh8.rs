@@ -16,12 +16,13 @@
 //! 8 i on. Where a leaf has fewer, its last one is repeated, and nobody looks at it.
 
 use super::bvh::Bvh;
-use super::bvh2::{NOWHERE, leaf_link};
+use super::bvh2::NOWHERE;
+use super::link::{self, NO_CHILD, leaf_link};
 use super::{Aabb, Structure};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::{Accel, TraceOptions};
-use crate::shared::{BVH_FIRST_MASK, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
+use crate::shared::{BVH_FIRST_MASK, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -68,7 +69,7 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], most_leaves: usize) -> Result
     while let Some((number, index, depth)) = open.pop() {
         deepest = deepest.max(depth);
         let mut boxes = [NOWHERE; WIDTH];
-        let mut links = [leaf_link(0, 0); WIDTH];
+        let mut links = [NO_CHILD; WIDTH];
         let first_open = open.len();
         for (slot, child) in children(tree, index).into_iter().enumerate() {
             boxes[slot] = tree.nodes[child].bounds;
@@ -97,7 +98,7 @@ fn children(tree: &Bvh, index: usize) -> Vec<usize> {
     let mut children: Vec<usize> = (!tree.nodes.is_empty()).then_some(index).into_iter().collect();
     while children.len() < WIDTH {
         let inner = children.iter().enumerate().filter(|&(_, &child)| !tree.nodes[child].is_leaf());
-        let area = |&(_, &child): &(usize, &usize)| half_area(&tree.nodes[child].bounds);
+        let area = |&(_, &child): &(usize, &usize)| tree.nodes[child].bounds.half_area();
         // Of several that are as large the first.
         let Some((slot, &largest)) = inner.rev().max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
         let [first, second] = tree.children(largest);
@@ -105,11 +106,6 @@ fn children(tree: &Bvh, index: usize) -> Vec<usize> {
         children.insert(slot + 1, second);
     }
     children
-}
-
-fn half_area(bounds: &Aabb) -> f32 {
-    let size = bounds.high - bounds.low;
-    size.x * size.y + size.y * size.z + size.z * size.x
 }
 
 /// Appends a leaf's triangles and what fills up its packet; returns the link to it.
@@ -146,15 +142,17 @@ fn packet(triangles: &[u32], vertices: &[[Vec3; 3]]) -> impl Iterator<Item = Flo
 
 /// How many triangles each leaf has.
 pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
-    nodes.chunks_exact(BVH8_NODE_RECORDS as usize).flat_map(|records| {
-        let links = bytemuck::cast_slice::<KdNode, u32>(&records[BVH8_LINKS as usize..][..2]);
-        links.iter().filter(|&link| link & BVH_LEAF != 0).map(|link| super::bvh2::leaf_count(*link)).filter(|&n| n > 0)
-    })
+    link::leaf_counts(
+        nodes.chunks_exact(BVH8_NODE_RECORDS as usize).flat_map(|records| {
+            bytemuck::cast_slice::<KdNode, u32>(&records[BVH8_LINKS as usize..][..2]).iter().copied()
+        }),
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::link::leaf_range;
     use crate::accel::{BuildOptions, build_bvh};
 
     fn tree(count: usize, leaf_size: Option<u32>) -> (Bvh, Vec<[Vec3; 3]>) {
@@ -178,10 +176,8 @@ mod tests {
         let error = pack_leaves(&tree, &vertices, 99).map(drop).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("100 leaves"), "{error}");
         assert!(error.to_string().ends_with("; take --accel bvh2"), "{error}");
-        // The last packet's link is neither a number too large nor that of the end.
-        let last = leaf_link((WIDTH * (MAX_LEAVES - 1)) as u32, WIDTH as u32);
-        assert_eq!(last & BVH_FIRST_MASK, (WIDTH * (MAX_LEAVES - 1)) as u32);
-        assert!(super::super::bvh2::leaf_count(last) == 8 && last != crate::shared::BVH_END);
+        let last = WIDTH * (MAX_LEAVES - 1);
+        assert_eq!(leaf_range(leaf_link(last as u32, WIDTH as u32)), Some(last..last + WIDTH));
     }
 
     #[test]
@@ -202,19 +198,18 @@ mod tests {
                     let plane = |axis: usize, high: usize| f32::from_bits(node[16 * axis + 8 * high + slot]);
                     let [low, high] = [0, 1].map(|high| Vec3::new(plane(0, high), plane(1, high), plane(2, high)));
                     let link = node[4 * BVH8_LINKS as usize + slot];
-                    if link == leaf_link(0, 0) {
+                    if link == NO_CHILD {
                         assert!(low.cmpgt(high).all());
                         continue;
                     }
                     assert!(low.cmpge(outer.low).all() && high.cmple(outer.high).all());
-                    if link & BVH_LEAF == 0 {
+                    let Some(leaf) = leaf_range(link) else {
                         open.push((link as usize, Aabb { low, high }, depth + 1));
                         continue;
-                    }
-                    let (first, leaf) = ((link & BVH_FIRST_MASK) as usize, super::super::bvh2::leaf_count(link));
-                    assert!(first % WIDTH == 0 && (1..=8).contains(&leaf));
-                    let packet: &[[f32; 8]] = bytemuck::cast_slice(&structure.bounds[first / WIDTH * 18..][..18]);
-                    for (lane, &number) in structure.references[first..][..leaf as usize].iter().enumerate() {
+                    };
+                    assert!(leaf.start % WIDTH == 0 && (1..=8).contains(&leaf.len()));
+                    let packet: &[[f32; 8]] = bytemuck::cast_slice(&structure.bounds[leaf.start / WIDTH * 18..][..18]);
+                    for (lane, &number) in structure.references[leaf].iter().enumerate() {
                         let number = number as usize;
                         seen[number] += 1;
                         for (corner, at) in vertices[number].iter().enumerate() {

@@ -71,11 +71,7 @@ fn check(name: &str, triangles: &Triangles, leaf_size: u32, tree: &Bvh) {
             let children = tree.children(index);
             children.iter().for_each(|&child| assert!(child > index && !std::mem::replace(&mut starts[child], true)));
             let [first, second] = children.map(|child| tree.nodes[child].bounds);
-            let area = |b: Aabb| {
-                let [x, y, z] = (b.high - b.low).to_array().map(f64::from);
-                x * y + y * z + z * x
-            };
-            assert!(area(first) >= area(second) * (1.0 - 1e-12), "{name}: the larger child is the second");
+            assert!(first.half_area() >= second.half_area(), "{name}: the larger child is the second");
             first.union(second)
         };
         assert_eq!(node.bounds, around, "{name}");
@@ -146,15 +142,11 @@ fn costs_and_size_make_leaves() {
 
 /// Expected cost of a tree: steps and tests of a ray through its box.
 fn cost(tree: &Bvh, options: &BuildOptions) -> f64 {
-    let area = |b: &Aabb| {
-        let [x, y, z] = (b.high - b.low).to_array().map(f64::from);
-        x * y + y * z + z * x
-    };
     let of = |node: &BvhNode| match node.count {
-        0 => f64::from(options.cost_traverse) * area(&node.bounds),
-        count => f64::from(options.cost_intersect) * f64::from(count) * area(&node.bounds),
+        0 => f64::from(options.cost_traverse) * node.bounds.half_area(),
+        count => f64::from(options.cost_intersect) * f64::from(count) * node.bounds.half_area(),
     };
-    tree.nodes.iter().map(of).sum::<f64>() / area(&tree.nodes[0].bounds)
+    tree.nodes.iter().map(of).sum::<f64>() / tree.nodes[0].bounds.half_area()
 }
 
 #[test]
