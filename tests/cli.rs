@@ -1,5 +1,7 @@
 //! The program from outside: exit codes, messages, files.
 
+#[path = "cli/cache.rs"]
+mod cache;
 mod common;
 
 use std::path::Path;
@@ -7,11 +9,18 @@ use std::process::{Command, Output};
 
 /// Runs `raybrook` with its own kernel cache, on the reference unless the arguments say otherwise.
 fn raybrook(folder: &Path, arguments: &[&str]) -> Output {
+    raybrook_with(folder, arguments, &[])
+}
+
+/// The same with environment variables of its own.
+fn raybrook_with(folder: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_raybrook"))
         .args(arguments)
         .current_dir(folder)
         .env("RAYBROOK_CACHE_DIR", folder.join("cache"))
         .env_remove("RAYBROOK_DEVICE")
+        .env_remove("RAYBROOK_CACHE_MB")
+        .envs(variables.iter().copied())
         .output()
         .unwrap()
 }

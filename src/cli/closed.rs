@@ -62,7 +62,7 @@ pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let options = args.method.options_for(device.as_ref())?;
-    let cache = if args.device.no_cache { None } else { Cache::open() };
+    let cache = args.device.cache()?;
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
     for path in models {
         match ClosedMesh::new(Mesh::from(&scene::load(path)?)) {

@@ -129,7 +129,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     if args.methods.is_none() {
         methods[0].options = args.method.options_for(device.as_ref())?;
     }
-    let cache = if args.device.no_cache { None } else { Cache::open() };
+    let cache = args.device.cache()?;
     let rays = args.rays.unwrap_or(DEFAULT_RAYS);
     if rays > MAX_RAYS {
         let message = format!("{rays} is more than {MAX_RAYS} of each kind; other rays come from another --seed");
