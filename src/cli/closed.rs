@@ -61,7 +61,7 @@ pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode
     let start = Instant::now();
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let options = args.method.options_for(device.as_ref())?;
+    let options = args.method.options_for(device.as_ref(), talk)?;
     let cache = args.device.cache()?;
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
     for path in models {

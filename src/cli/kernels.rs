@@ -52,7 +52,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     let mut errors = Vec::new();
     for device in devices {
         let device = args.compiler.apply(device)?;
-        let options = TraceOptions { counters: args.counters, ..args.method.options_for(Some(&device))? };
+        let options = TraceOptions { counters: args.counters, ..args.method.options_for(Some(&device), talk)? };
         let buffers = SceneBuffers::new(&scene, &options)?;
         let mut entry =
             Entry { index: device.info.index, device: device.info.name.clone(), programs: Vec::new(), error: None };

@@ -151,9 +151,24 @@ impl FromStr for AccelChoice {
 }
 
 impl MethodArgs {
-    /// The options, with the fastest structure for `device` where the user leaves the choice.
-    fn options_for(&self, device: Option<&DeviceHandle>) -> Result<TraceOptions, Error> {
-        self.options(Accel::fastest_on(device.map(|device| device.info.kind)))
+    /// What is wrong with the options on any device comes before what takes time.
+    fn check(&self) -> Result<TraceOptions, Error> {
+        self.options(Accel::fastest_on(None))
+    }
+
+    /// The options, with the fastest structure for `device` where the user leaves the choice. Says so where a limit of that leads to
+    /// another one, which nobody asked for.
+    fn options_for(&self, device: Option<&DeviceHandle>, talk: Talk) -> Result<TraceOptions, Error> {
+        let fastest = Accel::fastest_on(device.map(|device| device.info.kind));
+        let options = self.options(fastest)?;
+        if options.accel != fastest
+            && matches!(self.accel, AccelChoice::Auto)
+            && !talk.quiet
+            && let Some(Error::Option { option, message }) = options.limit_against(fastest)
+        {
+            eprintln!("note: --accel auto takes {}: {option} {message}", options.accel);
+        }
+        Ok(options)
     }
 
     /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.

@@ -55,7 +55,7 @@ impl PictureArgs {
 
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
-    args.method.options_for(None)?; // what is wrong with them comes first
+    args.method.check()?;
     let output = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
@@ -66,7 +66,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let mut options = args.method.options_for(device.as_ref())?;
+    let mut options = args.method.options_for(device.as_ref(), talk)?;
     options.counters = args.counters || !args.aov.is_empty();
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);

@@ -127,7 +127,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     if args.methods.is_none() {
-        methods[0].options = args.method.options_for(device.as_ref())?;
+        methods[0].options = args.method.options_for(device.as_ref(), talk)?;
     }
     let cache = args.device.cache()?;
     let rays = args.rays.unwrap_or(DEFAULT_RAYS);
