@@ -81,8 +81,8 @@ impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything.
     ///
     /// # Errors
-    /// [`Scene`](crate::Error::Scene) when an array outgrows 32-bit indices, as [`Scene::check_values`], or when a light is too far
-    /// away to be a point; [`Option`](crate::Error::Option) when the options are out of range.
+    /// [`Scene`](crate::Error::Scene) when an array or a hierarchy of boxes outgrows its indices, as [`Scene::check_values`], or when a
+    /// light is too far away to be a point; [`Option`](crate::Error::Option) when the options are out of range.
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
@@ -124,12 +124,13 @@ impl SceneBuffers {
                 Structure { nodes: tree.nodes, references: tree.references, bounds }
             }
             Accel::Bvh2 => {
-                let tree = build_bvh(&triangles, &primitives, &build_options);
+                let tree = build_bvh(&triangles, &primitives, &build_options)?;
                 stack_entries = tree.depth() + 1; // the last entry says that there are no more
-                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize)
+                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize)?
             }
             Accel::Bvh8 => {
-                let packed = pack_bvh8(&build_bvh(&triangles, &primitives, &build_options), &triangles);
+                let tree = build_bvh(&triangles, &primitives, &build_options)?;
+                let packed = pack_bvh8(&tree, &triangles)?;
                 stack_entries = packed.stack_entries;
                 packed.structure
             }

@@ -1,5 +1,9 @@
 //! The program from outside: exit codes, messages, files.
 
+#[path = "cli/cache.rs"]
+mod cache;
+#[path = "cli/choice.rs"]
+mod choice;
 mod common;
 
 use std::path::Path;
@@ -7,11 +11,18 @@ use std::process::{Command, Output};
 
 /// Runs `raybrook` with its own kernel cache, on the reference unless the arguments say otherwise.
 fn raybrook(folder: &Path, arguments: &[&str]) -> Output {
+    raybrook_with(folder, arguments, &[])
+}
+
+/// The same with environment variables of its own.
+fn raybrook_with(folder: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_raybrook"))
         .args(arguments)
         .current_dir(folder)
         .env("RAYBROOK_CACHE_DIR", folder.join("cache"))
         .env_remove("RAYBROOK_DEVICE")
+        .env_remove("RAYBROOK_CACHE_MB")
+        .envs(variables.iter().copied())
         .output()
         .unwrap()
 }
@@ -229,31 +240,6 @@ fn devices_kernels_lists_every_kernel() {
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for expected in ["registers", "-DMAX_PENDING=32", "-DCOUNT_WORK=1", "render", "trace_next"] {
         assert!(text.contains(expected), "{expected} is not in {text}");
-    }
-}
-
-/// Left to choose, the program takes what is fast on the device, and what other options are for.
-#[test]
-fn the_structure_follows_device_and_options() {
-    let Some(device) = common::device() else { return };
-    let folder = folder();
-    let fastest = raybrook::options::Accel::fastest_on(Some(device.info.kind)).name();
-    let index = device.info.index.to_string();
-    for (device, arguments, expected) in [
-        (index.as_str(), "", fastest),
-        (&index, "--accel auto --memory constant", fastest),
-        (&index, "--accel octree", "octree"),
-        (&index, "--build median", "kd"),
-        (&index, "--grid-size 3,3,3", "grid"),
-        ("reference", "", "bvh2"),
-    ] {
-        let render = ["render", "one.obj", "--size", "8x8", "--device", device, "--stats", "stats.json", "-q"];
-        let output =
-            raybrook(folder.path(), &[&render[..], &arguments.split_whitespace().collect::<Vec<_>>()].concat());
-        assert!(output.status.success(), "{}", stderr(&output));
-        let stats: serde_json::Value =
-            serde_json::from_slice(&std::fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
-        assert_eq!(stats["options"]["accel"], expected, "--device {device} {arguments}");
     }
 }
 

@@ -14,6 +14,7 @@ mod sweep;
 
 use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
+use crate::error::{Error, Result};
 use crate::options::{Accel, KdOptions, TraceOptions};
 use bins::Binning;
 use glam::Vec3;
@@ -75,10 +76,30 @@ impl Bvh {
         }
         deepest
     }
+
+    /// Checks what a leaf of packed kind `accel` has room for, before anything is packed.
+    pub(super) fn check_leaves(&self, accel: Accel, most: u32) -> Result<()> {
+        let largest = self.nodes.iter().map(|node| node.count).max().unwrap_or(0);
+        if largest > most {
+            let message =
+                format!("there is a leaf of {largest} triangles, and --accel {accel} has room for {most} in one");
+            return Err(Error::option("--leaf-size", message));
+        }
+        Ok(())
+    }
 }
 
 /// The most triangles: their places in `order` leave room for a count in a packed link.
-pub const MAX_TRIANGLES: usize = (1 << 27) - 16;
+pub(super) const MAX_TRIANGLES: usize = (1 << 27) - 16;
+
+/// Checks that links can number `count` triangles when they can number `limit`.
+pub(super) fn check_triangle_count(count: usize, limit: usize) -> Result<()> {
+    if count > limit {
+        let reason = format!("it has {count} triangles, and a hierarchy of boxes can number {limit}; take --accel kd");
+        return Err(Error::Scene(reason));
+    }
+    Ok(())
+}
 
 /// Nodes of at least this many triangles build their children side by side; smaller ones cost less than handing them over.
 const PARALLEL_CHILDREN: usize = 2048;
@@ -111,11 +132,11 @@ impl BuildOptions {
 /// The tree does not depend on the order of `primitives` or on the number of threads (rayon's current pool). No leaf is deeper than
 /// [`TraceOptions::MAX_DEPTH`].
 ///
-/// # Panics
-/// When there are more than 2^27 - 16 of them.
-pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Bvh {
+/// # Errors
+/// [`Error::Scene`] when there are more than 2^27 - 16 of them.
+pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Result<Bvh> {
     let triangles = ascending(primitives);
-    assert!(triangles.len() <= MAX_TRIANGLES, "more triangles than a link can number");
+    check_triangle_count(triangles.len(), MAX_TRIANGLES)?;
     let mut items: Vec<_> =
         triangles.par_iter().map(|&triangle| Item::new(&vertices[triangle as usize], triangle)).collect();
     let mut nodes = Vec::new();
@@ -132,7 +153,7 @@ pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOpti
     for (index, node) in nodes.iter_mut().enumerate().filter(|(_, node)| !node.is_leaf()) {
         node.first += index as u32;
     }
-    Bvh { nodes, order: items.iter().map(Item::triangle).collect() }
+    Ok(Bvh { nodes, order: items.iter().map(Item::triangle).collect() })
 }
 
 struct Builder {

@@ -15,10 +15,12 @@
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
 //! ray enters.
 
-use super::bvh::{Bvh, MAX_TRIANGLES};
+use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
+use super::link::{self, NO_CHILD, leaf_link};
 use super::{Aabb, Structure};
-use crate::options::TraceOptions;
-use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, KdNode};
+use crate::error::Result;
+use crate::options::{Accel, TraceOptions};
+use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
 
 const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
@@ -29,9 +31,12 @@ const FAR: f32 = (1u128 << 64) as f32;
 
 /// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others.
 ///
-/// # Panics
-/// When a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles.
-pub fn pack_bvh2(tree: &Bvh, top: usize) -> Structure {
+/// # Errors
+/// [`Error::Option`](crate::Error::Option) when a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles,
+/// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
+pub fn pack_bvh2(tree: &Bvh, top: usize) -> Result<Structure> {
+    check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
+    tree.check_leaves(Accel::Bvh2, TraceOptions::BVH2_MAX_LEAF)?;
     let mut references = Vec::with_capacity(tree.order.len());
     // What links to each node say.
     let mut links = vec![0; tree.nodes.len()];
@@ -44,7 +49,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize) -> Structure {
         *link = leaf_link(references.len() as u32, triangles.len() as u32);
         references.extend_from_slice(triangles);
     }
-    let nowhere = (NOWHERE, leaf_link(0, 0));
+    let nowhere = (NOWHERE, NO_CHILD);
     let child = |index: usize| (tree.nodes[index].bounds, links[index]);
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
@@ -54,7 +59,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize) -> Structure {
         let only = if tree.nodes.is_empty() { nowhere } else { child(0) };
         nodes.extend(records([only, nowhere]));
     }
-    Structure { nodes, references, bounds: Vec::new() }
+    Ok(Structure { nodes, references, bounds: Vec::new() })
 }
 
 /// The inner nodes in their order in memory.
@@ -75,11 +80,6 @@ fn numbered(tree: &Bvh, top: usize) -> Vec<u32> {
     order
 }
 
-pub(super) fn leaf_link(first: u32, count: u32) -> u32 {
-    assert!(count <= TraceOptions::BVH2_MAX_LEAF, "a leaf of {count} triangles");
-    BVH_LEAF | count << BVH_COUNT_SHIFT | first
-}
-
 fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NODE_RECORDS as usize] {
     let planes =
         |[a, b, c, d]: [f32; 4]| KdNode { flags: a.to_bits(), left: b.to_bits(), right: c.to_bits(), split: d };
@@ -91,16 +91,10 @@ fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NOD
     ]
 }
 
-/// How many triangles the leaf of a link has.
-pub(super) fn leaf_count(link: u32) -> u32 {
-    (link & !BVH_LEAF) >> BVH_COUNT_SHIFT
-}
-
 /// How many triangles each leaf has.
 pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
-    let links = nodes.chunks_exact(BVH_NODE_RECORDS as usize).flat_map(|records| [records[3].flags, records[3].left]);
-    // A leaf without triangles is the child that is none.
-    links.filter(|link| link & BVH_LEAF != 0).map(leaf_count).filter(|&count| count > 0)
+    let nodes = nodes.chunks_exact(BVH_NODE_RECORDS as usize);
+    link::leaf_counts(nodes.flat_map(|records| [records[3].flags, records[3].left]))
 }
 
 #[cfg(test)]
@@ -115,7 +109,7 @@ mod tests {
         };
         let vertices: Vec<_> = (0..count).map(triangle).collect();
         let options = TraceOptions { leaf_size: Some(leaf_size), ..TraceOptions::DEFAULT };
-        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, count))
+        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, count)).unwrap()
     }
 
     /// The boxes and links of a node, from its records.
@@ -131,7 +125,7 @@ mod tests {
     fn links_lead_to_every_node_and_triangle_with_the_boxes_of_the_tree() {
         for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
             let tree = tree(count, 4);
-            let structure = pack_bvh2(&tree, top);
+            let structure = pack_bvh2(&tree, top).unwrap();
             let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
             assert_eq!(structure.nodes.len(), 4 * inner.max(1));
             let mut seen = vec![false; count];
@@ -141,18 +135,16 @@ mod tests {
                 visited += 1;
                 for (i, (bounds, link)) in children(&structure, number).into_iter().enumerate() {
                     let child = index.map_or(0, |index| tree.children(index)[i]);
-                    if link == leaf_link(0, 0) {
+                    if link == NO_CHILD {
                         assert_eq!(bounds, NOWHERE);
                         continue;
                     }
                     assert_eq!(bounds, tree.nodes[child].bounds);
-                    if link & BVH_LEAF == 0 {
+                    let Some(leaf) = link::leaf_range(link) else {
                         open.push((link as usize, Some(child)));
                         continue;
-                    }
-                    let first = (link & BVH_FIRST_MASK) as usize;
-                    let leaf_count = ((link & !BVH_LEAF) >> BVH_COUNT_SHIFT) as usize;
-                    let list = &structure.references[first..first + leaf_count];
+                    };
+                    let list = &structure.references[leaf];
                     assert_eq!(list, tree.triangles(child));
                     list.iter().for_each(|&triangle| assert!(!std::mem::replace(&mut seen[triangle as usize], true)));
                 }
@@ -161,6 +153,17 @@ mod tests {
             assert!(seen.iter().all(|&seen| seen));
             assert_eq!(leaf_counts(&structure.nodes).sum::<u32>() as usize, count);
         }
+    }
+
+    #[test]
+    fn what_links_have_no_room_for_is_refused() {
+        let large = pack_bvh2(&Bvh::of_one_leaf(16), 0).map(drop).unwrap_err().to_string();
+        assert!(large.starts_with("option --leaf-size: there is a leaf of 16 triangles"), "{large}");
+        let limit = MAX_TRIANGLES;
+        check_triangle_count(limit, limit).unwrap();
+        let many = check_triangle_count(limit + 1, limit).unwrap_err();
+        assert!(many.exit_code() == 3 && many.to_string().contains("134217713 triangles"), "{many}");
+        assert!(many.to_string().ends_with("; take --accel kd"), "{many}");
     }
 
     #[test]

@@ -16,17 +16,22 @@
 //! 8 i on. Where a leaf has fewer, its last one is repeated, and nobody looks at it.
 
 use super::bvh::Bvh;
-use super::bvh2::{NOWHERE, leaf_link};
+use super::bvh2::NOWHERE;
+use super::link::{self, NO_CHILD, leaf_link};
 use super::{Aabb, Structure};
+use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::TraceOptions;
-use crate::shared::{BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
+use crate::options::{Accel, TraceOptions};
+use crate::shared::{BVH_FIRST_MASK, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Children of a node, and triangles of a packet.
 const WIDTH: usize = 8;
 const _: () = assert!(TraceOptions::BVH8_MAX_LEAF as usize == WIDTH);
+
+/// The most leaves: of the numbers of references that a link has room for each takes eight.
+const MAX_LEAVES: usize = (BVH_FIRST_MASK as usize + 1) / WIDTH;
 
 /// A packed tree, and how deep it is.
 pub struct Bvh8 {
@@ -38,9 +43,23 @@ pub struct Bvh8 {
 
 /// Packs `tree`, of the triangles `vertices`.
 ///
-/// # Panics
-/// When a leaf has more than [`TraceOptions::BVH8_MAX_LEAF`] triangles, or there are 2^24 leaves or more.
-pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Bvh8 {
+/// # Errors
+/// [`Error::Option`] when a leaf has more than [`TraceOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are more than
+/// 2^24 leaves.
+pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Result<Bvh8> {
+    pack_leaves(tree, vertices, MAX_LEAVES)
+}
+
+/// Packs a tree of at most `most_leaves`.
+fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], most_leaves: usize) -> Result<Bvh8> {
+    tree.check_leaves(Accel::Bvh8, TraceOptions::BVH8_MAX_LEAF)?;
+    let leaf_count = tree.nodes.iter().filter(|node| node.is_leaf()).count();
+    if leaf_count > most_leaves {
+        let reason = format!(
+            "its hierarchy of boxes has {leaf_count} leaves, and --accel bvh8 can number {most_leaves}; take --accel bvh2"
+        );
+        return Err(Error::Scene(reason));
+    }
     let mut nodes: Vec<KdNode> = Vec::new();
     let mut references = Vec::new();
     let mut deepest = 0;
@@ -50,7 +69,7 @@ pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Bvh8 {
     while let Some((number, index, depth)) = open.pop() {
         deepest = deepest.max(depth);
         let mut boxes = [NOWHERE; WIDTH];
-        let mut links = [leaf_link(0, 0); WIDTH];
+        let mut links = [NO_CHILD; WIDTH];
         let first_open = open.len();
         for (slot, child) in children(tree, index).into_iter().enumerate() {
             boxes[slot] = tree.nodes[child].bounds;
@@ -71,7 +90,7 @@ pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Bvh8 {
     let packets: Vec<_> = references.par_chunks(WIDTH).flat_map_iter(|triangles| packet(triangles, vertices)).collect();
     // Of each node on the way down all children but the one that is visited, and the end.
     let stack_entries = (WIDTH as u32 - 1) * deepest + 2;
-    Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries }
+    Ok(Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries })
 }
 
 /// The up to eight nodes that become the children of `index`; none of an empty tree, and of one that is a leaf that itself.
@@ -79,7 +98,7 @@ fn children(tree: &Bvh, index: usize) -> Vec<usize> {
     let mut children: Vec<usize> = (!tree.nodes.is_empty()).then_some(index).into_iter().collect();
     while children.len() < WIDTH {
         let inner = children.iter().enumerate().filter(|&(_, &child)| !tree.nodes[child].is_leaf());
-        let area = |&(_, &child): &(usize, &usize)| half_area(&tree.nodes[child].bounds);
+        let area = |&(_, &child): &(usize, &usize)| tree.nodes[child].bounds.half_area();
         // Of several that are as large the first.
         let Some((slot, &largest)) = inner.rev().max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
         let [first, second] = tree.children(largest);
@@ -89,16 +108,9 @@ fn children(tree: &Bvh, index: usize) -> Vec<usize> {
     children
 }
 
-fn half_area(bounds: &Aabb) -> f32 {
-    let size = bounds.high - bounds.low;
-    size.x * size.y + size.y * size.z + size.z * size.x
-}
-
 /// Appends a leaf's triangles and what fills up its packet; returns the link to it.
 fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> u32 {
-    assert!(triangles.len() <= WIDTH, "a leaf of {} triangles", triangles.len());
     let first = references.len();
-    assert!(first < crate::shared::BVH_FIRST_MASK as usize, "more leaves than a link can number");
     references.extend_from_slice(triangles);
     let last = *triangles.last().expect("a leaf has a triangle");
     references.resize(first + WIDTH, last);
@@ -130,31 +142,49 @@ fn packet(triangles: &[u32], vertices: &[[Vec3; 3]]) -> impl Iterator<Item = Flo
 
 /// How many triangles each leaf has.
 pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
-    nodes.chunks_exact(BVH8_NODE_RECORDS as usize).flat_map(|records| {
-        let links = bytemuck::cast_slice::<KdNode, u32>(&records[BVH8_LINKS as usize..][..2]);
-        links.iter().filter(|&link| link & BVH_LEAF != 0).map(|link| super::bvh2::leaf_count(*link)).filter(|&n| n > 0)
-    })
+    link::leaf_counts(
+        nodes.chunks_exact(BVH8_NODE_RECORDS as usize).flat_map(|records| {
+            bytemuck::cast_slice::<KdNode, u32>(&records[BVH8_LINKS as usize..][..2]).iter().copied()
+        }),
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::link::leaf_range;
     use crate::accel::{BuildOptions, build_bvh};
-    use crate::options::Accel;
-    use crate::shared::BVH_FIRST_MASK;
+
+    fn tree(count: usize, leaf_size: Option<u32>) -> (Bvh, Vec<[Vec3; 3]>) {
+        let triangle = |i: usize| {
+            let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
+            [at, at + Vec3::X, at + Vec3::Y]
+        };
+        let vertices: Vec<_> = (0..count).map(triangle).collect();
+        let options = TraceOptions { accel: Accel::Bvh8, leaf_size, ..TraceOptions::DEFAULT };
+        let primitives: Vec<_> = (0..count as u32).collect();
+        (build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, count)).unwrap(), vertices)
+    }
+
+    #[test]
+    fn what_links_have_no_room_for_is_refused() {
+        let error = pack_bvh8(&Bvh::of_one_leaf(9), &[[Vec3::ZERO; 3]; 9]).map(drop).unwrap_err().to_string();
+        assert!(error.starts_with("option --leaf-size: there is a leaf of 9 triangles"), "{error}");
+
+        let (tree, vertices) = tree(100, Some(1));
+        pack_leaves(&tree, &vertices, 100).unwrap();
+        let error = pack_leaves(&tree, &vertices, 99).map(drop).unwrap_err();
+        assert!(error.exit_code() == 3 && error.to_string().contains("100 leaves"), "{error}");
+        assert!(error.to_string().ends_with("; take --accel bvh2"), "{error}");
+        let last = WIDTH * (MAX_LEAVES - 1);
+        assert_eq!(leaf_range(leaf_link(last as u32, WIDTH as u32)), Some(last..last + WIDTH));
+    }
 
     #[test]
     fn links_lead_to_every_triangle_through_boxes_that_hold_it() {
         for count in [0, 1, 2, 8, 9, 60, 3000] {
-            let triangle = |i: usize| {
-                let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
-                [at, at + Vec3::X, at + Vec3::Y]
-            };
-            let vertices: Vec<_> = (0..count).map(triangle).collect();
-            let options = TraceOptions { accel: Accel::Bvh8, ..TraceOptions::DEFAULT };
-            let primitives: Vec<_> = (0..count as u32).collect();
-            let Bvh8 { structure, stack_entries } =
-                pack_bvh8(&build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, count)), &vertices);
+            let (tree, vertices) = tree(count, None);
+            let Bvh8 { structure, stack_entries } = pack_bvh8(&tree, &vertices).unwrap();
             let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
             let mut seen = vec![0; count];
             let everywhere = Aabb { low: Vec3::NEG_INFINITY, high: Vec3::INFINITY };
@@ -168,19 +198,18 @@ mod tests {
                     let plane = |axis: usize, high: usize| f32::from_bits(node[16 * axis + 8 * high + slot]);
                     let [low, high] = [0, 1].map(|high| Vec3::new(plane(0, high), plane(1, high), plane(2, high)));
                     let link = node[4 * BVH8_LINKS as usize + slot];
-                    if link == leaf_link(0, 0) {
+                    if link == NO_CHILD {
                         assert!(low.cmpgt(high).all());
                         continue;
                     }
                     assert!(low.cmpge(outer.low).all() && high.cmple(outer.high).all());
-                    if link & BVH_LEAF == 0 {
+                    let Some(leaf) = leaf_range(link) else {
                         open.push((link as usize, Aabb { low, high }, depth + 1));
                         continue;
-                    }
-                    let (first, leaf) = ((link & BVH_FIRST_MASK) as usize, super::super::bvh2::leaf_count(link));
-                    assert!(first % WIDTH == 0 && (1..=8).contains(&leaf));
-                    let packet: &[[f32; 8]] = bytemuck::cast_slice(&structure.bounds[first / WIDTH * 18..][..18]);
-                    for (lane, &number) in structure.references[first..][..leaf as usize].iter().enumerate() {
+                    };
+                    assert!(leaf.start % WIDTH == 0 && (1..=8).contains(&leaf.len()));
+                    let packet: &[[f32; 8]] = bytemuck::cast_slice(&structure.bounds[leaf.start / WIDTH * 18..][..18]);
+                    for (lane, &number) in structure.references[leaf].iter().enumerate() {
                         let number = number as usize;
                         seen[number] += 1;
                         for (corner, at) in vertices[number].iter().enumerate() {

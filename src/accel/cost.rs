@@ -7,8 +7,8 @@
 //! The probability P that a line through a convex cell meets a convex part of it is the ratio of their surface areas. The thesis
 //! (section 5.5) says that it is the ratio of their volumes: [`Measure`] has both.
 
-use super::BuildOptions;
 use super::subtree::Cell;
+use super::{BuildOptions, half_area};
 
 /// What the probability that a ray meets a cell is taken to be proportional to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,10 +25,7 @@ impl Measure {
     /// The measure of a cell, the area halved, in f64: products of float32 lengths neither over- nor underflow there.
     pub(super) fn of(self, cell: &Cell) -> f64 {
         match self {
-            Measure::Surface => {
-                let [x, y, z] = [cell.extent(0), cell.extent(1), cell.extent(2)];
-                x * y + y * z + z * x
-            }
+            Measure::Surface => half_area([cell.extent(0), cell.extent(1), cell.extent(2)]),
             Measure::Volume => length_or_one(cell, 0) * length_or_one(cell, 1) * length_or_one(cell, 2),
         }
     }

@@ -8,6 +8,7 @@ mod cost;
 mod divide;
 mod events;
 mod grid;
+mod link;
 mod median;
 mod node_order;
 mod octree;
@@ -62,6 +63,18 @@ impl Aabb {
     pub fn of_triangle(vertices: &[Vec3; 3]) -> Aabb {
         Aabb { low: vertices[0].min(vertices[1]).min(vertices[2]), high: vertices[0].max(vertices[1]).max(vertices[2]) }
     }
+
+    /// Half of the surface; means nothing when the box is empty.
+    #[inline]
+    pub fn half_area(&self) -> f64 {
+        half_area((self.high - self.low).to_array().map(f64::from))
+    }
+}
+
+/// Half of the surface of a box with sides of these lengths; in f64, where products of float32 lengths neither over- nor underflow.
+#[inline(always)]
+fn half_area([x, y, z]: [f64; 3]) -> f64 {
+    x * y + (x + y) * z
 }
 
 /// What a builder needs to know beside the triangles.

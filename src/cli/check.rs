@@ -53,7 +53,7 @@ struct Findings {
 }
 
 pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
-    args.method.options_for(None, false)?; // what is wrong with them comes first
+    args.method.check(false)?;
     let output = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, "-difference.png")?,
@@ -65,7 +65,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
             "there is no OpenCL device to check against the reference; `raybrook devices` tells what is missing";
         return Err(Error::NoDevice(message.into()));
     };
-    let options = args.method.options_for(Some(&device), false)?;
+    let options = args.method.options_for(Some(&device), false, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened =

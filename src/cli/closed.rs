@@ -61,8 +61,8 @@ pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode
     let start = Instant::now();
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let options = args.method.options_for(device.as_ref(), false)?;
-    let cache = if args.device.no_cache { None } else { Cache::open() };
+    let options = args.method.options_for(device.as_ref(), false, talk)?;
+    let cache = args.device.cache()?;
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
     for path in models {
         match ClosedMesh::new(Mesh::from(&scene::load(path)?)) {

@@ -51,7 +51,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     let mut errors = Vec::new();
     for device in devices {
         let device = args.compiler.apply(device)?;
-        let options = args.method.options_for(Some(&device), args.counters)?;
+        let options = args.method.options_for(Some(&device), args.counters, talk)?;
         let buffers = SceneBuffers::new(&scene, &options)?;
         let mut entry =
             Entry { index: device.info.index, device: device.info.name.clone(), programs: Vec::new(), error: None };

@@ -26,7 +26,7 @@ mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
-use raybrook::device::DeviceHandle;
+use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
     Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, Terminator, TexturePass, TraceOptions,
     Traversal, TriangleOrder,
@@ -41,7 +41,8 @@ Exit codes: 0 done; 1 `check` found a difference above its tolerance, or `stress
 missing or wrong; 4 no such device, or the device failed; 5 the output could not be written.
 
 Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels (default: \
-$XDG_CACHE_HOME/raybrook or ~/.cache/raybrook); NO_COLOR switches colours off.";
+$XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
+longest are removed first, 0 keeps nothing); NO_COLOR switches colours off.";
 
 /// Fast and right ray tracing of triangle scenes on any OpenCL device, checked against a scalar reference.
 #[derive(Parser)]
@@ -152,10 +153,24 @@ impl FromStr for AccelChoice {
 }
 
 impl MethodArgs {
-    /// The options, with what is fastest on `device` where the user leaves the choice.
-    fn options_for(&self, device: Option<&DeviceHandle>, counters: bool) -> Result<TraceOptions, Error> {
+    /// What is wrong with the options on any device comes before what takes time.
+    fn check(&self, counters: bool) -> Result<TraceOptions, Error> {
+        self.options(Accel::fastest_on(None), counters)
+    }
+
+    /// The options, with what is fastest on `device` where the user leaves the choice. Says so where a limit of the fastest structure leads to
+    /// another one, which nobody asked for.
+    fn options_for(&self, device: Option<&DeviceHandle>, counters: bool, talk: Talk) -> Result<TraceOptions, Error> {
         let kind = device.map(|device| device.info.kind);
-        let mut options = self.options(Accel::fastest_on(kind), counters)?;
+        let fastest = Accel::fastest_on(kind);
+        let mut options = self.options(fastest, counters)?;
+        if options.accel != fastest
+            && matches!(self.accel, AccelChoice::Auto)
+            && !talk.quiet
+            && let Some(Error::Option { option, message }) = options.limit_against(fastest)
+        {
+            eprintln!("note: --accel auto takes {}: {option} {message}", options.accel);
+        }
         options.packet_size = self.packet_size.unwrap_or_else(|| options.fastest_packets_on(kind));
         Ok(options)
     }
@@ -203,6 +218,13 @@ struct DeviceArgs {
     no_cache: bool,
     #[command(flatten)]
     compiler: CompilerArgs,
+}
+
+impl DeviceArgs {
+    /// Where compiled kernels are kept, if they are.
+    fn cache(&self) -> Result<Option<Cache>, Error> {
+        if self.no_cache { Ok(None) } else { Cache::open() }
+    }
 }
 
 /// What the device's compiler gets.

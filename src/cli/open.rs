@@ -1,7 +1,7 @@
 //! What every command that traces does first: load the scene, choose the device, build, compile, upload.
 
 use super::{DeviceArgs, PictureArgs, Talk};
-use raybrook::device::{Cache, DeviceHandle, Selection, select};
+use raybrook::device::{DeviceHandle, Selection, select};
 use raybrook::options::TraceOptions;
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{self, Samples, Scene};
@@ -88,7 +88,7 @@ pub fn open(
     tasks: &[Task],
     talk: Talk,
 ) -> Result<Opened> {
-    let cache = if args.no_cache { None } else { Cache::open() };
+    let cache = args.cache()?;
     let buffers = Arc::new(SceneBuffers::new(&loaded.scene, &options)?);
     let mut tracer = open_tracer(device, &buffers, &options, depth, cache.as_ref())?;
     tasks.iter().try_for_each(|&task| tracer.prepare(task))?;

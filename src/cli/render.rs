@@ -56,7 +56,7 @@ impl PictureArgs {
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
-    args.method.options_for(None, counters)?; // what is wrong with them comes first
+    args.method.check(counters)?;
     let output = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
@@ -67,7 +67,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let options = args.method.options_for(device.as_ref(), counters)?;
+    let options = args.method.options_for(device.as_ref(), counters, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened =

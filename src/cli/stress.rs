@@ -127,9 +127,9 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     if args.methods.is_none() {
-        methods[0].options = args.method.options_for(device.as_ref(), false)?;
+        methods[0].options = args.method.options_for(device.as_ref(), false, talk)?;
     }
-    let cache = if args.device.no_cache { None } else { Cache::open() };
+    let cache = args.device.cache()?;
     let rays = args.rays.unwrap_or(DEFAULT_RAYS);
     if rays > MAX_RAYS {
         let message = format!("{rays} is more than {MAX_RAYS} of each kind; other rays come from another --seed");

@@ -77,7 +77,7 @@ fn hit_batch(result: &TraceResult, any_hit: bool) -> HitBatch {
 
 pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
-    let options = args.method.options_for(None, args.counters)?; // what is wrong with them comes first
+    let options = args.method.check(args.counters)?;
     if options.kernels != Kernels::Mega {
         let message = format!("{} is for pictures: a batch of rays has one kernel, {}", options.kernels, Kernels::Mega);
         return Err(Error::option("--kernels", message));
@@ -86,7 +86,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         check_writable(output)?;
     }
     let device = open::choose(&args.device, talk)?;
-    let options = args.method.options_for(device.as_ref(), args.counters)?;
+    let options = args.method.options_for(device.as_ref(), args.counters, talk)?;
     let batch = RayBatch::read(&args.rays)?;
     if args.any_hit && batch.next_directions.is_some() {
         let message = "cannot be combined with the array 'next_direction': a second ray starts at the closest hit";

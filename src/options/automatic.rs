@@ -2,6 +2,7 @@
 
 use super::{Accel, OPTIONS, PacketSize, TraceOptions};
 use crate::device::DeviceKind;
+use crate::error::Error;
 
 impl Accel {
     /// The fastest structure on a kind of device (`None`: the reference), with the triangle test that is the default.
@@ -39,6 +40,13 @@ impl TraceOptions {
         // A number beyond all limits is for the check of the options to name.
         candidates().find(fits).or_else(|| candidates().find(reads_all)).unwrap_or(preferred)
     }
+
+    /// Which limit keeps [`TraceOptions::structure_for`] from `preferred`, where that reads everything that is set here; `None` where
+    /// nothing does, and where other structures are what the options are for.
+    pub fn limit_against(&self, preferred: Accel) -> Option<Error> {
+        let options = TraceOptions { accel: preferred, ..*self };
+        if options.check_that_all_apply().is_ok() { options.validate().err() } else { None }
+    }
 }
 
 #[cfg(test)]
@@ -75,6 +83,11 @@ mod tests {
         ] {
             assert_eq!(options.fastest_packets_on(device), expected, "{options:?}");
         }
+        let large = TraceOptions { leaf_size: Some(9), ..default };
+        let limit = large.limit_against(Accel::Bvh8).unwrap().to_string();
+        assert!(limit.contains("--leaf-size: 9: a leaf of --accel bvh8"), "{limit}");
+        assert!(large.limit_against(Accel::Bvh2).is_none() && default.limit_against(Accel::Bvh8).is_none());
+        assert!(TraceOptions { build: Build::Median, ..large }.limit_against(Accel::Bvh8).is_none());
         assert_eq!(Accel::fastest_on(Some(DeviceKind::Cpu)), Accel::Bvh8);
         assert_eq!([Some(DeviceKind::Gpu), None].map(Accel::fastest_on), [Accel::Bvh2; 2]);
     }

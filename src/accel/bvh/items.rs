@@ -1,6 +1,6 @@
 //! The triangles of a hierarchy while it is built: their boxes, and how lists of them are divided.
 
-use crate::accel::Aabb;
+use crate::accel::{Aabb, half_area};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -25,11 +25,11 @@ impl Bounds {
         Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Half of the surface; in f64, where products of float32 lengths neither over- nor underflow.
+    /// That of [`Aabb::half_area`].
     #[inline(always)]
     pub fn half_area(&self) -> f64 {
-        let [x, y, z, _] = (self.high - self.low).to_array().map(f64::from);
-        x * y + (x + y) * z
+        // One subtraction of registers, where that of an `Aabb` is three.
+        half_area((self.high - self.low).truncate().to_array().map(f64::from))
     }
 
     pub fn to_aabb(self) -> Aabb {
