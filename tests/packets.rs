@@ -1,0 +1,188 @@
+//! Packets of rays: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one that is there.
+
+mod common;
+
+use common::{Random, SEED, device, scene_of, sheet, soup};
+use glam::Vec3;
+use raybrook::device::DeviceHandle;
+use raybrook::layout::Float4;
+use raybrook::options::{Accel, Layout, Memory, PacketSize, TraceOptions, TriangleOrder};
+use raybrook::pack::SceneBuffers;
+use raybrook::reference::ReferenceTracer;
+use raybrook::session::open_tracer;
+use raybrook::shared::{Hit, TraceRay};
+use raybrook::tracer::{TraceJob, TraceResult, Tracer, is_hit};
+use std::sync::Arc;
+
+const PACKETS: TraceOptions =
+    TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..TraceOptions::DEFAULT };
+
+fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
+    TraceRay { origin_t_min: Float4::new(origin, t_min), direction_t_max: Float4::new(direction, t_max) }
+}
+
+/// Rays that go much the same way, from one point or from several, packet by packet along another axis: what a frustum is made of.
+fn bundles(count: usize, random: &mut Random) -> Vec<TraceRay> {
+    let bundle = |random: &mut Random| {
+        let from = random.vec3() * if random.bits() & 1 == 0 { 0.3 } else { 3.0 };
+        let to = random.vec3();
+        let (width, spread) = (0.2 * random.unit(), [0.0, 0.01, 0.5][random.bits() as usize % 3]);
+        let t_min = if random.bits().is_multiple_of(8) { -2.0 } else { 0.0 };
+        (0..16)
+            .map(|_| {
+                let start = from + random.vec3() * spread;
+                ray(start, to + random.vec3() * width - start, t_min, f32::INFINITY)
+            })
+            .collect::<Vec<_>>()
+    };
+    (0..count / 16).flat_map(|_| bundle(random)).collect()
+}
+
+/// Rays of all directions, with limits of t, along axes, through vertices and edges of `triangles`, and with numbers that no packet takes.
+fn scattered(count: usize, triangles: &[[Vec3; 3]], random: &mut Random) -> Vec<TraceRay> {
+    let inf = f32::INFINITY;
+    (0..count)
+        .map(|i| {
+            let from = 3.0 * random.vec3();
+            let [a, b, _] = triangles[random.bits() as usize % triangles.len()];
+            match i % 11 {
+                0..3 => ray(from, random.vec3() - from, 0.0, inf),
+                3 => ray(random.vec3(), random.vec3(), 0.0, 0.3),
+                4 => ray(from, random.vec3() - from, 0.9, 1.1),
+                5 => ray(Vec3::new(from.x / 3.0, from.y / 3.0, 3.0), Vec3::NEG_Z * (1.0 + random.unit()), 0.0, inf),
+                6 => ray(from, a - from, 0.0, inf),
+                7 => ray(from, a.lerp(b, 0.5) - from, -1.0, inf),
+                8 => ray(a, random.vec3(), 0.0, inf),
+                9 => ray(from * 1e6, (random.vec3() - from * 1e6) * 1e-12, 0.0, inf),
+                _ => {
+                    let mut numbers = [from, random.vec3()].map(|v| v.to_array()).concat();
+                    numbers.extend([0.0, inf]);
+                    numbers[random.bits() as usize % 8] = random.any_float();
+                    ray(Vec3::from_slice(&numbers), Vec3::from_slice(&numbers[3..]), numbers[6], numbers[7])
+                }
+            }
+        })
+        .collect()
+}
+
+fn bits(hit: &Hit) -> [u32; 4] {
+    [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
+}
+
+fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay], any_hit: bool) -> TraceResult {
+    tracer.trace(&TraceJob { rays, next_directions: None, any_hit, repeat: 1 }, &|_| ()).unwrap()
+}
+
+/// Asserts that packets give the twin's closest hits, and some hit where there is one: how many rays hit, and how many took the second pass.
+fn assert_answers(
+    device: &DeviceHandle,
+    options: &TraceOptions,
+    triangles: &[[Vec3; 3]],
+    rays: &[TraceRay],
+) -> [usize; 2] {
+    let buffers = Arc::new(SceneBuffers::new(&scene_of(triangles), options).unwrap());
+    let mut tracer = open_tracer(Some(device), &buffers, options, 1, None).unwrap();
+    let mut twin = ReferenceTracer::new(buffers.clone(), *options);
+    let closest = trace(tracer.as_mut(), rays, false);
+    let expected = trace(&mut twin, rays, false);
+    for ((hit, twin), ray) in closest.hits.iter().zip(&expected.hits).zip(rays) {
+        assert_eq!(bits(hit), bits(twin), "{options:?} {ray:?} (seed {SEED})");
+    }
+    // Some hit is there if a closest one is. It is a real one if it is the closest of its triangle alone.
+    let any = trace(tracer.as_mut(), rays, true);
+    for (i, (hit, closest)) in any.hits.iter().zip(&expected.hits).enumerate() {
+        assert_eq!(is_hit(hit), is_hit(closest), "{options:?} {:?} (seed {SEED})", rays[i]);
+        if is_hit(hit) && hit.primitive != closest.primitive {
+            let mut others = triangles.to_vec();
+            others
+                .iter_mut()
+                .enumerate()
+                .filter(|(k, _)| *k != hit.primitive as usize)
+                .for_each(|(_, t)| *t = [t[0]; 3]);
+            let brute = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
+            let alone = Arc::new(SceneBuffers::new(&scene_of(&others), &brute).unwrap());
+            let its_own = trace(&mut ReferenceTracer::new(alone, brute), &rays[i..=i], false).hits[0];
+            // The same scene's scale, or t would have other units inside, and the same bits outside all the same.
+            assert_eq!(bits(hit), bits(&its_own), "{options:?} {:?} (seed {SEED})", rays[i]);
+        }
+    }
+    [closest.hits.iter().filter(|hit| is_hit(hit)).count(), closest.second_pass.unwrap_or(0) as usize]
+}
+
+#[test]
+fn packets_find_the_hits_of_single_rays() {
+    let Some(device) = device() else { return };
+    let mut random = Random::new(SEED);
+    let mut hits = 0;
+    // Triangles of all sizes, some without area, so many that the hierarchy is several levels deep; shared edges; one triangle; none.
+    let mut mixed = soup(300, 0.2, &mut random);
+    mixed.extend(soup(5, 2.0, &mut random));
+    mixed.extend(soup(300, 1e-4, &mut random));
+    mixed.push([Vec3::ONE; 3]);
+    // Several triangles at the same place: which is hit is a matter of numbers.
+    mixed.extend_from_within(..20);
+    for triangles in
+        [mixed, sheet(24), sheet(3).iter().map(|t| t.map(|p| p * 1e18)).collect(), soup(1, 1.0, &mut random)]
+    {
+        let mut rays = bundles(1600, &mut random);
+        rays.extend(scattered(1600, &triangles, &mut random));
+        hits += assert_answers(&device, &PACKETS, &triangles, &rays)[0];
+    }
+    assert!(hits > 3000, "{hits} hits of 12800 rays");
+    assert_eq!(assert_answers(&device, &PACKETS, &[], &bundles(32, &mut random)), [0, 0]);
+}
+
+#[test]
+fn batches_of_every_length_are_traced_whole() {
+    let Some(device) = device() else { return };
+    let mut random = Random::new(SEED);
+    let triangles = sheet(8);
+    let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &PACKETS).unwrap());
+    let mut tracer = open_tracer(Some(&device), &buffers, &PACKETS, 1, None).unwrap();
+    let mut twin = ReferenceTracer::new(buffers.clone(), PACKETS);
+    let rays = bundles(6000, &mut random);
+    for length in (0..50).chain([4095, 4096, 4097, rays.len()]) {
+        let [hits, expected] =
+            [&mut *tracer as &mut dyn Tracer, &mut twin].map(|tracer| trace(tracer, &rays[..length], false).hits);
+        assert!(hits.iter().map(bits).eq(expected.iter().map(bits)), "{length} rays");
+    }
+}
+
+#[test]
+fn packets_read_every_kind_of_memory_and_do_without_double() {
+    let Some(device) = device() else { return };
+    let mut random = Random::new(SEED);
+    let triangles = sheet(12);
+    let mut rays = bundles(640, &mut random);
+    rays.extend(scattered(640, &triangles, &mut random));
+    let memories = Memory::ALL.iter().map(|&memory| TraceOptions { memory, ..PACKETS });
+    let layouts = [
+        TraceOptions { layout: Layout::Whole, ..PACKETS },
+        TraceOptions { triangles: TriangleOrder::LeafOrder, ..PACKETS },
+    ];
+    for options in memories.chain(layouts) {
+        assert_answers(&device, &options, &triangles, &rays);
+    }
+    let float_only = device.with_compiler_options("-D FLOAT_ONLY=1").unwrap();
+    assert_answers(&float_only, &PACKETS, &triangles, &rays);
+}
+
+#[test]
+fn what_packets_leave_open_is_decided_all_the_same() {
+    let Some(device) = device() else { return };
+    let mut random = Random::new(SEED);
+    // Rays in the planes of triangles, along edges and through vertices: whole numbers decide.
+    let triangles = sheet(6).iter().map(|t| t.map(|p| Vec3::new(p.x, p.y, 0.0))).collect::<Vec<_>>();
+    let rays: Vec<_> = (0..320)
+        .map(|_| {
+            let [from, to] =
+                [(); 2].map(|()| triangles[random.bits() as usize % triangles.len()][random.bits() as usize % 3]);
+            let from = from + (from - to) * random.unit();
+            ray(from, to - from, 0.0, f32::INFINITY)
+        })
+        .filter(|ray| ray.direction_t_max.xyz() != Vec3::ZERO)
+        .collect();
+    let [hits, second] = assert_answers(&device, &PACKETS, &triangles, &rays);
+    // A ray in a triangle's plane never hits it: every one was open until the end.
+    assert!(hits < rays.len() && second > 100, "{hits} hits, {second} of {} rays in the second pass", rays.len());
+}
