@@ -35,8 +35,9 @@ void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
 #define SHORT_DIRECTION 0x1p-100f
 #define SMALL_TURN_LIFT 0x1p60f
 
-// Whether a number has lost bits when it was scaled, or may have, which it keeps if it is lifted.
-bool is_too_small(float scaled, float lifted) { return lifted != 0.0f && fabs(scaled) < FLT_MIN; }
+// Whether a number has lost bits when it was scaled, or may have, which it keeps if it is lifted. Where it has, scale and lift are no
+// larger than 2^83 together; elsewhere their product may be infinite.
+bool is_too_small(float x, float scaled, float lifted) { return x != 0.0f && fabs(scaled) < FLT_MIN && lifted != 0.0f; }
 
 float reciprocal_or_nan(float x) {
     const float r = 1.0f / x;
@@ -64,7 +65,8 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
     const float3 given = direction;
     const bool sound = scale_to_unit(&direction, &ray.t_scale) && is_finite3(origin) && t_near <= t_far;
     const float3 lifted = given * (ray.t_scale * SMALL_TURN_LIFT);
-    if (is_too_small(direction.x, lifted.x) || is_too_small(direction.y, lifted.y) || is_too_small(direction.z, lifted.z)) {
+    if (is_too_small(given.x, direction.x, lifted.x) || is_too_small(given.y, direction.y, lifted.y) ||
+        is_too_small(given.z, direction.z, lifted.z)) {
         ray.t_scale *= SMALL_TURN_LIFT;
         direction = lifted;
     }

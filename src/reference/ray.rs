@@ -58,7 +58,7 @@ impl Ray {
         let given = direction;
         let (mut direction, mut t_scale) = scaled.unwrap_or((direction, 1.0));
         let lifted = given * (t_scale * SMALL_TURN_LIFT);
-        if (0..3).any(|k| lifted[k] != 0.0 && direction[k].abs() < f32::MIN_POSITIVE) {
+        if (0..3).any(|k| given[k] != 0.0 && direction[k].abs() < f32::MIN_POSITIVE && lifted[k] != 0.0) {
             t_scale *= SMALL_TURN_LIFT;
             direction = lifted;
         }
