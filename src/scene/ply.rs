@@ -28,7 +28,7 @@ mod vertices;
 
 use super::load::open_regular;
 use super::obj::warn_of_dropped;
-use super::obj_clean::{Warnings, quote};
+use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture};
 use crate::error::{Error, Result};
 use faces::{FaceSink, Faces};

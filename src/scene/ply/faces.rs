@@ -3,8 +3,8 @@
 use super::paint;
 use super::rows::Sink;
 use super::vertices::{BLUE, GREEN, RED, Vertices, colour_scale, find};
-use crate::scene::obj_clean::{MAX_CORNERS, Tally};
-use crate::scene::triangulate::Triangulator;
+use crate::scene::text::Tally;
+use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{NO_INDEX, TextureId, Triangle};
 use glam::{Vec2, Vec3};
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};

@@ -4,7 +4,7 @@
 //! *paint* for a material: its colour, its texture, or neither.
 
 use crate::scene::file::linear;
-use crate::scene::obj_clean::{Warnings, quote};
+use crate::scene::text::{Warnings, quote};
 use crate::scene::texture::{decode, find_inside};
 use crate::scene::{Image, Material, MaterialId, TextureId, Triangle};
 use glam::Vec3;
