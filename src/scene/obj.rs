@@ -108,12 +108,6 @@ pub(super) fn read_text(path: &Path) -> Result<Vec<u8>> {
     Ok(text)
 }
 
-/// Pieces of `target` that are as long as `lengths` say; these add up to its own.
-fn split_by<T>(mut target: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
-    let piece = |length| target.split_off_mut(..length).expect("the lengths add up");
-    lengths.map(piece).collect()
-}
-
 /// What was read of all parts, or what is wrong with the first part at fault.
 fn first_fault<T>(parts: Vec<std::result::Result<T, Fault>>) -> std::result::Result<Vec<T>, Fault> {
     parts.into_iter().collect()

@@ -3,9 +3,11 @@
 //! Statements follow Wavefront, "Advanced Visualizer" manual, appendix B1 (Object Files), as written in practice: with a byte order
 //! mark, `\` continuation, any line ends and comments in any encoding.
 
+use fast_float2::FastFloat;
 use memchr::memchr2;
 use std::borrow::Cow;
 use std::path::Path;
+use std::str::FromStr;
 
 /// How many warnings a scene keeps; a hostile file could fill the memory with more.
 const MAX_WARNINGS: usize = 50;
@@ -202,4 +204,54 @@ pub(super) fn split_keyword(line: &[u8]) -> (&[u8], &[u8]) {
 pub(super) fn words(rest: &[u8]) -> impl Iterator<Item = &[u8]> {
     let end = rest.iter().position(|&b| b == b'#').unwrap_or(rest.len());
     rest[..end].split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+}
+
+/// The number that `word` is, rounded to the nearest; what [`str::parse`] reads, in less time for most.
+pub(super) fn number<T: FastFloat + FromStr>(word: &[u8]) -> Option<T> {
+    match fast_float2::parse_partial(word) {
+        Ok((number, length)) if length == word.len() => Some(number),
+        _ => std::str::from_utf8(word).ok()?.parse().ok(),
+    }
+}
+
+/// The integer that `word` is; what [`str::parse`] reads, in less time for most.
+pub(super) fn integer(word: &[u8]) -> Option<i64> {
+    const FEW_DIGITS: usize = 18; // any so many fit
+    let (digits, sign) = word.strip_prefix(b"-").map_or((word, 1), |digits| (digits, -1));
+    let is_short = (1..=FEW_DIGITS).contains(&digits.len());
+    if is_short && digits.iter().all(u8::is_ascii_digit) {
+        return Some(sign * digits.iter().fold(0, |value, digit| 10 * value + i64::from(digit - b'0')));
+    }
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn numbers_are_those_of_the_standard_library() {
+        let mut words: Vec<String> = "0 -0 +1 1. .5 . - + e5 1e 1e5 1E+05 1e-5 1.e3 .e3 nan NaN -nan +inf Infinity infinit in 1e39 1e-46 \
+             1_000 0x10 1,5 1f 7.0064923216240853e-46 7.0064923216240854e-46 16777217 16777219 3.4028235677973366e38 \
+             0.1000000014901161193847656250000000000000000001 1e99999999999999999999 00000000000000000000000000000000001e-2"
+            .split(' ')
+            .map(str::to_owned)
+            .collect();
+        let mut bits = 1u32;
+        for _ in 0..100_000 {
+            bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let (low, high) = (f32::from_bits(bits), f32::from_bits(bits + 1));
+            words.extend([format!("{low}"), format!("{low:e}"), format!("{:.6}", low)]);
+            // Just between two: the hardest to round.
+            words.push(format!("{:e}", (f64::from(low) + f64::from(high)) / 2.0));
+        }
+        for word in words {
+            let expected = word.parse::<f32>().ok();
+            let found = number::<f32>(word.as_bytes());
+            assert_eq!(found.is_none(), expected.is_none(), "{word}");
+            let (found, expected) = (found.unwrap_or_default(), expected.unwrap_or_default());
+            assert!(found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan(), "{word}: {found}");
+        }
+        assert_eq!(number::<f32>(b"1\xff"), None);
+    }
 }

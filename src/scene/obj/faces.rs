@@ -2,8 +2,9 @@
 
 use super::survey::{Part, Survey, material_name};
 use super::vertices::Vertices;
-use super::{Fault, first_fault, split_by};
-use crate::scene::text::{Tally, quote, split_keyword, words};
+use super::{Fault, first_fault};
+use crate::scene::load::split_by;
+use crate::scene::text::{Tally, integer, quote, split_keyword, words};
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{MaterialId, NO_INDEX, Triangle};
 use glam::Vec3;
@@ -231,15 +232,4 @@ enum Dangling {
     Nothing,
     /// It is not an integer of 64 bits.
     NoInteger,
-}
-
-/// The integer that `part` is; what [`str::parse`] reads, quicker for most.
-fn integer(part: &[u8]) -> Option<i64> {
-    const FEW_DIGITS: usize = 18; // any so many fit
-    let (digits, sign) = part.strip_prefix(b"-").map_or((part, 1), |digits| (digits, -1));
-    let is_short = (1..=FEW_DIGITS).contains(&digits.len());
-    if is_short && digits.iter().all(u8::is_ascii_digit) {
-        return Some(sign * digits.iter().fold(0, |value, digit| 10 * value + i64::from(digit - b'0')));
-    }
-    std::str::from_utf8(part).ok()?.parse().ok()
 }

@@ -135,6 +135,14 @@ fn faults_have_their_line_whatever_the_parts() {
     }
 }
 
+/// Copied numbers come with blanks of all kinds.
+#[test]
+fn blanks_beyond_ascii_do_not_spoil_numbers() {
+    let scene = same_scene("v 0 0 0\nv 1\u{a0} 0 \u{2003}2\nv 0 1 0\nf 1 2 3\n".as_bytes());
+    assert_eq!(scene.vertices(0)[1].to_array(), [1.0, 0.0, 2.0]);
+    assert!(same_fault("v 0 0 0\nv 1\u{a0}0 2 3\nf 1 1 1\n").starts_with("2: position parse error"));
+}
+
 /// Ear clipping is given so much time in a file; which polygons get it must not depend on the parts.
 #[test]
 fn parts_spend_one_budget_of_ear_clipping() {
