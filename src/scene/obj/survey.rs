@@ -109,7 +109,7 @@ impl<'a> Found<'a> {
     fn new(text: &'a [u8]) -> Self {
         let mut found = Found::default();
         let mut lines = Lines::after(0, text);
-        while let Some((number, line)) = lines.next() {
+        for (number, line) in lines.by_ref() {
             let (keyword, rest) = split_keyword(&line);
             match keyword {
                 b"v" => found.counts[0] += 1,
