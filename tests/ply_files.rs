@@ -389,3 +389,46 @@ fn real_models_have_their_triangles() {
         }
     }
 }
+
+/// A file is read in blocks of rows beside each other; what they hold is numbered through.
+#[test]
+fn large_files_keep_order_and_numbers() {
+    const ROWS: usize = 40_000; // more than two blocks
+    let header = format!(
+        "element face {ROWS}\n{CORNERS}\nproperty list uchar float texcoord\nelement odd 2\nproperty int a\nelement vertex {ROWS}\n{XYZ}\n"
+    );
+    let header: Vec<&str> = header.trim().lines().collect();
+    let faces: String = (0..ROWS)
+        .map(|i| match i % 5 {
+            0 => format!("4 {i} {} 2 3 8 {i} 0 1 0 1 1 0 1\n", ROWS - 1),
+            1 => format!("3 {i} 0 1 0\n"),
+            2 => format!("3 {i} 0 1 6 {i} 0 0.5 0 0 nan\n"),
+            3 => "2 0 1 0\n".to_owned(),
+            _ => format!("3 {i} 0 1 2 7 7\n"),
+        })
+        .collect();
+    let vertices: String = (0..ROWS).map(|i| format!("{i} {} {}\n", i * i % 97, i % 89)).collect();
+    let scene = load_bytes(text(&header, &format!("{faces}1\n2 3\n\n{vertices}")).as_bytes()).unwrap();
+    let mut triangles = scene.triangles.iter();
+    let uv = |corner: u32| if corner == NO_INDEX { None } else { Some(scene.uvs[corner as usize].x) };
+    for i in (0..ROWS).filter(|i| i % 5 != 3) {
+        let t = triangles.next().unwrap();
+        let corner = t.positions.iter().position(|&p| scene.positions[p as usize].x == i as f32).unwrap();
+        let expected = [0, 2].contains(&(i % 5)).then_some(i as f32);
+        assert_eq!(uv(t.uvs[corner]), expected, "face {i}");
+        if i % 5 == 0 {
+            triangles.next().unwrap();
+        }
+    }
+    assert!(triangles.next().is_none());
+    assert_warned(&scene, "faces with fewer than three corners ignored: 8000, the first is of face 3");
+    assert_warned(
+        &scene,
+        "'texcoord' that do not have two numbers for each corner ignored: 8000, the first is of face 4",
+    );
+    assert_warned(&scene, "lines with more values than the header promises");
+    // A fault in a late block has its place.
+    let broken = faces.replace("3 39996 0 1 0\n", "3 39996 0 x 0\n");
+    let message = load_bytes(text(&header, &format!("{broken}1\n2\n{vertices}")).as_bytes()).unwrap_err().to_string();
+    assert!(message.contains("face 39996: "), "{message}");
+}

@@ -98,9 +98,9 @@ install_runtime() {
 # interprets, are small; of rusticl see above.
 tests_of() {
     case $1 in
-        oclgrind) printf '%s\n' kernels:--test-threads=1 memory:--test-threads=1 shading:--test-threads=1 ;;
+        oclgrind) printf '%s\n' kernels:--test-threads=1 memory:--test-threads=1 shading:--test-threads=1 packets:what_packets_leave_open ;;
         rusticl) printf '%s\n' kernels:the_exact_intersector,refraction_equals ;;
-        *) printf '%s\n' kernels exact images memory compiler_options ;;
+        *) printf '%s\n' kernels exact images memory compiler_options packets ;;
     esac
 }
 
@@ -191,7 +191,7 @@ main() {
         [[ " ${ALL_RUNTIMES[*]} " == *" $runtime "* ]] || fail "no runtime '$runtime'; there are: ${ALL_RUNTIMES[*]}"
     done
     heading 'Building the tests'
-    cargo test --release --locked --no-run --test kernels --test exact --test images --test memory --test compiler_options
+    cargo test --release --locked --no-run --test kernels --test exact --test images --test memory --test compiler_options --test packets
     for runtime in "${runtimes[@]}"; do
         test_runtime "$runtime" || failed=1
     done

@@ -43,3 +43,9 @@ pub(super) fn open_regular(path: &Path) -> Result<(File, u64)> {
     }
     Ok((File::open(path).map_err(unreadable)?, metadata.len()))
 }
+
+/// Pieces of `target` that are as long as `lengths` say; these add up to its own.
+pub(super) fn split_by<T>(mut target: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    let piece = |length| target.split_off_mut(..length).expect("the lengths add up");
+    lengths.map(piece).collect()
+}

@@ -15,12 +15,12 @@ mod mesh;
 mod mtl;
 mod nff;
 mod obj;
-mod obj_clean;
 mod ply;
 mod procedural;
 mod samples;
 mod solids;
 mod stl;
+mod text;
 mod texture;
 mod triangulate;
 
@@ -35,13 +35,14 @@ pub use solids::MAX_SEGMENTS;
 pub use texture::{Image, Texture, TextureId};
 
 use crate::error::Result;
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec2, Vec3};
 
 /// Marks a triangle corner without its own normal or texture coordinates.
 pub const NO_INDEX: u32 = u32::MAX;
 
 /// One triangle: indices into the scene's arrays.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Zeroable)]
 pub struct Triangle {
     /// Indices into [`Scene::positions`].
     pub positions: [u32; 3],

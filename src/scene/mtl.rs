@@ -23,7 +23,7 @@
 //! that makes no sense (NaN, negative, too few numbers) is left out with a warning. Materials, and so textures, are loaded
 //! when a face first needs them; an unused one costs nothing.
 
-use super::obj_clean::{Ignored, Lines, Warnings, quote, split_keyword, words};
+use super::text::{Ignored, Lines, Warnings, quote, split_keyword, words};
 use super::texture::{Texture, TextureId, decode, find_inside};
 use super::{Material, MaterialId};
 use glam::Vec3;

@@ -22,8 +22,8 @@ mod words;
 
 use super::check::{camera_fault, light_fault};
 use super::obj::{read_text, warn_of_dropped};
-use super::obj_clean::{Ignored, MAX_CORNERS, Tally, Warnings, quote};
-use super::triangulate::Triangulator;
+use super::text::{Ignored, Tally, Warnings, quote};
+use super::triangulate::{MAX_CORNERS, Triangulator};
 use super::{Background, Builder, Camera, Light, MaterialId, Normals, PictureDefaults, Scene};
 use crate::error::{Error, Result};
 use glam::Vec3;

@@ -1,7 +1,8 @@
 //! Loads PLY files, text and binary of both byte orders.
 //!
-//! Format: G. Turk, "The PLY Polygon File Format", 1994, and what writers have added to it since. The header is parsed and the rows
-//! are streamed by the `serde-ply` crate, from bytes that `source.rs` prepares; polygons are split by [`super::triangulate`].
+//! Format: G. Turk, "The PLY Polygon File Format", 1994, and what writers have added to it since. The header is parsed
+//! by the `serde-ply` crate. Rows are read by `whole.rs`, by all processors at the same time, or where something is wrong with them
+//! streamed by `serde-ply`, from bytes that `source.rs` prepares; polygons are split by [`super::triangulate`].
 //!
 //! | element | property | becomes |
 //! |---|---|---|
@@ -24,11 +25,13 @@ mod faces;
 mod paint;
 mod rows;
 mod source;
+mod values;
 mod vertices;
+mod whole;
 
 use super::load::open_regular;
 use super::obj::warn_of_dropped;
-use super::obj_clean::{Warnings, quote};
+use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture};
 use crate::error::{Error, Result};
 use faces::{FaceSink, Faces};
@@ -40,14 +43,18 @@ use std::cell::Cell;
 use std::io::ErrorKind;
 use std::path::Path;
 use vertices::Vertices;
+use whole::Whole;
 
 /// How many properties and elements that are not used are told by name.
 const MAX_NAMES: usize = 12;
 
+/// The largest file that is read into memory; larger ones are streamed, which takes longer.
+const MAX_WHOLE_BYTES: u64 = 1 << 30;
+
 /// Loads the PLY file at `path`: a scene without lights and camera. Only textures in its folder and below are opened.
 pub(super) fn load(path: &Path) -> Result<Scene> {
     let row_ended = Cell::new(true);
-    let (file, _) = open_regular(path)?;
+    let (file, bytes) = open_regular(path)?;
     let mut source = Source::new(path, file, &row_ended)?;
     let header = match PlyReader::from_reader(&mut source) {
         Ok(reader) => reader.header().clone(),
@@ -55,16 +62,18 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
     };
     let mut warnings = Warnings::default();
     let mut mesh = Mesh::new(path, &header, &mut warnings)?;
-    // Polygons are split where their corners are known: a file with its faces first is read twice.
-    let passes: &[&[usize]] =
-        if mesh.face < mesh.vertex { &[&[mesh.vertex], &[mesh.face]] } else { &[&[mesh.vertex, mesh.face]] };
-    for wanted in passes {
-        mesh.read(path, &mut source, wanted)?;
-    }
-    if source.has_more().map_err(|e| Error::io("read", path, e))? {
+    let whole = if bytes <= MAX_WHOLE_BYTES { mesh.read_whole(path, &mut source, &header)? } else { None };
+    let (has_more, left_out) = match whole {
+        Some(found) => found,
+        None => {
+            mesh.stream(path, &mut source)?;
+            (source.has_more().map_err(|e| Error::io("read", path, e))?, source.left_out)
+        }
+    };
+    if has_more {
         warnings.add(path, None, "has more data than its header promises; the rest is not read");
     }
-    if source.left_out {
+    if left_out {
         warnings.add(path, None, "has lines with more values than the header promises; the rest of each is not read");
     }
     mesh.finish(path, &header, warnings)
@@ -96,6 +105,31 @@ impl Mesh {
         };
         let faces = Faces::new(face_element, &vertices, numbers).map_err(fault)?;
         Ok(Mesh { vertex, face, vertices, faces, textures })
+    }
+
+    /// Reads the file into memory and all of it at the same time: whether there is more after its rows, and in lines beside them.
+    /// None if that cannot be done, and nothing is read.
+    fn read_whole(&mut self, path: &Path, source: &mut Source, header: &PlyHeader) -> Result<Option<(bool, bool)>> {
+        let data = source.data().map_err(|e| Error::io("read", path, e))?;
+        let (vertices, faces) = ((self.vertex, &self.vertices), (self.face, &self.faces));
+        let whole = whole::read(header, &data, source.line_end, vertices, faces);
+        Ok(whole.map(|Whole { vertices, faces, has_more, left_out }| {
+            (self.vertices, self.faces) = (vertices, faces);
+            (has_more, left_out)
+        }))
+    }
+
+    /// Reads the file piece by piece.
+    fn stream(&mut self, path: &Path, source: &mut Source) -> Result<()> {
+        // A fresh start, also for the time that polygons may take.
+        self.faces = self.faces.afresh();
+        // Polygons are split where their corners are known: a file with its faces first is read twice.
+        let passes: &[&[usize]] =
+            if self.face < self.vertex { &[&[self.vertex], &[self.face]] } else { &[&[self.vertex, self.face]] };
+        for wanted in passes {
+            self.read(path, source, wanted)?;
+        }
+        Ok(())
     }
 
     /// Reads the file once; of its elements only those that are `wanted`.

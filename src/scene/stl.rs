@@ -12,7 +12,7 @@
 
 use super::load::open_regular;
 use super::obj::warn_of_dropped;
-use super::obj_clean::{Warnings, quote};
+use super::text::{Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::error::{Error, Result};
 use glam::Vec3;

@@ -13,6 +13,8 @@
 use earcut::Earcut;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Splits polygons; keeps its buffers between them.
 pub(super) struct Triangulator {
@@ -20,15 +22,18 @@ pub(super) struct Triangulator {
     projected: Vec<[f64; 2]>,
     ears: Vec<u32>,
     triangles: Vec<[u32; 3]>,
-    pairs_spent: u64,
+    pairs_spent: Arc<AtomicU64>,
     /// How many concave polygons became fans because [`MAX_PAIRS`] was spent.
     pub(super) fans: usize,
 }
 
+/// The largest number of corners of one face: bounds the memory that splitting it takes.
+pub(super) const MAX_CORNERS: usize = 65_536;
+
 /// The most pairs of corners (squares of corner counts) that ear clipping is given in one file. Star polygons, which
 /// cross themselves everywhere, reach the quadratic worst case of 33 ns a pair (16,000 corners: 8.3 s); this bounds a file
 /// to some 3 s. It is one polygon of 10,000 corners, or 10,000 of 100; convex ones are free.
-const MAX_PAIRS: u64 = 100_000_000;
+pub(super) const MAX_PAIRS: u64 = 100_000_000;
 
 impl Triangulator {
     /// One with empty buffers.
@@ -38,9 +43,19 @@ impl Triangulator {
             projected: Vec::new(),
             ears: Vec::new(),
             triangles: Vec::new(),
-            pairs_spent: 0,
+            pairs_spent: Arc::default(),
             fans: 0,
         }
+    }
+
+    /// Another one for the same file, which spends from the same [`MAX_PAIRS`].
+    pub(super) fn sharing(other: &Triangulator) -> Self {
+        Triangulator { pairs_spent: Arc::clone(&other.pairs_spent), ..Triangulator::new() }
+    }
+
+    /// Whether [`MAX_PAIRS`] was spent: which polygons became fans then depends on the order in which they were split.
+    pub(super) fn is_spent(&self) -> bool {
+        self.pairs_spent.load(Ordering::Relaxed) > MAX_PAIRS
     }
 
     /// The `polygon.len() - 2` triangles of `polygon`, as indices of its corners, wound as the polygon is.
@@ -99,8 +114,8 @@ impl Triangulator {
     /// Ear clipping of the projected polygon; false when it fails or would take too long.
     fn clip_ears(&mut self) -> bool {
         let count = self.projected.len();
-        self.pairs_spent += (count as u64).pow(2);
-        if self.pairs_spent > MAX_PAIRS {
+        self.pairs_spent.fetch_add((count as u64).pow(2), Ordering::Relaxed);
+        if self.is_spent() {
             self.fans += 1;
             return false;
         }

@@ -3,7 +3,7 @@
 use super::Reader;
 use super::words::Word;
 use crate::scene::check::material_fault;
-use crate::scene::obj_clean::quote;
+use crate::scene::text::quote;
 use crate::scene::{Material, mtl};
 use glam::Vec3;
 

@@ -3,8 +3,8 @@
 use super::Reader;
 use super::words::Words;
 use crate::error::{Error, Result};
-use crate::scene::obj_clean::Warnings;
 use crate::scene::solids::DEFAULT_SEGMENTS;
+use crate::scene::text::Warnings;
 use glam::{DAffine3, DMat3};
 use std::path::Path;
 

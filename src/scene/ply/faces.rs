@@ -2,11 +2,14 @@
 
 use super::paint;
 use super::rows::Sink;
+use super::values::Values;
 use super::vertices::{BLUE, GREEN, RED, Vertices, colour_scale, find};
-use crate::scene::obj_clean::{MAX_CORNERS, Tally};
-use crate::scene::triangulate::Triangulator;
+use crate::scene::load::split_by;
+use crate::scene::text::Tally;
+use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{NO_INDEX, TextureId, Triangle};
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyProperty, PropertyType};
 use std::fmt;
@@ -82,21 +85,163 @@ impl Faces {
         for (part, property) in colour.into_iter().flatten().enumerate().filter(|_| has_colours) {
             roles[property] = Role::Colour(part, colour_scale(&element.properties[property]));
         }
-        Ok(Faces {
+        Ok(Faces::empty(roles, has_colours, texcoords.is_some(), textures, Triangulator::new()))
+    }
+
+    fn empty(
+        roles: Vec<Role>,
+        has_colours: bool,
+        has_texcoords: bool,
+        textures: Vec<Option<TextureId>>,
+        triangulator: Triangulator,
+    ) -> Faces {
+        Faces {
             roles,
             has_colours,
-            has_texcoords: texcoords.is_some(),
+            has_texcoords,
             count: 0,
             face: Face::default(),
             polygon: Vec::new(),
-            triangulator: Triangulator::new(),
+            triangulator,
             triangles: Vec::new(),
             uvs: Vec::new(),
             textures,
             short: Tally::default(),
             odd_texcoords: Tally::default(),
             blended: false,
-        })
+        }
+    }
+
+    /// None, to be read from a part of the same rows.
+    pub fn like(&self) -> Faces {
+        let (roles, textures) = (self.roles.clone(), self.textures.clone());
+        let triangulator = Triangulator::sharing(&self.triangulator);
+        let Faces { has_colours, has_texcoords, .. } = *self;
+        Faces::empty(roles, has_colours, has_texcoords, textures, triangulator)
+    }
+
+    /// None, to be read from all rows.
+    pub fn afresh(&self) -> Faces {
+        Faces { triangulator: Triangulator::new(), ..self.like() }
+    }
+
+    /// Whether some polygons are split by the order in which they come.
+    pub fn is_spent(&self) -> bool {
+        self.triangulator.is_spent()
+    }
+
+    /// Takes the values of property number `number` from `values`: false when it is not used, None when something is wrong.
+    pub fn take(
+        &mut self,
+        number: usize,
+        property: &PlyProperty,
+        values: &mut impl Values,
+        vertices: &Vertices,
+    ) -> Option<bool> {
+        let face = &mut self.face;
+        match (self.roles[number], &property.property_type) {
+            (Role::Corners, &PropertyType::List { count_type, data_type }) => {
+                let count = values.count(count_type).filter(|&count| count <= MAX_CORNERS)?;
+                face.corners.clear();
+                for _ in 0..count {
+                    let corner = values.integer(data_type).and_then(|corner| u32::try_from(corner).ok());
+                    face.corners.push(corner.filter(|&corner| (corner as usize) < vertices.count)?);
+                }
+            }
+            (Role::Texcoords, &PropertyType::List { count_type, data_type }) => {
+                let count = values.count(count_type).filter(|&count| count <= 2 * MAX_CORNERS)?;
+                face.texcoords.clear();
+                for _ in 0..count {
+                    face.texcoords.push(values.number(data_type)?);
+                }
+            }
+            (Role::Texture, &PropertyType::Scalar(kind)) => face.texture = values.integer(kind)?,
+            (Role::Colour(part, scale), &PropertyType::Scalar(kind)) => {
+                face.colour[part] = values.number(kind)? * scale;
+            }
+            _ => return Some(false),
+        }
+        Some(true)
+    }
+
+    /// Ends a face, whose properties were all taken, between `vertices`; a fault says what is wrong with it.
+    pub fn end_face(&mut self, vertices: &Vertices) -> Result<(), String> {
+        let faces = self;
+        let number = faces.count;
+        faces.count += 1;
+        let (corners, texcoords) = (&faces.face.corners, &faces.face.texcoords);
+        if corners.len() < 3 {
+            faces.short.note(number);
+            return Ok(());
+        }
+        let has_own_uvs = texcoords.len() == 2 * corners.len();
+        if !texcoords.is_empty() && !has_own_uvs {
+            faces.odd_texcoords.note(number);
+        }
+        let first_uv = faces.uvs.len() as u32;
+        if has_own_uvs {
+            if faces.uvs.len() + corners.len() >= NO_INDEX as usize {
+                return Err("more texture coordinates than 32-bit indices can tell apart".into());
+            }
+            faces.uvs.extend(texcoords.chunks_exact(2).map(Vec2::from_slice));
+        }
+        let normal_of = |vertex: u32| finite(&vertices.normals, vertex, |n| n.is_finite());
+        let uv_of = |corner: usize| match faces.has_texcoords {
+            true if has_own_uvs => finite(&faces.uvs, first_uv + corner as u32, |uv| uv.is_finite()),
+            true => NO_INDEX,
+            false => finite(&vertices.uvs, corners[corner], |uv| uv.is_finite()),
+        };
+        let texture = usize::try_from(faces.face.texture).ok().and_then(|number| *faces.textures.get(number)?);
+        let triangles = if corners.len() == 3 {
+            &[[0, 1, 2]] // most faces: without a look at their vertices
+        } else {
+            faces.polygon.clear();
+            faces.polygon.extend(corners.iter().map(|&i| vertices.positions[i as usize]));
+            faces.triangulator.split(&faces.polygon)
+        };
+        for triangle in triangles {
+            let triangle = triangle.map(|corner| corner as usize);
+            let positions = triangle.map(|corner| corners[corner]);
+            let uvs = triangle.map(uv_of);
+            let paint = match texture.filter(|_| !uvs.contains(&NO_INDEX)) {
+                Some(texture) => paint::textured(texture),
+                None if !vertices.colours.is_empty() => {
+                    let colours = positions.map(|i| vertices.colours[i as usize]);
+                    faces.blended |= colours[0] != colours[1] || colours[0] != colours[2];
+                    paint::coloured(paint::mean(colours))
+                }
+                None if faces.has_colours => paint::coloured(faces.face.colour.map(paint::to_8_bits)),
+                None => paint::PLAIN,
+            };
+            let normals = positions.map(normal_of);
+            faces.triangles.push(Triangle { positions, normals, uvs, material: paint });
+        }
+        Ok(())
+    }
+
+    /// Adds those of `parts` in their order. None when there are more texture coordinates than indices can tell apart.
+    pub fn extend(&mut self, parts: Vec<Faces>) -> Option<()> {
+        self.triangles = bytemuck::zeroed_vec(parts.iter().map(|part| part.triangles.len()).sum());
+        let places = split_by(&mut self.triangles, parts.iter().map(|part| part.triangles.len()));
+        let first_uvs = parts.iter().scan(0, |sum, part| Some(std::mem::replace(sum, *sum + part.uvs.len())));
+        let first_uvs: Vec<_> = first_uvs.collect();
+        for part in &parts {
+            self.short.append(part.short, self.count);
+            self.odd_texcoords.append(part.odd_texcoords, self.count);
+            self.count += part.count;
+            self.blended |= part.blended;
+            self.uvs.extend_from_slice(&part.uvs);
+        }
+        if self.uvs.len() >= NO_INDEX as usize {
+            return None;
+        }
+        parts.into_par_iter().zip(places).zip(first_uvs).for_each(|((part, places), first_uv)| {
+            places.copy_from_slice(&part.triangles);
+            let own_uvs =
+                places.iter_mut().flat_map(|t| &mut t.uvs).filter(|uv| part.has_texcoords && **uv != NO_INDEX);
+            own_uvs.for_each(|uv| *uv += first_uv as u32);
+        });
+        Some(())
     }
 
     /// Whether the rows of `element` have texture coordinates.
@@ -143,52 +288,7 @@ impl Sink for FaceSink<'_> {
     }
 
     fn end_row(&mut self) -> Result<(), String> {
-        let faces = &mut *self.faces;
-        let number = faces.count;
-        faces.count += 1;
-        let (corners, texcoords, vertices) = (&faces.face.corners, &faces.face.texcoords, self.vertices);
-        if corners.len() < 3 {
-            faces.short.note(number);
-            return Ok(());
-        }
-        let has_own_uvs = texcoords.len() == 2 * corners.len();
-        if !texcoords.is_empty() && !has_own_uvs {
-            faces.odd_texcoords.note(number);
-        }
-        let first_uv = faces.uvs.len() as u32;
-        if has_own_uvs {
-            if faces.uvs.len() + corners.len() >= NO_INDEX as usize {
-                return Err("more texture coordinates than 32-bit indices can tell apart".into());
-            }
-            faces.uvs.extend(texcoords.chunks_exact(2).map(Vec2::from_slice));
-        }
-        let normal_of = |vertex: u32| finite(&vertices.normals, vertex, |n| n.is_finite());
-        let uv_of = |corner: usize| match faces.has_texcoords {
-            true if has_own_uvs => finite(&faces.uvs, first_uv + corner as u32, |uv| uv.is_finite()),
-            true => NO_INDEX,
-            false => finite(&vertices.uvs, corners[corner], |uv| uv.is_finite()),
-        };
-        let texture = usize::try_from(faces.face.texture).ok().and_then(|number| *faces.textures.get(number)?);
-        faces.polygon.clear();
-        faces.polygon.extend(corners.iter().map(|&i| vertices.positions[i as usize]));
-        for triangle in faces.triangulator.split(&faces.polygon) {
-            let triangle = triangle.map(|corner| corner as usize);
-            let positions = triangle.map(|corner| corners[corner]);
-            let uvs = triangle.map(uv_of);
-            let paint = match texture.filter(|_| !uvs.contains(&NO_INDEX)) {
-                Some(texture) => paint::textured(texture),
-                None if !vertices.colours.is_empty() => {
-                    let colours = positions.map(|i| vertices.colours[i as usize]);
-                    faces.blended |= colours[0] != colours[1] || colours[0] != colours[2];
-                    paint::coloured(paint::mean(colours))
-                }
-                None if faces.has_colours => paint::coloured(faces.face.colour.map(paint::to_8_bits)),
-                None => paint::PLAIN,
-            };
-            let normals = positions.map(normal_of);
-            faces.triangles.push(Triangle { positions, normals, uvs, material: paint });
-        }
-        Ok(())
+        self.faces.end_face(self.vertices)
     }
 }
 

@@ -4,7 +4,7 @@
 //! *paint* for a material: its colour, its texture, or neither.
 
 use crate::scene::file::linear;
-use crate::scene::obj_clean::{Warnings, quote};
+use crate::scene::text::{Warnings, quote};
 use crate::scene::texture::{decode, find_inside};
 use crate::scene::{Image, Material, MaterialId, TextureId, Triangle};
 use glam::Vec3;
@@ -54,13 +54,21 @@ pub(super) fn materials(triangles: &mut [Triangle], textures: &[Image]) -> (Vec<
         triangles.iter().any(|t| t.material < TEXTURED && colours.insert(t.material) && colours.len() > MAX_COLOURS);
     let mut materials = Vec::new();
     let mut ids: HashMap<MaterialId, MaterialId> = HashMap::new();
+    let mut last = None; // most triangles have the paint of the one before, which needs no look-up
     for triangle in triangles {
-        let paint =
-            if too_many && triangle.material < TEXTURED { rounded(triangle.material) } else { triangle.material };
-        triangle.material = *ids.entry(paint).or_insert_with(|| {
-            materials.push(material(paint, textures));
-            (materials.len() - 1) as MaterialId
-        });
+        let id = match last {
+            Some((paint, id)) if paint == triangle.material => id,
+            _ => {
+                let is_rounded = too_many && triangle.material < TEXTURED;
+                let paint = if is_rounded { rounded(triangle.material) } else { triangle.material };
+                *ids.entry(paint).or_insert_with(|| {
+                    materials.push(material(paint, textures));
+                    (materials.len() - 1) as MaterialId
+                })
+            }
+        };
+        last = Some((triangle.material, id));
+        triangle.material = id;
     }
     (materials, too_many)
 }

@@ -27,7 +27,7 @@ pub(super) struct Source<'a> {
     /// Whether the data are text.
     pub text: bool,
     /// What ends a line.
-    line_end: u8,
+    pub line_end: u8,
     /// Number of the line in hand, from 1; in binary data that of the header's last.
     pub line: usize,
     /// The line in hand of a text's data, and how much of it was read.
@@ -88,6 +88,14 @@ impl<'a> Source<'a> {
         self.line = 0;
         self.row_ended.set(true);
         self.file.seek(SeekFrom::Start(self.data)).map(|_| ())
+    }
+
+    /// All that follows the header.
+    pub fn data(&mut self) -> io::Result<Vec<u8>> {
+        self.rewind()?;
+        let mut data = Vec::new();
+        self.file.read_to_end(&mut data)?;
+        Ok(data)
     }
 
     /// What is read of the line in hand of a text; empty for binary data and at the end.

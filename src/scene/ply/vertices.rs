@@ -106,22 +106,21 @@ impl Vertices {
         })
     }
 
-    /// Whether property number `property` is read.
-    pub fn uses(&self, property: usize) -> bool {
-        self.slots[property].is_some()
+    /// As many as were asked for, of which none was read.
+    pub fn like(&self) -> Vertices {
+        let (positions, normals, uvs, colours) = Default::default();
+        Vertices { slots: self.slots.clone(), positions, normals, uvs, colours, ..*self }
     }
-}
 
-impl Sink for Vertices {
-    fn property<'de, A: MapAccess<'de>>(&mut self, property: usize, row: &mut A) -> Result<(), A::Error> {
-        match self.slots[property] {
-            Some((slot, scale)) => self.row[slot] = row.next_value::<f32>()? * scale,
-            None => _ = row.next_value::<IgnoredAny>()?,
+    /// Takes the value of property number `property`.
+    pub fn set(&mut self, property: usize, value: f32) {
+        if let Some((slot, scale)) = self.slots[property] {
+            self.row[slot] = value * scale;
         }
-        Ok(())
     }
 
-    fn end_row(&mut self) -> Result<(), String> {
+    /// Ends a row.
+    pub fn push(&mut self) {
         self.positions.push(Vec3::from_slice(&self.row[POSITION]));
         if self.has_normals {
             self.normals.push(Vec3::from_slice(&self.row[NORMAL]));
@@ -132,6 +131,36 @@ impl Sink for Vertices {
         if self.has_colours {
             self.colours.push([0, 1, 2].map(|part| paint::to_8_bits(self.row[COLOUR][part])));
         }
+    }
+
+    /// Adds those of `parts` in their order.
+    pub fn extend(&mut self, parts: Vec<Vertices>) {
+        self.positions.reserve_exact(parts.iter().map(|part| part.positions.len()).sum());
+        for part in parts {
+            self.positions.extend(part.positions);
+            self.normals.extend(part.normals);
+            self.uvs.extend(part.uvs);
+            self.colours.extend(part.colours);
+        }
+    }
+
+    /// Whether property number `property` is read.
+    pub fn uses(&self, property: usize) -> bool {
+        self.slots[property].is_some()
+    }
+}
+
+impl Sink for Vertices {
+    fn property<'de, A: MapAccess<'de>>(&mut self, property: usize, row: &mut A) -> Result<(), A::Error> {
+        match self.slots[property] {
+            Some(_) => self.set(property, row.next_value()?),
+            None => _ = row.next_value::<IgnoredAny>()?,
+        }
+        Ok(())
+    }
+
+    fn end_row(&mut self) -> Result<(), String> {
+        self.push();
         Ok(())
     }
 }
