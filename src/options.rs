@@ -151,12 +151,13 @@ methods! {
 }
 
 methods! {
-    /// How many rays of a batch a work-item traces together. The hits are the same; of any hits of a ray another one may be found. Pictures are
-    /// rendered with one ray at a time.
+    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same; of several hits of a ray, where any will
+    /// do, another one may be found. The split kernels trace pictures one ray at a time.
     pub enum PacketSize ("--packet-size") {
         /// Each ray by itself.
         One = "1",
-        /// Sixteen rays in the lanes of vectors (Wald et al. 2001), for CPUs: neighbours in the batch should be neighbours in space.
+        /// Sixteen rays in the lanes of vectors (Wald et al. 2001), for CPUs: pixels of a tile, and neighbours in a batch, which should
+        /// be neighbours in space.
         Sixteen = "16",
     }
 }
@@ -319,7 +320,7 @@ pub struct TraceOptions {
     /// Entries of the short stack, 1 to [`TraceOptions::MAX_DEPTH`]; `None`: [`TraceOptions::SHORT_STACK`]. Only for
     /// [`Traversal::ShortStack`].
     pub stack_size: Option<u32>,
-    /// How many rays of a batch are traced together; more than one only with [`Accel::Bvh8`] and [`Intersector::Exact`].
+    /// How many rays are traced together; more than one only with [`Accel::Bvh8`] and [`Intersector::Exact`].
     #[serde(serialize_with = "as_name")]
     pub packet_size: PacketSize,
     /// The ray-triangle test.

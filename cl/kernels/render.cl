@@ -3,16 +3,10 @@
 // Recursion is a private stack of pending rays: every surface replaces the ray that found it by at most two, one step deeper,
 // so that depth D needs room for D + 1.
 
-#ifndef MAX_PENDING
-#define MAX_PENDING 9
-#endif
-
 // The light of all lights that the surface sends back along the ray, and what it gives off itself.
 float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* material, float3 view_direction,
                    uint* counts) {
-    float3 colour = (float3)(1.0f);
-    if (material->texture != NO_TEXTURE) colour = texture_colour(scene, surface, material);
-    LocalLight light = begin_local_light(material, colour);
+    LocalLight light = light_without_lamps(scene, surface, material);
     SurfacePoint start = surface->point;
     lift_point(&start, surface->lift);
     for (uint i = 0; i < scene->params->light_count; i++) {
@@ -53,7 +47,7 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
     return radiance;
 }
 
-// Pixels are numbered tile by tile: item i is pixel i % 64 of tile i / 64. `film`: linear RGB, row by row, top row first.
+// Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first.
 // Work records: two a pixel, of its camera rays and of all others.
 __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
                      __global float4* restrict film, volatile __global uint* restrict counters,
@@ -61,11 +55,8 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint item = ITEM_OF(number);
-    const uint tile = item / (TILE_SIDE * TILE_SIDE);
-    const uint in_tile = item % (TILE_SIDE * TILE_SIDE);
-    const uint tiles_per_row = (render->width + TILE_SIDE - 1u) / TILE_SIDE;
-    const uint x = tile % tiles_per_row * TILE_SIDE + in_tile % TILE_SIDE;
-    const uint y = tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE;
+    const uint2 pixel = pixel_of_item(render, item);
+    const uint x = pixel.x, y = pixel.y;
     if (x >= render->width || y >= render->height) return;
 
     UNDECIDED

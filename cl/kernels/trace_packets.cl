@@ -1,13 +1,5 @@
 // Batch queries in packets: one work-item traces sixteen rays of the caller's, one behind the other in the batch.
 
-// Numbers from its reciprocal up to this, and 0, need no second factor, and nothing that is made of them overflows.
-#define MODERATE 0x1p40f
-
-int16 is_moderate(float16 x) {
-    const float16 size = fabs(x);
-    return (size >= 1.0f / MODERATE && size <= MODERATE) || x == 0.0f;
-}
-
 // The numbers of sixteen rays, one component after the other: origin, t_min, direction, t_max.
 void load_components(__global const TraceRay* rays, float16* c) {
     __global const float* words = (__global const float*)rays;
@@ -47,22 +39,22 @@ int16 load_packet(__global const TraceRay* rays, float scale, RayPacket* p, floa
     const int16 used = is_moderate(c[0]) && is_moderate(c[1]) && is_moderate(c[2]) && is_moderate(c[4]) && is_moderate(c[5]) &&
                        is_moderate(c[6]) && size > 0.0f && is_moderate(t_min) && (is_moderate(t_max) || t_max == INFINITY) &&
                        t_min <= t_max && is_moderate((float16)(scale));
-    const ulong lanes = lanes_where16(used);
-    if (lanes == 0ul) return used;
-    const uint first = first_lane16(lanes);
+    if (!is_any16(used)) return used;
     // power_of_two_scale() of the largest component
     const float16 unit = used ? as_float16((254u - (as_uint16(size) >> 23)) << 23) : (float16)(1.0f);
 #pragma unroll
     for (uint i = 0; i < 3u; i++) {
-        const float16 direction = c[4u + i] * unit;
-        p->origin[i] = used ? c[i] : (float16)(lane_of16(&c[i], first));
-        p->direction[i] = used ? direction : (float16)(lane_of16(&direction, first));
+        p->origin[i] = c[i];
+        p->origin_low[i] = (float16)(0.0f);
+        p->direction[i] = c[4u + i] * unit;
     }
+    p->has_low = false;
     *t_factor = unit / scale;
     const float16 to_own = scale / unit;
-    p->t_near = used ? t_min * to_own : (float16)(INFINITY);
-    p->t_far = used ? min_or16(t_max * to_own, (float16)(FLT_MAX)) : (float16)(-INFINITY);
+    p->t_near = t_min * to_own;
+    p->t_far = min_or16(t_max * to_own, (float16)(FLT_MAX));
     p->skip = (uint16)(NO_PRIMITIVE);
+    leave_out_others(p, used);
     return used;
 }
 
@@ -104,7 +96,7 @@ void trace_sixteen(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global 
         const uint index = first + first_lane16(alone);
         if (index >= end) continue;
         trace_batch(GEOMETRY, rays, hits, index, any_hit);
-        TAKE_DOUBT(geometry, index);
+        if (TAKE_IN_DOUBT(geometry)) ADD_DOUBT(index);
     }
 }
 

@@ -21,6 +21,7 @@ ulong lanes_where16(int16 comparison) {
     const ulong2 words = as_ulong2(convert_char16(comparison));
     return (words.x & ALL_LANES8) | (words.y & ALL_LANES8 << 4);
 }
+ulong lane_bit16(uint lane) { return 1ul << (8u * (lane % 8u) + 4u * (lane / 8u)); }
 // The lowest bit's lane, and how many there are. The others: other_lanes8().
 uint first_lane16(ulong lanes) {
     const uint bit = 63u - (uint)clz(lanes & (0ul - lanes));

@@ -45,13 +45,13 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
 
 // Tests the eight triangles of a leaf against one ray. *t_limit and *hit_low: limits of the t of its hit, *found the hit's reference. False where float32
 // does not decide.
-bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 direction, float t_near, float t_far, uint skip, uint link, float* t_limit,
+bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 origin_low, float3 direction, float t_near, float t_far, uint skip, uint link, float* t_limit,
                 float* hit_low, uint* found) {
     const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
     if (count == 0u) return true;
     LeafTriangles l;
     (void)load_triangles(GEOMETRY, ray, 0, first / 8u, &l);
-    const Decision8 d = decide8(l.a[0] - ray->origin_least[0], l.a[1] - ray->origin_least[1], l.a[2] - ray->origin_least[2],
+    const Decision8 d = decide8((l.a[0] - ray->origin_least[0]) - origin_low.x, (l.a[1] - ray->origin_least[1]) - origin_low.y, (l.a[2] - ray->origin_least[2]) - origin_low.z,
                                 (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1], l.e1[2],
                                 l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
     ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
@@ -77,7 +77,9 @@ void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, 
     const Slabs slabs = {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)};
     const uint3 near = near_planes(slabs.inv);
     const float3 origin = three_of_lane(p->origin, lane), direction = three_of_lane(p->direction, lane);
+    const float3 origin_low = three_of_lane(p->origin_low, lane);
     const RayRange ray = {{origin.x, origin.y, origin.z}, {origin.x, origin.y, origin.z},
+                          {fabs(origin_low.x), fabs(origin_low.y), fabs(origin_low.z)},
                           {fabs(direction.x), fabs(direction.y), fabs(direction.z)}};
     const float t_near = lane_of16(&p->t_near, lane), t_far = lane_of16(&p->t_far, lane);
     const uint skip = ((const uint*)&p->skip)[lane];
@@ -94,7 +96,7 @@ void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, 
             link = next_after_node(GEOMETRY, &slabs, near, link, t_near, t_limit, stack, &stacked);
             continue;
         }
-        is_decided = test_alone(GEOMETRY, &ray, direction, t_near, t_far, skip, link, &t_limit, &hit_low, &found);
+        is_decided = test_alone(GEOMETRY, &ray, origin_low, direction, t_near, t_far, skip, link, &t_limit, &hit_low, &found);
         if (!is_decided || (any_hit && found != NO_PRIMITIVE)) break;
         link = next_on_stack(stack, &stacked, t_limit);
     }

@@ -31,9 +31,9 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
     l->n[2] = fma(l->e1[0], l->e2[1], -(l->e1[1] * l->e2[0]));
 
     // The magnitudes of decide.cl, each no less than that of any of the rays.
-    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]);
-    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]);
-    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]);
+    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
+    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
+    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
     const float8 e1x = fabs(l->e1[0]), e1y = fabs(l->e1[1]), e1z = fabs(l->e1[2]);
     const float8 e2x = fabs(l->e2[0]), e2y = fabs(l->e2[1]), e2z = fabs(l->e2[2]);
     const float8 dx = (float8)(range->steepest[0]), dy = (float8)(range->steepest[1]), dz = (float8)(range->steepest[2]);
@@ -60,7 +60,7 @@ void test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
                       float16* t_limit, PacketHits* hits, int16* doubtful) {
 #define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
     const Decision16 d =
-        decide16(OF_TRIANGLE(a[0]) - p->origin[0], OF_TRIANGLE(a[1]) - p->origin[1], OF_TRIANGLE(a[2]) - p->origin[2],
+        decide16(from_origins(p, 0u, OF_TRIANGLE(a[0])), from_origins(p, 1u, OF_TRIANGLE(a[1])), from_origins(p, 2u, OF_TRIANGLE(a[2])),
                  p->direction[0], p->direction[1], p->direction[2], OF_TRIANGLE(e1[0]), OF_TRIANGLE(e1[1]), OF_TRIANGLE(e1[2]),
                  OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]), OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]),
                  OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound), OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));

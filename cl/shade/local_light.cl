@@ -26,6 +26,13 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
     return light;
 }
 
+// The same of a surface, textured.
+LocalLight light_without_lamps(const Scene* scene, const Surface* surface, const Material* material) {
+    float3 colour = (float3)(1.0f);
+    if (material->texture != NO_TEXTURE) colour = texture_colour(scene, surface, material);
+    return begin_local_light(material, colour);
+}
+
 // What lamp number `index` adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the
 // lamp is at sample->to_light * t_far as seen from where the shadow ray starts.
 bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,

@@ -47,6 +47,11 @@ Refraction refract_direction(const Surface* surface, float3 direction, float eta
     return refraction;
 }
 
+// So many rays of a pixel may wait.
+#ifndef MAX_PENDING
+#define MAX_PENDING 9
+#endif
+
 // A ray that waits to be traced, with what it will add to the pixel per unit of radiance.
 typedef struct {
     Ray ray;

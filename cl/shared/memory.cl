@@ -162,20 +162,23 @@ int4 load_node(const Geometry* geometry, uint index) {
 //   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
 //   DECIDE_WHOLE       what `call`, in whole numbers, decides; or false, and the item is in doubt
 //   NOTE_DOUBT         puts an item on the list if it is in doubt
-//   TAKE_DOUBT         the same for a work-item with several items, which forgets it for the next one
+//   TAKE_IN_DOUBT      whether an item is in doubt, and forgets it: for work-items with several items, which put them on the list by
+//   ADD_DOUBT
 //   ITEM_OF            the item of work-item number i: in the second pass that on the list
 #define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
 #ifdef DEFER_DOUBTS
 #define UNDECIDED Undecided undecided = {0u, 0u, {0u}};
 #define DECIDE_WHOLE(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
 #define IN_DOUBT (undecided.in_doubt != 0u)
-#define TAKE_DOUBT(geometry, item)                \
-    if ((geometry)->undecided->in_doubt != 0u) {  \
-        (geometry)->undecided->in_doubt = 0u;     \
-        doubts[1u + atomic_inc(&doubts[0])] = item; \
-    }
+#define ADD_DOUBT(item) doubts[1u + atomic_inc(&doubts[0])] = item
+#define TAKE_IN_DOUBT(geometry) take_in_doubt(geometry)
 #define NOTE_DOUBT(item)    \
-    if (IN_DOUBT) doubts[1u + atomic_inc(&doubts[0])] = item
+    if (IN_DOUBT) ADD_DOUBT(item)
+bool take_in_doubt(const Geometry* geometry) {
+    const bool in_doubt = geometry->undecided->in_doubt != 0u;
+    geometry->undecided->in_doubt = 0u;
+    return in_doubt;
+}
 bool postpone(const Geometry* geometry, uint primitive) {
     Undecided* undecided = geometry->undecided;
     for (uint i = 0; i < undecided->count; i++)
@@ -190,7 +193,8 @@ bool postpone(const Geometry* geometry, uint primitive) {
 #define UNDECIDED
 #define DECIDE_WHOLE(geometry, call) call
 #define IN_DOUBT false
-#define TAKE_DOUBT(geometry, item)
+#define ADD_DOUBT(item)
+#define TAKE_IN_DOUBT(geometry) false
 #define NOTE_DOUBT(item)
 bool postpone(const Geometry* geometry, uint primitive) { return false; }
 #endif

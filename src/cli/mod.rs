@@ -95,7 +95,7 @@ struct MethodArgs {
     /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
     #[arg(long, value_name = "K")]
     stack_size: Option<u32>,
-    #[arg(long, help = format!("Rays of a batch that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, else 1]", PacketSize::names()), value_name = "N")]
+    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, else 1]", PacketSize::names()), value_name = "N")]
     packet_size: Option<PacketSize>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,

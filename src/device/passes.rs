@@ -9,7 +9,8 @@ use std::cell::Cell;
 
 const TRACE_FILE: &str = "cl/kernels/trace.cl";
 /// The same for packets of rays.
-const PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
+const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
+const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
 /// The kernels that [`super::split`] starts.
 pub(super) const SPLIT_FILE: &str = "cl/kernels/split.cl";
@@ -23,16 +24,18 @@ pub(super) enum Entry {
     TraceNext,
     TraceClosestPackets,
     TraceAnyPackets,
+    RenderPackets,
 }
 
 impl Entry {
-    const ALL: [Entry; 6] = [
+    const ALL: [Entry; 7] = [
         Entry::Render,
         Entry::TraceClosest,
         Entry::TraceAny,
         Entry::TraceNext,
         Entry::TraceClosestPackets,
         Entry::TraceAnyPackets,
+        Entry::RenderPackets,
     ];
 
     /// What traces a batch.
@@ -45,18 +48,27 @@ impl Entry {
         }
     }
 
+    /// What renders a picture, if one kernel does.
+    pub fn of_picture(packet_size: PacketSize) -> Entry {
+        match packet_size {
+            PacketSize::One => Entry::Render,
+            PacketSize::Sixteen => Entry::RenderPackets,
+        }
+    }
+
     /// What traces again what this one leaves in doubt: one item each.
     fn second(self) -> Entry {
         match self {
             Entry::TraceClosestPackets => Entry::TraceClosest,
             Entry::TraceAnyPackets => Entry::TraceAny,
+            Entry::RenderPackets => Entry::Render,
             other => other,
         }
     }
 
     /// How many items a work-item has.
     fn items_of_one(self) -> usize {
-        if self.file() == PACKETS_FILE { PacketSize::Sixteen.rays() } else { 1 }
+        if self == self.second() { 1 } else { PacketSize::Sixteen.rays() }
     }
 
     fn name(self) -> &'static str {
@@ -67,6 +79,7 @@ impl Entry {
             Entry::TraceNext => "trace_next",
             Entry::TraceClosestPackets => "trace_closest_packets",
             Entry::TraceAnyPackets => "trace_any_packets",
+            Entry::RenderPackets => "render_packets",
         }
     }
 
@@ -74,7 +87,8 @@ impl Entry {
     fn file(self) -> &'static str {
         match self {
             Entry::Render => RENDER_FILE,
-            Entry::TraceClosestPackets | Entry::TraceAnyPackets => PACKETS_FILE,
+            Entry::RenderPackets => RENDER_PACKETS_FILE,
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets => TRACE_PACKETS_FILE,
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,
         }
     }
@@ -131,12 +145,17 @@ impl Doubts {
 
 /// The files with the kernels of both passes: of batches, and those that render. A program has the kernels of one.
 pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
-    let render = match options.kernels {
-        Kernels::Mega => RENDER_FILE,
-        Kernels::Split => SPLIT_FILE,
-    };
-    let packets = (options.packet_size == PacketSize::Sixteen).then_some(PACKETS_FILE);
-    [TRACE_FILE].into_iter().chain(packets).chain([render]).collect()
+    let packets = options.packet_size == PacketSize::Sixteen;
+    let mut files = vec![TRACE_FILE];
+    files.extend(packets.then_some(TRACE_PACKETS_FILE));
+    match options.kernels {
+        Kernels::Mega => {
+            files.push(RENDER_FILE);
+            files.extend(packets.then_some(RENDER_PACKETS_FILE));
+        }
+        Kernels::Split => files.push(SPLIT_FILE),
+    }
+    files
 }
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -152,9 +171,7 @@ pub(super) fn pass_options(options: &CompileOptions, defers: bool, pass: Pass, f
         return options;
     }
     match pass {
-        Pass::First if file == TRACE_FILE || file == PACKETS_FILE => {
-            options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1)
-        }
+        Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
         Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
         Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
     }
@@ -207,7 +224,11 @@ impl Passes {
     ) -> Result<f64> {
         let kernel = self.kernel(context, Pass::First, entry)?;
         set(kernel)?;
-        let shape = |total, entry: Entry| Shape { total, work_group, items_of_one: entry.items_of_one() };
+        // A work-group has as many items whatever a work-item has of them: what these keep shall stay in cache.
+        let shape = |total, entry: Entry| {
+            let items_of_one = entry.items_of_one();
+            Shape { total, work_group: work_group.div_ceil(items_of_one), items_of_one }
+        };
         let mut seconds = launch(kernel, plan, shape(total, entry), &mut progress)?;
         if !self.defers {
             return Ok(seconds);

@@ -71,8 +71,13 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
 ];
 
 /// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation of the others.
-const ENTRY_FILES: &[(&str, &str)] =
-    kernel_files!["cl/kernels/trace.cl", "cl/kernels/trace_packets.cl", "cl/kernels/render.cl", "cl/kernels/split.cl"];
+const ENTRY_FILES: &[(&str, &str)] = kernel_files![
+    "cl/kernels/trace.cl",
+    "cl/kernels/trace_packets.cl",
+    "cl/kernels/render.cl",
+    "cl/kernels/render_packets.cl",
+    "cl/kernels/split.cl"
+];
 
 /// Before all others: what keeps compilers from changing the arithmetic.
 const FIRST_FILE: &[(&str, &str)] = kernel_files!["cl/shared/compiler.cl"];

@@ -192,7 +192,9 @@ impl Tracer for OpenClTracer {
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.kernels) {
             (Task::Batch, _) => self.passes.prepare(&self.context, Entry::of_batch(false, self.options.packet_size)),
-            (Task::Picture, Kernels::Mega) => self.passes.prepare(&self.context, Entry::Render),
+            (Task::Picture, Kernels::Mega) => {
+                self.passes.prepare(&self.context, Entry::of_picture(self.options.packet_size))
+            }
             (Task::Picture, Kernels::Split) => {
                 if self.split.is_none() {
                     let split = SplitPipeline::new(&self.context, &mut self.passes, &self.buffers, &self.options)?;
@@ -289,6 +291,7 @@ impl OpenClTracer {
         let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
         let items = tiles * (TILE_SIDE * TILE_SIDE) as usize;
         let doubts = Doubts::new(&self.context, self.passes.defers, items)?;
+        let entry = Entry::of_picture(self.options.packet_size);
         let OpenClTracer { context, scene, passes, .. } = self;
         let set =
             |kernel: &mut Kernel| picture.arguments(scene, kernel)?.set_work(work)?.set(&doubts.items).map(|_| ());
@@ -298,7 +301,7 @@ impl OpenClTracer {
         // A work-item traces all samples of its pixel.
         let mut plan = LaunchPlan::starting_with(self.first_items / (params.sample_count as usize).max(1));
         rendered.kernel_s =
-            passes.run(context, Entry::Render, &set, &mut plan, (items, self.work_group), &doubts, |launched| {
+            passes.run(context, entry, &set, &mut plan, (items, self.work_group), &doubts, |launched| {
                 done += launched;
                 progress((done as f64 / items as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.

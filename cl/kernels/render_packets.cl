@@ -1,0 +1,189 @@
+// The mega-kernel in packets: one work-item renders sixteen pixels, two rows of eight, in step. The rays of all of them that are next are traced
+// together, and so are their shadow rays to one lamp. Each pixel's own order is that of render.cl, so that its colour is the same to
+// the bit.
+
+// A pixel on its way.
+typedef struct {
+    float3 radiance; // of this sample
+    float3 sum;      // of the samples before
+    PendingRay stack[MAX_PENDING];
+    uint stacked;
+    uint counts[COUNTERS];
+    // Of the hit that is being shaded.
+    PendingRay pending;
+    float3 direction; // unit
+    Surface surface;
+    Material material;
+    LocalLight light;
+    SurfacePoint start; // of shadow rays
+    float3 reflected;   // of one lamp
+    LightSample sample;
+} Path;
+
+// What became of rays: the lanes that have hit, and what.
+typedef struct {
+    ulong hits;
+    uint primitive[16];
+} PacketAnswer;
+
+// So few rays are traced one after the other.
+#define FEWEST_TOGETHER 3u
+
+// The closest hits of the `rays` of `lanes`, or with any_hit whether there are any. What is left to the second pass is added to *in_doubt.
+void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool any_hit, PacketAnswer* answer, ulong* in_doubt) {
+    answer->hits = 0ul;
+    ulong alone = lanes;
+    if (count_lanes16(lanes) >= FEWEST_TOGETHER) {
+        RayPacket packet;
+        int16 used = pack_rays(rays, lanes, geometry->low, geometry->high, &packet);
+        if (is_any16(used)) {
+            PacketHits found;
+            int16 doubtful;
+            traverse_bvh8_packet(GEOMETRY, &packet, any_hit, &found, &doubtful);
+            used = used && !doubtful;
+            alone &= ~lanes_where16(used);
+            answer->hits = lanes_where16(used && found.reference != NO_PRIMITIVE);
+            for (ulong hits = answer->hits; hits != 0ul; hits = other_lanes8(hits)) {
+                const uint lane = first_lane16(hits);
+                answer->primitive[lane] = LOAD_REFERENCE(geometry, ((const uint*)&found.reference)[lane]);
+            }
+        }
+    }
+    for (; alone != 0ul; alone = other_lanes8(alone)) {
+        const uint lane = first_lane16(alone);
+        Hit hit;
+        if (trace_ray(GEOMETRY, &rays[lane], any_hit, &hit)) answer->hits |= lane_bit16(lane);
+        answer->primitive[lane] = hit.primitive;
+        if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+    }
+}
+
+// Adds lamp number `index` to the light of the surfaces of `lanes`.
+void add_lamp(SCENE_PARAMETERS, Path* paths, ulong lanes, uint index, ulong* in_doubt) {
+    const Geometry* geometry = &scene->geometry;
+    Ray rays[16];
+    ulong lit = 0ul;
+    for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
+        const uint lane = first_lane16(lanes);
+        Path* path = &paths[lane];
+        if (!light_term(scene, &path->surface, &path->material, path->light.diffuse, path->direction, index, &path->sample,
+                        &path->reflected))
+            continue;
+        if (scene->params->has_transparent != 0u) {
+            // Layer after layer, each ray another number of them.
+            path->light.radiance += path->reflected * light_visibility(SCENE, &path->start, &path->sample, path->counts);
+            if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+        } else {
+            rays[lane] = leave_surface(&path->start, path->sample.to_light, path->sample.t_far);
+            lit |= lane_bit16(lane);
+        }
+    }
+    if (lit == 0ul) return;
+    PacketAnswer blocked;
+    trace_lanes(GEOMETRY, rays, lit, true, &blocked, in_doubt);
+    for (; lit != 0ul; lit = other_lanes8(lit)) {
+        const uint lane = first_lane16(lit);
+        Path* path = &paths[lane];
+        const bool is_blocked = (blocked.hits & lane_bit16(lane)) != 0ul;
+        path->counts[COUNT_SHADOW_CAST]++;
+        path->counts[COUNT_SHADOW_HIT] += is_blocked ? 1u : 0u;
+        path->light.radiance += path->reflected * (float3)(is_blocked ? 0.0f : 1.0f);
+    }
+}
+
+// Traces the next ray of each path of `lanes`, and shades what is hit.
+void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* paths, ulong lanes, ulong* in_doubt) {
+    const Geometry* geometry = &scene->geometry;
+    Ray rays[16];
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        Path* path = &paths[lane];
+        path->pending = path->stack[--path->stacked];
+        path->direction = normalize3(path->pending.ray.direction, (float3)(0.0f));
+        path->counts[path->pending.kind]++;
+        rays[lane] = path->pending.ray;
+    }
+    PacketAnswer answer;
+    trace_lanes(GEOMETRY, rays, lanes, false, &answer, in_doubt);
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        Path* path = &paths[lane];
+        if ((answer.hits & lane_bit16(lane)) == 0ul) {
+            path->radiance += path->pending.weight * limit_radiance(background(scene, path->direction));
+            continue;
+        }
+        path->counts[path->pending.kind + 1u]++; // …_HIT follows …_CAST
+        Hit hit = no_hit();
+        hit.primitive = answer.primitive[lane];
+        SurfaceHit at;
+        SURFACE_HIT(GEOMETRY, &path->pending.ray, &hit, &at);
+        if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+        path->surface = surface_at(GEOMETRY, scene->shading, &path->pending.ray, &at);
+        path->material = scene->materials[path->surface.material];
+        path->light = light_without_lamps(scene, &path->surface, &path->material);
+        path->start = path->surface.point;
+        lift_point(&path->start, path->surface.lift);
+    }
+    for (uint i = 0; i < scene->params->light_count; i++) add_lamp(SCENE, paths, answer.hits, i, in_doubt);
+    for (ulong rest = answer.hits; rest != 0ul; rest = other_lanes8(rest)) {
+        Path* path = &paths[first_lane16(rest)];
+        path->radiance += path->pending.weight * limit_radiance(path->light.radiance);
+        if (path->pending.depth < render->max_depth)
+            path->stacked = push_secondary_rays(&path->surface, &path->material, &path->pending, path->direction,
+                                                render->kill_weight, path->stack, path->stacked);
+    }
+}
+
+// As `render`, for the sixteen items from `first` + 16 times the work-item's number on.
+__kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
+                             __global float4* restrict film, volatile __global uint* restrict counters,
+                             DOUBTS_ARGUMENT const uint first, const uint end) {
+    const uint item = first + 16u * (uint)get_global_id(0);
+    if (item >= end) return;
+    UNDECIDED
+    const Scene scene = MAKE_SCENE;
+    Path paths[16];
+    ulong inside = 0ul, in_doubt = 0ul;
+    for (uint lane = 0; lane < 16u; lane++) {
+        const uint2 pixel = pixel_of_item(render, item + lane);
+        if (item + lane >= end || pixel.x >= render->width || pixel.y >= render->height) continue;
+        inside |= lane_bit16(lane);
+        paths[lane].sum = (float3)(0.0f);
+        for (uint i = 0; i < COUNTERS; i++) paths[lane].counts[i] = 0u;
+    }
+    for (uint s = 0; s < render->sample_count; s++) {
+        for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
+            const uint lane = first_lane16(rest);
+            Path* path = &paths[lane];
+            const uint2 pixel = pixel_of_item(render, item + lane);
+            path->radiance = (float3)(0.0f);
+            path->stack[0].ray = camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y);
+            path->stack[0].weight = (float3)(1.0f);
+            path->stack[0].depth = 1u;
+            path->stack[0].kind = COUNT_CAMERA_CAST;
+            path->stacked = 1u;
+        }
+        for (ulong open = inside; open != 0ul;) {
+            follow_paths(SCENE_AT(&scene), render, paths, open, &in_doubt);
+            for (ulong rest = open; rest != 0ul; rest = other_lanes8(rest)) {
+                const uint lane = first_lane16(rest);
+                if (paths[lane].stacked == 0u) open &= ~lane_bit16(lane);
+            }
+        }
+        for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
+            Path* path = &paths[first_lane16(rest)];
+            path->sum += path->radiance;
+        }
+    }
+    for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        const Path* path = &paths[lane];
+        if ((in_doubt & lane_bit16(lane)) != 0ul) {
+            ADD_DOUBT(item + lane);
+            continue;
+        }
+        const uint2 pixel = pixel_of_item(render, item + lane);
+        film[pixel.y * render->width + pixel.x] = (float4)(path->sum * render->sample_weight, 1.0f);
+        add_counts(path->counts, counters, item + lane);
+    }
+}
