@@ -9,9 +9,11 @@ use raybrook::layout::Float4;
 use raybrook::options::{Accel, Layout, Memory, PacketSize, TraceOptions, TriangleOrder};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
-use raybrook::session::open_tracer;
+use raybrook::scene::{Samples, load};
+use raybrook::session::{Picture, complete, open_tracer, render};
 use raybrook::shared::{Hit, TraceRay};
 use raybrook::tracer::{TraceJob, TraceResult, Tracer, is_hit};
+use std::path::Path;
 use std::sync::Arc;
 
 const PACKETS: TraceOptions =
@@ -183,4 +185,25 @@ fn what_packets_leave_open_is_decided_all_the_same() {
     let [hits, second] = assert_answers(&device, &PACKETS, &triangles, &rays);
     // A ray in a triangle's plane never hits it: every one was open until the end.
     assert!(hits < rays.len() && second > 100, "{hits} hits, {second} of {} rays in the second pass", rays.len());
+}
+
+#[test]
+fn pictures_in_packets_have_the_twins_pixels_and_rays() {
+    let Some(device) = device() else { return };
+    for name in ["cornell.toml", "glass.toml", "spheres.toml", "showcase.toml", "vase.obj"] {
+        let mut scene = load(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).as_path()).unwrap();
+        let size = (61, 45); // no multiple of a tile's side, nor of a packet
+        complete(&mut scene, size.0 as f32 / size.1 as f32);
+        let buffers = Arc::new(SceneBuffers::new(&scene, &PACKETS).unwrap());
+        let picture =
+            Picture { camera: scene.camera.unwrap(), size, samples: Samples::PerPixel(2), depth: 5, kill_weight: None };
+        let [packets, twin] = [Some(&device), None].map(|device| {
+            let mut tracer = open_tracer(device, &buffers, &PACKETS, picture.depth, None).unwrap();
+            render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
+        });
+        assert_eq!(packets.counts, twin.counts, "{name}: rays by kind");
+        for (i, (pixel, expected)) in packets.film.pixels.iter().zip(&twin.film.pixels).enumerate() {
+            assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}: pixel {i}");
+        }
+    }
 }

@@ -17,13 +17,15 @@
 #define SPHERE_SLACK (96.0f * EPSILON)
 
 // Whether the ray meets the sphere within its limits before t_hit, a little more often rather than less. Every comparison is
-// false for NaN, which arises from overflow: the sphere then counts as met. The distance from the centre comes from the vector
+// false for NaN, which arises from overflow: the sphere then counts as met, and so it does where a direction of up to 2^61 makes `along`
+// overflow. The distance from the centre comes from the vector
 // `beside`, not from |to_centre|^2 - along^2, which would cancel for distant spheres (Haines et al., "Precision Improvements
 // for Ray/Sphere Intersection", Ray Tracing Gems 2019).
 bool may_meet_sphere(const Ray* ray, float slack, float4 sphere, float t_hit) {
     const float3 to_centre = from_origin(ray, sphere.xyz);
     const float square = dot3(ray->direction, ray->direction);
     const float along = dot3(ray->direction, to_centre) / square;
+    if (!is_finite(along)) return true;
     const float3 beside = fma3(ray->direction, -along, to_centre);
     const float radius = sphere.w + slack;
     const float beside2 = widen_down(dot3(beside, beside));

@@ -19,6 +19,9 @@ pub fn may_meet_sphere(ray: &Ray, slack: f32, sphere: Float4, t_hit: f32) -> boo
     let to_centre = ray.from_origin(sphere.xyz());
     let square = dot3(ray.direction, ray.direction);
     let along = dot3(ray.direction, to_centre) / square;
+    if !along.is_finite() {
+        return true;
+    }
     let beside = fma3(ray.direction, -along, to_centre);
     let radius = sphere.w + slack;
     let beside2 = widen_down(dot3(beside, beside));
