@@ -151,8 +151,8 @@ methods! {
 }
 
 methods! {
-    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same; of several hits of a ray, where any will
-    /// do, another one may be found. The split kernels trace pictures one ray at a time.
+    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same; of several hits of a ray, where any
+    /// will do, another one may be found. The split kernels trace pictures one ray at a time.
     pub enum PacketSize ("--packet-size") {
         /// Each ray by itself.
         One = "1",

@@ -1,6 +1,6 @@
-// The mega-kernel in packets: one work-item renders sixteen pixels, two rows of eight, in step. The rays of all of them that are next are traced
-// together, and so are their shadow rays to one lamp. Each pixel's own order is that of render.cl, so that its colour is the same to
-// the bit.
+// The mega-kernel in packets: one work-item renders sixteen pixels, two rows of eight, in step. The rays of all of them that are next
+// are traced together, and so are their shadow rays to one lamp. Each pixel's own order is that of render.cl, so that its colour is
+// the same to the bit.
 
 // A pixel on its way.
 typedef struct {
@@ -18,6 +18,7 @@ typedef struct {
     SurfacePoint start; // of shadow rays
     float3 reflected;   // of one lamp
     LightSample sample;
+    float3 tint; // what remains of its light
 } Path;
 
 // What became of rays: the lanes that have hit, and what.
@@ -26,20 +27,34 @@ typedef struct {
     uint primitive[16];
 } PacketAnswer;
 
-// So few rays are traced one after the other.
-#define FEWEST_TOGETHER 3u
+// So few rays are traced one after the other, and so are those that go different ways: what they gain by a packet is less than what
+// it takes to make one of single rays, and to take it apart again.
+#define FEWEST_TOGETHER 6u
 
-// The closest hits of the `rays` of `lanes`, or with any_hit whether there are any. What is left to the second pass is added to *in_doubt.
+// Whether rays go much the same way, so that they may have a frustum.
+bool go_together(const Ray* rays, ulong lanes) {
+    if (count_lanes16(lanes) < FEWEST_TOGETHER) return false;
+    const float3 first = rays[first_lane16(lanes)].direction;
+    const uint axis = major_axis(first);
+    const float way = rotate_to_z(first, axis).z > 0.0f ? 1.0f : -1.0f;
+    for (; lanes != 0ul; lanes = other_lanes8(lanes))
+        if (rotate_to_z(rays[first_lane16(lanes)].direction, axis).z * way < 0.5f) return false;
+    return true;
+}
+
+// The closest hits of the `rays` of `lanes`, or with any_hit whether there are any. What is left to the second pass is added to
+// *in_doubt.
 void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool any_hit, PacketAnswer* answer, ulong* in_doubt) {
     answer->hits = 0ul;
     ulong alone = lanes;
-    if (count_lanes16(lanes) >= FEWEST_TOGETHER) {
+    if (go_together(rays, lanes)) {
         RayPacket packet;
         int16 used = pack_rays(rays, lanes, geometry->low, geometry->high, &packet);
-        if (is_any16(used)) {
+        Frustum frustum;
+        if (is_any16(used) && make_frustum(&packet, geometry->low, geometry->high, &frustum)) {
             PacketHits found;
             int16 doubtful;
-            traverse_bvh8_packet(GEOMETRY, &packet, any_hit, &found, &doubtful);
+            traverse_bvh8_packet(GEOMETRY, &packet, &frustum, any_hit, &found, &doubtful);
             used = used && !doubtful;
             alone &= ~lanes_where16(used);
             answer->hits = lanes_where16(used && found.reference != NO_PRIMITIVE);
@@ -58,9 +73,47 @@ void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool a
     }
 }
 
+// What light_visibility() is for each of the shadow `rays` of `lanes`, in path->tint.
+void see_lamp(SCENE_PARAMETERS, Path* paths, Ray* rays, ulong lanes, ulong* in_doubt) {
+    const Geometry* geometry = &scene->geometry;
+    const bool is_tinted = scene->params->has_transparent != 0u;
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        Path* path = &paths[first_lane16(rest)];
+        path->counts[COUNT_SHADOW_CAST]++;
+        path->tint = (float3)(1.0f);
+    }
+    ulong open = lanes;
+    for (uint layer = 0; layer < MAX_SHADOW_LAYERS && open != 0ul; layer++) {
+        PacketAnswer answer;
+        trace_lanes(GEOMETRY, rays, open, !is_tinted, &answer, in_doubt);
+        open = answer.hits;
+        if (!is_tinted) break;
+        ulong passed = 0ul;
+        for (ulong rest = open; rest != 0ul; rest = other_lanes8(rest)) {
+            const uint lane = first_lane16(rest);
+            Path* path = &paths[lane];
+            Hit hit = no_hit();
+            hit.primitive = answer.primitive[lane];
+            if (pass_surface(SCENE, &path->start, &path->sample, &hit, &rays[lane], &path->tint)) {
+                passed |= lane_bit16(lane);
+            } else {
+                path->counts[COUNT_SHADOW_HIT]++;
+                path->tint = (float3)(0.0f);
+            }
+            if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+        }
+        open = passed;
+    }
+    // What is hit, or still on its way, is dark.
+    for (; open != 0ul; open = other_lanes8(open)) {
+        Path* path = &paths[first_lane16(open)];
+        path->counts[COUNT_SHADOW_HIT]++;
+        path->tint = (float3)(0.0f);
+    }
+}
+
 // Adds lamp number `index` to the light of the surfaces of `lanes`.
 void add_lamp(SCENE_PARAMETERS, Path* paths, ulong lanes, uint index, ulong* in_doubt) {
-    const Geometry* geometry = &scene->geometry;
     Ray rays[16];
     ulong lit = 0ul;
     for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
@@ -69,25 +122,14 @@ void add_lamp(SCENE_PARAMETERS, Path* paths, ulong lanes, uint index, ulong* in_
         if (!light_term(scene, &path->surface, &path->material, path->light.diffuse, path->direction, index, &path->sample,
                         &path->reflected))
             continue;
-        if (scene->params->has_transparent != 0u) {
-            // Layer after layer, each ray another number of them.
-            path->light.radiance += path->reflected * light_visibility(SCENE, &path->start, &path->sample, path->counts);
-            if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
-        } else {
-            rays[lane] = leave_surface(&path->start, path->sample.to_light, path->sample.t_far);
-            lit |= lane_bit16(lane);
-        }
+        rays[lane] = leave_surface(&path->start, path->sample.to_light, path->sample.t_far);
+        lit |= lane_bit16(lane);
     }
     if (lit == 0ul) return;
-    PacketAnswer blocked;
-    trace_lanes(GEOMETRY, rays, lit, true, &blocked, in_doubt);
+    see_lamp(SCENE, paths, rays, lit, in_doubt);
     for (; lit != 0ul; lit = other_lanes8(lit)) {
-        const uint lane = first_lane16(lit);
-        Path* path = &paths[lane];
-        const bool is_blocked = (blocked.hits & lane_bit16(lane)) != 0ul;
-        path->counts[COUNT_SHADOW_CAST]++;
-        path->counts[COUNT_SHADOW_HIT] += is_blocked ? 1u : 0u;
-        path->light.radiance += path->reflected * (float3)(is_blocked ? 0.0f : 1.0f);
+        Path* path = &paths[first_lane16(lit)];
+        path->light.radiance += path->reflected * path->tint;
     }
 }
 

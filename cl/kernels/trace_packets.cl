@@ -29,8 +29,8 @@ void load_components(__global const TraceRay* rays, float16* c) {
     }
 }
 
-// A packet of rays of a batch, as far as complete_packet() wants it. Returns the lanes that have a ray: not those of extreme numbers, or that
-// are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the caller's units.
+// A packet of rays of a batch, as far as complete_packet() wants it. Returns the lanes that have a ray: not those of extreme numbers,
+// or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the caller's units.
 int16 load_packet(__global const TraceRay* rays, float scale, RayPacket* p, float16* t_factor) {
     float16 c[8];
     load_components(rays, c);
@@ -77,7 +77,9 @@ int16 trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __globa
     complete_packet(&packet, geometry->low, geometry->high);
     PacketHits found;
     int16 doubtful;
-    traverse_bvh8_packet(GEOMETRY, &packet, any_hit, &found, &doubtful);
+    Frustum frustum;
+    const bool has_frustum = make_frustum(&packet, geometry->low, geometry->high, &frustum);
+    traverse_bvh8_packet(GEOMETRY, &packet, has_frustum ? &frustum : 0, any_hit, &found, &doubtful);
     FinishedHits hit;
     finish_packet(GEOMETRY, &packet, &found, &hit, &doubtful);
     // batch_hit() takes care of a t that may have lost bits.

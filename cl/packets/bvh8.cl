@@ -1,7 +1,7 @@
-// Packets of sixteen rays through the hierarchy of cl/traverse/bvh8.cl: of a node's eight boxes those that the packet's frustum meets, if
-// there is one, are tested against sixteen rays each. Rays that are few in a node go on by themselves, eight boxes or triangles at a time: Benthin, Wald,
-// Woop, Ernst and Mark, "Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions on the Intel MIC Architecture", IEEE TVCG
-// 18(9), 2012.
+// Packets of sixteen rays through the hierarchy of cl/traverse/bvh8.cl: of a node's eight boxes those that the packet's frustum
+// meets, if there is one, are tested against sixteen rays each. Rays that are few in a node go on by themselves, eight boxes or
+// triangles at a time: Benthin, Wald, Woop, Ernst and Mark, "Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions
+// on the Intel MIC Architecture", IEEE TVCG 18(9), 2012.
 //
 // On the bunny 5.7 nodes a packet of camera rays, with 14 rays each; of diffuse rays 8, with 12.
 
@@ -43,15 +43,19 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
     return enter <= leave ? enter : (float16)(INFINITY);
 }
 
-// Tests the eight triangles of a leaf against one ray. *t_limit and *hit_low: limits of the t of its hit, *found the hit's reference. False where float32
-// does not decide.
-bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 origin_low, float3 direction, float t_near, float t_far, uint skip, uint link, float* t_limit,
-                float* hit_low, uint* found) {
+// Tests the eight triangles of a leaf against one ray. *t_limit and *hit_low: limits of the t of its hit, *found the hit's reference.
+// False where float32 does not decide.
+bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 origin_low, float3 direction, float t_near, float t_far, uint skip,
+                uint link, float* t_limit, float* hit_low, uint* found) {
     const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
     if (count == 0u) return true;
     LeafTriangles l;
     (void)load_triangles(GEOMETRY, ray, 0, first / 8u, &l);
-    const Decision8 d = decide8((l.a[0] - ray->origin_least[0]) - origin_low.x, (l.a[1] - ray->origin_least[1]) - origin_low.y, (l.a[2] - ray->origin_least[2]) - origin_low.z,
+    // As from_origin(); the range is of one ray.
+    const float8 ax = (l.a[0] - ray->origin_least[0]) - origin_low.x;
+    const float8 ay = (l.a[1] - ray->origin_least[1]) - origin_low.y;
+    const float8 az = (l.a[2] - ray->origin_least[2]) - origin_low.z;
+    const Decision8 d = decide8(ax, ay, az,
                                 (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1], l.e1[2],
                                 l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
     ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
@@ -141,16 +145,15 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum* 
     return count;
 }
 
-// The hits of sixteen rays, or, with any_hit, some hit of each. Lanes that float32 does not decide are in *doubtful, and what is said of their
-// hits means nothing.
-void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const bool any_hit, PacketHits* hits, int16* doubtful) {
+// The hits of sixteen rays, or, with any_hit, some hit of each. Lanes that float32 does not decide are in *doubtful, and what is said
+// of their hits means nothing.
+void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum* frustum, const bool any_hit, PacketHits* hits,
+                          int16* doubtful) {
     hits->t_high = p->t_far;
     hits->t_low = (float16)(INFINITY);
     hits->reference = (uint16)(NO_PRIMITIVE);
     *doubtful = (int16)(0);
     float16 t_limit = p->t_far;
-    Frustum space;
-    const Frustum* frustum = make_frustum(p, geometry->low, geometry->high, &space) ? &space : 0;
 
     PacketChild stack[STACK_SIZE];
     stack[0].t_enter = p->t_near;

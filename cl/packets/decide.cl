@@ -37,8 +37,8 @@ LANES(Decision) LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL 
     result.possible = least >= -weight_bound || greatest <= weight_bound;
     if (!LANES(is_any)(result.possible)) return result;
 
-    // With D beyond four of its bounds, dividing by it instead of by what it may be makes no more than 4/3 of an error; 1.4 and 8 leave room
-    // for roundings. The reciprocal and the product are off by 6 EPSILON.
+    // With D beyond four of its bounds, dividing by it instead of by what it may be makes no more than 4/3 of an error; 1.4 and 8
+    // leave room for roundings. The reciprocal and the product are off by 6 EPSILON.
     result.has_t = fabs(det) > 4.0f * det_bound;
     result.sure = result.has_t && (least > weight_bound || greatest < -weight_bound);
     const REAL inv_det = 1.0f / det;

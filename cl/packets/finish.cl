@@ -1,5 +1,5 @@
-// t, u and v of the hits of a packet: finish_hit() of exact.cl, in the same precision with the same bounds, for eight lanes at a time. Lanes
-// that it is not sure of are in doubt. For rays without a second part of the origin: those of batches.
+// t, u and v of the hits of a packet: finish_hit() of exact.cl, in the same precision with the same bounds, for eight lanes at a
+// time. Lanes that it is not sure of are in doubt. For rays without a second part of the origin: those of batches.
 
 #ifdef WIDE_IS_DOUBLE
 typedef struct {
@@ -32,7 +32,8 @@ int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_
 }
 
 Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float8 by, float8 bz) {
-    const Doubles3 r = {convert_double8(ax) - convert_double8(bx), convert_double8(ay) - convert_double8(by), convert_double8(az) - convert_double8(bz)};
+    const Doubles3 r = {convert_double8(ax) - convert_double8(bx), convert_double8(ay) - convert_double8(by),
+                        convert_double8(az) - convert_double8(bz)};
     return r;
 }
 
@@ -54,9 +55,12 @@ int8 finish_eight(const float8* o, const float8* d, const float8* c, float8* t, 
     const double8 inverse = 1.0 / det;
     const float8 det_error = det_bound / fabs(convert_float8(det));
     int8 is_sure = det_bound > LEAST_MAGNITUDE * WIDE_EPSILON && det_bound <= FLT_MAX && det_error < 0x1p-10f;
-    is_sure = is_sure && round_surely8(dot_doubles(&normal, &from), WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size), inverse, det_error, t);
-    is_sure = is_sure && round_surely8(dot_doubles(&edge2, &moment), WIDE_ERROR * magnitudes_of_dot(&size2, &moment_size), inverse, det_error, u);
-    is_sure = is_sure && round_surely8(-dot_doubles(&edge1, &moment), WIDE_ERROR * magnitudes_of_dot(&size1, &moment_size), inverse, det_error, v);
+    const float8 t_bound = WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size);
+    const float8 u_bound = WIDE_ERROR * magnitudes_of_dot(&size2, &moment_size);
+    const float8 v_bound = WIDE_ERROR * magnitudes_of_dot(&size1, &moment_size);
+    is_sure = is_sure && round_surely8(dot_doubles(&normal, &from), t_bound, inverse, det_error, t);
+    is_sure = is_sure && round_surely8(dot_doubles(&edge2, &moment), u_bound, inverse, det_error, u);
+    is_sure = is_sure && round_surely8(-dot_doubles(&edge1, &moment), v_bound, inverse, det_error, v);
     return is_sure;
 }
 

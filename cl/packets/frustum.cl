@@ -6,10 +6,10 @@
 // function of z: between where the first one starts and where the scene ends, it is nowhere below the line that connects its values at
 // these two. So there are four such lines, below and above u and v.
 //
-// Errors, in units of EPSILON reach, where no coordinate of the scene or of a start is larger than reach: slopes are below 4 (|direction|
-// below 2 and no less than 1/2 along z), z - start no more than 2 reach, so that u of a ray, of a quotient with an error of 6, a difference and an
-// fma, is off by 73; the slope of a line, off by 7 of itself, makes 56 of its length, its start 18, and what a box or a vertex makes of the
-// line 20: less than 170. FRUSTUM_SLACK is 320 EPSILON.
+// Errors, in units of EPSILON reach, where no coordinate of the scene or of a start is larger than reach: slopes are below 4
+// (|direction| below 2 and no less than 1/2 along z), z - start no more than 2 reach, so that u of a ray, of a quotient with an error
+// of 6, a difference and an fma, is off by 73; the slope of a line, off by 7 of itself, makes 56 of its length, its start 18, and
+// what a box or a vertex makes of the line 20: less than 170. FRUSTUM_SLACK is 320 EPSILON.
 #define FRUSTUM_SLACK (8.0f * SLACK)
 #define LEAST_FRUSTUM_LENGTH 0x1p-10f // of reach, so that the lines' slopes are below 4.1
 
@@ -53,8 +53,8 @@ bool make_frustum(const RayPacket* p, float3 low, float3 high, Frustum* f) {
     return true;
 }
 
-// The children of a node that the frustum meets, and numbers of them that grow along the rays. A line's least value within a box is at one
-// of the box's ends along z.
+// The children of a node that the frustum meets, and numbers of them that grow along the rays. A line's least value within a box is
+// at one of the box's ends along z.
 ulong clip_to_frustum(GEOMETRY_PARAMETERS, const Frustum* f, uint node, float8* order) {
     const uint u = node + 4u * f->u, v = node + 4u * f->v, z = node + 4u * f->z;
     const float8 low_z = LOAD_EIGHT(geometry, z), high_z = LOAD_EIGHT(geometry, z + 2u);

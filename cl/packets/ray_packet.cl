@@ -1,8 +1,8 @@
 // Sixteen rays that are traced together, one in each lane of a vector: for CPUs, whose compilers do not make vectors of work-items that
 // go different ways. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray Tracing", Eurographics 2001.
 //
-// A packet only decides what it is sure of. A ray with a triangle that float32 leaves open, or of extreme numbers, leaves the packet and
-// is traced by itself (trace_packets.cl): so the hits are those of one ray at a time, to the bit.
+// A packet only decides what it is sure of. A ray with a triangle that float32 leaves open, or of extreme numbers, leaves the packet
+// and is traced by itself (trace_packets.cl): so the hits are those of one ray at a time, to the bit.
 
 // What one or several rays have in common.
 typedef struct {
@@ -23,7 +23,9 @@ typedef struct {
     bool has_one_octant; // whether that is the same for all of them
 } RayPacket;
 
-float3 three_of_lane(const float16* v, uint lane) { return (float3)(lane_of16(&v[0], lane), lane_of16(&v[1], lane), lane_of16(&v[2], lane)); }
+float3 three_of_lane(const float16* v, uint lane) {
+    return (float3)(lane_of16(&v[0], lane), lane_of16(&v[1], lane), lane_of16(&v[2], lane));
+}
 
 void set_three_of_lane(float16* v, uint lane, float3 x) {
     set_lane16(&v[0], lane, x.x);
@@ -83,7 +85,8 @@ void complete_packet(RayPacket* p, float3 low, float3 high) {
         vstore3(-low_least.s012, 0, p->range.low_most);
     }
     const float3 direction_least = (float3)(least.s67, rest.s0), direction_greatest = -rest.s123;
-    const uint3 is_up = (uint3)(direction_least.x >= 0.0f ? 1u : 0u, direction_least.y >= 0.0f ? 1u : 0u, direction_least.z >= 0.0f ? 1u : 0u);
+    const uint3 is_up = (uint3)(direction_least.x >= 0.0f ? 1u : 0u, direction_least.y >= 0.0f ? 1u : 0u,
+                                direction_least.z >= 0.0f ? 1u : 0u);
     p->has_one_octant = (is_up.x == 1u || direction_greatest.x < 0.0f) && (is_up.y == 1u || direction_greatest.y < 0.0f) &&
                         (is_up.z == 1u || direction_greatest.z < 0.0f);
     p->near[0] = is_up.x == 1u ? 0u : 2u;

@@ -8,8 +8,8 @@ typedef struct {
 
 float8 farthest8(float8 p, float least, float greatest) { return max_or8(fabs(p - least), fabs(p - greatest)); }
 
-// Reads packet number `packet` for rays of that range. Returns which of the triangles they may hit, as far as their frustum tells, if they
-// have one: else 0.
+// Reads packet number `packet` for rays of that range. Returns which of the triangles they may hit, as far as their frustum tells, if
+// they have one: else 0.
 ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frustum, uint packet, LeafTriangles* l) {
     float8 b[3], c[3];
 #pragma unroll

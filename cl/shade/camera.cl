@@ -8,9 +8,11 @@ Ray camera_ray(__global const RenderParams* render, float x, float y) {
     return make_ray(render->eye.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
 }
 
-// Pixels are numbered tile by tile: item i is pixel i % 64 of tile i / 64, row by row. It may lie outside of the picture.
+#define TILE_PIXELS (TILE_SIDE * TILE_SIDE)
+
+// Pixels are numbered tile by tile: item i is pixel i % TILE_PIXELS of tile i / TILE_PIXELS, row by row. It may lie outside of the picture.
 uint2 pixel_of_item(__global const RenderParams* render, uint item) {
-    const uint tile = item / (TILE_SIDE * TILE_SIDE), in_tile = item % (TILE_SIDE * TILE_SIDE);
+    const uint tile = item / TILE_PIXELS, in_tile = item % TILE_PIXELS;
     const uint tiles_per_row = (render->width + TILE_SIDE - 1u) / TILE_SIDE;
     return (uint2)(tile % tiles_per_row * TILE_SIDE + in_tile % TILE_SIDE, tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE);
 }

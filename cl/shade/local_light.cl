@@ -43,6 +43,21 @@ bool light_term(const Scene* scene, const Surface* surface, const Material* mate
     return max_component(*reflected) > 0.0f;
 }
 
+// Takes a shadow ray on from a transparent surface that it has hit, towards the same light, and tints the light. False where the
+// surface is opaque.
+bool pass_surface(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, const Hit* hit, Ray* ray, float3* tint) {
+    const Geometry* geometry = &scene->geometry;
+    __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit->primitive)];
+    if (material->transparent == 0u) return false;
+    *tint *= material->transmission_ior.xyz;
+    SurfaceHit passed;
+    SURFACE_HIT(GEOMETRY, ray, hit, &passed);
+    const SurfacePoint point = surface_point(GEOMETRY, &passed);
+    const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
+    *ray = leave_surface(&point, direction, sample->t_far);
+    return true;
+}
+
 // What remains of the light after it has passed the transparent surfaces on its way; zero behind an opaque one. Of the sample only
 // to_light and t_far matter.
 float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, uint* counts) {
@@ -58,15 +73,7 @@ float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightS
     float3 tint = (float3)(1.0f);
     for (uint layer = 0; layer < MAX_SHADOW_LAYERS; layer++) {
         if (!trace_ray(GEOMETRY, &ray, false, &hit)) return tint;
-        __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit.primitive)];
-        if (material->transparent == 0u) break;
-        tint *= material->transmission_ior.xyz;
-        // On from the surface that was passed, towards the same light.
-        SurfaceHit passed;
-        SURFACE_HIT(GEOMETRY, &ray, &hit, &passed);
-        const SurfacePoint point = surface_point(GEOMETRY, &passed);
-        const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
-        ray = leave_surface(&point, direction, sample->t_far);
+        if (!pass_surface(SCENE, from, sample, &hit, &ray, &tint)) break;
     }
     counts[COUNT_SHADOW_HIT]++;
     return (float3)(0.0f);

@@ -95,7 +95,7 @@ struct MethodArgs {
     /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
     #[arg(long, value_name = "K")]
     stack_size: Option<u32>,
-    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, else 1]", PacketSize::names()), value_name = "N")]
+    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, but for pictures of glass; else 1]", PacketSize::names()), value_name = "N")]
     packet_size: Option<PacketSize>,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
@@ -158,8 +158,8 @@ impl MethodArgs {
         self.options(Accel::fastest_on(None), counters)
     }
 
-    /// The options, with what is fastest on `device` where the user leaves the choice. Says so where a limit of the fastest structure leads to
-    /// another one, which nobody asked for.
+    /// The options, with what is fastest on `device` where the user leaves the choice. Says so where a limit of the fastest structure
+    /// leads to another one, which nobody asked for.
     fn options_for(&self, device: Option<&DeviceHandle>, counters: bool, talk: Talk) -> Result<TraceOptions, Error> {
         let kind = device.map(|device| device.info.kind);
         let fastest = Accel::fastest_on(kind);

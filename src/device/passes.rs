@@ -68,7 +68,10 @@ impl Entry {
 
     /// How many items a work-item has.
     fn items_of_one(self) -> usize {
-        if self == self.second() { 1 } else { PacketSize::Sixteen.rays() }
+        match self {
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::RenderPackets => PacketSize::Sixteen.rays(),
+            Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext | Entry::Render => 1,
+        }
     }
 
     fn name(self) -> &'static str {
