@@ -59,7 +59,7 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     const float3 p2 = LOAD_VERTEX(geometry, slot, 2);
     const ShearedTriangle sheared = shear_triangle(ray, p0, p1, p2);
     float t_low, t_high;
-    int decision = decide_rounded(&sheared, farthest_distance(ray, geometry->low, geometry->high), &t_low, &t_high);
+    int decision = decide_rounded(&sheared, &t_low, &t_high);
     if (decision != MISS) {
         const int place = place_hit(ray, hit, t_low, t_high);
         if (decision == HIT || place == MISS) decision = place;

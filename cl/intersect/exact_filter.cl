@@ -23,20 +23,22 @@
 // In sheared space the ray is the z axis, and it meets the triangle at z = t direction_z, the mean of the vertices' z weighted by the
 // edge functions. These, each off by `bound`, move that mean by at most 3 bound spread / |their sum|, where spread is the vertices'
 // extent in z. The z are off by 5 EPSILON of the largest, Z; the sums, reciprocals and products that give t round by 3 + 2 + 10 + 2
-// EPSILON Z: 22, and the last room is for the rounding of the bound. |direction_z| is at least 1.
+// EPSILON Z: 22, and the last room is for the rounding of the bound. |direction_z| is at least 1. Three products may underflow, each by up
+// to 2^-126; their sum is divided by more than LEAST_EDGE.
 #define SPREAD_ERROR 3.1f
 #define DEPTH_ERROR (26.0f * EPSILON)
+#define LEAST_DEPTH 0x1p-64f
 
 // Hit or miss, and limits of the hit's t, if there is one: in doubt those of all the triangle.
-int decide_rounded(const ShearedTriangle* s, float distance, float* t_low, float* t_high) {
-    const Edges e = edges_of(s->ax, s->ay, s->bx, s->by, s->cx, s->cy, distance);
+int decide_rounded(const ShearedTriangle* s, float* t_low, float* t_high) {
+    const Edges e = edges_of(s->ax, s->ay, s->az, s->bx, s->by, s->bz, s->cx, s->cy, s->cz);
     if (surely_missed(e)) return MISS;
-    const float nearest = min_or(s->az, min_or(s->bz, s->cz)), farthest = max_or(s->az, max_or(s->bz, s->cz));
-    const float depth_error = DEPTH_ERROR * max_or(fabs(nearest), fabs(farthest));
+    const float nearest = smaller(s->az, smaller(s->bz, s->cz)), farthest = larger(s->az, larger(s->bz, s->cz));
+    const float depth_error = fma(DEPTH_ERROR, larger(fabs(nearest), fabs(farthest)), LEAST_DEPTH);
     if (!(e.low > e.bound || e.high < -e.bound)) {
         const float t_nearest = nearest * s->inv_direction_z, t_farthest = farthest * s->inv_direction_z;
-        *t_low = min_or(t_nearest, t_farthest) - depth_error;
-        *t_high = max_or(t_nearest, t_farthest) + depth_error;
+        *t_low = smaller(t_nearest, t_farthest) - depth_error;
+        *t_high = larger(t_nearest, t_farthest) + depth_error;
         return DOUBTFUL;
     }
     const float det = e.weight0 + e.weight1 + e.weight2;

@@ -10,29 +10,28 @@ typedef struct {
     uint x, y, z; // records of the axes that become x, y and z, from those of a vertex on
     float origin_x, origin_y, origin_z, low_x, low_y, low_z;
     float shear_x, shear_y;
-    float distance;
 } Filter;
 
-Filter make_filter(const Ray* ray, float distance) {
+Filter make_filter(const Ray* ray) {
     const uint axis = major_axis(ray->direction);
     const float3 direction = rotate_to_z(ray->direction, axis);
     const float3 origin = rotate_to_z(ray->origin, axis), low = rotate_to_z(ray->origin_low, axis);
     const float inv_z = 1.0f / direction.z;
     const Filter filter = {2u * ((axis + 1u) % 3u), 2u * ((axis + 2u) % 3u), 2u * axis, origin.x, origin.y, origin.z,
-                           low.x, low.y, low.z, direction.x * inv_z, direction.y * inv_z, distance};
+                           low.x, low.y, low.z, direction.x * inv_z, direction.y * inv_z};
     return filter;
 }
 
 // The lanes of packet number `packet` that the ray may hit. Sheared as in shear_triangle(), so that the edge functions have its bits.
 ulong filter_sheared(GEOMETRY_PARAMETERS, const Filter* f, uint packet) {
-    float8 x[3], y[3];
+    float8 x[3], y[3], z[3];
     for (uint corner = 0; corner < 3u; corner++) {
         const uint record = BVH8_PACKET_RECORDS * packet + 6u * corner;
-        const float8 z = (LOAD_PACKET(geometry, record + f->z) - f->origin_z) - f->low_z;
-        x[corner] = fma((float8)(-f->shear_x), z, (LOAD_PACKET(geometry, record + f->x) - f->origin_x) - f->low_x);
-        y[corner] = fma((float8)(-f->shear_y), z, (LOAD_PACKET(geometry, record + f->y) - f->origin_y) - f->low_y);
+        z[corner] = (LOAD_PACKET(geometry, record + f->z) - f->origin_z) - f->low_z;
+        x[corner] = fma((float8)(-f->shear_x), z[corner], (LOAD_PACKET(geometry, record + f->x) - f->origin_x) - f->low_x);
+        y[corner] = fma((float8)(-f->shear_y), z[corner], (LOAD_PACKET(geometry, record + f->y) - f->origin_y) - f->low_y);
     }
-    const Edges8 e = edges_of8(x[0], y[0], x[1], y[1], x[2], y[2], f->distance);
+    const Edges8 e = edges_of8(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
     return lanes_where8(!surely_missed(e));
 }
 

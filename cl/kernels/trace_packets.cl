@@ -35,7 +35,7 @@ int16 load_packet(__global const TraceRay* rays, float scale, RayPacket* p, floa
     float16 c[8];
     load_components(rays, c);
     const float16 t_min = c[3], t_max = c[7];
-    const float16 size = max_or16(fabs(c[4]), max_or16(fabs(c[5]), fabs(c[6])));
+    const float16 size = larger16(fabs(c[4]), larger16(fabs(c[5]), fabs(c[6])));
     const int16 used = is_moderate(c[0]) && is_moderate(c[1]) && is_moderate(c[2]) && is_moderate(c[4]) && is_moderate(c[5]) &&
                        is_moderate(c[6]) && size > 0.0f && is_moderate(t_min) && (is_moderate(t_max) || t_max == INFINITY) &&
                        t_min <= t_max && is_moderate((float16)(scale));
@@ -52,7 +52,7 @@ int16 load_packet(__global const TraceRay* rays, float scale, RayPacket* p, floa
     *t_factor = unit / scale;
     const float16 to_own = scale / unit;
     p->t_near = t_min * to_own;
-    p->t_far = min_or16(t_max * to_own, (float16)(FLT_MAX));
+    p->t_far = smaller16(t_max * to_own, (float16)(FLT_MAX));
     p->skip = (uint16)(NO_PRIMITIVE);
     leave_out_others(p, used);
     return used;

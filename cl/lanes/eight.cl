@@ -7,9 +7,6 @@
 #define MASK int8
 #define LANES(name) name##8
 
-float8 max_or8(float8 a, float8 b) { return a > b ? a : b; }
-float8 min_or8(float8 a, float8 b) { return a < b ? a : b; }
-
 // All lanes, and the first `count`, of which there is at least one.
 #define ALL_LANES8 0x0101010101010101ul
 #define FIRST_LANES8(count) (ALL_LANES8 >> (8u * (8u - (count))))
@@ -24,5 +21,3 @@ bool is_only_lane8(ulong lanes, uint first) { return lanes >> (8u * first) == 1u
 ulong other_lanes8(ulong lanes) { return lanes & (lanes - 1ul); }
 
 bool is_lane8(ulong lanes, uint lane) { return (lanes >> (8u * lane) & 1ul) != 0ul; }
-
-float lane_of8(const float8* v, uint lane) { return ((const float*)v)[lane]; }

@@ -7,9 +7,6 @@
 #define MASK int16
 #define LANES(name) name##16
 
-float16 max_or16(float16 a, float16 b) { return a > b ? a : b; }
-float16 min_or16(float16 a, float16 b) { return a < b ? a : b; }
-
 // Whether any lane of a comparison is true.
 bool is_any16(int16 comparison) {
     const ulong2 words = as_ulong2(convert_char16(comparison));
@@ -29,5 +26,4 @@ uint first_lane16(ulong lanes) {
 }
 uint count_lanes16(ulong lanes) { return count_lanes8((lanes & ALL_LANES8) + (lanes >> 4 & ALL_LANES8)); }
 
-float lane_of16(const float16* v, uint lane) { return ((const float*)v)[lane]; }
 void set_lane16(float16* v, uint lane, float x) { ((float*)v)[lane] = x; }

@@ -36,10 +36,10 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
         far_y = y ? low_y : high_y;
         far_z = z ? low_z : high_z;
     }
-    const float16 enter = max_or16(max_or16(fma(near_x, p->inv[0], p->enter[0]), fma(near_y, p->inv[1], p->enter[1])),
-                                   max_or16(fma(near_z, p->inv[2], p->enter[2]), p->t_near));
-    const float16 leave = min_or16(min_or16(fma(far_x, p->inv[0], p->leave[0]), fma(far_y, p->inv[1], p->leave[1])),
-                                   min_or16(fma(far_z, p->inv[2], p->leave[2]), t_limit));
+    const float16 enter = larger16(larger16(fma(near_x, p->inv[0], p->enter[0]), fma(near_y, p->inv[1], p->enter[1])),
+                                   larger16(fma(near_z, p->inv[2], p->enter[2]), p->t_near));
+    const float16 leave = smaller16(smaller16(fma(far_x, p->inv[0], p->leave[0]), fma(far_y, p->inv[1], p->leave[1])),
+                                   smaller16(fma(far_z, p->inv[2], p->leave[2]), t_limit));
     return enter <= leave ? enter : (float16)(INFINITY);
 }
 
@@ -47,7 +47,8 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
 // False where float32 does not decide.
 bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 origin_low, float3 direction, float t_near, float t_far, uint skip,
                 uint link, float* t_limit, float* hit_low, uint* found) {
-    const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
+    const int4 leaf = leaf_of_link(link);
+    const uint first = (uint)leaf.y, count = (uint)leaf.z;
     if (count == 0u) return true;
     LeafTriangles l;
     (void)load_triangles(GEOMETRY, ray, 0, first / 8u, &l);
@@ -182,7 +183,8 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum
                 stack[stacked].link = LOAD_LINK(geometry, node, slots[i]);
             }
         } else {
-            const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
+            const int4 leaf = leaf_of_link(link);
+            const uint first = (uint)leaf.y, count = (uint)leaf.z;
             if (count == 0u) continue;
             LeafTriangles triangles;
             ulong met = load_triangles(GEOMETRY, &p->range, frustum, first / 8u, &triangles) & FIRST_LANES8(count);

@@ -32,8 +32,8 @@ LANES(Decision) LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL 
     const REAL weight2 = -minus_weight2;
     const REAL det = fma(nx, dx, fma(ny, dy, nz * dz));
     const REAL weight0 = (det - weight1) + minus_weight2;
-    const REAL least = LANES(min_or)(weight0, LANES(min_or)(weight1, weight2));
-    const REAL greatest = LANES(max_or)(weight0, LANES(max_or)(weight1, weight2));
+    const REAL least = LANES(smaller)(weight0, LANES(smaller)(weight1, weight2));
+    const REAL greatest = LANES(larger)(weight0, LANES(larger)(weight1, weight2));
     result.possible = least >= -weight_bound || greatest <= weight_bound;
     if (!LANES(is_any)(result.possible)) return result;
 

@@ -76,8 +76,8 @@ ulong frustum_meets_triangles(const Frustum* f, const float8* a, const float8* b
         const uint axis = line < 2u ? f->u : f->v;
         const float8 slope = (float8)(-f->b[line]);
         const float8 at_a = fma(slope, a[f->z], a[axis]), at_b = fma(slope, b[f->z], b[axis]), at_c = fma(slope, c[f->z], c[axis]);
-        met = met && (line % 2u == 0u ? max_or8(at_a, max_or8(at_b, at_c)) >= f->a[line]
-                                      : min_or8(at_a, min_or8(at_b, at_c)) <= f->a[line]);
+        met = met && (line % 2u == 0u ? larger8(at_a, larger8(at_b, at_c)) >= f->a[line]
+                                      : smaller8(at_a, smaller8(at_b, at_c)) <= f->a[line]);
     }
     return lanes_where8(met);
 }

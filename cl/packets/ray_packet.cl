@@ -34,18 +34,18 @@ void set_three_of_lane(float16* v, uint lane, float3 x) {
 }
 
 // The least lanes of eight vectors, in as many steps as one vector alone would take.
-float16 least_of_halves(float16 a, float16 b) { return min_or16((float16)(a.lo, b.lo), (float16)(a.hi, b.hi)); }
+float16 least_of_halves(float16 a, float16 b) { return smaller16((float16)(a.lo, b.lo), (float16)(a.hi, b.hi)); }
 float8 least_of_lanes(float16 a, float16 b, float16 c, float16 d, float16 e, float16 f, float16 g, float16 h) {
     const float16 ab = least_of_halves(a, b), cd = least_of_halves(c, d);
     const float16 ef = least_of_halves(e, f), gh = least_of_halves(g, h);
-    const float16 abcd = min_or16((float16)(ab.s0123, ab.s89ab, cd.s0123, cd.s89ab),
+    const float16 abcd = smaller16((float16)(ab.s0123, ab.s89ab, cd.s0123, cd.s89ab),
                                   (float16)(ab.s4567, ab.scdef, cd.s4567, cd.scdef));
-    const float16 efgh = min_or16((float16)(ef.s0123, ef.s89ab, gh.s0123, gh.s89ab),
+    const float16 efgh = smaller16((float16)(ef.s0123, ef.s89ab, gh.s0123, gh.s89ab),
                                   (float16)(ef.s4567, ef.scdef, gh.s4567, gh.scdef));
-    const float16 pairs = min_or16(
+    const float16 pairs = smaller16(
         (float16)(abcd.s01, abcd.s45, abcd.s89, abcd.scd, efgh.s01, efgh.s45, efgh.s89, efgh.scd),
         (float16)(abcd.s23, abcd.s67, abcd.sab, abcd.sef, efgh.s23, efgh.s67, efgh.sab, efgh.sef));
-    return min_or8(pairs.even, pairs.odd);
+    return smaller8(pairs.even, pairs.odd);
 }
 
 // Numbers from its reciprocal up to this, and 0, lose no bits here, and nothing that is made of them overflows.
@@ -98,7 +98,7 @@ void complete_packet(RayPacket* p, float3 low, float3 high) {
     float16 distance = (float16)(0.0f);
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++)
-        distance = max_or16(distance, max_or16(fabs(lows[axis] - p->origin[axis]), fabs(highs[axis] - p->origin[axis])));
+        distance = larger16(distance, larger16(fabs(lows[axis] - p->origin[axis]), fabs(highs[axis] - p->origin[axis])));
     const float16 thickness = fma((float16)(SLACK), distance, (float16)(LEAST_PAD));
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {

@@ -6,7 +6,7 @@ typedef struct {
     float8 weight_bound, det_bound, t_bound;
 } LeafTriangles;
 
-float8 farthest8(float8 p, float least, float greatest) { return max_or8(fabs(p - least), fabs(p - greatest)); }
+float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
 
 // Reads packet number `packet` for rays of that range. Returns which of the triangles they may hit, as far as their frustum tells, if
 // they have one: else 0.

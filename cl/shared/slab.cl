@@ -79,8 +79,6 @@ PairSlabs make_pair_slabs(const Slabs* s) {
     return pair;
 }
 
-float4 max4_or(float4 a, float4 b) { return a > b ? a : b; }
-
 // Where the ray enters and leaves two boxes, {t_enter, -t_leave} of each, no wider than `limits` are. A box is missed where that is
 // empty: where t_enter <= t_leave is not true. The boxes are {low.x, high.x, low.y, high.y} of each, and z of both.
 float4 clip_to_pair(const PairSlabs* s, float4 limits, float4 xy0, float4 xy1, float4 zz) {
@@ -88,5 +86,5 @@ float4 clip_to_pair(const PairSlabs* s, float4 limits, float4 xy0, float4 xy1, f
     const float4 t1 = fma(select(xy1, xy1.yxwz, s->swap_xy), s->inv_xy, s->offset_xy);
     const float4 tz = fma(select(zz, zz.yxwz, s->swap_zz), s->inv_zz, s->offset_zz);
     const float4 tx = (float4)(t0.xy, t1.xy), ty = (float4)(t0.zw, t1.zw);
-    return max4_or(max4_or(tx, ty), max4_or(tz, limits));
+    return fmax(fmax(tx, ty), fmax(tz, limits));
 }

@@ -20,6 +20,14 @@ typedef struct {
     float t_enter;
 } FarChild;
 
+// The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before everything.
+uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
+    uint top = *stacked;
+    while (t_limit < stack[top].t_enter) top--;
+    *stacked = top - 1u;
+    return stack[top].link;
+}
+
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
@@ -45,28 +53,19 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
             if (meets0 || meets1) {
                 const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
                 link = (uint)(goes_to1 ? links.y : links.x);
-                // Written whether or not the ray meets it: nobody can predict that branch (4 to 11 % of a picture's time on a CPU).
-                const FarChild far = {(uint)(goes_to1 ? links.x : links.y), goes_to1 ? t.x : t.z};
-                stack[stacked + 1u] = far;
-                stacked += meets0 && meets1 ? 1u : 0u;
-                COUNT_DEEPEST(geometry, stacked);
+                if (meets0 && meets1) {
+                    const FarChild far = {(uint)(goes_to1 ? links.x : links.y), goes_to1 ? t.x : t.z};
+                    stack[++stacked] = far;
+                    COUNT_DEEPEST(geometry, stacked);
+                }
             } else {
-                // What is entered behind the hit has no nearer one. The end is entered before everything.
-                while (t_limit < stack[stacked].t_enter) stacked--;
-                link = stack[stacked].link;
-                stacked--;
+                link = next_on_stack(stack, &stacked, t_limit);
             }
         }
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
-        const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
-        COUNT(geometry, LEAVES, 1);
-        COUNT(geometry, EMPTY_LEAVES, count == 0u ? 1 : 0);
-        if (test_triangles(GEOMETRY, ray, first, first + count, any_hit, hit)) return true;
+        if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;
         t_limit = min_or(hit->t, ray->t_far);
-
-        while (t_limit < stack[stacked].t_enter) stacked--;
-        link = stack[stacked].link;
-        stacked--;
+        link = next_on_stack(stack, &stacked, t_limit);
     }
 }

@@ -26,21 +26,13 @@ Interval8 clip_to_eight(GEOMETRY_PARAMETERS, const Slabs* s, uint3 near, uint no
     const float8 leave_x = fma(LOAD_EIGHT(geometry, node + 2u - near.x), (float8)(s->inv.x), (float8)(s->leave.x));
     const float8 leave_y = fma(LOAD_EIGHT(geometry, node + 10u - near.y), (float8)(s->inv.y), (float8)(s->leave.y));
     const float8 leave_z = fma(LOAD_EIGHT(geometry, node + 18u - near.z), (float8)(s->inv.z), (float8)(s->leave.z));
-    const Interval8 t = {max_or8(max_or8(enter_x, enter_y), max_or8(enter_z, (float8)(t_near))),
-                         min_or8(min_or8(leave_x, leave_y), min_or8(leave_z, (float8)(t_limit)))};
+    const Interval8 t = {larger8(larger8(enter_x, enter_y), larger8(enter_z, (float8)(t_near))),
+                         smaller8(smaller8(leave_x, leave_y), smaller8(leave_z, (float8)(t_limit)))};
     return t;
 }
 
 // For each axis the record of a node's planes where a ray enters, from those of the axis on; the others are behind or before it.
 uint3 near_planes(float3 inv) { return (uint3)(inv.x < 0.0f ? 2u : 0u, inv.y < 0.0f ? 6u : 4u, inv.z < 0.0f ? 10u : 8u); }
-
-// The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before everything.
-uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
-    uint top = *stacked;
-    while (t_limit < stack[top].t_enter) top--;
-    *stacked = top - 1u;
-    return stack[top].link;
-}
 
 // What comes after the inner node `link`: the nearest child that the ray meets, while the others wait, or what waited before.
 uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit, FarChild* stack,
@@ -73,7 +65,7 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     *hit = no_hit();
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
     const uint3 near = near_planes(slabs.inv);
-    const Filter filter = make_filter(ray, farthest_distance(ray, geometry->low, geometry->high));
+    const Filter filter = make_filter(ray);
     float t_limit = ray->t_far;
 
     FarChild stack[STACK_SIZE];
@@ -86,7 +78,8 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
             link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, t_limit, stack, &stacked);
             continue;
         }
-        const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
+        const int4 leaf = leaf_of_link(link);
+        const uint first = (uint)leaf.y, count = (uint)leaf.z;
         COUNT(geometry, LEAVES, 1);
         COUNT(geometry, EMPTY_LEAVES, count == 0u ? 1 : 0);
         if (count > 0u) {

@@ -14,7 +14,7 @@ pub(super) const fn leaf_link(first: u32, count: u32) -> u32 {
 }
 
 /// The references of the leaf that `link` leads to, none of them for [`NO_CHILD`]; `None` for the number of an inner node.
-pub(super) fn leaf_range(link: u32) -> Option<Range<usize>> {
+pub(crate) fn leaf_range(link: u32) -> Option<Range<usize>> {
     let (first, count) = (link & BVH_FIRST_MASK, (link & !BVH_LEAF) >> BVH_COUNT_SHIFT);
     (link & BVH_LEAF != 0).then(|| first as usize..(first + count) as usize)
 }

@@ -37,6 +37,8 @@ pub use structure::{Structure, StructureStats};
 pub use validate::check_tree;
 pub use volumes::{build_boxes, build_spheres};
 
+pub(crate) use link::leaf_range;
+
 use crate::options::{Build, KdOptions, SplitAxis, Stop, TraceOptions};
 use crate::shared::KdNode;
 use glam::Vec3;

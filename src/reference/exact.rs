@@ -14,6 +14,7 @@ use glam::{DVec3, Vec3};
 
 const SPREAD_ERROR: f32 = 3.1;
 const DEPTH_ERROR: f32 = 26.0 * EPSILON;
+const LEAST_DEPTH: f32 = f32::from_bits((127 - 64) << 23);
 
 /// What a step finds out.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,15 +29,15 @@ pub enum Decision {
 
 /// `None`: surely no hit. Else whether it is one for sure, and limits of its t.
 #[inline(always)]
-fn decide_rounded(s: &ShearedTriangle, distance: f32) -> Option<(bool, [f32; 2])> {
+fn decide_rounded(s: &ShearedTriangle) -> Option<(bool, [f32; 2])> {
     let [a, b, c] = s.vertices;
-    let edges = Edges::new(s, distance);
+    let edges = Edges::new(s);
     if edges.surely_missed() {
         return None;
     }
     let Edges { weights: [weight0, weight1, weight2], low, high, bound } = edges;
     let (nearest, farthest) = (min_or(a.z, min_or(b.z, c.z)), max_or(a.z, max_or(b.z, c.z)));
-    let depth_error = DEPTH_ERROR * max_or(nearest.abs(), farthest.abs());
+    let depth_error = DEPTH_ERROR.mul_add(max_or(nearest.abs(), farthest.abs()), LEAST_DEPTH);
     let is_inside = low > bound || high < -bound;
     if !is_inside {
         let (t_nearest, t_farthest) = (nearest * s.inv_direction_z, farthest * s.inv_direction_z);
@@ -195,12 +196,11 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
         return;
     }
     let triangle = load_vertices(buffers, primitive, work);
-    let distance = ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
     let placed = |hit: &Hit, decision| match decision {
         Decision::Hit(limits) => place_hit(ray, hit, limits),
         other => other,
     };
-    let mut decision = match decide_rounded(&shear_triangle(ray, triangle), distance) {
+    let mut decision = match decide_rounded(&shear_triangle(ray, triangle)) {
         None => Decision::Miss,
         Some((is_sure, limits)) => match place_hit(ray, hit, limits) {
             place if is_sure || place == Decision::Miss => place,

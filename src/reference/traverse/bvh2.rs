@@ -2,13 +2,14 @@
 
 use super::NO_HIT;
 use super::leaf::test_triangles;
+use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
 use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
 use crate::reference::slab::{PairSlabs, Slabs};
-use crate::shared::{BVH_COUNT_SHIFT, BVH_END, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
+use crate::shared::{BVH_END, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 
 /// A child to be visited later, and where the ray enters it.
 #[derive(Clone, Copy, Default)]
@@ -60,10 +61,9 @@ pub fn traverse_bvh2(
         if link == BVH_END {
             return hit;
         }
-        let (first, count) = (link & BVH_FIRST_MASK, (link & !BVH_LEAF) >> BVH_COUNT_SHIFT);
+        let references = leaf_range(link).expect("the descent ends at a leaf");
         work.count(WorkCounter::Leaves, 1);
-        work.count(WorkCounter::EmptyLeaves, u32::from(count == 0));
-        let references = first as usize..(first + count) as usize;
+        work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
         if test_triangles(buffers, options, ray, references, any_hit, &mut hit, work) {
             return hit;
         }

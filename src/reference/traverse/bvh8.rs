@@ -3,6 +3,7 @@
 use super::bvh2::{FarChild, pop};
 use super::leaf::test_triangles;
 use super::{NO_HIT, vertices};
+use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::edges::Edges;
@@ -11,9 +12,7 @@ use crate::reference::math::{max_or, min_or};
 use crate::reference::memory::{Work, count_packet, load_wide_node};
 use crate::reference::ray::Ray;
 use crate::reference::slab::Slabs;
-use crate::shared::{
-    BVH_COUNT_SHIFT, BVH_END, BVH_FIRST_MASK, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter,
-};
+use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter};
 
 const WIDTH: usize = 8;
 
@@ -42,9 +41,7 @@ pub fn traverse_bvh8(
     work: &mut impl Work,
 ) -> Hit {
     let mut hit = NO_HIT;
-    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
-    let slabs = Slabs::new(ray, low, high);
-    let distance = ray.farthest_distance(low, high);
+    let slabs = Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz());
     let mut t_limit = ray.t_far;
 
     let mut stack = vec![FarChild::default(); buffers.stack_entries as usize];
@@ -77,20 +74,19 @@ pub fn traverse_bvh8(
             }
             work.count(WorkCounter::DeepestStack, stacked as u32);
         } else {
-            let (first, count) = (link & BVH_FIRST_MASK, (link & !BVH_LEAF) >> BVH_COUNT_SHIFT);
+            let references = leaf_range(link).expect("it is no inner node");
             work.count(WorkCounter::Leaves, 1);
-            work.count(WorkCounter::EmptyLeaves, u32::from(count == 0));
+            work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
             let is_filtered = options.intersector.is_sheared();
-            if is_filtered && count > 0 {
+            if is_filtered && !references.is_empty() {
                 count_packet(work);
             }
             let is_open = |&reference: &usize| {
                 let triangle = vertices(buffers, buffers.references[reference]);
-                !(is_filtered && Edges::new(&shear_triangle(ray, triangle), distance).surely_missed())
+                !(is_filtered && Edges::new(&shear_triangle(ray, triangle)).surely_missed())
             };
-            let references = first as usize..(first + count) as usize;
-            let left_out = count - references.clone().filter(is_open).count() as u32;
-            work.count(WorkCounter::Tests, left_out);
+            let left_out = references.len() - references.clone().filter(is_open).count();
+            work.count(WorkCounter::Tests, left_out as u32);
             for reference in references.filter(is_open) {
                 if test_triangles(buffers, options, ray, reference..reference + 1, any_hit, &mut hit, work) {
                     return hit;

@@ -1,0 +1,7 @@
+// What both widths of vectors have (eight.cl, sixteen.cl); compiled after each.
+
+// As larger() and smaller() of one.cl. Instructions of CPUs, which fmax() and fmin() are not.
+REAL LANES(larger)(REAL a, REAL b) { return a > b ? a : b; }
+REAL LANES(smaller)(REAL a, REAL b) { return a < b ? a : b; }
+
+float LANES(lane_of)(const REAL* v, uint lane) { return ((const float*)v)[lane]; }
