@@ -51,6 +51,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
 /// Sizes of the pictures: in the spread, and for all combinations.
 const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
+/// One in so many combinations of the mega-kernel in the spread renders, too.
+const PICTURES: usize = 3;
 /// So many differences are described.
 const DESCRIBED: usize = 20;
 
@@ -176,8 +178,9 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
     lists.into_iter().map(|(_, list)| list).collect()
 }
 
-/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all. With that one the
-/// mega-kernel is not asked for pictures, because compiling its two passes takes longest; other tests render with it.
+/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all. Split kernels are
+/// asked for pictures; of the mega-kernel's combinations one in [`PICTURES`], and none with the exact test, because compiling is what
+/// takes long. Other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
         let own = i % models;
@@ -186,7 +189,7 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
             let is_exact = options.intersector == Intersector::Exact;
             let is_mega = options.kernels == Kernels::Mega;
             for model in (0..models).filter(|&model| is_exact && is_mega || model == own) {
-                let picture = model == own && !(is_exact && is_mega);
+                let picture = model == own && (!is_mega || !is_exact && i % PICTURES == 0);
                 jobs.push(Job { options, model, questions: Questions { batches: is_mega, picture } });
             }
         }

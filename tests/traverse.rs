@@ -56,10 +56,13 @@ fn other_stops() -> Vec<TraceOptions> {
     all
 }
 
-/// Every part, but not every combination: a device compiles each of them.
-fn is_tried_on_devices(options: &TraceOptions) -> bool {
+/// Every part, but not every combination: a device compiles each of them. Nor, but in the soup, every build with every traversal: the
+/// kernels are the same.
+fn is_tried_on_devices(options: &TraceOptions, scene: &str) -> bool {
     let plain = TraceOptions { intersector: options.intersector, ..TraceOptions::default() };
-    options.intersector == TraceOptions::default().intersector || *options == plain || options.accel == Accel::Brute
+    let is_known = options.build != plain.build && options.traversal != plain.traversal;
+    (options.intersector == TraceOptions::default().intersector || *options == plain || options.accel == Accel::Brute)
+        && (!is_known || scene == "soup")
 }
 
 /// Every way through a kd-tree that finds every hit; the short stack also in sizes that overflow.
@@ -177,7 +180,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 fn device_and_twin_agree_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, scene) in scenes() {
-        for options in all_options().into_iter().filter(is_tried_on_devices) {
+        for options in all_options().into_iter().filter(|options| is_tried_on_devices(options, name)) {
             let name = format!("{name}, {options:?}");
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let mut random = Random(SEED);
@@ -208,7 +211,7 @@ fn every_structure_gives_the_hits_of_brute_force() {
             let mut expected: Option<Vec<Hit>> = None;
             for options in all_options().into_iter().filter(|o| o.intersector == intersector) {
                 let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-                let queries = queries(20_000, &mut Random(SEED + 1));
+                let queries = queries(8000, &mut Random(SEED + 1));
                 let rays = pack(&buffers, &queries);
                 let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
                 let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
