@@ -15,7 +15,7 @@ pub struct TraceJob<'a> {
     pub rays: &'a [TraceRay],
     /// Directions (x, y, z; w unused) of second rays that start where the first ones hit; as many as rays. Only with closest hits.
     pub next_directions: Option<&'a [Float4]>,
-    /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer.
+    /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer; t, u and v of a hit are 0.
     pub any_hit: bool,
     /// How often to trace the batch, for timing; at least 1.
     pub repeat: u32,

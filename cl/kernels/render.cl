@@ -22,10 +22,7 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
 float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray camera_ray, uint* counts) {
     const Geometry* geometry = &scene->geometry;
     PendingRay stack[MAX_PENDING];
-    stack[0].ray = camera_ray;
-    stack[0].weight = (float3)(1.0f);
-    stack[0].depth = 1u;
-    stack[0].kind = COUNT_CAMERA_CAST;
+    stack[0] = first_of_path(camera_ray);
     uint stacked = 1;
     float3 radiance = (float3)(0.0f);
     while (stacked > 0) {

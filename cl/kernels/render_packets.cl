@@ -27,27 +27,16 @@ typedef struct {
     uint primitive[16];
 } PacketAnswer;
 
-// So few rays are traced one after the other, and so are those that go different ways: what they gain by a packet is less than what
-// it takes to make one of single rays, and to take it apart again.
+// Fewer rays are traced one after the other: what they gain by a packet is less than what it takes to make one of single rays, and to
+// take it apart again.
 #define FEWEST_TOGETHER 6u
-
-// Whether rays go much the same way, so that they may have a frustum.
-bool go_together(const Ray* rays, ulong lanes) {
-    if (count_lanes16(lanes) < FEWEST_TOGETHER) return false;
-    const float3 first = rays[first_lane16(lanes)].direction;
-    const uint axis = major_axis(first);
-    const float way = rotate_to_z(first, axis).z > 0.0f ? 1.0f : -1.0f;
-    for (; lanes != 0ul; lanes = other_lanes8(lanes))
-        if (rotate_to_z(rays[first_lane16(lanes)].direction, axis).z * way < 0.5f) return false;
-    return true;
-}
 
 // The closest hits of the `rays` of `lanes`, or with any_hit whether there are any. What is left to the second pass is added to
 // *in_doubt.
 void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool any_hit, PacketAnswer* answer, ulong* in_doubt) {
     answer->hits = 0ul;
     ulong alone = lanes;
-    if (go_together(rays, lanes)) {
+    if (count_lanes16(lanes) >= FEWEST_TOGETHER) {
         RayPacket packet;
         int16 used = pack_rays(rays, lanes, geometry->low, geometry->high, &packet);
         Frustum frustum;
@@ -82,7 +71,7 @@ void see_lamp(SCENE_PARAMETERS, Path* paths, Ray* rays, ulong lanes, ulong* in_d
         path->counts[COUNT_SHADOW_CAST]++;
         path->tint = (float3)(1.0f);
     }
-    ulong open = lanes;
+    ulong open = lanes, dark = 0ul;
     for (uint layer = 0; layer < MAX_SHADOW_LAYERS && open != 0ul; layer++) {
         PacketAnswer answer;
         trace_lanes(GEOMETRY, rays, open, !is_tinted, &answer, in_doubt);
@@ -94,19 +83,15 @@ void see_lamp(SCENE_PARAMETERS, Path* paths, Ray* rays, ulong lanes, ulong* in_d
             Path* path = &paths[lane];
             Hit hit = no_hit();
             hit.primitive = answer.primitive[lane];
-            if (pass_surface(SCENE, &path->start, &path->sample, &hit, &rays[lane], &path->tint)) {
-                passed |= lane_bit16(lane);
-            } else {
-                path->counts[COUNT_SHADOW_HIT]++;
-                path->tint = (float3)(0.0f);
-            }
+            if (pass_surface(SCENE, &path->start, &path->sample, &hit, &rays[lane], &path->tint)) passed |= lane_bit16(lane);
             if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
         }
+        dark |= open & ~passed;
         open = passed;
     }
-    // What is hit, or still on its way, is dark.
-    for (; open != 0ul; open = other_lanes8(open)) {
-        Path* path = &paths[first_lane16(open)];
+    // So are those still on their way, and all that have hit where nothing is seen through.
+    for (dark |= open; dark != 0ul; dark = other_lanes8(dark)) {
+        Path* path = &paths[first_lane16(dark)];
         path->counts[COUNT_SHADOW_HIT]++;
         path->tint = (float3)(0.0f);
     }
@@ -199,10 +184,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
             Path* path = &paths[lane];
             const uint2 pixel = pixel_of_item(render, item + lane);
             path->radiance = (float3)(0.0f);
-            path->stack[0].ray = camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y);
-            path->stack[0].weight = (float3)(1.0f);
-            path->stack[0].depth = 1u;
-            path->stack[0].kind = COUNT_CAMERA_CAST;
+            path->stack[0] = first_of_path(camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y));
             path->stacked = 1u;
         }
         for (ulong open = inside; open != 0ul;) {

@@ -147,11 +147,7 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
         const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
         const float2 sample = samples[path / batch_pixels];
         const float x = (float)(pixel % render->width), y = (float)(pixel / render->width);
-        PendingRay pending;
-        pending.ray = camera_ray(render, x + sample.x, y + sample.y);
-        pending.weight = (float3)(1.0f);
-        pending.depth = 1u;
-        pending.kind = COUNT_CAMERA_CAST;
+        const PendingRay pending = first_of_path(camera_ray(render, x + sample.x, y + sample.y));
         store_pending(&rays[slot], &pending);
         state.path = path;
         state.pending = 1u;

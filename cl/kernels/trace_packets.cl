@@ -81,11 +81,12 @@ int16 trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __globa
     const bool has_frustum = make_frustum(&packet, geometry->low, geometry->high, &frustum);
     traverse_bvh8_packet(GEOMETRY, &packet, has_frustum ? &frustum : 0, any_hit, &found, &doubtful);
     FinishedHits hit;
-    finish_packet(GEOMETRY, &packet, &found, &hit, &doubtful);
+    finish_packet(GEOMETRY, &packet, &found, any_hit, &hit, &doubtful);
     // batch_hit() takes care of a t that may have lost bits.
     const float16 t = hit.t * t_factor;
-    const int16 is_exact = hit.primitive == NO_PRIMITIVE || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
-    store_hits(hits, t, hit.u, hit.v, hit.primitive);
+    const int16 is_miss = hit.primitive == NO_PRIMITIVE;
+    const int16 is_exact = is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
+    store_hits(hits, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
     return used && !doubtful && is_exact;
 }
 

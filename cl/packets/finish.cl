@@ -112,8 +112,9 @@ typedef struct {
     uint16 primitive;
 } FinishedHits;
 
-// Adds what is not certain to *doubtful.
-void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hits, FinishedHits* out, int16* doubtful) {
+// Adds what is not certain to *doubtful. With any_hit t is only no less than that of the hit, and u and v are 0.
+void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hits, const bool any_hit, FinishedHits* out,
+                   int16* doubtful) {
     out->t = (float16)(INFINITY);
     out->u = (float16)(0.0f);
     out->v = (float16)(0.0f);
@@ -130,10 +131,14 @@ void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hi
         const int16 here = hits->reference == reference;
         const uint record = BVH8_PACKET_RECORDS * (reference / 8u);
 #pragma unroll
-        for (uint i = 0; i < 9u; i++)
+        for (uint i = 0; i < 9u && !any_hit; i++)
             corners[i] = here ? (float16)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u)) : corners[i];
         out->primitive = here ? (uint16)(LOAD_REFERENCE(geometry, reference)) : out->primitive;
         open &= ~lanes_where16(here);
+    }
+    if (any_hit) {
+        out->t = is_hit ? hits->t_high : out->t;
+        return;
     }
     float16 t = out->t, u = out->u, v = out->v;
     const int16 sure = finish_sixteen(p, corners, &t, &u, &v);

@@ -60,6 +60,11 @@ typedef struct {
     uint kind;  // COUNT_CAMERA_CAST, COUNT_REFLECTED_CAST or COUNT_REFRACTED_CAST
 } PendingRay;
 
+PendingRay first_of_path(Ray camera_ray) {
+    const PendingRay first = {camera_ray, (float3)(1.0f), 1u, COUNT_CAMERA_CAST};
+    return first;
+}
+
 // Puts the rays that leave the surface on the stack of pending ones; returns its new size (at most two more).
 // A ray whose weight is below kill_weight in every channel could not change the pixel and is left out.
 uint push_secondary_rays(const Surface* surface, const Material* material, const PendingRay* pending, float3 direction,

@@ -28,10 +28,24 @@ Hit batch_hit(const Ray* ray, Hit hit) {
     return is_finite(hit.t) ? hit : no_hit();
 }
 
+// What answers a query for any hit: that there is one, of which t, u and v are not computed. What a traversal knows of the exact t is a
+// limit from above.
+Hit batch_any_hit(GEOMETRY_PARAMETERS, const Ray* ray, Hit hit) {
+    if (hit.primitive != NO_PRIMITIVE && !is_finite(callers_t(ray, hit.t))) FINISH(GEOMETRY, ray, &hit);
+    hit = batch_hit(ray, hit);
+    const Hit answer = {0.0f, 0.0f, 0.0f, hit.primitive};
+    return hit.primitive == NO_PRIMITIVE ? hit : answer;
+}
+
 void trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
                  const bool any_hit) {
     const Ray ray = batch_ray(rays, index, geometry->scale);
     Hit hit;
-    if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) FINISH(GEOMETRY, &ray, &hit);
+    const bool found = trace_ray(GEOMETRY, &ray, any_hit, &hit);
+    if (any_hit) {
+        hits[index] = batch_any_hit(GEOMETRY, &ray, hit);
+        return;
+    }
+    if (found) FINISH(GEOMETRY, &ray, &hit);
     hits[index] = batch_hit(&ray, hit);
 }

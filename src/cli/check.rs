@@ -67,6 +67,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     };
     let options = args.method.options_for(Some(&device), false, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
+    let options = args.method.options_for_pictures(options, &loaded.scene);
     let picture = args.picture.picture(&loaded.scene);
     let mut opened =
         open::open(&loaded, Some(&device), &args.device, options, picture.depth, &[Task::Batch, Task::Picture], talk)?;

@@ -31,7 +31,7 @@ use raybrook::options::{
     Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, Terminator, TexturePass, TraceOptions,
     Traversal, TriangleOrder,
 };
-use raybrook::scene::{PictureDefaults, Samples};
+use raybrook::scene::{PictureDefaults, Samples, Scene};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -175,6 +175,16 @@ impl MethodArgs {
         Ok(options)
     }
 
+    /// `options`, as [`Self::options_for`] has chosen them, for pictures of `scene`.
+    fn options_for_pictures(&self, options: TraceOptions, scene: &Scene) -> TraceOptions {
+        match self.packet_size {
+            None if !options.packet_size.suits_picture(scene) => {
+                TraceOptions { packet_size: PacketSize::One, ..options }
+            }
+            _ => options,
+        }
+    }
+
     /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.
     fn options(&self, preferred: Accel, counters: bool) -> Result<TraceOptions, Error> {
         let mut options = TraceOptions {
@@ -305,8 +315,18 @@ struct SceneArgs {
     scene: PathBuf,
 }
 
-/// Parses the arguments and does what they ask.
+/// Has PoCL keep each of its threads on a core of its own, unless the user has said how its threads are to run. Otherwise Linux often wakes
+/// two of them on one core, and leaves them there for the first 50 to 150 ms: the time of a whole picture, at half of the speed.
+fn keep_threads_on_their_cores() {
+    if ["POCL_AFFINITY", "POCL_MAX_PTHREAD_COUNT"].iter().all(|name| std::env::var_os(name).is_none()) {
+        // SAFETY: nothing but this thread runs yet, so nobody reads the environment meanwhile.
+        unsafe { std::env::set_var("POCL_AFFINITY", "1") };
+    }
+}
+
+/// Parses the arguments and does what they ask. To be called before any thread is started.
 pub fn run() -> Result<ExitCode, Error> {
+    keep_threads_on_their_cores();
     let cli = Cli::parse();
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),

@@ -4,7 +4,6 @@ use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::Result;
 use raybrook::film::{ImageFormat, check_output};
-use raybrook::options::PacketSize;
 use raybrook::output::check_writable;
 use raybrook::scene::Scene;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -68,11 +67,9 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let mut options = args.method.options_for(device.as_ref(), counters, talk)?;
+    let options = args.method.options_for(device.as_ref(), counters, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
-    if args.method.packet_size.is_none() && !PacketSize::Sixteen.suits_picture(&loaded.scene) {
-        options.packet_size = PacketSize::One;
-    }
+    let options = args.method.options_for_pictures(options, &loaded.scene);
     let picture = args.picture.picture(&loaded.scene);
     let mut opened =
         open::open(&loaded, device.as_ref(), &args.device, options, picture.depth, &[Task::Picture], talk)?;

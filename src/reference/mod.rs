@@ -155,7 +155,7 @@ fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
     if t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
 }
 
-/// Twin of `use_callers_units` in `cl/kernels/trace.cl`.
+/// Twin of `use_callers_units` in `cl/traverse/batch.cl`.
 #[inline(always)]
 fn use_callers_units(ray: &mut Ray, direction: Vec3, scale: f32) {
     let highest = |v: Vec3| {
@@ -210,8 +210,13 @@ impl ReferenceTracer {
     fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
         let ray = batch_ray(query, self.buffers.params.scale);
         let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
-        finish(&self.buffers, &self.options, &ray, &mut hit);
-        batch_hit(&ray, hit)
+        if !any_hit || !ray.callers_t(hit.t).is_finite() {
+            finish(&self.buffers, &self.options, &ray, &mut hit);
+        }
+        match batch_hit(&ray, hit) {
+            hit if any_hit && is_hit(&hit) => Hit { t: 0.0, u: 0.0, v: 0.0, ..hit },
+            hit => hit,
+        }
     }
 
     #[inline(always)]
