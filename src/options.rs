@@ -334,6 +334,9 @@ pub struct TraceOptions {
     /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles) for
     /// a kd-tree, 4 + 0.5 log2(triangles) for an octree.
     pub max_depth: Option<u32>,
+    /// Passes over a finished hierarchy of boxes, each of which moves large subtrees to where they fit better, or fewer when nothing is
+    /// left to gain; `None`: 5.
+    pub reinsert: Option<u32>,
     /// How the kd-tree is split, and when no more.
     #[serde(flatten)]
     pub kd: KdOptions,
@@ -394,6 +397,7 @@ impl TraceOptions {
         intersector: Intersector::Exact,
         leaf_size: None,
         max_depth: None,
+        reinsert: None,
         kd: KdOptions::DEFAULT,
         grid_size: None,
         memory: Memory::Global,

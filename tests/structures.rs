@@ -67,6 +67,10 @@ fn all_options() -> Vec<TraceOptions> {
     for accel in [Accel::Bvh2, Accel::Bvh8, Accel::Octree, Accel::Boxes, Accel::Spheres] {
         all.push(TraceOptions { leaf_size: Some(1), ..with(accel) });
     }
+    for accel in [Accel::Bvh2, Accel::Bvh8] {
+        all.push(TraceOptions { reinsert: Some(0), ..with(accel) });
+        all.push(TraceOptions { leaf_size: Some(1), reinsert: Some(100), ..with(accel) });
+    }
     all.push(TraceOptions { max_depth: Some(0), ..with(Accel::Octree) });
     all.push(TraceOptions { leaf_size: Some(1), max_depth: Some(60), ..with(Accel::Octree) });
     all
@@ -360,6 +364,8 @@ fn options_without_a_meaning_are_refused() {
         (TraceOptions { leaf_size: Some(9), ..with(Accel::Bvh8) }, "--leaf-size", "has room for 8"),
         (TraceOptions { max_depth: Some(4), ..with(Accel::Bvh2) }, "--max-depth", "kd or octree"),
         (TraceOptions { max_depth: Some(4), ..with(Accel::Spheres) }, "--max-depth", "kd or octree"),
+        (TraceOptions { reinsert: Some(1), ..with(Accel::Kd) }, "--reinsert", "--accel bvh2 or bvh8"),
+        (TraceOptions { reinsert: Some(0), ..with(Accel::Boxes) }, "--reinsert", "means nothing to --accel boxes"),
         (TraceOptions { grid_size: Some([4, 4, 4]), ..with(Accel::Kd) }, "--grid-size", "--accel grid"),
         (TraceOptions { grid_size: Some([4, 0, 4]), ..with(Accel::Grid) }, "--grid-size", "1,1,1"),
         (TraceOptions { grid_size: Some([u32::MAX, 2, 1]), ..with(Accel::Grid) }, "--grid-size", "16777216"),

@@ -100,6 +100,8 @@ pub struct BuildOptions {
     pub split_axis: SplitAxis,
     /// Triangles that the sampled median is taken of.
     pub sample_size: u32,
+    /// Passes of reinsertion over a hierarchy of boxes.
+    pub reinsert: u32,
 }
 
 impl BuildOptions {
@@ -127,6 +129,7 @@ impl BuildOptions {
             empty_bonus: kd.empty_bonus.unwrap_or(KdOptions::EMPTY_BONUS),
             split_axis: kd.split_axis,
             sample_size: kd.sample_size.unwrap_or(KdOptions::SAMPLE_SIZE),
+            reinsert: 0,
         }
     }
 }

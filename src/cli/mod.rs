@@ -112,6 +112,10 @@ struct MethodArgs {
     /// most 60].
     #[arg(long, value_name = "N")]
     max_depth: Option<u32>,
+    /// Improve a finished bvh2 or bvh8 in up to N passes, each of which moves large subtrees to where they fit better; 0: none
+    /// [default: 5].
+    #[arg(long, value_name = "N")]
+    reinsert: Option<u32>,
     #[command(flatten)]
     kd: kd::KdArgs,
     /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
@@ -196,6 +200,7 @@ impl MethodArgs {
             intersector: self.precision.unwrap_or(self.intersector),
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
+            reinsert: self.reinsert,
             kd: self.kd.options(),
             grid_size: self.grid_size,
             memory: self.memory,

@@ -82,6 +82,7 @@ pub static OPTIONS: &[MethodOption] = &[
         1
     ),
     number!("--max-depth", max_depth, &[Accel::Kd, Accel::Octree], 1),
+    number!("--reinsert", reinsert, &[Accel::Bvh2, Accel::Bvh8], 1),
     names!(SplitAxis, kd.split_axis, &[Accel::Kd]),
     number!("--sample-size", kd.sample_size, &[Accel::Kd], 1),
     names!(Stop, kd.stop, &[Accel::Kd]),

@@ -192,6 +192,7 @@ pub fn kernel_key(options: &TraceOptions) -> String {
         build: default.build,
         node_order: default.node_order,
         leaf_size: None,
+        reinsert: None,
         kd: KdOptions::DEFAULT,
         grid_size: None,
         paths_in_flight: None,

@@ -84,8 +84,10 @@ fn check(name: &str, triangles: &Triangles, leaf_size: u32, tree: &Bvh) {
 #[test]
 fn trees_hold_every_triangle_once_in_the_smallest_boxes() {
     for (name, triangles) in scenes() {
-        for leaf_size in [None, Some(1), Some(15), Some(u32::MAX)] {
-            let options = options(leaf_size);
+        for (leaf_size, reinsert) in
+            [(None, 0), (None, 9), (Some(1), 0), (Some(1), 9), (Some(15), 1), (Some(u32::MAX), 1)]
+        {
+            let options = BuildOptions { reinsert, ..options(leaf_size) };
             let tree = build_bvh(&triangles, &all(&triangles), &options).unwrap();
             check(name, &triangles, options.leaf_size, &tree);
             assert_eq!(tree.nodes.is_empty(), triangles.is_empty(), "{name}");
@@ -109,9 +111,11 @@ fn the_depth_has_a_bound_and_leaves_of_one_fit_below_it() {
 
 #[test]
 fn the_tree_depends_neither_on_threads_nor_on_the_order_of_triangles() {
-    for (name, triangles) in
-        [("large", soup(150_000, 0.01)), ("duplicates", vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 70_000])]
-    {
+    for (name, triangles) in [
+        ("large", soup(150_000, 0.01)),
+        ("mixed", small_and_large(20_000)),
+        ("duplicates", vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 70_000]),
+    ] {
         let options = options(None);
         let in_threads = |threads: usize, primitives: &[u32]| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -140,20 +144,48 @@ fn costs_and_size_make_leaves() {
     assert_eq!(leaves(BuildOptions { leaf_size: 1, ..base }), triangles.len());
 }
 
-/// Expected cost of a tree: steps and tests of a ray through its box.
-fn cost(tree: &Bvh, options: &BuildOptions) -> f64 {
-    let of = |node: &BvhNode| match node.count {
-        0 => f64::from(options.cost_traverse) * node.bounds.half_area(),
-        count => f64::from(options.cost_intersect) * f64::from(count) * node.bounds.half_area(),
+/// Small triangles and a few large ones, which no split serves well.
+fn small_and_large(count: usize) -> Triangles {
+    soup(count, 0.02).into_iter().chain(soup(count / 50, 1.0)).collect()
+}
+
+#[test]
+fn reinsertion_never_raises_the_expected_cost() {
+    let load = |name: &str| -> Triangles {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+        let scene = crate::scene::load(path).unwrap();
+        scene.hittable().into_iter().map(|i| scene.vertices(i as usize)).collect()
     };
-    tree.nodes.iter().map(of).sum::<f64>() / tree.nodes[0].bounds.half_area()
+    let mut inputs = scenes();
+    inputs.extend(["knot.obj", "vase.obj", "showcase.toml", "chess.toml"].map(|name| (name, load(name))));
+    inputs.push(("small and large", small_and_large(5000)));
+    let mut lowered = Vec::new();
+    for (name, triangles) in inputs {
+        for leaf_size in [None, Some(1)] {
+            let after = |reinsert: u32| {
+                let options = BuildOptions { reinsert, ..options(leaf_size) };
+                let tree = build_bvh(&triangles, &all(&triangles), &options).unwrap();
+                check(name, &triangles, options.leaf_size, &tree);
+                (tree.expected_cost(&options), tree.nodes.len())
+            };
+            let passes = [0, 1, 2, 5, 50].map(after);
+            println!("{name}: {passes:?}");
+            // The sum is rounded.
+            let rises = |pair: &[(f64, usize)]| pair[1].0 > pair[0].0 * (1.0 + 1e-12) || pair[1].1 != pair[0].1;
+            assert!(!passes.windows(2).any(rises), "{name}: {passes:?}");
+            if passes[4].0 < 0.99 * passes[0].0 {
+                lowered.push(name);
+            }
+        }
+    }
+    assert!(lowered.contains(&"small and large") && lowered.contains(&"showcase.toml"), "{lowered:?}");
 }
 
 #[test]
 fn surface_areas_beat_medians() {
-    let triangles: Triangles = soup(5000, 0.02).into_iter().chain(soup(40, 1.0)).collect();
+    let triangles = small_and_large(5000);
     let options = options(Some(4));
-    let tree = build_bvh(&triangles, &all(&triangles), &options).unwrap();
+    let tree = build_bvh(&triangles, &all(&triangles), &BuildOptions { reinsert: 0, ..options }).unwrap();
     let builder = Builder { leaf_size: 4, cost_traverse: 1.0, cost_intersect: 1.0 };
     // Every node halved, as where the depth runs out.
     fn halved(builder: &Builder, items: &mut [Item]) -> f64 {
@@ -168,5 +200,5 @@ fn surface_areas_beat_medians() {
     let mut items: Vec<_> = triangles.iter().zip(0..).map(|(triangle, i)| Item::new(triangle, i)).collect();
     let root = Extent::of(&items).bounds.half_area();
     let by_medians = halved(&builder, &mut items) / root;
-    assert!(cost(&tree, &options) < 0.8 * by_medians, "{} {by_medians}", cost(&tree, &options));
+    assert!(tree.expected_cost(&options) < 0.8 * by_medians, "{} {by_medians}", tree.expected_cost(&options));
 }
