@@ -28,7 +28,8 @@ use textures::pack_textures;
 pub struct SceneBuffers {
     /// What the kernels need to know of the scene as a whole.
     pub params: SceneParams,
-    /// kd-tree nodes in the chosen order, the root first; one unused leaf for brute force; for other structures see their files in `cl/traverse/`.
+    /// kd-tree nodes in the chosen order, the root first; one unused leaf for brute force; for other structures see their files in
+    /// `cl/traverse/`.
     pub nodes: Vec<KdNode>,
     /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
     pub references: Vec<u32>,
@@ -60,9 +61,9 @@ pub struct SceneBuffers {
     pub build_s: f64,
 }
 
-/// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a
-/// billion times smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away. Being relative to the scene, it also makes every result
-/// independent of the scene's unit when that changes by a power of two.
+/// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a billion times
+/// smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away. Being relative to the scene,
+/// it also makes every result independent of the scene's unit when that changes by a power of two.
 const LARGEST_COORDINATE_EXPONENT: i32 = 0;
 const LARGEST_SCALE_EXPONENT: i32 = 100;
 

@@ -107,7 +107,8 @@ pub struct RunStats {
     pub upload_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
-    /// Rays (of a batch, or of split kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see `cl/intersect/exact.cl`.
+    /// Rays (of a batch, or of split kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see
+    /// `cl/intersect/exact.cl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_pass: Option<u64>,
     /// Copying the result back.

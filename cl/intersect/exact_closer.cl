@@ -1,5 +1,6 @@
-// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero: a ray through an edge, or two
-// triangles at the same t. Devices without double leave that to whole numbers at once. The Rust twin does so, too: both are certain.
+// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero: a ray through
+// an edge, or two triangles at the same t. Devices without double leave that to whole numbers at once. The Rust twin does so, too:
+// both are certain.
 
 #ifdef WIDE_IS_DOUBLE
 // With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see WIDE_ERROR): edges are exact, the start's two products and
@@ -64,8 +65,8 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
     return low == *rounded;
 }
 
-// As decide_wide and place_hit, of a ray that starts at `start`, or with `leaves` leaves there a triangle. best0 to best2 are the vertices
-// of the nearest hit so far, which t_best_low and t_best_high are limits of; infinite if there is none.
+// As decide_wide and place_hit, of a ray that starts at `start`, or with `leaves` leaves there a triangle. best0 to best2 are the
+// vertices of the nearest hit so far, which t_best_low and t_best_high are limits of; infinite if there is none.
 RARE WideDecision decide_closer(TrianglePoint start, bool leaves, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
                                 float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1, float3 best2) {
     WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};

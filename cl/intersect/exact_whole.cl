@@ -1,4 +1,5 @@
-// The last step of exact_filter.cl, in whole numbers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell from zero.
+// The last step of exact_filter.cl, in whole numbers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell
+// from zero.
 //
 // A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), which is whole, too, in units
 // that are finer by the last bit of its weights.

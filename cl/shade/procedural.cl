@@ -125,9 +125,9 @@ float3 procedural_colour(const TextureInfo* info, float u, float v, float3 posit
     return fma3(info->colour1.xyz - colour, t, colour);
 }
 
-// Where a solid texture is looked at: beneath the surface by twice six roundings of the triangle's largest coordinate: the position's own and
-// those of whoever placed wall and pattern. A wall that lies in a border of the checker's cells would else show both of them in the
-// pattern of its rounding errors; so it shows the cell of its inside, also when border and wall agree but for a few roundings.
+// Where a solid texture is looked at: beneath the surface by twice six roundings of the triangle's largest coordinate: the position's
+// own and those of whoever placed wall and pattern. A wall that lies in a border of the checker's cells would else show both of them
+// in the pattern of its rounding errors; so it shows the cell of its inside, also when border and wall agree but for a few roundings.
 float3 solid_position(const Surface* surface) {
     const float3 outward = surface->front ? surface->geometric_normal : -surface->geometric_normal;
     return fma3(outward, -12.0f * EPSILON * surface->largest_coordinate, surface->point.position);

@@ -8,9 +8,10 @@
 #define WIDEN_UP (1.0f + 10.0f * EPSILON)
 #define WIDEN_DOWN (1.0f - 10.0f * EPSILON)
 
-// A ray ready for traversal. The direction is scaled by a power of two to a largest component in [1, 2), which is exact and
-// makes every later step independent of the caller's units; t here is the caller's t / t_lift / t_scale. Where it would not be exact,
-// because another component is over 2^126 times smaller, the largest is in [2^60, 2^61), whose square is a float: a ray from far away turns by so little.
+// A ray ready for traversal. The direction is scaled by a power of two to a largest component in [1, 2), which is exact and makes
+// every later step independent of the caller's units; t here is the caller's t / t_lift / t_scale. Where it would not be exact,
+// because another component is over 2^126 times smaller, the largest is in [2^60, 2^61), whose square is a float: a ray from far away
+// turns by so little.
 typedef struct {
     float3 origin;
     float3 origin_low;    // the ray starts at origin + origin_low; not larger than the rounding of origin. See start_on_triangle

@@ -2,9 +2,8 @@
 // Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays", EGSR 2008; Wald,
 // Benthin and Boulos, "Getting Rid of Packets", IEEE Symposium on Interactive Ray Tracing 2008.
 //
-// For CPUs, whose vectors one ray fills: on the bunny 4.3 steps a camera ray, where a binary hierarchy takes
-// 11.2, whatever its neighbours do. Bad at: GPUs, where a
-// work-item has one lane and eight boxes take its registers.
+// For CPUs, whose vectors one ray fills: on the bunny 4.3 steps a camera ray, where a binary hierarchy takes 11.2, whatever its
+// neighbours do. Bad at: GPUs, where a work-item has one lane and eight boxes take its registers.
 //
 // nodes: BVH8_NODE_RECORDS records a node; what they are, and what a link is, src/accel/bvh8.rs says. bounds: packets of triangles
 // (cl/intersect/filter.cl). Boxes are tested with the pads of cl/shared/slab.cl.

@@ -445,8 +445,8 @@ impl Builder {
     /// The scene.
     ///
     /// # Errors
-    /// [`Error::Scene`](crate::Error::Scene) tells the first faults of the calls so far, or what is out of range in camera, lights, materials,
-    /// ambient light and background.
+    /// [`Error::Scene`](crate::Error::Scene) tells the first faults of the calls so far, or what is out of range in camera, lights,
+    /// materials, ambient light and background.
     pub fn finish(mut self) -> Result<Scene> {
         if self.pending.is_some() {
             self.fail("begin: not ended");
