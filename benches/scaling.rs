@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Segments of [`balls`]: 202 to 5,040,002 triangles.
 const SEGMENTS: [u32; 6] = [4, 8, 20, 64, 200, 450];
 /// Brute force ends in time up to so many triangles.
-const MOST_FOR_BRUTE_FORCE: usize = 10_000;
+const MOST_FOR_BRUTE_FORCE: usize = 2000;
 const MOST_TRIANGLES: usize = 6_000_000;
 /// Passes, of which the median counts.
 const REPEAT: u32 = 5;
@@ -43,7 +43,7 @@ fn median(mut seconds: Vec<f64>) -> f64 {
 
 fn triangles(most: usize, places: &[Place]) {
     println!(
-        "\n## Triangles\n\nns a ray: camera / shadow / diffuse. log2: how much more a camera ray takes for each doubling since the row above, %.\n"
+        "\n## Triangles\n\nns a ray: camera / shadow / diffuse; how much more of a camera ray for each doubling of the triangles.\n"
     );
     println!("| triangles | structure | build s | bytes a triangle | {} |", names(places));
     println!("|--:|---|--:|--:|{}", "--:|".repeat(places.len()));
