@@ -63,7 +63,7 @@ int4 leaf_of_link(uint link) {
     return (int4)((int)KD_LEAF, (int)(link & BVH_FIRST_MASK), (int)((link & ~BVH_LEAF) >> BVH_COUNT_SHIFT), 0);
 }
 
-// The same for the references of a leaf record {KD_LEAF, first, count, _}.
+// test_triangles() for the references of a leaf record {KD_LEAF, first, count, _}.
 bool test_leaf(GEOMETRY_PARAMETERS, const Ray* ray, int4 leaf, const bool any_hit, Hit* hit) {
     COUNT(geometry, LEAVES, 1);
     COUNT(geometry, EMPTY_LEAVES, leaf.z == 0 ? 1 : 0);

@@ -320,8 +320,8 @@ struct SceneArgs {
     scene: PathBuf,
 }
 
-/// Has PoCL keep each of its threads on a core of its own, unless the user has said how its threads are to run. Otherwise Linux often wakes
-/// two of them on one core, and leaves them there for the first 50 to 150 ms: the time of a whole picture, at half of the speed.
+/// Has PoCL keep each of its threads on a core of its own, unless the user has said how its threads are to run. Otherwise Linux often
+/// wakes two of them on one core, and leaves them there for the first 50 to 150 ms: the time of a whole picture, at half of the speed.
 fn keep_threads_on_their_cores() {
     if ["POCL_AFFINITY", "POCL_MAX_PTHREAD_COUNT"].iter().all(|name| std::env::var_os(name).is_none()) {
         // SAFETY: nothing but this thread runs yet, so nobody reads the environment meanwhile.
