@@ -89,7 +89,7 @@ void see_lamp(SCENE_PARAMETERS, Path* paths, Ray* rays, ulong lanes, ulong* in_d
         dark |= open & ~passed;
         open = passed;
     }
-    // So are those still on their way, and all that have hit where nothing is seen through.
+    // Dark are also those still on their way, and where nothing is seen through all that have hit.
     for (dark |= open; dark != 0ul; dark = other_lanes8(dark)) {
         Path* path = &paths[first_lane16(dark)];
         path->counts[COUNT_SHADOW_HIT]++;

@@ -39,9 +39,9 @@ float8 least_of_lanes(float16 a, float16 b, float16 c, float16 d, float16 e, flo
     const float16 ab = least_of_halves(a, b), cd = least_of_halves(c, d);
     const float16 ef = least_of_halves(e, f), gh = least_of_halves(g, h);
     const float16 abcd = smaller16((float16)(ab.s0123, ab.s89ab, cd.s0123, cd.s89ab),
-                                  (float16)(ab.s4567, ab.scdef, cd.s4567, cd.scdef));
+                                   (float16)(ab.s4567, ab.scdef, cd.s4567, cd.scdef));
     const float16 efgh = smaller16((float16)(ef.s0123, ef.s89ab, gh.s0123, gh.s89ab),
-                                  (float16)(ef.s4567, ef.scdef, gh.s4567, gh.scdef));
+                                   (float16)(ef.s4567, ef.scdef, gh.s4567, gh.scdef));
     const float16 pairs = smaller16(
         (float16)(abcd.s01, abcd.s45, abcd.s89, abcd.scd, efgh.s01, efgh.s45, efgh.s89, efgh.scd),
         (float16)(abcd.s23, abcd.s67, abcd.sab, abcd.sef, efgh.s23, efgh.s67, efgh.sab, efgh.sef));

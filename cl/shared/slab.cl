@@ -60,7 +60,7 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
 }
 
 // The same for two boxes at a time, in vectors of four for what has such registers. An interval is written {t_enter, -t_leave}, so that
-// both bounds narrow by max_or.
+// both bounds narrow by fmax(): no number here is NaN.
 typedef struct {
     float4 inv_xy, inv_zz;       // inv, -inv of x and of y; twice of z
     float4 offset_xy, offset_zz; // enter, -leave

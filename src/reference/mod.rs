@@ -210,6 +210,7 @@ impl ReferenceTracer {
     fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
         let ray = batch_ray(query, self.buffers.params.scale);
         let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
+        // As batch_any_hit() in `cl/traverse/batch.cl`: that there is a hit is the answer.
         if !any_hit || !ray.callers_t(hit.t).is_finite() {
             finish(&self.buffers, &self.options, &ray, &mut hit);
         }
