@@ -75,7 +75,6 @@ struct Comparison {
 #[derive(Default)]
 struct Tally {
     runs: usize,
-    programs: usize,
     rays: u64,
     differences: usize,
     descriptions: Vec<String>,
@@ -135,7 +134,6 @@ impl Comparison {
                         println!("{done} of {total}: {} differences", self.tally.lock().unwrap().differences);
                     }
                 }
-                self.tally.lock().unwrap().programs += std::fs::read_dir(folder.path()).unwrap().count();
             }
         };
         let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
@@ -159,10 +157,10 @@ impl Comparison {
         jobs.collect::<Vec<_>>().par_iter().for_each(|job| self.run(job, None, None));
     }
 
-    fn finish(self, combinations: usize) {
-        let Tally { runs, programs, rays, differences, descriptions } = self.tally.into_inner().unwrap();
+    fn finish(self, combinations: usize, kernels: usize) {
+        let Tally { runs, rays, differences, descriptions } = self.tally.into_inner().unwrap();
         println!(
-            "{combinations} combinations, {runs} runs on {} models, {programs} programs compiled, {rays} rays, {differences} differences",
+            "{combinations} combinations of {kernels} sets of kernels, {runs} runs on {} models, {rays} rays, {differences} differences",
             self.models.len()
         );
         assert!(descriptions.is_empty(), "{differences} differences; the first:\n{}", descriptions.join("\n"));
@@ -289,5 +287,5 @@ fn every_combination_gives_the_hits_of_brute_force() {
     if let Some(device) = device() {
         comparison.run_on_device(&jobs, &device);
     }
-    comparison.finish(lists.iter().map(Vec::len).sum());
+    comparison.finish(lists.iter().map(Vec::len).sum(), lists.len());
 }

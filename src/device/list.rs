@@ -57,6 +57,11 @@ impl fmt::Display for DeviceKind {
     }
 }
 
+/// The name of PoCL's platform.
+const POCL: &str = "Portable Computing Language";
+/// The variable that switches PoCL's own store of compiled kernels off, if it is 0.
+const POCL_KERNEL_CACHE: &str = "POCL_KERNEL_CACHE";
+
 /// What a device says about itself. A number that the driver does not tell is 0, a text is empty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DeviceInfo {
@@ -122,6 +127,11 @@ impl DeviceInfo {
     /// Whether raybrook can use the device.
     pub fn is_usable(&self) -> bool {
         self.unusable.is_none()
+    }
+
+    /// Whether the driver keeps compiled kernels by itself: PoCL does, unless `POCL_KERNEL_CACHE` is 0.
+    pub fn keeps_kernels(&self) -> bool {
+        self.platform_name == POCL && std::env::var_os(POCL_KERNEL_CACHE).is_none_or(|value| value != "0")
     }
 }
 

@@ -2,7 +2,7 @@
 //! leaves in doubt (`cl/shared/memory.cl`) are traced again by kernels that can decide everything.
 
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
-use super::{Buffer, Cache, CompileOptions, DeviceContext, Kernel, Program, ProgramSource, build};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use crate::options::{Kernels, PacketSize, TraceOptions};
 use std::cell::Cell;
@@ -185,8 +185,16 @@ pub(super) fn pass_options(options: &CompileOptions, defers: bool, pass: Pass, f
 }
 
 impl Passes {
-    /// `notes`: those that there are before anything is compiled.
-    pub fn new(options: CompileOptions, defers: bool, cache: Option<&Cache>, notes: Vec<String>) -> Self {
+    /// `notes`: those that there are before anything is compiled. A driver that keeps compiled kernels is left to it: asked for a
+    /// binary, PoCL compiles every kernel once more, for work-groups of any size, a third of all the time that compiling takes.
+    pub fn new(
+        options: CompileOptions,
+        defers: bool,
+        cache: Option<&Cache>,
+        info: &DeviceInfo,
+        notes: Vec<String>,
+    ) -> Self {
+        let cache = cache.filter(|_| !info.keeps_kernels());
         Passes { kernels: Vec::new(), defers, options, cache: cache.cloned(), compile_s: 0.0, notes }
     }
 

@@ -127,7 +127,8 @@ fn notes_on(info: &DeviceInfo) -> Vec<String> {
 }
 
 impl OpenClTracer {
-    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Tracer::prepare`].
+    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Tracer::prepare`]; the
+    /// `cache` is not used where the driver [keeps kernels](DeviceInfo::keeps_kernels) by itself.
     ///
     /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
     ///
@@ -144,7 +145,7 @@ impl OpenClTracer {
         let context = DeviceContext::open(device)?;
         let compile_options = compile_options(buffers, options, max_depth);
         let notes = notes_on(context.info());
-        let passes = Passes::new(compile_options, defers(options), cache, notes);
+        let passes = Passes::new(compile_options, defers(options), cache, context.info(), notes);
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
         // CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.

@@ -8,7 +8,11 @@ fn the_limit_of_the_cache_is_read() {
     let folder = folder();
     let render = ["render", "one.obj", "--size", "8x8", "--device"];
     let with = |device: &str, megabytes| {
-        raybrook_with(folder.path(), &[&render[..], &[device]].concat(), &[("RAYBROOK_CACHE_MB", megabytes)])
+        raybrook_with(
+            folder.path(),
+            &[&render[..], &[device]].concat(),
+            &[("RAYBROOK_CACHE_MB", megabytes), ("POCL_KERNEL_CACHE", "0")],
+        )
     };
     assert_fails(&with("reference", "many"), 2, &["RAYBROOK_CACHE_MB", "'many'", "megabytes"]);
     let Some(device) = common::device() else { return };
