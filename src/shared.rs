@@ -38,6 +38,8 @@ pub const BVH8_NODE_RECORDS: u32 = 16;
 pub const BVH8_LINKS: u32 = 12;
 /// Records of `bounds` that a packet of eight triangles takes.
 pub const BVH8_PACKET_RECORDS: u32 = 18;
+/// How many packets of sixteen rays of a batch a work-item traces together.
+pub const PACKETS_OF_ITEM: u32 = 4;
 
 /// `Light::kind` of a point light.
 pub const LIGHT_POINT: u32 = 0;
@@ -393,6 +395,7 @@ pub fn types_cl() -> String {
         ("BVH8_NODE_RECORDS", BVH8_NODE_RECORDS),
         ("BVH8_LINKS", BVH8_LINKS),
         ("BVH8_PACKET_RECORDS", BVH8_PACKET_RECORDS),
+        ("PACKETS_OF_ITEM", PACKETS_OF_ITEM),
         ("LIGHT_POINT", LIGHT_POINT),
         ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
         ("LIGHT_SPOT", LIGHT_SPOT),

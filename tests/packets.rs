@@ -25,21 +25,21 @@ fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
     TraceRay { origin_t_min: Float4::new(origin, t_min), direction_t_max: Float4::new(direction, t_max) }
 }
 
-/// Rays that go much the same way, from one point or from several, packet by packet along another axis: what a frustum is made of.
-fn bundles(count: usize, random: &mut Random) -> Vec<TraceRay> {
+/// Rays that go much the same way, from one point or from several, `of` rays at a time along another axis: what frusta are made of.
+fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
     let bundle = |random: &mut Random| {
         let from = random.vec3() * if random.bits() & 1 == 0 { 0.3 } else { 3.0 };
         let to = random.vec3();
         let (width, spread) = (0.2 * random.unit(), [0.0, 0.01, 0.5][random.bits() as usize % 3]);
         let t_min = if random.bits().is_multiple_of(8) { -2.0 } else { 0.0 };
-        (0..16)
+        (0..of)
             .map(|_| {
                 let start = from + random.vec3() * spread;
                 ray(start, to + random.vec3() * width - start, t_min, f32::INFINITY)
             })
             .collect::<Vec<_>>()
     };
-    (0..count / 16).flat_map(|_| bundle(random)).collect()
+    (0..count / of).flat_map(|_| bundle(random)).collect()
 }
 
 /// Rays of all directions, with limits of t, along axes, through vertices and edges of `triangles`, and with numbers that no packet takes.
@@ -125,12 +125,14 @@ fn packets_find_the_hits_of_single_rays() {
     for triangles in
         [mixed, sheet(24), sheet(3).iter().map(|t| t.map(|p| p * 1e18)).collect(), soup(1, 1.0, &mut random)]
     {
-        let mut rays = bundles(1600, &mut random);
+        let mut rays = bundles(1600, 16, &mut random);
+        rays.extend(bundles(3200, 64, &mut random));
+        rays.extend(bundles(1600, 32, &mut random));
         rays.extend(scattered(1600, &triangles, &mut random));
         hits += assert_answers(&device, &PACKETS, &triangles, &rays)[0];
     }
-    assert!(hits > 3000, "{hits} hits of 12800 rays");
-    assert_eq!(assert_answers(&device, &PACKETS, &[], &bundles(32, &mut random)), [0, 0]);
+    assert!(hits > 6000, "{hits} hits of 32000 rays");
+    assert_eq!(assert_answers(&device, &PACKETS, &[], &bundles(32, 16, &mut random)), [0, 0]);
 }
 
 #[test]
@@ -141,11 +143,32 @@ fn batches_of_every_length_are_traced_whole() {
     let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &PACKETS).unwrap());
     let mut tracer = open_tracer(Some(&device), &buffers, &PACKETS, 1, None).unwrap();
     let mut twin = ReferenceTracer::new(buffers.clone(), PACKETS);
-    let rays = bundles(6000, &mut random);
-    for length in (0..50).chain([4095, 4096, 4097, rays.len()]) {
+    let rays = bundles(6000, 40, &mut random);
+    for length in (0..50).chain(60..70).chain([127, 128, 129, 190, 4095, 4096, 4097, rays.len()]) {
         let [hits, expected] =
             [&mut *tracer as &mut dyn Tracer, &mut twin].map(|tracer| trace(tracer, &rays[..length], false).hits);
         assert!(hits.iter().map(bits).eq(expected.iter().map(bits)), "{length} rays");
+    }
+}
+
+/// Rows of an image are traced tile by tile (`src/device/rows.rs`); each hit is that of its own ray all the same.
+#[test]
+fn images_in_a_batch_keep_the_order_of_their_rays() {
+    let Some(device) = device() else { return };
+    let mut random = Random(SEED);
+    let triangles = sheet(24);
+    let single = TraceOptions { packet_size: PacketSize::One, ..PACKETS };
+    for (width, height, others) in [(64, 64, 0), (72, 43, 5), (40, 7, 0), (104, 17, 100)] {
+        let pixel = |i: usize| {
+            let to = Vec3::new((i % width) as f32 / width as f32 - 0.5, (i / width) as f32 / width as f32 - 0.3, -1.0);
+            ray(Vec3::new(0.1, 0.2, 3.0), to, 0.0, f32::INFINITY)
+        };
+        let mut rays: Vec<_> = (0..width * height).map(pixel).collect();
+        rays.extend(scattered(others, &triangles, &mut random));
+        for options in [PACKETS, single] {
+            let [hits, _] = assert_answers(&device, &options, &triangles, &rays);
+            assert!(hits > rays.len() / 10, "{hits} hits of {} rays", rays.len());
+        }
     }
 }
 
@@ -154,7 +177,7 @@ fn packets_read_every_kind_of_memory_and_do_without_double() {
     let Some(device) = device() else { return };
     let mut random = Random(SEED);
     let triangles = sheet(12);
-    let mut rays = bundles(640, &mut random);
+    let mut rays = bundles(640, 64, &mut random);
     rays.extend(scattered(640, &triangles, &mut random));
     let memories = Memory::ALL.iter().map(|&memory| TraceOptions { memory, ..PACKETS });
     let layouts = [

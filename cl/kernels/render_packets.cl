@@ -38,12 +38,14 @@ void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool a
     ulong alone = lanes;
     if (count_lanes16(lanes) >= FEWEST_TOGETHER) {
         RayPacket packet;
-        int16 used = pack_rays(rays, lanes, geometry->low, geometry->high, &packet);
+        int16 used = pack_rays(rays, lanes, &packet);
+        PacketRange range;
         Frustum frustum;
-        if (is_any16(used) && make_frustum(&packet, geometry->low, geometry->high, &frustum)) {
+        if (is_any16(used)) range_of(&packet, 1u, &range);
+        if (is_any16(used) && make_frusta(&packet, 1u, &range, geometry->low, geometry->high, &frustum)) {
             PacketHits found;
             int16 doubtful;
-            traverse_bvh8_packet(GEOMETRY, &packet, &frustum, any_hit, &found, &doubtful);
+            traverse_bvh8_group(GEOMETRY, &packet, &range, &frustum, 1u, any_hit, &found, &doubtful);
             used = used && !doubtful;
             alone &= ~lanes_where16(used);
             answer->hits = lanes_where16(used && found.reference != NO_PRIMITIVE);

@@ -2,10 +2,10 @@
 
 // The closest hit of each ray.
 __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                            WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+                            WORK_ARGUMENT DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
-    const uint index = ITEM_OF(item);
+    const uint index = RAY_OF(item);
     UNDECIDED
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
@@ -16,10 +16,10 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
 
 // Some hit of each ray: whether there is one is the answer, which one depends on the structure.
 __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                        WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+                        WORK_ARGUMENT DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
-    const uint index = ITEM_OF(item);
+    const uint index = RAY_OF(item);
     UNDECIDED
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;

@@ -51,7 +51,7 @@ bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 origin_low, flo
     const uint first = (uint)leaf.y, count = (uint)leaf.z;
     if (count == 0u) return true;
     LeafTriangles l;
-    (void)load_triangles(GEOMETRY, ray, 0, first / 8u, &l);
+    (void)load_triangles(GEOMETRY, ray, 0, 1u, first / 8u, &l);
     // As from_origin(); the range is of one ray.
     const float8 ax = (l.a[0] - ray->origin_least[0]) - origin_low.x;
     const float8 ay = (l.a[1] - ray->origin_least[1]) - origin_low.y;
@@ -116,29 +116,16 @@ void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, 
 }
 
 // The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many there are.
-uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum* frustum, uint node, float16 t_limit, uint* slots,
-                        float16* t_enter) {
+uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, uint* slots, float16* t_enter) {
     float order[8];
-    ulong met;
-    if (frustum != 0) {
-        float8 along;
-        met = clip_to_frustum(GEOMETRY, frustum, node, &along);
-        vstore8(along, 0, order);
-    } else {
 #pragma unroll
-        for (uint slot = 0; slot < 8u; slot++) t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
-        const float8 first =
-            least_of_lanes(t_enter[0], t_enter[1], t_enter[2], t_enter[3], t_enter[4], t_enter[5], t_enter[6], t_enter[7]);
-        met = lanes_where8(first < INFINITY);
-        vstore8(first, 0, order);
-    }
+    for (uint slot = 0; slot < 8u; slot++) t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
+    const float8 first =
+        least_of_lanes(t_enter[0], t_enter[1], t_enter[2], t_enter[3], t_enter[4], t_enter[5], t_enter[6], t_enter[7]);
+    vstore8(first, 0, order);
     uint count = 0;
-    for (; met != 0ul; met = other_lanes8(met)) {
+    for (ulong met = lanes_where8(first < INFINITY); met != 0ul; met = other_lanes8(met)) {
         const uint slot = first_lane8(met);
-        if (frustum != 0) {
-            t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
-            if (!is_any16(t_enter[slot] < INFINITY)) continue;
-        }
         uint place = count++;
         for (; place > 0u && order[slots[place - 1u]] < order[slot]; place--) slots[place] = slots[place - 1u];
         slots[place] = slot;
@@ -146,14 +133,17 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum* 
     return count;
 }
 
-// The hits of sixteen rays, or, with any_hit, some hit of each. Lanes that float32 does not decide are in *doubtful, and what is said
-// of their hits means nothing.
-void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum* frustum, const bool any_hit, PacketHits* hits,
-                          int16* doubtful) {
+void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
     hits->t_high = p->t_far;
     hits->t_low = (float16)(INFINITY);
     hits->reference = (uint16)(NO_PRIMITIVE);
     *doubtful = (int16)(0);
+}
+
+// The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Lanes that float32 does not decide are in *doubtful, and what is said
+// of their hits means nothing.
+void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit, PacketHits* hits, int16* doubtful) {
+    start_packet(p, hits, doubtful);
     float16 t_limit = p->t_far;
 
     PacketChild stack[STACK_SIZE];
@@ -164,20 +154,17 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum
         stacked--;
         const int16 is_within = stack[stacked].t_enter <= t_limit;
         const uint link = stack[stacked].link;
-        if (!is_any16(is_within)) continue;
-        if (frustum == 0) {
-            ulong lanes = lanes_where16(is_within);
-            if (count_lanes16(lanes) <= FEW_RAYS) {
-                for (; lanes != 0ul; lanes = other_lanes8(lanes))
-                    go_on_alone(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
-                continue;
-            }
+        ulong lanes = lanes_where16(is_within);
+        if (count_lanes16(lanes) <= FEW_RAYS) {
+            for (; lanes != 0ul; lanes = other_lanes8(lanes))
+                go_on_alone(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
+            continue;
         }
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
             uint slots[8];
             float16 t_enter[8];
-            const uint count = children_of_packet(GEOMETRY, p, frustum, node, t_limit, slots, t_enter);
+            const uint count = children_of_packet(GEOMETRY, p, node, t_limit, slots, t_enter);
             for (uint i = 0; i < count; i++, stacked++) {
                 stack[stacked].t_enter = t_enter[slots[i]];
                 stack[stacked].link = LOAD_LINK(geometry, node, slots[i]);
@@ -187,11 +174,9 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const Frustum
             const uint first = (uint)leaf.y, count = (uint)leaf.z;
             if (count == 0u) continue;
             LeafTriangles triangles;
-            ulong met = load_triangles(GEOMETRY, &p->range, frustum, first / 8u, &triangles) & FIRST_LANES8(count);
-            for (; met != 0ul; met = other_lanes8(met)) {
-                const uint i = first_lane8(met);
-                test_with_packet(GEOMETRY, p, &triangles, i, first + i, any_hit, &t_limit, hits, doubtful);
-            }
+            (void)load_triangles(GEOMETRY, range, 0, 1u, first / 8u, &triangles);
+            for (uint i = 0; i < count; i++)
+                (void)test_with_packet(GEOMETRY, p, &triangles, i, first + i, any_hit, &t_limit, hits, doubtful);
         }
     }
 }

@@ -17,29 +17,17 @@ typedef struct {
     uint u, v, z;     // axes
     float a[4], b[4]; // below u, above u, below v, above v:  a + b z
     bool is_upwards;  // along z
+    // Coordinates as ALONG() has them: where the first and the last ray start, and by how much they may be off.
+    float first_start, last_start, pad;
 } Frustum;
 
-// False where there is none.
-bool make_frustum(const RayPacket* p, float3 low, float3 high, Frustum* f) {
-    const float3 steepest = vload3(0, p->range.steepest);
-    f->z = major_axis(steepest);
-    f->u = (f->z + 1u) % 3u;
-    f->v = (f->z + 2u) % 3u;
-    const float16 direction_z = p->direction[f->z];
-    f->is_upwards = lane_of16(&direction_z, 0) > 0.0f;
-    // What is behind the start is hit with a t_near below 0.
-    if (is_any16((f->is_upwards ? direction_z < 0.5f : direction_z > -0.5f) || p->t_near < 0.0f)) return false;
-    const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
-    const float start = f->is_upwards ? p->range.origin_least[f->z] : p->range.origin_greatest[f->z];
-    const float end = f->is_upwards ? highs[f->z] : lows[f->z];
-    float reach = 0.0f;
-    for (uint axis = 0; axis < 3u; axis++) {
-        reach = max_or(reach, max_or(fabs(p->range.origin_least[axis]), fabs(p->range.origin_greatest[axis])));
-        reach = max_or(reach, max_or(fabs(lows[axis]), fabs(highs[axis])));
-    }
-    if (!((f->is_upwards ? end - start : start - end) > LEAST_FRUSTUM_LENGTH * reach)) return false;
+// Coordinates z of the axis, so that they grow along the rays.
+#define ALONG(f, z) ((f)->is_upwards ? (z) : -(z))
 
-    const float16 slope_u = p->direction[f->u] * p->inv[f->z], slope_v = p->direction[f->v] * p->inv[f->z];
+// Lines below and above the rays of a packet, from `start` to `end` along z.
+void set_lines(const RayPacket* p, float start, float end, Frustum* f) {
+    const float16 inv_z = 1.0f / p->direction[f->z];
+    const float16 slope_u = p->direction[f->u] * inv_z, slope_v = p->direction[f->v] * inv_z;
     const float16 to_start = start - p->origin[f->z], to_end = end - p->origin[f->z];
     const float16 u0 = fma(to_start, slope_u, p->origin[f->u]), u1 = fma(to_end, slope_u, p->origin[f->u]);
     const float16 v0 = fma(to_start, slope_v, p->origin[f->v]), v1 = fma(to_end, slope_v, p->origin[f->v]);
@@ -47,25 +35,46 @@ bool make_frustum(const RayPacket* p, float3 low, float3 high, Frustum* f) {
     const float4 at_start = (float4)(least.s0, -least.s1, least.s2, -least.s3);
     const float4 at_end = (float4)(least.s4, -least.s5, least.s6, -least.s7);
     const float4 b = (at_end - at_start) / (end - start);
-    const float pad = FRUSTUM_SLACK * reach;
-    vstore4(at_start - b * start + (float4)(-pad, pad, -pad, pad), 0, f->a);
+    vstore4(at_start - b * start + (float4)(-f->pad, f->pad, -f->pad, f->pad), 0, f->a);
     vstore4(b, 0, f->b);
-    return true;
 }
 
-// The children of a node that the frustum meets, and numbers of them that grow along the rays. A line's least value within a box is
-// at one of the box's ends along z.
-ulong clip_to_frustum(GEOMETRY_PARAMETERS, const Frustum* f, uint node, float8* order) {
-    const uint u = node + 4u * f->u, v = node + 4u * f->v, z = node + 4u * f->z;
-    const float8 low_z = LOAD_EIGHT(geometry, z), high_z = LOAD_EIGHT(geometry, z + 2u);
-    const float8 below_u = fma((float8)(f->b[0]), f->b[0] > 0.0f ? low_z : high_z, (float8)(f->a[0]));
-    const float8 above_u = fma((float8)(f->b[1]), f->b[1] > 0.0f ? high_z : low_z, (float8)(f->a[1]));
-    const float8 below_v = fma((float8)(f->b[2]), f->b[2] > 0.0f ? low_z : high_z, (float8)(f->a[2]));
-    const float8 above_v = fma((float8)(f->b[3]), f->b[3] > 0.0f ? high_z : low_z, (float8)(f->a[3]));
-    *order = f->is_upwards ? low_z : -high_z;
-    // The boxes of children that there are not are upside down.
-    return lanes_where8(below_u <= LOAD_EIGHT(geometry, u + 2u) && above_u >= LOAD_EIGHT(geometry, u) &&
-                        below_v <= LOAD_EIGHT(geometry, v + 2u) && above_v >= LOAD_EIGHT(geometry, v) && low_z <= high_z);
+// Makes the frusta of the packets of `members`, of that range, with the same axes. False where there are none.
+bool make_frusta(const RayPacket* packets, const uint members, const PacketRange* r, float3 low, float3 high, Frustum* frusta) {
+    Frustum f;
+    f.z = major_axis(vload3(0, r->rays.steepest));
+    f.u = (f.z + 1u) % 3u;
+    f.v = (f.z + 2u) % 3u;
+    f.is_upwards = r->direction_least[f.z] >= 0.5f;
+    // What is behind the start is hit with a t_near below 0.
+    if (!(f.is_upwards || r->direction_greatest[f.z] <= -0.5f) || r->t_near_least < 0.0f) return false;
+    const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
+    const float least = r->rays.origin_least[f.z], greatest = r->rays.origin_greatest[f.z];
+    const float start = f.is_upwards ? least : greatest, end = f.is_upwards ? highs[f.z] : lows[f.z];
+    float reach = 0.0f;
+    for (uint axis = 0; axis < 3u; axis++) {
+        reach = max_or(reach, max_or(fabs(r->rays.origin_least[axis]), fabs(r->rays.origin_greatest[axis])));
+        reach = max_or(reach, max_or(fabs(lows[axis]), fabs(highs[axis])));
+    }
+    if (!((f.is_upwards ? end - start : start - end) > LEAST_FRUSTUM_LENGTH * reach)) return false;
+    f.pad = FRUSTUM_SLACK * reach;
+    f.first_start = f.is_upwards ? least : -greatest;
+    f.last_start = f.is_upwards ? greatest : -least;
+    for (uint rest = members; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest);
+        set_lines(&packets[k], start, end, &f);
+        frusta[k] = f;
+    }
+    return true;
+}
+// How far the rays of a packet reach along its frustum, if they go no farther than t_limit: no farther than this.
+float reach_along(const RayPacket* p, const Frustum* f, float16 t_limit) {
+    const float16 end = fma(t_limit, p->direction[f->z], p->origin[f->z]);
+    const float16 along = ALONG(f, end);
+    const float8 eight = larger8(along.lo, along.hi);
+    const float4 four = fmax(eight.lo, eight.hi);
+    const float2 two = fmax(four.lo, four.hi);
+    return fmax(two.x, two.y) + f->pad;
 }
 
 // The triangles abc that the frustum meets: those whose vertices are not all beyond one of the planes.

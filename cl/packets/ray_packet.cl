@@ -11,17 +11,28 @@ typedef struct {
     float steepest[3];                         // largest |direction|
 } RayRange;
 
+// The same of packets, with what else is asked of all of their rays.
 typedef struct {
-    float16 origin[3], direction[3];    // in tracing space, directions as make_ray() scales them
-    float16 origin_low[3];              // as that of Ray
-    bool has_low;                       // whether it is not 0 everywhere
-    float16 inv[3], enter[3], leave[3]; // as those of Slabs
+    RayRange rays;
+    float direction_least[3], direction_greatest[3];
+    float t_near_least;
+} PacketRange;
+
+typedef struct {
+    float16 origin[3], direction[3]; // in tracing space, directions as make_ray() scales them
+    float16 origin_low[3];           // as that of Ray
+    bool has_low;                    // whether it is not 0 everywhere
     float16 t_near, t_far;
     uint16 skip;
-    RayRange range;
-    uint near[3];        // for each axis the record of a node's planes where the rays enter boxes
-    bool has_one_octant; // whether that is the same for all of them
+    // Only once boxes are to be tested: add_slabs().
+    bool has_slabs;
+    float16 inv[3], enter[3], leave[3]; // as those of Slabs
+    uint near[3];                       // for each axis the record of a node's planes where the rays enter boxes
+    bool has_one_octant;                // whether that is the same for all of them
 } RayPacket;
+
+// Packets that are traced together are bits of a word: the lowest one.
+uint first_member(uint members) { return 31u - (uint)clz(members & (0u - members)); }
 
 float3 three_of_lane(const float16* v, uint lane) {
     return (float3)(lane_of16(&v[0], lane), lane_of16(&v[1], lane), lane_of16(&v[2], lane));
@@ -58,6 +69,7 @@ int16 is_moderate(float16 x) {
 
 // Gives lanes without a ray the numbers of another lane, and no t to look for a hit at. There must be a lane with one.
 void leave_out_others(RayPacket* p, int16 used) {
+    if (!is_any16(!used)) return;
     const uint first = first_lane16(lanes_where16(used));
 #pragma unroll
     for (uint i = 0; i < 3u; i++) {
@@ -69,30 +81,57 @@ void leave_out_others(RayPacket* p, int16 used) {
     p->t_far = used ? p->t_far : (float16)(-INFINITY);
 }
 
-// Makes the rest of a packet of rays. Their origins are moderate, and so are their directions. The scene's box: low..high.
-void complete_packet(RayPacket* p, float3 low, float3 high) {
-    const float8 least = least_of_lanes(p->origin[0], p->origin[1], p->origin[2], -p->origin[0], -p->origin[1], -p->origin[2],
-                                        p->direction[0], p->direction[1]);
-    const float8 rest = least_of_lanes(p->direction[2], -p->direction[0], -p->direction[1], -p->direction[2],
-                                       -fabs(p->direction[0]), -fabs(p->direction[1]), -fabs(p->direction[2]), p->t_near);
-    vstore3(least.s012, 0, p->range.origin_least);
-    vstore3(-least.s345, 0, p->range.origin_greatest);
-    vstore3(-rest.s456, 0, p->range.steepest);
-    vstore3((float3)(0.0f), 0, p->range.low_most);
-    if (p->has_low) {
-        const float8 low_least = least_of_lanes(-fabs(p->origin_low[0]), -fabs(p->origin_low[1]), -fabs(p->origin_low[2]),
-                                                p->t_near, p->t_near, p->t_near, p->t_near, p->t_near);
-        vstore3(-low_least.s012, 0, p->range.low_most);
+// The range of the packets of `members`, whose numbers are moderate.
+void range_of(const RayPacket* packets, uint members, PacketRange* r) {
+    float16 least[3], greatest[3], low[3], direction_least[3], direction_greatest[3];
+    const RayPacket* p = &packets[first_member(members)];
+    bool has_low = p->has_low;
+    float16 t_near = p->t_near;
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        least[axis] = greatest[axis] = p->origin[axis];
+        direction_least[axis] = direction_greatest[axis] = p->direction[axis];
+        low[axis] = fabs(p->origin_low[axis]);
     }
-    const float3 direction_least = (float3)(least.s67, rest.s0), direction_greatest = -rest.s123;
-    const uint3 is_up = (uint3)(direction_least.x >= 0.0f ? 1u : 0u, direction_least.y >= 0.0f ? 1u : 0u,
-                                direction_least.z >= 0.0f ? 1u : 0u);
-    p->has_one_octant = (is_up.x == 1u || direction_greatest.x < 0.0f) && (is_up.y == 1u || direction_greatest.y < 0.0f) &&
-                        (is_up.z == 1u || direction_greatest.z < 0.0f);
-    p->near[0] = is_up.x == 1u ? 0u : 2u;
-    p->near[1] = is_up.y == 1u ? 4u : 6u;
-    p->near[2] = is_up.z == 1u ? 8u : 10u;
+    for (uint rest = members & (members - 1u); rest != 0u; rest &= rest - 1u) {
+        p = &packets[first_member(rest)];
+        has_low = has_low || p->has_low;
+        t_near = smaller16(t_near, p->t_near);
+#pragma unroll
+        for (uint axis = 0; axis < 3u; axis++) {
+            least[axis] = smaller16(least[axis], p->origin[axis]);
+            greatest[axis] = larger16(greatest[axis], p->origin[axis]);
+            direction_least[axis] = smaller16(direction_least[axis], p->direction[axis]);
+            direction_greatest[axis] = larger16(direction_greatest[axis], p->direction[axis]);
+            low[axis] = larger16(low[axis], fabs(p->origin_low[axis]));
+        }
+    }
+    const float8 origins = least_of_lanes(least[0], least[1], least[2], -greatest[0], -greatest[1], -greatest[2], t_near, t_near);
+    const float8 directions = least_of_lanes(direction_least[0], direction_least[1], direction_least[2], -direction_greatest[0],
+                                             -direction_greatest[1], -direction_greatest[2], t_near, t_near);
+    vstore3(origins.s012, 0, r->rays.origin_least);
+    vstore3(-origins.s345, 0, r->rays.origin_greatest);
+    r->t_near_least = origins.s6;
+    vstore3(directions.s012, 0, r->direction_least);
+    vstore3(-directions.s345, 0, r->direction_greatest);
+    vstore3(fmax(-directions.s012, -directions.s345), 0, r->rays.steepest);
+    vstore3((float3)(0.0f), 0, r->rays.low_most);
+    if (has_low) {
+        const float8 lows = least_of_lanes(-low[0], -low[1], -low[2], t_near, t_near, t_near, t_near, t_near);
+        vstore3(-lows.s012, 0, r->rays.low_most);
+    }
+}
 
+// What boxes are tested with: `r` is the range of the packet, or of it and others. The scene's box: low..high.
+void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high) {
+    p->has_slabs = true;
+    p->has_one_octant = true;
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        const bool is_up = r->direction_least[axis] >= 0.0f;
+        p->near[axis] = 4u * axis + (is_up ? 0u : 2u);
+        p->has_one_octant = p->has_one_octant && (is_up || r->direction_greatest[axis] < 0.0f);
+    }
     // As farthest_distance() and make_slabs(), whose pad is for the origin's second part, too.
     const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
     float16 distance = (float16)(0.0f);
@@ -119,8 +158,8 @@ float16 from_origins(const RayPacket* p, uint axis, float16 x) {
 }
 
 // A packet of `rays`, those of `lanes`. Returns the lanes in use: not those of extreme numbers, or that are not sound.
-int16 pack_rays(const Ray* rays, ulong lanes, float3 low, float3 high, RayPacket* p) {
-    p->has_low = false;
+int16 pack_rays(const Ray* rays, ulong lanes, RayPacket* p) {
+    p->has_low = p->has_slabs = false;
     p->t_near = (float16)(INFINITY);
     p->t_far = (float16)(-INFINITY);
 #pragma unroll
@@ -141,6 +180,5 @@ int16 pack_rays(const Ray* rays, ulong lanes, float3 low, float3 high, RayPacket
     for (uint i = 0; i < 3u; i++) used = used && is_moderate(p->origin[i]) && is_moderate(p->direction[i]);
     if (!is_any16(used)) return used;
     leave_out_others(p, used);
-    complete_packet(p, low, high);
     return used;
 }

@@ -8,9 +8,9 @@ typedef struct {
 
 float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
 
-// Reads packet number `packet` for rays of that range. Returns which of the triangles they may hit, as far as their frustum tells, if
-// they have one: else 0.
-ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frustum, uint packet, LeafTriangles* l) {
+// Reads packet number `packet` for rays of that range. Returns for each triangle which of the packets of rays in `members` may hit it, as
+// far as their frusta tell: bit k of byte i. Without frusta, which is 0, all.
+ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frusta, uint members, uint packet, LeafTriangles* l) {
     float8 b[3], c[3];
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
@@ -19,7 +19,11 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
         b[axis] = LOAD_PACKET(geometry, record + 6u);
         c[axis] = LOAD_PACKET(geometry, record + 12u);
     }
-    const ulong met = frustum == 0 ? ALL_LANES8 : frustum_meets_triangles(frustum, l->a, b, c);
+    ulong met = frusta == 0 ? ALL_LANES8 * members : 0ul;
+    for (uint rest = frusta == 0 ? 0u : members; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest);
+        met |= frustum_meets_triangles(&frusta[k], l->a, b, c) << k;
+    }
     if (met == 0ul) return met;
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
@@ -55,8 +59,8 @@ typedef struct {
 } PacketHits;
 
 // What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one; none where that is
-// -infinity. Lanes that float32 does not decide are added to *doubtful.
-void test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference, const bool any_hit,
+// -infinity. Lanes that float32 does not decide are added to *doubtful. Whether anything was open.
+bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference, const bool any_hit,
                       float16* t_limit, PacketHits* hits, int16* doubtful) {
 #define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
     const Decision16 d =
@@ -65,7 +69,7 @@ void test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
                  OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]), OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]),
                  OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound), OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
 #undef OF_TRIANGLE
-    if (!is_any16(d.possible)) return;
+    if (!is_any16(d.possible)) return false;
     const int16 open = d.possible && p->skip != LOAD_REFERENCE(geometry, reference) && *t_limit >= p->t_near &&
                        !(d.has_t && (d.t_high < p->t_near || d.t_low > *t_limit));
     const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < p->t_far && d.t_high < hits->t_low;
@@ -76,4 +80,5 @@ void test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
     *doubtful = *doubtful || in_doubt;
     const int16 is_done = any_hit ? open : in_doubt;
     *t_limit = is_done ? (float16)(-INFINITY) : taken ? d.t_high : *t_limit;
+    return is_any16(open);
 }

@@ -165,6 +165,7 @@ int4 load_node(const Geometry* geometry, uint index) {
 //   TAKE_IN_DOUBT      whether an item is in doubt, and forgets it: for work-items with several items, which put them on the list by
 //   ADD_DOUBT
 //   ITEM_OF            the item of work-item number i: in the second pass that on the list
+//   RAY_OF             the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
 #define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
 #ifdef DEFER_DOUBTS
 #define UNDECIDED Undecided undecided = {0u, 0u, {0u}};
@@ -200,8 +201,10 @@ bool postpone(const Geometry* geometry, uint primitive) { return false; }
 #endif
 #ifdef RESOLVE_DOUBTS
 #define ITEM_OF(i) doubts[1u + (i)]
+#define RAY_OF(i) ITEM_OF(i)
 #else
 #define ITEM_OF(i) (i)
+#define RAY_OF(i) ray_at(i, row, in_bands)
 #endif
 
 // Counting (WorkCounter in src/shared.rs says what is what). A sum that outgrows 32 bits stays at the largest number. Without

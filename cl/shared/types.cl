@@ -12,6 +12,7 @@
 #define BVH8_NODE_RECORDS 16u
 #define BVH8_LINKS 12u
 #define BVH8_PACKET_RECORDS 18u
+#define PACKETS_OF_ITEM 4u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_SPOT 2u

@@ -1,4 +1,35 @@
-// One ray of a batch: from the caller's numbers to a hit in the caller's units.
+// Rays of a batch: which comes when, and one of them from the caller's numbers to a hit in the caller's units.
+
+// A batch may be an image, row by row (src/device/rows.rs): of `row` rays each, or 0, the first `in_bands` of them in whole bands of
+// TILE_SIDE rows.
+#define ROWS_ARGUMENT const uint row, const uint in_bands,
+
+// A tile of rays: of an image four squares of 4 x 4, else four times sixteen rays in a row.
+#define TILE_RAYS 64u
+typedef struct {
+    uint first;       // ray
+    uint stride;      // from four rays to the next four of a square
+    uint right, down; // from a square to those beside it
+} RayTile;
+
+// The tile number place / TILE_RAYS.
+RayTile tile_at(uint place, uint row, uint in_bands) {
+    const uint first = place / TILE_RAYS * TILE_RAYS;
+    if (first >= in_bands) {
+        const RayTile tile = {first, 4u, 16u, 32u};
+        return tile;
+    }
+    const uint number = place / TILE_RAYS, columns = row / TILE_SIDE;
+    const RayTile tile = {number / columns * TILE_SIDE * row + number % columns * TILE_SIDE, row, 4u, 4u * row};
+    return tile;
+}
+uint square_in_tile(const RayTile* tile, uint k) { return tile->first + (k & 1u) * tile->right + (k >> 1) * tile->down; }
+uint ray_in_square(const RayTile* tile, uint square, uint lane) { return square + lane / 4u * tile->stride + lane % 4u; }
+
+uint ray_at(uint place, uint row, uint in_bands) {
+    const RayTile tile = tile_at(place, row, in_bands);
+    return ray_in_square(&tile, square_in_tile(&tile, place % TILE_RAYS / 16u), place % 16u);
+}
 
 // Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the caller's space.
 // The two factors are powers of two of like size: their product may be none that a float can hold while the t that it makes is a float.

@@ -36,6 +36,7 @@ mod program;
 mod ptxas;
 mod report;
 mod resources;
+mod rows;
 mod scene;
 mod select;
 mod source;

@@ -5,6 +5,7 @@ use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
 use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use crate::options::{Kernels, PacketSize, TraceOptions};
+use crate::shared::PACKETS_OF_ITEM;
 use std::cell::Cell;
 
 const TRACE_FILE: &str = "cl/kernels/trace.cl";
@@ -69,7 +70,10 @@ impl Entry {
     /// How many items a work-item has.
     fn items_of_one(self) -> usize {
         match self {
-            Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::RenderPackets => PacketSize::Sixteen.rays(),
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets => {
+                PACKETS_OF_ITEM as usize * PacketSize::Sixteen.rays()
+            }
+            Entry::RenderPackets => PacketSize::Sixteen.rays(),
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext | Entry::Render => 1,
         }
     }

@@ -55,6 +55,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/packets/triangles.cl",
     "cl/packets/finish.cl",
     "cl/packets/bvh8.cl",
+    "cl/packets/group.cl",
     "cl/traverse/grid.cl",
     "cl/traverse/octree.cl",
     "cl/traverse/boxes.cl",

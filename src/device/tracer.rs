@@ -2,6 +2,7 @@
 
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
+use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
 use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
@@ -221,6 +222,7 @@ impl Tracer for OpenClTracer {
 
         let doubts = Doubts::new(&self.context, self.passes.defers, total)?;
         let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
+        let rows = Rows::find(job.rays);
         let first_entry = Entry::of_batch(job.any_hit, self.options.packet_size);
         let set_first = |kernel: &mut Kernel| {
             scene
@@ -228,7 +230,9 @@ impl Tracer for OpenClTracer {
                 .set(&rays)?
                 .set(&hits)?
                 .set_work(&ray_work)?
-                .set(&doubts.items)
+                .set(&doubts.items)?
+                .set(rows.length)?
+                .set(rows.in_bands)
                 .map(|_| ())
         };
         let set_next = |kernel: &mut Kernel| {

@@ -1,0 +1,130 @@
+// Packets whose rays go much the same way, through the hierarchy of cl/traverse/bvh8.cl together: a node is read once for all of them, and
+// of its eight boxes, and of the eight triangles of a leaf, each packet takes those that its frustum meets. The rays themselves are asked
+// whether they meet a box only where a frustum tells little: where the box is small beside the distance of neighbours, and where some
+// rays have not started yet.
+
+// A box is small where the frustum is so many times as wide: of sixteen rays in a square, as far as neighbours are apart.
+#define WIDE_FRUSTUM 1.0f
+
+// What waits on the stack: a child, which packets meet it, and where it begins (ALONG).
+typedef struct {
+    uint link, members;
+    float nearest;
+} GroupChild;
+
+// Of each child of a node which of the packets of `members` meet it: bit k of byte i. Where it begins, in *nearest. `reach`: how far each
+// packet still looks for hits. A line's least value within a box is at one of the box's ends along z.
+ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta, uint members, uint node,
+                     const float* reach, const float16* t_limits, float8* nearest) {
+    const Frustum* one = &frusta[first_member(members)];
+    const uint u = node + 4u * one->u, v = node + 4u * one->v, z = node + 4u * one->z;
+    const float8 low_u = LOAD_EIGHT(geometry, u), high_u = LOAD_EIGHT(geometry, u + 2u);
+    const float8 low_v = LOAD_EIGHT(geometry, v), high_v = LOAD_EIGHT(geometry, v + 2u);
+    const float8 low_z = LOAD_EIGHT(geometry, z), high_z = LOAD_EIGHT(geometry, z + 2u);
+    const float8 small_u = WIDE_FRUSTUM * (high_u - low_u), small_v = WIDE_FRUSTUM * (high_v - low_v);
+    const float8 first = one->is_upwards ? low_z : -high_z, last = one->is_upwards ? high_z : -low_z;
+    // The boxes of children that there are not are upside down.
+    const int8 is_there = low_z <= high_z && last >= one->first_start - one->pad, is_early = first < one->last_start - one->pad;
+    ulong met = 0ul, wide = 0ul;
+    for (uint rest = members; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest);
+        const Frustum* f = &frusta[k];
+        const float8 below_u = fma((float8)(f->b[0]), f->b[0] > 0.0f ? low_z : high_z, (float8)(f->a[0]));
+        const float8 above_u = fma((float8)(f->b[1]), f->b[1] > 0.0f ? high_z : low_z, (float8)(f->a[1]));
+        const float8 below_v = fma((float8)(f->b[2]), f->b[2] > 0.0f ? low_z : high_z, (float8)(f->a[2]));
+        const float8 above_v = fma((float8)(f->b[3]), f->b[3] > 0.0f ? high_z : low_z, (float8)(f->a[3]));
+        const int8 is_met = is_there && below_u <= high_u && above_u >= low_u && below_v <= high_v && above_v >= low_v &&
+                            first <= reach[k];
+        const int8 is_wide = is_met && (is_early || above_u - below_u > small_u || above_v - below_v > small_v);
+        met |= lanes_where8(is_met) << k;
+        wide |= lanes_where8(is_wide) << k;
+    }
+    for (; wide != 0ul; wide = other_lanes8(wide)) {
+        const uint bit = 63u - (uint)clz(wide & (0ul - wide)), k = bit % 8u;
+        if (!packets[k].has_slabs) add_slabs(&packets[k], range, geometry->low, geometry->high);
+        if (!is_any16(clip_packet(GEOMETRY, &packets[k], node, bit / 8u, t_limits[k]) < INFINITY)) met &= ~(1ul << bit);
+    }
+    *nearest = first;
+    return met;
+}
+
+// The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same way.
+void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta, const uint members,
+                         const bool any_hit, PacketHits* hits, int16* doubtful) {
+    float16 t_limits[PACKETS_OF_ITEM];
+    float reach[PACKETS_OF_ITEM];
+    for (uint rest = members; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest);
+        start_packet(&packets[k], &hits[k], &doubtful[k]);
+        t_limits[k] = packets[k].t_far;
+        reach[k] = reach_along(&packets[k], &frusta[k], t_limits[k]);
+    }
+
+    GroupChild stack[STACK_SIZE];
+    stack[0].link = 0u;
+    stack[0].members = members;
+    stack[0].nearest = -INFINITY;
+    uint stacked = 1;
+    while (stacked > 0u) {
+        stacked--;
+        const uint link = stack[stacked].link;
+        uint open = 0u;
+        for (uint rest = stack[stacked].members; rest != 0u; rest &= rest - 1u) {
+            const uint k = first_member(rest);
+            open |= stack[stacked].nearest <= reach[k] ? 1u << k : 0u;
+        }
+        if (open == 0u) continue;
+        if ((link & BVH_LEAF) == 0u) {
+            const uint node = BVH8_NODE_RECORDS * link;
+            float8 nearest;
+            ulong met = clip_to_frusta(GEOMETRY, packets, range, frusta, open, node, reach, t_limits, &nearest);
+            const uint lowest = stacked;
+            while (met != 0ul) {
+                const uint slot = (63u - (uint)clz(met & (0ul - met))) / 8u;
+                const GroupChild child = {LOAD_LINK(geometry, node, slot), (uint)(met >> (8u * slot)) & 0xffu, lane_of8(&nearest, slot)};
+                met &= ~(0xfful << (8u * slot));
+                uint place = stacked++;
+                for (; place > lowest && stack[place - 1u].nearest < child.nearest; place--) stack[place] = stack[place - 1u];
+                stack[place] = child;
+            }
+        } else {
+            const int4 leaf = leaf_of_link(link);
+            const uint first = (uint)leaf.y, count = (uint)leaf.z;
+            if (count == 0u) continue;
+            LeafTriangles triangles;
+            ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & (~0ul >> (8u * (8u - count)));
+            uint changed = 0u;
+            for (; met != 0ul; met = other_lanes8(met)) {
+                const uint bit = 63u - (uint)clz(met & (0ul - met)), k = bit % 8u, i = bit / 8u;
+                if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k], &hits[k], &doubtful[k]))
+                    changed |= 1u << k;
+            }
+            for (; changed != 0u; changed &= changed - 1u) {
+                const uint k = first_member(changed);
+                reach[k] = reach_along(&packets[k], &frusta[k], t_limits[k]);
+            }
+        }
+    }
+}
+
+// The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by one.
+void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit, PacketHits* hits,
+                           int16* doubtful) {
+    PacketRange range;
+    Frustum frusta[PACKETS_OF_ITEM];
+    range_of(packets, members, &range);
+    if (make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
+        traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
+        return;
+    }
+    for (uint rest = members; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest), alone = 1u << k;
+        range_of(packets, alone, &range);
+        if (make_frusta(packets, alone, &range, geometry->low, geometry->high, frusta)) {
+            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, alone, any_hit, hits, doubtful);
+        } else {
+            add_slabs(&packets[k], &range, geometry->low, geometry->high);
+            traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &doubtful[k]);
+        }
+    }
+}
