@@ -39,15 +39,28 @@ void set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     vstore4(b, 0, f->b);
 }
 
+// The axis along which all rays of a range go one way and are steepest, or 3 if there is none.
+uint axis_of_frusta(const PacketRange* r) {
+    uint axis = 3u;
+    float most = 0.5f;
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) {
+        const float slowest = fmax(r->direction_least[i], -r->direction_greatest[i]);
+        axis = slowest >= most ? i : axis;
+        most = fmax(most, slowest);
+    }
+    return axis;
+}
+
 // Makes the frusta of the packets of `members`, of that range, with the same axes. False where there are none.
 bool make_frusta(const RayPacket* packets, const uint members, const PacketRange* r, float3 low, float3 high, Frustum* frusta) {
     Frustum f;
-    f.z = major_axis(vload3(0, r->rays.steepest));
+    f.z = axis_of_frusta(r);
+    // What is behind the start is hit with a t_near below 0.
+    if (f.z > 2u || r->t_near_least < 0.0f) return false;
     f.u = (f.z + 1u) % 3u;
     f.v = (f.z + 2u) % 3u;
     f.is_upwards = r->direction_least[f.z] >= 0.5f;
-    // What is behind the start is hit with a t_near below 0.
-    if (!(f.is_upwards || r->direction_greatest[f.z] <= -0.5f) || r->t_near_least < 0.0f) return false;
     const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
     const float least = r->rays.origin_least[f.z], greatest = r->rays.origin_greatest[f.z];
     const float start = f.is_upwards ? least : greatest, end = f.is_upwards ? highs[f.z] : lows[f.z];

@@ -107,13 +107,26 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
     }
 }
 
+// Whether the first rays of packets do not tell that they have no frusta together: a matter of speed alone.
+bool first_rays_go_one_way(const RayPacket* packets, uint members) {
+    const RayPacket* p = &packets[first_member(members)];
+    const float3 direction = three_of_lane(p->direction, 0u);
+    for (uint rest = members & (members - 1u); rest != 0u; rest &= rest - 1u) {
+        const float3 other = three_of_lane(packets[first_member(rest)].direction, 0u);
+        const float3 product = direction * other;
+        if (fmax(product.x, fmax(product.y, product.z)) < 0.25f) return false;
+    }
+    return true;
+}
+
 // The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by one.
 void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit, PacketHits* hits,
                            int16* doubtful) {
     PacketRange range;
     Frustum frusta[PACKETS_OF_ITEM];
-    range_of(packets, members, &range);
-    if (make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
+    const bool may_go_together = first_rays_go_one_way(packets, members);
+    if (may_go_together) range_of(packets, members, &range);
+    if (may_go_together && make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
         traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
         return;
     }

@@ -8,8 +8,8 @@ use crate::shared::{TILE_SIDE, TraceRay};
 const LENGTHS: std::ops::RangeInclusive<usize> = 32..=1 << 14;
 /// How many rays are asked where the row below them is.
 const ASKED: usize = 8;
-/// So many of them must say the same.
-const AGREE: usize = 5;
+/// So many of them must say the same: rays may be those of an image that hit something, of which only some rows are whole.
+const AGREE: usize = 7;
 /// Two rays are neighbours if they are at most so many times as far from each other as two in a row: pixels need not be squares.
 const NEIGHBOURS: f32 = 3.0;
 
