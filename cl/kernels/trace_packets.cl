@@ -62,10 +62,13 @@ int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPa
 // Writes sixteen hits, with components one after the other, to where load_components() reads.
 void store_hits(__global Hit* hits, uint stride, float16 t, float16 u, float16 v, uint16 primitive) {
     const float16 p = as_float16(primitive);
-    vstore16((float16)(t.s0, u.s0, v.s0, p.s0, t.s1, u.s1, v.s1, p.s1, t.s2, u.s2, v.s2, p.s2, t.s3, u.s3, v.s3, p.s3), 0, (__global float*)hits);
-    vstore16((float16)(t.s4, u.s4, v.s4, p.s4, t.s5, u.s5, v.s5, p.s5, t.s6, u.s6, v.s6, p.s6, t.s7, u.s7, v.s7, p.s7), 0, (__global float*)(hits + stride));
-    vstore16((float16)(t.s8, u.s8, v.s8, p.s8, t.s9, u.s9, v.s9, p.s9, t.sa, u.sa, v.sa, p.sa, t.sb, u.sb, v.sb, p.sb), 0, (__global float*)(hits + 2u * stride));
-    vstore16((float16)(t.sc, u.sc, v.sc, p.sc, t.sd, u.sd, v.sd, p.sd, t.se, u.se, v.se, p.se, t.sf, u.sf, v.sf, p.sf), 0, (__global float*)(hits + 3u * stride));
+    const float16 fours[4] = {
+        (float16)(t.s0, u.s0, v.s0, p.s0, t.s1, u.s1, v.s1, p.s1, t.s2, u.s2, v.s2, p.s2, t.s3, u.s3, v.s3, p.s3),
+        (float16)(t.s4, u.s4, v.s4, p.s4, t.s5, u.s5, v.s5, p.s5, t.s6, u.s6, v.s6, p.s6, t.s7, u.s7, v.s7, p.s7),
+        (float16)(t.s8, u.s8, v.s8, p.s8, t.s9, u.s9, v.s9, p.s9, t.sa, u.sa, v.sa, p.sa, t.sb, u.sb, v.sb, p.sb),
+        (float16)(t.sc, u.sc, v.sc, p.sc, t.sd, u.sd, v.sd, p.sd, t.se, u.se, v.se, p.se, t.sf, u.sf, v.sf, p.sf)};
+#pragma unroll
+    for (uint i = 0; i < 4u; i++) vstore16(fours[i], 0, (__global float*)(hits + i * stride));
 }
 
 // Traces packets of sixteen rays each together, those of `full` (bits). Writes to `answered` the lanes that have their hits.

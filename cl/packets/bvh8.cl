@@ -140,9 +140,10 @@ void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
     *doubtful = (int16)(0);
 }
 
-// The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Lanes that float32 does not decide are in *doubtful, and what is said
-// of their hits means nothing.
-void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit, PacketHits* hits, int16* doubtful) {
+// The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Lanes that float32 does not decide are in
+// *doubtful, and what is said of their hits means nothing.
+void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit, PacketHits* hits,
+                          int16* doubtful) {
     start_packet(p, hits, doubtful);
     float16 t_limit = p->t_far;
 

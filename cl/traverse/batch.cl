@@ -27,6 +27,7 @@ uint square_in_tile(const RayTile* tile, uint k) { return tile->first + (k & 1u)
 uint ray_in_square(const RayTile* tile, uint square, uint lane) { return square + lane / 4u * tile->stride + lane % 4u; }
 
 uint ray_at(uint place, uint row, uint in_bands) {
+    if (place >= in_bands) return place;
     const RayTile tile = tile_at(place, row, in_bands);
     return ray_in_square(&tile, square_in_tile(&tile, place % TILE_RAYS / 16u), place % 16u);
 }
