@@ -83,15 +83,15 @@ enum Command {
     Methods(methods::MethodsArgs),
     /// Trace hard rays whose exact answers are known, and count the wrong ones.
     Stress(stress::StressArgs),
-    /// Measure which structure and packet size are fastest on a device, and remember that for --accel auto. Hits and pictures stay the
-    /// same, whatever is found.
+    /// Measure which structure and packet size are fastest on a device, and remember that for --accel auto. Closest hits and
+    /// pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
 }
 
 /// What to trace with.
 #[derive(Args)]
 struct MethodArgs {
-    #[arg(long, help = format!("Structure: {}, or auto: what `raybrook tune` found on the device, else bvh8 on a CPU and bvh2 elsewhere, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
+    #[arg(long, help = format!("Structure: {}, or auto: what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU, on the reference kd for 100 to 299999 triangles and bvh2 for fewer or more, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
     accel: AccelChoice,
     #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
