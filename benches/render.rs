@@ -4,7 +4,7 @@ mod common;
 
 use common::{Place, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::options::{Accel, Kernels, PacketSize, TraceOptions};
+use raybrook::options::{Kernels, PacketSize, RayKind, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::Samples;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -15,9 +15,8 @@ const SCENES: [&str; 5] = ["cornell", "spheres", "glass", "showcase", "chess"];
 
 /// The kernels with the structure that is fastest there, and one or sixteen pixels at a time; the reference knows but one way.
 fn methods(place: &Place) -> Vec<(String, TraceOptions)> {
-    let kind = place.device.as_ref().map(|device| device.info.kind);
-    let options = TraceOptions { accel: Accel::fastest_on(kind), ..TraceOptions::DEFAULT };
-    if kind.is_none() {
+    let options = TraceOptions { packet_size: PacketSize::One, ..place.options(None, RayKind::Picture) };
+    if place.device.is_none() {
         return vec![(options.accel.to_string(), options)];
     }
     let mut all = Vec::new();

@@ -7,7 +7,7 @@ mod common;
 
 use common::{Batch, Place, balls, batches, own_scene, places};
 use glam::Vec3;
-use raybrook::options::{Accel, TraceOptions};
+use raybrook::options::{Accel, RayKind, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Light, Samples, Scene};
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -24,17 +24,6 @@ const REPEAT: u32 = 5;
 /// Segments of the scene of 99,202 triangles whose pictures are taken.
 const PICTURE_SEGMENTS: u32 = 64;
 const SIDE: u32 = 512;
-
-/// The structure with what is fastest with it on a device.
-fn options(accel: Accel, place: &Place) -> TraceOptions {
-    let kind = place.device.as_ref().map(|device| device.info.kind);
-    let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
-    TraceOptions { packet_size: options.fastest_packets_on(kind), ..options }
-}
-
-fn fastest(place: &Place) -> TraceOptions {
-    options(Accel::fastest_on(place.device.as_ref().map(|device| device.info.kind)), place)
-}
 
 fn median(mut seconds: Vec<f64>) -> f64 {
     seconds.sort_by(f64::total_cmp);
@@ -64,7 +53,7 @@ fn triangles(most: usize, places: &[Place]) {
             let bytes = buffers.size_bytes(&options) as f64 / count as f64;
             let mut row = format!("| {count} | {accel} | {:.3} | {bytes:.0} |", buffers.build_s);
             for (number, place) in places.iter().enumerate() {
-                let times = trace(place, &buffers, &self::options(accel, place), &batches);
+                let times = trace(place, &buffers, &place.options(Some(accel), RayKind::Batch), &batches);
                 let now = (accel, number, count, times[0]);
                 let growth = before.iter().rev().find(|known| (known.0, known.1) == (accel, number)).map(|known| {
                     let doublings = (count as f64 / known.2 as f64).log2();
@@ -94,7 +83,7 @@ fn trace(place: &Place, buffers: &Arc<SceneBuffers>, options: &TraceOptions, bat
 
 /// Nanoseconds a ray, and the rays, of a square picture.
 fn picture(place: &Place, scene: &Scene, side: u32, depth: u32) -> (f64, u64) {
-    let options = fastest(place);
+    let options = place.options(None, RayKind::of_picture(scene));
     let buffers = Arc::new(SceneBuffers::new(scene, &options).expect("a structure"));
     let camera = scene.camera.expect("a completed scene has a camera");
     let picture = Picture { camera, size: (side, side), samples: Samples::PerPixel(1), depth, kill_weight: None };

@@ -27,7 +27,8 @@
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
-//! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table |
+//! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
+//! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
@@ -90,6 +91,7 @@ pub mod shared;
 pub mod stats;
 pub mod stress;
 pub mod tracer;
+pub mod tune;
 pub mod work;
 
 pub use error::{Error, Result};

@@ -68,10 +68,16 @@ pub(crate) use methods;
 mod automatic;
 mod combinations;
 mod kd;
+mod request;
+mod size;
 mod table;
 
+pub(crate) use automatic::work_group_size;
+pub use automatic::{RayKind, Workload};
 pub use combinations::{NeverTogether, fewest_changes, needs, never_together};
 pub use kd::{KdOptions, SplitAxis, Stop};
+pub use request::{Chosen, Decision, Origin, Request, TunedChoice};
+pub use size::SceneSize;
 pub(crate) use table::Names;
 pub use table::{Choice, MethodOption, OPTIONS, choices};
 

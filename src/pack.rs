@@ -97,11 +97,7 @@ impl SceneBuffers {
         }
 
         let start = Instant::now();
-        let build_options = match options.accel {
-            Accel::Octree => BuildOptions::octree(primitives.len(), options.leaf_size, options.max_depth),
-            Accel::Bvh2 | Accel::Bvh8 => BuildOptions::bvh(options, primitives.len()),
-            _ => BuildOptions::new(options, primitives.len()),
-        };
+        let build_options = BuildOptions::of(options, primitives.len());
         let mut stack_entries = match (options.accel, options.traversal) {
             (Accel::Octree, _) | (Accel::Kd, Traversal::Stack) => build_options.max_depth.max(1),
             _ => 1,

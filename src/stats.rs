@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::aov::AovRange;
 use crate::error::Result;
-use crate::options::TraceOptions;
+use crate::options::{Decision, TraceOptions};
 use crate::output::write_json;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
@@ -74,6 +74,9 @@ pub struct RunStats {
     pub compiler_options: Option<String>,
     /// The methods and numbers as used.
     pub options: TraceOptions,
+    /// What was chosen of these, and why.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<Decision>,
     /// Triangles of the scene.
     pub triangle_count: u64,
     /// Render: pixels a row.

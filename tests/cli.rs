@@ -5,6 +5,10 @@ mod cache;
 #[path = "cli/choice.rs"]
 mod choice;
 mod common;
+#[path = "cli/explain.rs"]
+mod explain;
+#[path = "cli/tune.rs"]
+mod tune;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -99,8 +103,13 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["trace", "one.obj", "missing.npz", "--kernels", "split"], 2, &["--kernels", "split", "one kernel, mega"]),
         (&["render", "one.obj", "--textures", "host-pass"], 2, &["--textures", "--kernels split --textures host-pass"]),
         (&["render", "one.obj", "--paths-in-flight", "8"], 2, &["--kernels split --paths-in-flight 8"]),
+        (&["tune", "missing.obj", "--device", "reference"], 3, &["missing.obj"]),
+        (&["tune", "--device", "no such device"], 4, &["no such device"]),
+        (&["tune", "one.obj", "--rays", "15"], 2, &["--rays", "16"]),
+        (&["tune", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, bvh2"]),
+        (&["tune", "--forget", "one.obj"], 2, &["--forget"]),
         (&["paint"], 2, &["paint"]),
-        (&[], 2, &["render", "trace", "check", "info", "devices", "methods"]),
+        (&[], 2, &["render", "trace", "check", "info", "devices", "methods", "tune"]),
     ];
     for (arguments, code, words) in cases {
         assert_fails(&raybrook(at, arguments), *code, words);

@@ -3,16 +3,13 @@
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode};
-use glam::Vec3;
 use raybrook::device::{Cache, DeviceHandle, Selection, select};
-use raybrook::options::{Accel, TraceOptions};
+use raybrook::options::{Accel, RayKind, Request, TraceOptions, Workload};
 use raybrook::pack::SceneBuffers;
-use raybrook::reference::{ReferenceTracer, render::camera_direction};
-use raybrook::scene::{Builder, Camera, LightKind, Samples, Scene, load};
+use raybrook::scene::{Scene, load};
 use raybrook::session::{complete, open_tracer};
-use raybrook::shared::TraceRay;
-use raybrook::stress::Random;
-use raybrook::tracer::{TraceJob, Tracer, is_hit};
+use raybrook::tracer::Tracer;
+pub use raybrook::tune::Batch;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -75,6 +72,13 @@ pub fn places() -> Vec<Place> {
 }
 
 impl Place {
+    /// What is fastest here, with `accel` if it is given.
+    pub fn options(&self, accel: Option<Accel>, rays: RayKind) -> TraceOptions {
+        let device = self.device.as_ref().map(|device| &device.info);
+        let workload = Workload { device, triangle_count: None, rays };
+        Request { accel, ..Request::default() }.choose(&workload, None).expect("valid options").options
+    }
+
     /// A tracer of `buffers`, which were built with `options`. Compiled kernels are kept, as the program keeps them.
     pub fn open(&self, buffers: &Arc<SceneBuffers>, options: &TraceOptions, max_depth: u32) -> Box<dyn Tracer> {
         let cache = Cache::open().expect("RAYBROOK_CACHE_MB is a number");
@@ -82,19 +86,9 @@ impl Place {
     }
 }
 
-/// 25 balls of `segments` around on a floor: 50 `segments` (`segments`/2 - 1) + 2 triangles. Shadow rays and diffuse ones meet
-/// something, as a ball alone would not have it.
+/// See [`raybrook::tune::balls`].
 pub fn balls(segments: u32) -> Scene {
-    const SIDE: u8 = 5;
-    let mut builder = Builder::new();
-    for (x, z) in (0..SIDE).flat_map(|x| (0..SIDE).map(move |z| (f32::from(x), f32::from(z)))) {
-        builder.push().translate(Vec3::new(x, 0.5, z)).sphere(0.5, segments).pop();
-    }
-    builder.quad(Vec3::new(-1.0, 0.0, 5.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 1);
-    // Near enough that the floor fills most of the picture.
-    let (eye, target) = (Vec3::new(3.5, 7.0, 7.0), Vec3::new(2.0, 0.3, 2.0));
-    builder.camera(Camera { eye, target, up: Vec3::Y, fov_degrees: 40.0 });
-    completed(builder.finish().expect("balls"))
+    raybrook::tune::balls(segments).expect("balls")
 }
 
 /// A scene of `scenes/`.
@@ -109,68 +103,11 @@ fn completed(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Width and height of the picture whose rays are traced; a power of two.
+/// Width and height of the picture whose rays are traced.
 const SIDE: u32 = 256;
 const SEED: u64 = 20_081_121;
-/// How far above the surface shadow and diffuse rays start, in diagonals of the scene: far enough that none of them meets the
-/// triangle that it leaves, since a batch cannot say that a ray leaves one.
-const LIFT: f32 = 1.0 / 4096.0;
 
-/// Rays of one kind.
-pub struct Batch {
-    /// `camera`, `shadow`, `diffuse`.
-    pub name: &'static str,
-    /// In tracing space.
-    pub rays: Vec<TraceRay>,
-    /// Whether any hit will do.
-    pub any_hit: bool,
-}
-
-/// Camera rays, and from what they hit one shadow ray and one diffuse ray each.
+/// See [`raybrook::tune::batches`].
 pub fn batches(scene: &Scene) -> [Batch; 3] {
-    let options = TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT };
-    let buffers = Arc::new(SceneBuffers::new(scene, &options).expect("a structure"));
-    let camera = scene.camera.expect("a completed scene has a camera");
-    let params = buffers.render_params(&camera, (SIDE, SIDE), Samples::PerPixel(1), 1, None);
-    // Along Z-curves: neighbours in the batch, however many, are those of a tile, as in pictures.
-    let directions: Vec<_> = (0..SIDE * SIDE)
-        .map(|i| camera_direction(&params, every_second_bit(i) as f32 + 0.5, every_second_bit(i >> 1) as f32 + 0.5))
-        .collect();
-    let camera_rays: Vec<_> =
-        directions.iter().map(|&direction| buffers.trace_ray(camera.eye, direction, 0.0, f32::INFINITY)).collect();
-    let job = TraceJob { rays: &camera_rays, next_directions: None, any_hit: false, repeat: 1 };
-    let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).expect("hits").hits;
-
-    let (low, high) = scene.bounds().expect("a scene with triangles");
-    let lift = (high - low).length() * LIFT;
-    let mut random = Random(SEED);
-    let (mut shadow_rays, mut diffuse_rays) = (Vec::new(), Vec::new());
-    for (hit, &direction) in hits.iter().zip(&directions).filter(|(hit, _)| is_hit(hit)) {
-        let [p0, p1, p2] = scene.vertices(hit.primitive as usize);
-        let normal = (p1 - p0).cross(p2 - p0).normalize();
-        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        let origin = camera.eye + direction * hit.t + normal * lift;
-        let (to_light, t_max) = to_light(scene, origin);
-        shadow_rays.push(buffers.trace_ray(origin, to_light, 0.0, t_max));
-        // Normal and a point of the unit sphere make a cosine lobe.
-        diffuse_rays.push(buffers.trace_ray(origin, normal + random.direction(), 0.0, f32::INFINITY));
-    }
-    [
-        Batch { name: "camera", rays: camera_rays, any_hit: false },
-        Batch { name: "shadow", rays: shadow_rays, any_hit: true },
-        Batch { name: "diffuse", rays: diffuse_rays, any_hit: false },
-    ]
-}
-
-/// Bits 0, 2, 4, ... as one number.
-fn every_second_bit(number: u32) -> u32 {
-    (0..16).map(|bit| (number >> (2 * bit) & 1) << bit).sum()
-}
-
-/// From `point` to the scene's first light, and the t at which it is.
-fn to_light(scene: &Scene, point: Vec3) -> (Vec3, f32) {
-    match scene.lights[0].kind {
-        LightKind::Directional { direction } => (-direction, f32::INFINITY),
-        LightKind::Point { position } | LightKind::Spot { position, .. } => (position - point, 1.0),
-    }
+    raybrook::tune::batches(scene, SIDE, SEED).expect("rays")
 }

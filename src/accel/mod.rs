@@ -39,7 +39,7 @@ pub use volumes::{build_boxes, build_spheres};
 
 pub(crate) use link::leaf_range;
 
-use crate::options::{Build, KdOptions, SplitAxis, Stop, TraceOptions};
+use crate::options::{Accel, Build, KdOptions, SplitAxis, Stop, TraceOptions};
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -105,6 +105,19 @@ pub struct BuildOptions {
 }
 
 impl BuildOptions {
+    /// What `options` ask for in their structure of `triangle_count` triangles, and the defaults of its build for the rest.
+    pub fn of(options: &TraceOptions, triangle_count: usize) -> Self {
+        match options.accel {
+            Accel::Octree => Self::octree(triangle_count, options.leaf_size, options.max_depth),
+            Accel::Bvh2 | Accel::Bvh8 => Self::bvh(options, triangle_count),
+            Accel::Boxes | Accel::Spheres => BuildOptions {
+                leaf_size: options.leaf_size.unwrap_or_else(|| volumes::cluster_size(triangle_count)),
+                ..Self::new(options, triangle_count)
+            },
+            _ => Self::new(options, triangle_count),
+        }
+    }
+
     /// What `options` ask for in a kd-tree of `triangle_count` triangles, and the defaults of their build for the rest.
     pub fn new(options: &TraceOptions, triangle_count: usize) -> Self {
         // Havran (2000, section 4.4): depth 8 + 1.3 log2 N. On the bunny and sponza 12 levels more gain 0.1 % of cost.

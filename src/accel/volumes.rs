@@ -36,6 +36,11 @@ pub fn build_spheres(vertices: &[[Vec3; 3]], primitives: &[u32], cluster_size: O
     })
 }
 
+/// Triangles of a cluster, unless something else is asked for.
+pub(super) fn cluster_size(triangle_count: usize) -> u32 {
+    (triangle_count as f64).sqrt().max(SMALLEST_CLUSTER) as u32
+}
+
 fn bounds_of(vertices: &[[Vec3; 3]], primitives: &[u32]) -> Aabb {
     let triangle = |&i: &u32| Aabb::of_triangle(&vertices[i as usize]);
     primitives.iter().map(triangle).fold(Aabb::EMPTY, Aabb::union)
@@ -47,8 +52,7 @@ fn build(
     cluster_size: Option<u32>,
     push_bounds: impl Fn(&[u32], &mut Vec<Float4>),
 ) -> Structure {
-    let default = || (primitives.len() as f64).sqrt().max(SMALLEST_CLUSTER) as u32;
-    let size = cluster_size.unwrap_or_else(default).max(1) as usize;
+    let size = cluster_size.unwrap_or_else(|| self::cluster_size(primitives.len())).max(1) as usize;
     let mut references = primitives.to_vec();
     let mut structure =
         Structure { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };

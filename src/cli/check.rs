@@ -1,9 +1,11 @@
 //! `raybrook check`: the device against the reference, in pictures and in hits.
 
+use super::explain::{Chooser, ExplainArgs};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
 use raybrook::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
 use raybrook::film::check_output;
+use raybrook::options::{Decision, RayKind};
 use raybrook::output::{check_writable, write_json};
 use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::ReferenceTracer;
@@ -34,6 +36,8 @@ pub struct CheckArgs {
     method: MethodArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    explain: ExplainArgs,
     /// Write the findings to a JSON file.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
@@ -43,6 +47,7 @@ pub struct CheckArgs {
 #[derive(Serialize)]
 struct Findings {
     device: String,
+    choices: Vec<Decision>,
     rays: u64,
     rays_differ: bool,
     hits: HitDifference,
@@ -65,12 +70,20 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
             "there is no OpenCL device to check against the reference; `raybrook devices` tells what is missing";
         return Err(Error::NoDevice(message.into()));
     };
-    let options = args.method.options_for(Some(&device), false, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
-    let options = args.method.options_for_pictures(options, &loaded.scene);
+    let chooser = Chooser {
+        method: &args.method,
+        counters: false,
+        device: Some(&device),
+        device_args: &args.device,
+        explain: &args.explain,
+        talk,
+    };
+    let chosen = chooser.choose(&loaded.scene, RayKind::of_picture(&loaded.scene))?;
+    let options = chosen.options;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened =
-        open::open(&loaded, Some(&device), &args.device, options, picture.depth, &[Task::Batch, Task::Picture], talk)?;
+        open::open(&loaded, Some(&device), &args.device, chosen, picture.depth, &[Task::Batch, Task::Picture], talk)?;
     let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
 
     let rays = camera_rays(&opened.buffers, &picture);
@@ -92,6 +105,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let findings = Findings {
         passed: hits.differing == 0 && picture_difference.largest_step <= TOLERATED_STEPS,
         device: opened.stats.device.clone(),
+        choices: opened.stats.choices.clone(),
         rays: on_device.counts.iter().step_by(2).sum(),
         rays_differ: on_device.counts != on_reference.counts,
         device_s: on_device.kernel_s,

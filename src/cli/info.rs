@@ -1,9 +1,10 @@
 //! `raybrook info`.
 
-use super::{MethodArgs, SceneArgs, Talk, open};
+use super::explain::ExplainArgs;
+use super::{AccelChoice, MethodArgs, SceneArgs, Talk, open};
 use raybrook::Result;
 use raybrook::accel::{KdTree, StructureStats, TreeStats};
-use raybrook::options::Accel;
+use raybrook::options::{Accel, Decision, Origin, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::DropReason;
 use serde::Serialize;
@@ -14,6 +15,8 @@ pub struct InfoArgs {
     scene: SceneArgs,
     #[command(flatten)]
     method: MethodArgs,
+    #[command(flatten)]
+    explain: ExplainArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -51,6 +54,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     let reasons: Vec<_> = (0..scene.triangles.len()).filter_map(|i| scene.drop_reason(i)).collect();
     let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
     let (low, high) = scene.bounds().unwrap_or_default();
+    args.explain(&options, scene.triangles.len() - reasons.len(), talk);
     let info = SceneInfo {
         triangles: scene.triangles.len(),
         dropped_not_finite: dropped(DropReason::NotFinite),
@@ -83,6 +87,19 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         print_info(&info);
     }
     Ok(())
+}
+
+impl InfoArgs {
+    /// Explains the structure that is told of, and the numbers of its build.
+    fn explain(&self, options: &TraceOptions, triangle_count: usize, talk: Talk) {
+        let (origin, reason) = match self.method.accel {
+            AccelChoice::Only(_) => (Origin::Given, ""),
+            AccelChoice::Auto => (Origin::Model, "info tells of kd-trees, or of what other options are for"),
+        };
+        let structure =
+            Decision { option: Accel::OPTION, value: options.accel.to_string(), origin, reason: reason.to_owned() };
+        self.explain.print(&[vec![structure], options.numbers_in_effect(triangle_count)].concat(), talk);
+    }
 }
 
 /// The JSON's fields as lines, so that text and JSON cannot tell different things.

@@ -12,6 +12,7 @@ use std::io::Write;
 mod check;
 mod closed;
 mod devices;
+mod explain;
 mod info;
 mod kd;
 mod kernels;
@@ -22,25 +23,26 @@ mod render;
 mod stress;
 mod text;
 mod trace;
+mod tune;
 mod work;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, Terminator, TexturePass, TraceOptions,
-    Traversal, TriangleOrder,
+    Accel, Build, Chosen, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayKind, Request, Terminator,
+    TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
 };
-use raybrook::scene::{PictureDefaults, Samples, Scene};
+use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 done; 1 `check` found a difference above its tolerance, or `stress` a wrong answer; 2 wrong option or argument; 3 the scene or another input is \
+Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different ones; 2 wrong option or argument; 3 the scene or another input is \
 missing or wrong; 4 no such device, or the device failed; 5 the output could not be written.
 
-Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels (default: \
+Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of what `tune` found (default: \
 $XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
 longest are removed first, 0 keeps nothing); NO_COLOR switches colours off.";
 
@@ -81,12 +83,15 @@ enum Command {
     Methods(methods::MethodsArgs),
     /// Trace hard rays whose exact answers are known, and count the wrong ones.
     Stress(stress::StressArgs),
+    /// Measure which structure and packet size are fastest on a device, and remember that for --accel auto. Closest hits and
+    /// pictures stay the same, whatever is found.
+    Tune(tune::TuneArgs),
 }
 
 /// What to trace with.
 #[derive(Args)]
 struct MethodArgs {
-    #[arg(long, help = format!("Structure: {}, or auto: bvh8 on a CPU, else bvh2, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
+    #[arg(long, help = format!("Structure: {}, or auto: what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU, on the reference kd for 100 to 299999 triangles and bvh2 for fewer or more, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
     accel: AccelChoice,
     #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
@@ -95,10 +100,10 @@ struct MethodArgs {
     /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
     #[arg(long, value_name = "K")]
     stack_size: Option<u32>,
-    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, but for pictures of glass; else 1]", PacketSize::names()), value_name = "N")]
+    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: what `raybrook tune` found; else 16 there on a CPU, but for pictures of glass; else 1]", PacketSize::names()), value_name = "N")]
     packet_size: Option<PacketSize>,
-    #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
-    intersector: Intersector,
+    #[arg(long, help = format!("Ray-triangle test: {} [default: {}]", Intersector::names(), TraceOptions::DEFAULT.intersector), value_name = "NAME")]
+    intersector: Option<Intersector>,
     /// Short for an --intersector: exact hits, or the fastest float32 test, which loses some: moller-trumbore.
     #[arg(long, value_name = "exact|fast", value_parser = parse_precision, conflicts_with = "intersector")]
     precision: Option<Intersector>,
@@ -159,45 +164,45 @@ impl FromStr for AccelChoice {
 impl MethodArgs {
     /// What is wrong with the options on any device comes before what takes time.
     fn check(&self, counters: bool) -> Result<TraceOptions, Error> {
-        self.options(Accel::fastest_on(None), counters)
+        Ok(self.request(counters).choose(&without_scene(None), None)?.options)
     }
 
-    /// The options, with what is fastest on `device` where the user leaves the choice. Says so where a limit of the fastest structure
-    /// leads to another one, which nobody asked for.
+    /// The options, with what is fastest on `device` where the user leaves the choice, for no scene in particular.
     fn options_for(&self, device: Option<&DeviceHandle>, counters: bool, talk: Talk) -> Result<TraceOptions, Error> {
-        let kind = device.map(|device| device.info.kind);
-        let fastest = Accel::fastest_on(kind);
-        let mut options = self.options(fastest, counters)?;
-        if options.accel != fastest
-            && matches!(self.accel, AccelChoice::Auto)
-            && !talk.quiet
-            && let Some(Error::Option { option, message }) = options.limit_against(fastest)
-        {
-            eprintln!("note: --accel auto takes {}: {option} {message}", options.accel);
-        }
-        options.packet_size = self.packet_size.unwrap_or_else(|| options.fastest_packets_on(kind));
-        Ok(options)
+        Ok(self.choose(&without_scene(device), None, counters, talk)?.options)
     }
 
-    /// `options`, as [`Self::options_for`] has chosen them, for pictures of `scene`.
-    fn options_for_pictures(&self, options: TraceOptions, scene: &Scene) -> TraceOptions {
-        match self.packet_size {
-            None if !options.packet_size.suits_picture(scene) => {
-                TraceOptions { packet_size: PacketSize::One, ..options }
-            }
-            _ => options,
+    /// Chooses what the user leaves open. Says so where a limit of the fastest structure leads to another one, which nobody asked for.
+    fn choose(
+        &self,
+        workload: &Workload,
+        tuned: Option<&TunedChoice>,
+        counters: bool,
+        talk: Talk,
+    ) -> Result<Chosen, Error> {
+        let chosen = self.request(counters).choose(workload, tuned)?;
+        if let Some(limit) = chosen.limit.as_ref().filter(|_| !talk.quiet) {
+            eprintln!("note: --accel auto takes {}: {limit}", chosen.options.accel);
         }
+        Ok(chosen)
+    }
+
+    /// Whether structure or packets are left to be chosen.
+    fn leaves_a_choice(&self) -> bool {
+        matches!(self.accel, AccelChoice::Auto) || self.packet_size.is_none()
     }
 
     /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.
     fn options(&self, preferred: Accel, counters: bool) -> Result<TraceOptions, Error> {
-        let mut options = TraceOptions {
-            accel: TraceOptions::DEFAULT.accel,
+        self.request(counters).with_structure(preferred)
+    }
+
+    /// What the user asks for.
+    fn request(&self, counters: bool) -> Request {
+        let rest = TraceOptions {
             build: self.build,
             traversal: self.traversal,
             stack_size: self.stack_size,
-            packet_size: self.packet_size.unwrap_or(PacketSize::One),
-            intersector: self.precision.unwrap_or(self.intersector),
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
             reinsert: self.reinsert,
@@ -212,13 +217,19 @@ impl MethodArgs {
             terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters,
+            ..TraceOptions::DEFAULT
         };
-        options.accel = match self.accel {
-            AccelChoice::Auto => options.structure_for(preferred),
-            AccelChoice::Only(accel) => accel,
+        let accel = match self.accel {
+            AccelChoice::Auto => None,
+            AccelChoice::Only(accel) => Some(accel),
         };
-        options.validate().map(|()| options)
+        Request { accel, packet_size: self.packet_size, intersector: self.precision.or(self.intersector), rest }
     }
+}
+
+/// Batches of rays on `device` through whatever scene.
+fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
+    Workload { device: device.map(|device| &device.info), triangle_count: None, rays: RayKind::Batch }
 }
 
 /// Where to trace.
@@ -228,7 +239,7 @@ struct DeviceArgs {
     /// [default: the fastest GPU, else a CPU, else the reference].
     #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
     device: Option<String>,
-    /// Compile the kernels anew and keep nothing.
+    /// Compile the kernels anew, ignore what `raybrook tune` found, and keep nothing.
     #[arg(long)]
     no_cache: bool,
     #[command(flatten)]
@@ -341,6 +352,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Devices(args) => devices::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Methods(args) => methods::run(&args).map(|()| ExitCode::SUCCESS),
         Command::Stress(args) => stress::run(&args, cli.talk),
+        Command::Tune(args) => tune::run(&args, cli.talk),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{DeviceArgs, PictureArgs, Talk};
 use raybrook::device::{DeviceHandle, Selection, select};
-use raybrook::options::TraceOptions;
+use raybrook::options::Chosen;
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{self, Samples, Scene};
 use raybrook::session::{complete, open_tracer};
@@ -83,7 +83,7 @@ pub fn open(
     loaded: &Loaded,
     device: Option<&DeviceHandle>,
     args: &DeviceArgs,
-    options: TraceOptions,
+    Chosen { options, decisions, .. }: Chosen,
     depth: u32,
     tasks: &[Task],
     talk: Talk,
@@ -112,6 +112,7 @@ pub fn open(
         compiler_options: device.map(|d| d.compiler_options().to_owned()).filter(|options| !options.is_empty()),
         device_kind: device.map_or("reference", |d| d.info.kind.name()).to_owned(),
         options,
+        choices: decisions,
         load_s: Some(loaded.load_s),
         build_s: Some(buffers.build_s),
         compile_s: Some(tracer.compile_s()),

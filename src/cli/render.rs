@@ -1,9 +1,11 @@
 //! `raybrook render`.
 
+use super::explain::{Chooser, ExplainArgs};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::Result;
 use raybrook::film::{ImageFormat, check_output};
+use raybrook::options::RayKind;
 use raybrook::output::check_writable;
 use raybrook::scene::Scene;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -30,6 +32,8 @@ pub struct RenderArgs {
     method: MethodArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
     #[arg(long)]
     counters: bool,
@@ -67,12 +71,18 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let options = args.method.options_for(device.as_ref(), counters, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
-    let options = args.method.options_for_pictures(options, &loaded.scene);
+    let chooser = Chooser {
+        method: &args.method,
+        counters,
+        device: device.as_ref(),
+        device_args: &args.device,
+        explain: &args.explain,
+        talk,
+    };
+    let chosen = chooser.choose(&loaded.scene, RayKind::of_picture(&loaded.scene))?;
     let picture = args.picture.picture(&loaded.scene);
-    let mut opened =
-        open::open(&loaded, device.as_ref(), &args.device, options, picture.depth, &[Task::Picture], talk)?;
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, &[Task::Picture], talk)?;
 
     let bar = Bar::new("render", talk);
     let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples.per_pixel());

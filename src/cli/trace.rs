@@ -1,10 +1,11 @@
 //! `raybrook trace`.
 
+use super::explain::{Chooser, ExplainArgs};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
 use raybrook::layout::Float4;
-use raybrook::options::Kernels;
+use raybrook::options::{Kernels, RayKind};
 use raybrook::output::check_writable;
 use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
@@ -38,6 +39,8 @@ pub struct TraceArgs {
     method: MethodArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the hits stay the same).
     #[arg(long)]
     counters: bool,
@@ -86,7 +89,6 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         check_writable(output)?;
     }
     let device = open::choose(&args.device, talk)?;
-    let options = args.method.options_for(device.as_ref(), args.counters, talk)?;
     let batch = RayBatch::read(&args.rays)?;
     if args.any_hit && batch.next_directions.is_some() {
         let message = "cannot be combined with the array 'next_direction': a second ray starts at the closest hit";
@@ -96,7 +98,16 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         eprintln!("note: {}: arrays that mean nothing here: {}", args.rays.display(), batch.ignored.join(", "));
     }
     let loaded = open::load(&args.scene.scene, None, talk)?;
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, options, 1, &[Task::Batch], talk)?;
+    let chooser = Chooser {
+        method: &args.method,
+        counters: args.counters,
+        device: device.as_ref(),
+        device_args: &args.device,
+        explain: &args.explain,
+        talk,
+    };
+    let chosen = chooser.choose(&loaded.scene, RayKind::Batch)?;
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, &[Task::Batch], talk)?;
 
     let rays = job_rays(&batch, &opened.buffers);
     let next: Option<Vec<Float4>> =

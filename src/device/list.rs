@@ -267,7 +267,7 @@ fn is_at_least_1_2(version: &str) -> bool {
 
 /// A device for tests that need no OpenCL.
 #[cfg(test)]
-pub(super) fn sample_info() -> DeviceInfo {
+pub(crate) fn sample_info() -> DeviceInfo {
     const GIB: u64 = 1 << 30;
     DeviceInfo {
         index: 0,

@@ -49,6 +49,8 @@ pub use diagnosis::{Diagnosis, Problem};
 pub use errors::{cl_error, code_hint, code_name};
 pub use image::{IMAGE_WIDTH, Image, ImageShape};
 pub use kernel::{Event, Kernel, KernelArg};
+#[cfg(test)]
+pub(crate) use list::sample_info;
 pub use list::{DeviceHandle, DeviceInfo, DeviceKind, DeviceList, list_devices};
 pub use program::{Built, CompileOptions, Program, build};
 pub use report::{devices_json, devices_report};

@@ -9,7 +9,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceIn
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions};
+use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
@@ -149,11 +149,7 @@ impl OpenClTracer {
         let passes = Passes::new(compile_options, defers(options), cache, context.info(), notes);
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
-        // CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
-        let (work_group, first_items) = match context.info().kind {
-            DeviceKind::Gpu => (64, FIRST_ITEMS_GPU),
-            _ => (16, FIRST_ITEMS),
-        };
+        let first_items = if context.info().kind == DeviceKind::Gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS };
         Ok(OpenClTracer {
             passes,
             split: None,
@@ -161,7 +157,7 @@ impl OpenClTracer {
             options: *options,
             trace_plan: LaunchPlan::starting_with(first_items),
             first_items,
-            work_group: work_group.min(context.info().max_work_group_size.max(1)),
+            work_group: work_group_size(context.info()).0,
             upload_s: start.elapsed().as_secs_f64(),
             scene,
             context,

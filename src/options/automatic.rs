@@ -1,109 +1,186 @@
-//! What is chosen where the user leaves the choice, by a small model of the device.
+//! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the choice together
+//! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
-use super::{Accel, OPTIONS, PacketSize, TraceOptions};
-use crate::device::DeviceKind;
-use crate::error::Error;
+use super::{Accel, PacketSize, SceneSize, TraceOptions};
+use crate::device::{DeviceInfo, DeviceKind};
 use crate::scene::{Material, Scene};
 
-impl Accel {
-    /// The fastest structure on a kind of device (`None`: the reference), with the triangle test that is the default.
+/// What the rays are for, as far as it matters to the choice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RayKind {
+    /// A batch of rays.
+    Batch,
+    /// A picture of a scene in which nothing is transparent.
+    Picture,
+    /// A picture of a scene with transparent surfaces, which send neighbouring rays different ways.
+    GlassPicture,
+}
+
+impl RayKind {
+    /// The rays of pictures of `scene`.
+    pub fn of_picture(scene: &Scene) -> RayKind {
+        if scene.materials.iter().any(Material::is_transparent) { RayKind::GlassPicture } else { RayKind::Picture }
+    }
+}
+
+/// The work that methods are chosen for.
+#[derive(Debug, Clone, Copy)]
+pub struct Workload<'a> {
+    /// Where it is done; `None`: on the reference.
+    pub device: Option<&'a DeviceInfo>,
+    /// Triangles that can be hit; `None` where there is no scene yet.
+    pub triangle_count: Option<usize>,
+    /// What is traced.
+    pub rays: RayKind,
+}
+
+impl Workload<'_> {
+    fn kind(&self) -> Option<DeviceKind> {
+        self.device.map(|device| device.kind)
+    }
+
+    /// The fastest structure with the triangle test that is the default.
     ///
     /// A CPU has vectors that one ray fills with eight boxes, so that the bunny takes half to a third of the kd-tree's time with
     /// [`Accel::Bvh8`]. A GPU's work-item has one lane, and the fewer registers it takes the better: [`Accel::Bvh2`]. Measured in
     /// `docs/records.md`.
-    pub fn fastest_on(device: Option<DeviceKind>) -> Accel {
-        match device {
-            Some(DeviceKind::Cpu) => Accel::Bvh8,
-            _ => Accel::Bvh2,
+    ///
+    /// There is no number of triangles up to which brute force is the fastest on a CPU: by `raybrook tune` on PoCL (2 cores, loose
+    /// triangles and cubes on a floor) it had 0.14 to 0.26 of the speed of `bvh8` in packets with 2 triangles, 0.04 to 0.12 with 4 to
+    /// 16, 0.01 to 0.03 with 24 to 98. Beside `bvh8` one ray at a time it was 0.8 to 1.1 times as fast with 2 triangles, half as fast
+    /// and less from 8 on. On a GPU it was not measured.
+    ///
+    /// The reference is scalar code, to which a kd-tree's one plane is less work than two boxes: `kd` had 1.4 to 2 times the speed of
+    /// `bvh2` in scenes of 948 to 99,202 triangles, the same in chess.toml. With 2 to 98 triangles it was 0.8 to 2.5 times as fast by
+    /// turns; with 990,002 it was 1.3 times as fast, but the second that its build takes longer is more than a picture wins back.
+    pub(super) fn structure(&self) -> (Accel, String) {
+        let with_count = |reason: &str| match self.triangle_count {
+            Some(count) => format!("{reason} ({count} triangles)"),
+            None => reason.to_owned(),
+        };
+        match (self.kind(), self.triangle_count.map(SceneSize::of)) {
+            (Some(DeviceKind::Cpu), _) => {
+                let reason = "the device is a CPU, whose vectors hold the eight boxes of a node; brute force is slower at any size";
+                (Accel::Bvh8, with_count(reason))
+            }
+            (Some(kind), _) => {
+                let reason = "a work-item has one lane, and two boxes take few registers";
+                (Accel::Bvh2, with_count(&format!("the device is of kind {kind}: {reason}")))
+            }
+            (None, Some(SceneSize::Small | SceneSize::Medium)) => {
+                let reason =
+                    "one plane is less work to the reference than boxes, which pays from 100 to 299,999 triangles";
+                (Accel::Kd, with_count(reason))
+            }
+            (None, _) => (
+                Accel::Bvh2,
+                with_count("the reference builds it soonest, and a kd-tree pays from 100 to 299,999 triangles"),
+            ),
+        }
+    }
+
+    /// The fastest size of packets that goes together with `options`.
+    ///
+    /// A CPU's vectors hold sixteen rays, and even rays of all directions are 1.5 to 2.9 times as fast that way; a GPU makes such
+    /// vectors of its work-items by itself. Rays that glass sends different ways gain nothing by packets: a picture of glass alone
+    /// took 1.15 times as long.
+    pub(super) fn packet_size(&self, options: &TraceOptions) -> (PacketSize, String) {
+        let sixteen = TraceOptions { packet_size: PacketSize::Sixteen, ..*options };
+        match (self.kind(), sixteen.validate()) {
+            (None, _) => (PacketSize::One, "the reference traces one ray after the other".to_owned()),
+            (Some(DeviceKind::Cpu), Err(error)) => {
+                (PacketSize::One, format!("{} do not go together with the rest: {error}", PacketSize::Sixteen))
+            }
+            (Some(DeviceKind::Cpu), Ok(())) if self.rays == RayKind::GlassPicture => {
+                (PacketSize::One, "glass sends the rays of a packet different ways".to_owned())
+            }
+            (Some(DeviceKind::Cpu), Ok(())) => {
+                (PacketSize::Sixteen, "the device is a CPU, whose vectors hold sixteen rays".to_owned())
+            }
+            (Some(kind), _) => {
+                (PacketSize::One, format!("the device is of kind {kind}: it makes vectors of single rays by itself"))
+            }
         }
     }
 }
 
-impl PacketSize {
-    /// Whether it is no slower than single rays for pictures of `scene`. Rays that glass sends different ways gain nothing by
-    /// packets: a picture of glass alone took 1.15 times as long.
-    pub fn suits_picture(self, scene: &Scene) -> bool {
-        self == PacketSize::One || !scene.materials.iter().any(Material::is_transparent)
-    }
-}
-
-impl TraceOptions {
-    /// The fastest size of packets on a kind of device that goes together with these options. A CPU's vectors hold sixteen rays, and
-    /// even rays of all directions are 1.5 to 2.9 times as fast that way; a GPU makes such vectors of its work-items by itself.
-    pub fn fastest_packets_on(&self, device: Option<DeviceKind>) -> PacketSize {
-        let sixteen = TraceOptions { packet_size: PacketSize::Sixteen, ..*self };
-        if device == Some(DeviceKind::Cpu) && sixteen.validate().is_ok() {
-            PacketSize::Sixteen
-        } else {
-            PacketSize::One
-        }
-    }
-
-    /// `preferred`, or, if that does not read everything that is set here, the first structure that does: a grid's size is for grids, a
-    /// build for kd-trees. `preferred` as well if there is none.
-    pub fn structure_for(&self, preferred: Accel) -> Accel {
-        let candidates = || std::iter::once(preferred).chain([Accel::Kd]).chain(Accel::ALL.iter().copied());
-        let reads_all =
-            |accel: &Accel| OPTIONS.iter().all(|option| !option.is_set(self) || option.structures.contains(accel));
-        let fits = |accel: &Accel| reads_all(accel) && TraceOptions { accel: *accel, ..*self }.validate().is_ok();
-        // A number beyond all limits is for the check of the options to name.
-        candidates().find(fits).or_else(|| candidates().find(reads_all)).unwrap_or(preferred)
-    }
-
-    /// Which limit keeps [`TraceOptions::structure_for`] from `preferred`, where that reads everything that is set here; `None` where
-    /// nothing does, and where other structures are what the options are for.
-    pub fn limit_against(&self, preferred: Accel) -> Option<Error> {
-        let options = TraceOptions { accel: preferred, ..*self };
-        if options.check_that_all_apply().is_ok() { options.validate().err() } else { None }
+/// The rays of a work-group on `device`, and why.
+///
+/// CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
+pub(crate) fn work_group_size(device: &DeviceInfo) -> (usize, String) {
+    let (size, reason) = match device.kind {
+        DeviceKind::Gpu => (64, "the device is a GPU, which fills its lanes from one work-group".to_owned()),
+        kind => (16, format!("the device is of kind {kind}: what a small work-group keeps stays in cache")),
+    };
+    match device.max_work_group_size.max(1) {
+        most if most < size => (most, format!("the device has no larger ones (it would be {size}: {reason})")),
+        _ => (size, reason),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{Build, Intersector, Memory, Traversal};
+    use crate::device::sample_info;
+    use crate::options::{Chosen, Decision, Origin, Request};
+
+    fn device(kind: DeviceKind) -> DeviceInfo {
+        DeviceInfo { kind, ..sample_info() }
+    }
+
+    /// The decision about `option`.
+    fn about<'a>(chosen: &'a Chosen, option: &str) -> &'a Decision {
+        chosen.decisions.iter().find(|decision| decision.option == option).expect("a decision")
+    }
+
+    /// The model for every kind of device, size and rays; each reason names what decided.
+    #[test]
+    fn the_model_follows_device_size_and_rays() {
+        let [cpu, gpu] = [DeviceKind::Cpu, DeviceKind::Gpu].map(device);
+        let (one, sixteen) = (PacketSize::One, PacketSize::Sixteen);
+        for (device, triangles, rays, accel, packets, words) in [
+            (Some(&cpu), 2, RayKind::Batch, Accel::Bvh8, sixteen, ["CPU", "sixteen rays"]),
+            (Some(&cpu), 2_000_000, RayKind::Picture, Accel::Bvh8, sixteen, ["2000000 triangles", "CPU"]),
+            (Some(&cpu), 5000, RayKind::GlassPicture, Accel::Bvh8, one, ["5000 triangles", "glass"]),
+            (Some(&gpu), 5000, RayKind::Batch, Accel::Bvh2, one, ["kind gpu", "kind gpu"]),
+            (None, 99, RayKind::Batch, Accel::Bvh2, one, ["99 triangles", "the reference"]),
+            (None, 100, RayKind::Batch, Accel::Kd, one, ["100 triangles", "the reference"]),
+            (None, 299_999, RayKind::Picture, Accel::Kd, one, ["299999 triangles", "the reference"]),
+            (None, 300_000, RayKind::Picture, Accel::Bvh2, one, ["300000 triangles", "the reference"]),
+        ] {
+            let workload = Workload { device, triangle_count: Some(triangles), rays };
+            let chosen = Request::default().choose(&workload, None).unwrap();
+            assert_eq!((chosen.options.accel, chosen.options.packet_size), (accel, packets), "{workload:?}");
+            for (option, value, word) in
+                [("--accel", accel.name(), words[0]), ("--packet-size", packets.name(), words[1])]
+            {
+                let decision = about(&chosen, option);
+                assert_eq!((decision.value.as_str(), decision.origin), (value, Origin::Model), "{decision}");
+                assert!(decision.reason.contains(word), "{decision}");
+                assert!(decision.to_string().starts_with(&format!("{option} {value}: model: ")), "{decision}");
+            }
+        }
+    }
 
     #[test]
-    fn what_is_set_decides_before_what_is_fast() {
-        let default = TraceOptions::DEFAULT;
-        for (options, expected) in [
-            (default, Accel::Bvh8),
-            (TraceOptions { memory: Memory::Constant, ..default }, Accel::Bvh8),
-            (TraceOptions { leaf_size: Some(8), ..default }, Accel::Bvh8),
-            (TraceOptions { leaf_size: Some(9), ..default }, Accel::Kd),
-            (TraceOptions { build: Build::Median, ..default }, Accel::Kd),
-            (TraceOptions { traversal: Traversal::Ropes, ..default }, Accel::Kd),
-            (TraceOptions { max_depth: Some(9), ..default }, Accel::Kd),
-            (TraceOptions { max_depth: Some(99), ..default }, Accel::Kd),
-            (TraceOptions { grid_size: Some([3; 3]), ..default }, Accel::Grid),
-            // Nothing reads both: the check of the options says so.
-            (TraceOptions { grid_size: Some([3; 3]), build: Build::Median, ..default }, Accel::Bvh8),
-        ] {
-            assert_eq!(options.structure_for(Accel::Bvh8), expected, "{options:?}");
-        }
-        let bvh8 = TraceOptions { accel: Accel::Bvh8, ..default };
-        for (options, device, expected) in [
-            (bvh8, Some(DeviceKind::Cpu), PacketSize::Sixteen),
-            (bvh8, Some(DeviceKind::Gpu), PacketSize::One),
-            (bvh8, None, PacketSize::One),
-            (default, Some(DeviceKind::Cpu), PacketSize::One),
-            (TraceOptions { counters: true, ..bvh8 }, Some(DeviceKind::Cpu), PacketSize::One),
-            (TraceOptions { intersector: Intersector::Watertight, ..bvh8 }, Some(DeviceKind::Cpu), PacketSize::One),
-        ] {
-            assert_eq!(options.fastest_packets_on(device), expected, "{options:?}");
-        }
-        let large = TraceOptions { leaf_size: Some(9), ..default };
-        let limit = large.limit_against(Accel::Bvh8).unwrap().to_string();
-        assert!(limit.contains("--leaf-size: 9: a leaf of --accel bvh8"), "{limit}");
-        assert!(large.limit_against(Accel::Bvh2).is_none() && default.limit_against(Accel::Bvh8).is_none());
-        assert!(TraceOptions { build: Build::Median, ..large }.limit_against(Accel::Bvh8).is_none());
+    fn a_transparent_material_makes_a_picture_of_glass() {
         let glass = Material { transmission: glam::Vec3::ONE, ..Material::default() };
         let scene = |material| Scene { materials: vec![Material::default(), material], ..Scene::default() };
-        assert!(PacketSize::Sixteen.suits_picture(&scene(Material::default())));
-        assert!(
-            !PacketSize::Sixteen.suits_picture(&scene(glass.clone())) && PacketSize::One.suits_picture(&scene(glass))
-        );
-        assert_eq!(Accel::fastest_on(Some(DeviceKind::Cpu)), Accel::Bvh8);
-        assert_eq!([Some(DeviceKind::Gpu), None].map(Accel::fastest_on), [Accel::Bvh2; 2]);
+        assert_eq!(RayKind::of_picture(&scene(Material::default())), RayKind::Picture);
+        assert_eq!(RayKind::of_picture(&scene(glass)), RayKind::GlassPicture);
+    }
+
+    #[test]
+    fn work_groups_are_no_larger_than_the_device_has_them() {
+        let gpu = device(DeviceKind::Gpu);
+        assert_eq!(work_group_size(&gpu).0, 64);
+        assert_eq!(work_group_size(&device(DeviceKind::Cpu)).0, 16);
+        let (size, reason) = work_group_size(&DeviceInfo { max_work_group_size: 8, ..gpu.clone() });
+        assert!(size == 8 && reason.contains("no larger"), "{reason}");
+        let chosen = Request::default()
+            .choose(&Workload { device: Some(&gpu), triangle_count: None, rays: RayKind::Batch }, None)
+            .unwrap();
+        assert_eq!(about(&chosen, "work-group size").value, "64");
     }
 }

@@ -1,0 +1,90 @@
+//! `--explain`: every choice with its reason, on standard error and in `--stats`.
+
+use super::{common, folder, raybrook, stderr, write_npz};
+use serde_json::Value;
+use std::path::Path;
+
+/// What every run with a structure of boxes explains, beside the work-group size, which the reference does not have.
+const OPTIONS: [&str; 7] =
+    ["--accel", "--packet-size", "--intersector", "--leaf-size", "--cost-traverse", "--cost-intersect", "--reinsert"];
+
+/// Runs `arguments` and returns what it said of each choice: the lines, and the entries of the JSON file.
+fn explained(at: &Path, arguments: &[&str]) -> (Vec<String>, Vec<Value>) {
+    let output = raybrook(at, &[arguments, &["--explain", "--stats", "stats.json"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(!String::from_utf8_lossy(&output.stdout).contains("--accel"), "{output:?}");
+    let stats: Value = serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap();
+    (stderr(&output).lines().map(str::to_owned).collect(), stats["choices"].as_array().unwrap().clone())
+}
+
+fn assert_same(lines: &[String], choices: &[Value]) {
+    assert_eq!(lines.len(), choices.len(), "{lines:?}");
+    for (line, choice) in lines.iter().zip(choices) {
+        let text = |name: &str| choice[name].as_str().unwrap();
+        assert!(line.starts_with(&format!("{} {}: ", text("option"), text("value"))), "{line}: {choice}");
+        assert!(line.contains(text("origin")) && line.contains(text("reason")), "{line}: {choice}");
+    }
+}
+
+#[test]
+fn every_choice_is_told_with_its_reason() {
+    let folder = folder();
+    let at = folder.path();
+    let render = ["render", "one.obj", "--device", "reference", "--size", "8x8"];
+    let (lines, choices) = explained(at, &render);
+    assert_same(&lines, &choices);
+    assert_eq!(choices.iter().map(|choice| choice["option"].as_str().unwrap()).collect::<Vec<_>>(), OPTIONS);
+    assert!(choices.iter().all(|choice| choice["origin"] == "model" && choice["reason"] != ""), "{choices:?}");
+    assert!(lines[0].starts_with("--accel bvh2: model: ") && lines[0].contains("1 triangles"), "{}", lines[0]);
+
+    let given =
+        ["--accel", "bvh8", "--packet-size", "1", "--precision", "exact", "--leaf-size", "3", "--reinsert", "2"];
+    let (lines, choices) = explained(at, &[&render[..], &given, &["--cost-intersect", "2"]].concat());
+    assert_same(&lines, &choices);
+    for (line, expected) in lines.iter().zip([
+        "--accel bvh8: given on the command line",
+        "--packet-size 1: given on the command line",
+        "--intersector exact: given on the command line",
+        "--leaf-size 3: given on the command line",
+        "--cost-traverse 1: model: ",
+        "--cost-intersect 2: given on the command line",
+        "--reinsert 2: given on the command line",
+    ]) {
+        assert!(line.starts_with(expected), "{line}");
+    }
+
+    write_npz(&at.join("rays.npz"), &[("origin", 3, &[0.25, 0.25, 1.0]), ("direction", 3, &[0.0, 0.0, -1.0])]);
+    let (lines, choices) =
+        explained(at, &["trace", "one.obj", "rays.npz", "--device", "reference", "--max-depth", "9"]);
+    assert_same(&lines, &choices);
+    assert!(lines[0].starts_with("--accel kd: model: --max-depth means nothing to bvh2"), "{}", lines[0]);
+    assert!(lines.iter().any(|line| line == "--max-depth 9: given on the command line"), "{lines:?}");
+}
+
+#[test]
+fn without_the_option_nothing_is_told_and_info_tells_of_the_build() {
+    let folder = folder();
+    let render = ["render", "one.obj", "--device", "reference", "--size", "8x8"];
+    for arguments in [&render[..], &[&render[..], &["--explain", "-q"]].concat()] {
+        let output = raybrook(folder.path(), arguments);
+        assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    }
+    let output = raybrook(folder.path(), &["info", "one.obj", "--explain", "--json", "--leaf-size", "2"]);
+    let said = stderr(&output);
+    assert!(
+        said.starts_with("--accel kd: model: ") && said.contains("--leaf-size 2: given on the command line"),
+        "{said}"
+    );
+    assert!(serde_json::from_slice::<Value>(&output.stdout).is_ok());
+}
+
+#[test]
+fn a_device_has_a_work_group_and_check_explains_as_well() {
+    let Some(device) = common::device() else { return };
+    let folder = folder();
+    let check = ["check", "one.obj", "--device", &device.info.index.to_string(), "--size", "8x8"];
+    let (lines, choices) = explained(folder.path(), &check);
+    assert_same(&lines, &choices);
+    assert_eq!(choices.last().unwrap()["option"], "work-group size");
+    assert!(lines[0].contains(device.info.kind.name()) || lines[0].contains("CPU"), "{}", lines[0]);
+}
