@@ -55,7 +55,7 @@ fn length_below(rays: &[TraceRay], from: usize) -> Option<usize> {
         return None;
     }
     let is_near = |d: &[f32; 2]| (0..2).all(|i| d[i] <= NEIGHBOURS * NEIGHBOURS * one[i]);
-    let first = LENGTHS.skip_while(|&offset| to(offset).is_some_and(|d| !is_near(&d))).next()?;
+    let first = LENGTHS.into_iter().find(|&offset| to(offset).is_none_or(|d| is_near(&d)))?;
     // The nearest of those beside it.
     let sum = |d: [f32; 2]| (0..2).filter(|&i| one[i] > 0.0).map(|i| d[i] / one[i]).sum::<f32>();
     let candidates = (first..first + 2 * NEIGHBOURS as usize).filter_map(|offset| Some((offset, sum(to(offset)?))));
