@@ -28,8 +28,8 @@ use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, Terminator, TexturePass, TraceOptions,
-    Traversal, TriangleOrder,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, Terminator, TexturePass,
+    TraceOptions, Traversal, TriangleOrder,
 };
 use raybrook::scene::{PictureDefaults, Samples, Scene};
 use std::path::PathBuf;
@@ -97,6 +97,8 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: 16 there on a CPU, but for pictures of glass; else 1]", PacketSize::names()), value_name = "N")]
     packet_size: Option<PacketSize>,
+    #[arg(long, help = format!("Order in which a batch's rays are traced, hits coming back in the batch's: {}; auto sorts large shuffled batches for packets on a CPU", RayOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().ray_order)]
+    ray_order: RayOrder,
     #[arg(long, help = format!("Ray-triangle test: {}", Intersector::names()), value_name = "NAME", default_value_t = TraceOptions::default().intersector)]
     intersector: Intersector,
     /// Short for an --intersector: exact hits, or the fastest float32 test, which loses some: moller-trumbore.
@@ -197,6 +199,7 @@ impl MethodArgs {
             traversal: self.traversal,
             stack_size: self.stack_size,
             packet_size: self.packet_size.unwrap_or(PacketSize::One),
+            ray_order: self.ray_order,
             intersector: self.precision.unwrap_or(self.intersector),
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
