@@ -176,7 +176,7 @@ methods! {
     /// The order in which the rays of a batch are traced; hits come back in the caller's. The closest hits are the same; of several
     /// hits of a ray, where any will do, packets may find another one. Pictures have an order of their own.
     pub enum RayOrder ("--ray-order") {
-        /// Sorted where that pays: a large batch that looks shuffled, traced in packets on a CPU.
+        /// Sorted where that pays: a large batch that looks shuffled, in packets on a CPU, unless its rays leave the scene at once.
         Auto = "auto",
         /// The caller's.
         Kept = "kept",

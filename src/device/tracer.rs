@@ -209,8 +209,8 @@ impl Tracer for OpenClTracer {
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.prepare(Task::Batch)?;
-        let (options, params, kind) = (self.options, self.buffers.params, self.context.info().kind);
-        trace_in_order(job, &options, Some(kind), &params, |job| self.trace_batch(job, progress))
+        let (options, buffers, kind) = (self.options, self.buffers.clone(), self.context.info().kind);
+        trace_in_order(job, &options, Some(kind), &buffers, |job| self.trace_batch(job, progress))
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {

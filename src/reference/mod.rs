@@ -285,7 +285,7 @@ impl Tracer for ReferenceTracer {
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
-        trace_in_order(job, &self.options, None, &self.buffers.params, |job| Ok(self.trace_batch(job, progress)))
+        trace_in_order(job, &self.options, None, &self.buffers, |job| Ok(self.trace_batch(job, progress)))
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
