@@ -32,11 +32,13 @@ const KEY_BITS: u32 = 3 * ORIGIN_BITS + 2 * DIRECTION_BITS;
 const FEWEST_RAYS: usize = 1 << 14;
 /// How many rays of a batch are looked at to find out whether it is shuffled, each with one near it in the batch.
 const SAMPLES: usize = 256;
+/// Its multiples fill every interval evenly, and never in step with anything.
+const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 /// How far the other one is away: such rays share a packet.
 const NEAR: usize = PacketSize::Sixteen.rays() / 2;
-/// Bits that keys of rays near each other in the batch must share, beyond those that any two of the batch share, to be in order: they
-/// are neighbours in a quarter of what all rays lie in. Shuffled batches share 0 more, those in the order of pixels 7 and more.
-const NEARER_BITS: u32 = 2;
+/// Rays near each other in an ordered batch are at most this part as far apart in space as any two of it. Of shuffled batches the
+/// quotient is 1, of those in the order of pixels less than a tenth.
+const NEARER: f32 = 0.5;
 /// How many rays of a shuffled batch are traced beforehand, on the reference, to find out what they take.
 const TRIAL_RAYS: usize = 64;
 /// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay their sorting. On
@@ -57,20 +59,19 @@ pub(crate) fn trace_in_order(
     trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
 ) -> Result<TraceResult> {
     let start = Instant::now();
-    let keys = RayKeys::new(&buffers.params);
     let is_sorted = match options.ray_order {
         RayOrder::Kept => false,
         RayOrder::Sorted => true,
         RayOrder::Auto => {
             options.gains_by_sorted_rays(device)
-                && keys.are_shuffled(job.rays)
+                && are_shuffled(job.rays)
                 && mean_steps(job, options, buffers)? >= FEWEST_STEPS
         }
     };
     if !is_sorted {
         return trace(job);
     }
-    let order = keys.order(job.rays);
+    let order = RayKeys::new(&buffers.params).order(job.rays);
     let rays = permuted(job.rays, &order);
     let next_directions = job.next_directions.map(|directions| permuted(directions, &order));
     let sort_s = start.elapsed();
@@ -146,25 +147,30 @@ impl RayKeys {
         order.par_iter_mut().for_each(|entry| *entry &= (1 << index_bits) - 1);
         order
     }
-
-    /// Whether rays that are near each other in a large batch are no nearer in space than any two of its rays.
-    fn are_shuffled(&self, rays: &[TraceRay]) -> bool {
-        if rays.len() < FEWEST_RAYS {
-            return false;
-        }
-        let places: [usize; SAMPLES] = std::array::from_fn(|i| i * (rays.len() - NEAR) / SAMPLES);
-        let keys = places.map(|place| self.key(&rays[place]));
-        let near = places.map(|place| self.key(&rays[place + NEAR]));
-        // Multiplied by an odd number all samples are partners once; the sum with another odd one makes none its own partner.
-        let far = std::array::from_fn(|i| keys[(97 * i + 51) % SAMPLES]);
-        median_of_shared_bits(&keys, &near) <= median_of_shared_bits(&keys, &far) + NEARER_BITS
-    }
 }
 
-/// How many of their highest bits half of the pairs share at least.
-fn median_of_shared_bits(keys: &[u64; SAMPLES], others: &[u64; SAMPLES]) -> u32 {
-    let mut shared: [u32; SAMPLES] = std::array::from_fn(|i| (keys[i] ^ others[i]).leading_zeros());
-    *shared.select_nth_unstable(SAMPLES / 2).1
+/// Whether rays that are near each other in a large batch are no nearer in space than any two of its rays, neither by origin, as diffuse
+/// rays of a picture are, nor by direction, as those through a lens.
+fn are_shuffled(rays: &[TraceRay]) -> bool {
+    if rays.len() < FEWEST_RAYS {
+        return false;
+    }
+    // Steps of the golden ratio: equal ones could meet a picture's lines at their ends alone.
+    let place = |i: usize| ((i as f64 * GOLDEN_RATIO).fract() * (rays.len() - NEAR) as f64) as usize;
+    let no_nearer = |part: fn(&TraceRay) -> Vec3| {
+        let distance = |a: usize, b: usize| (part(&rays[a]) - part(&rays[b])).length();
+        let near = median(|i| distance(place(i), place(i) + NEAR));
+        // Multiplied by an odd number all samples are partners once; the sum with another odd one makes none its own partner.
+        let far = median(|i| distance(place(i), place((97 * i + 51) % SAMPLES)));
+        near >= NEARER * far
+    };
+    no_nearer(|ray| ray.origin_t_min.xyz()) && no_nearer(|ray| on_octahedron(ray.direction_t_max.xyz()))
+}
+
+/// The middle one of a number for each sample.
+fn median(of: impl Fn(usize) -> f32) -> f32 {
+    let mut numbers: [f32; SAMPLES] = std::array::from_fn(of);
+    *numbers.select_nth_unstable_by(SAMPLES / 2, f32::total_cmp).1
 }
 
 /// The cell in which `x` lies, of 2^`bits` of side 1; the nearest one of a number outside, and the first of NaN.
@@ -172,9 +178,14 @@ fn cell(x: f32, bits: u32) -> u16 {
     (x as u16).min((1 << bits) - 1)
 }
 
+/// A direction of any length where it meets an octahedron.
+fn on_octahedron(direction: Vec3) -> Vec3 {
+    direction / direction.abs().element_sum()
+}
+
 /// A direction on the square from 0 to 1: an octahedron with its lower half folded out.
 fn square_of(direction: Vec3) -> Vec2 {
-    let d = direction / direction.abs().element_sum();
+    let d = on_octahedron(direction);
     let upper = d.truncate();
     let p = if d.z < 0.0 { (Vec2::ONE - upper.yx().abs()) * upper.signum() } else { upper };
     (p + 1.0) * 0.5
@@ -239,12 +250,12 @@ mod tests {
                 ("diffuse", batch(&|p, random| ray(p.extend(p.x * p.y), random.direction()))),
             ];
             for (name, rays) in batches {
-                assert!(!keys().are_shuffled(&rays), "{name}, tiled: {is_tiled}");
+                assert!(!are_shuffled(&rays), "{name}, tiled: {is_tiled}");
                 let rays = shuffled(&rays, &mut random);
-                assert!(keys().are_shuffled(&rays), "{name}, shuffled");
+                assert!(are_shuffled(&rays), "{name}, shuffled");
                 let order = keys().order(&rays);
-                assert!(!keys().are_shuffled(&permuted(&rays, &order)), "{name}, sorted");
-                assert!(!keys().are_shuffled(&rays[..FEWEST_RAYS - 1]), "few rays of {name}");
+                assert!(!are_shuffled(&permuted(&rays, &order)), "{name}, sorted");
+                assert!(!are_shuffled(&rays[..FEWEST_RAYS - 1]), "few rays of {name}");
             }
         }
     }
