@@ -37,7 +37,7 @@ const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 /// How far the other one is away: such rays share a packet.
 const NEAR: usize = PacketSize::Sixteen.rays() / 2;
 /// Rays near each other in an ordered batch are at most this part as far apart in space as any two of it. Of shuffled batches the
-/// quotient is 1, of those in the order of pixels less than a tenth.
+/// quotient is 1.
 const NEARER: f32 = 0.5;
 /// How many rays of a shuffled batch are traced beforehand, on the reference, to find out what they take.
 const TRIAL_RAYS: usize = 64;
@@ -136,7 +136,7 @@ impl RayKeys {
         origin << (2 * DIRECTION_BITS) | u64::from(direction)
     }
 
-    /// Numbers of rays, those with the lowest keys first. Of a million rays or more the lowest bits of directions do not count.
+    /// Numbers of rays, those with the lowest keys first. Of half a million rays or more the lowest bits of directions do not count.
     fn order(&self, rays: &[TraceRay]) -> Vec<u64> {
         // A key and the number of its ray are one integer, so that no two are equal, and integers alone are sorted.
         let index_bits = usize::BITS - rays.len().leading_zeros();
