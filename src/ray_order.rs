@@ -31,7 +31,7 @@ const KEY_BITS: u32 = 3 * ORIGIN_BITS + 2 * DIRECTION_BITS;
 /// Batches of fewer rays are not sorted by themselves: in what they take (0.2 to 2 ms on PoCL) threads hardly wake up to sort.
 const FEWEST_RAYS: usize = 1 << 14;
 /// How many rays of a batch are looked at to find out whether it is shuffled, each with one near it in the batch.
-const SAMPLES: usize = 256;
+const SAMPLES: usize = 64;
 /// Its multiples fill every interval evenly, and never in step with anything.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 /// How far the other one is away: such rays share a packet.
