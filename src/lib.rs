@@ -26,6 +26,7 @@
 //! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `split.rs`, several a picture |
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
+//! | `ray_order.rs` | shuffled batches: sorted, traced, and their hits put back into the caller's order |
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
 //! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
@@ -83,6 +84,7 @@ mod npz;
 pub mod options;
 pub mod output;
 pub mod pack;
+mod ray_order;
 pub mod rays;
 pub mod reference;
 pub mod scene;

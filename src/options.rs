@@ -179,6 +179,19 @@ impl PacketSize {
 }
 
 methods! {
+    /// The order in which the rays of a batch are traced; hits come back in the caller's. The closest hits are the same; of several
+    /// hits of a ray, where any will do, packets may find another one. Pictures have an order of their own.
+    pub enum RayOrder ("--ray-order") {
+        /// Sorted where that pays: a large batch that looks shuffled, in packets on a CPU, unless its rays leave the scene at once.
+        Auto = "auto",
+        /// The caller's.
+        Kept = "kept",
+        /// Neighbours in space one after the other, by origin and then by direction (Meister et al. 2020).
+        Sorted = "sorted",
+    }
+}
+
+methods! {
     /// Where on the device nodes, references, vertices and the structures' other arrays lie (thesis, section 5.3). The reference
     /// has one kind of memory: the choice changes nothing there.
     pub enum Memory ("--memory") {
@@ -329,6 +342,9 @@ pub struct TraceOptions {
     /// How many rays are traced together; more than one only with [`Accel::Bvh8`] and [`Intersector::Exact`].
     #[serde(serialize_with = "as_name")]
     pub packet_size: PacketSize,
+    /// The order in which a batch's rays are traced.
+    #[serde(serialize_with = "as_name")]
+    pub ray_order: RayOrder,
     /// The ray-triangle test.
     #[serde(serialize_with = "as_name")]
     pub intersector: Intersector,
@@ -400,6 +416,7 @@ impl TraceOptions {
         traversal: Traversal::Stack,
         stack_size: None,
         packet_size: PacketSize::One,
+        ray_order: RayOrder::Auto,
         intersector: Intersector::Exact,
         leaf_size: None,
         max_depth: None,

@@ -108,6 +108,9 @@ pub struct RunStats {
     /// Copying the scene to the device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upload_s: Option<f64>,
+    /// Sorting the rays of a batch and putting their hits back into the caller's order, where that was done.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sort_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
     /// Rays (of a batch, or of split kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see

@@ -40,6 +40,9 @@ pub struct TraceResult {
     pub upload_s: f64,
     /// Seconds that it took to fetch the hits.
     pub read_s: f64,
+    /// Seconds that it took to sort the rays, once for all repeats, and to put the hits back into the caller's order; `None` where the
+    /// rays were traced in that order.
+    pub sort_s: Option<f64>,
 }
 
 /// A rendered picture and what it took.

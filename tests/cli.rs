@@ -314,6 +314,14 @@ fn trace_answers_a_batch() {
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
     assert_eq!(stats["kernel_s"].as_array().unwrap().len(), 3);
     assert_eq!((&stats["rays"]["camera"]["cast"], &stats["rays"]["camera"]["hit"]), (&3.into(), &1.into()));
+
+    assert!(stats.get("sort_s").is_none());
+    let hits = ["t", "primitive", "u", "v"].map(|name| read_npz(&at.join("hits.npz"), name));
+    let output = raybrook(at, &[&arguments[..], &["--ray-order", "sorted"]].concat());
+    assert!(String::from_utf8_lossy(&output.stdout).starts_with("3 rays (sorted in 0."), "{}", stderr(&output));
+    assert_eq!(["t", "primitive", "u", "v"].map(|name| read_npz(&at.join("hits.npz"), name)), hits);
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
+    assert!(stats["sort_s"].is_f64() && stats["options"]["ray_order"] == "sorted");
 }
 
 #[test]

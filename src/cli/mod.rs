@@ -30,8 +30,8 @@ use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
-    Accel, Build, Chosen, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayKind, Request, Terminator,
-    TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
+    Accel, Build, Chosen, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayKind, RayOrder, Request,
+    Terminator, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -102,6 +102,8 @@ struct MethodArgs {
     stack_size: Option<u32>,
     #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 and exact hits [default: what `raybrook tune` found; else 16 there on a CPU, but for pictures of glass; else 1]", PacketSize::names()), value_name = "N")]
     packet_size: Option<PacketSize>,
+    #[arg(long, help = format!("Order in which a batch's rays are traced, hits coming back in the batch's: {}; auto sorts large shuffled batches for packets on a CPU", RayOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().ray_order)]
+    ray_order: RayOrder,
     #[arg(long, help = format!("Ray-triangle test: {} [default: {}]", Intersector::names(), TraceOptions::DEFAULT.intersector), value_name = "NAME")]
     intersector: Option<Intersector>,
     /// Short for an --intersector: exact hits, or the fastest float32 test, which loses some: moller-trumbore.
@@ -203,6 +205,7 @@ impl MethodArgs {
             build: self.build,
             traversal: self.traversal,
             stack_size: self.stack_size,
+            ray_order: self.ray_order,
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
             reinsert: self.reinsert,

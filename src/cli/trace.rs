@@ -136,6 +136,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         });
     }
     stats.kernel_s = result.kernel_s;
+    stats.sort_s = result.sort_s;
     stats.second_pass = result.second_pass;
     stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
     stats.set_rate();
@@ -146,8 +147,9 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         stats.write(path)?;
     }
     if !talk.quiet {
+        let sorted = stats.sort_s.map_or(String::new(), |s| format!(" (sorted in {s:.3} s)"));
         say!(
-            "{} rays, {hits} hit, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
+            "{} rays{sorted}, {hits} hit, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
             rays.len(),
             stats.triangle_count,
             stats.device,

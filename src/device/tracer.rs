@@ -11,6 +11,7 @@ use crate::film::Film;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
+use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
 use crate::work::{PixelWork, RayWork};
@@ -205,6 +206,33 @@ impl Tracer for OpenClTracer {
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.prepare(Task::Batch)?;
+        let (options, buffers, kind) = (self.options, self.buffers.clone(), self.context.info().kind);
+        trace_in_order(job, &options, Some(kind), &buffers, |job| self.trace_batch(job, progress))
+    }
+
+    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+        self.prepare(Task::Picture)?;
+        let picture = PictureBuffers::new(&self.context, params, samples)?;
+        let work = self.work_buffer::<PixelWork>(params.width as usize * params.height as usize)?;
+        let shape = (self.first_items, self.work_group);
+        let rendered = match &mut self.split {
+            Some(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
+            None => self.render_mega(&picture, &work, params, progress)?,
+        };
+        let Rendered { counts, kernel_s, second_pass, split } = rendered;
+
+        let start = Instant::now();
+        let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
+        let film = Film { width: params.width, height: params.height, pixels };
+        let work = work.map(|work| work.read()).transpose()?;
+        let read_s = start.elapsed().as_secs_f64();
+        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split })
+    }
+}
+
+impl OpenClTracer {
+    /// Traces a batch in the order of the job.
+    fn trace_batch(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let total = job.rays.len();
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
@@ -260,27 +288,6 @@ impl Tracer for OpenClTracer {
         Ok(result)
     }
 
-    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
-        self.prepare(Task::Picture)?;
-        let picture = PictureBuffers::new(&self.context, params, samples)?;
-        let work = self.work_buffer::<PixelWork>(params.width as usize * params.height as usize)?;
-        let shape = (self.first_items, self.work_group);
-        let rendered = match &mut self.split {
-            Some(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
-            None => self.render_mega(&picture, &work, params, progress)?,
-        };
-        let Rendered { counts, kernel_s, second_pass, split } = rendered;
-
-        let start = Instant::now();
-        let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
-        let film = Film { width: params.width, height: params.height, pixels };
-        let work = work.map(|work| work.read()).transpose()?;
-        let read_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split })
-    }
-}
-
-impl OpenClTracer {
     /// Renders with the mega-kernel.
     fn render_mega(
         &mut self,

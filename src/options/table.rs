@@ -4,7 +4,7 @@
 //! A new value is a line of its enum; a new option is a line of [`OPTIONS`].
 
 use super::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, SplitAxis, Stop, Terminator,
+    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, SplitAxis, Stop, Terminator,
     TexturePass, TraceOptions, Traversal, TriangleOrder,
 };
 use std::fmt;
@@ -74,6 +74,7 @@ pub static OPTIONS: &[MethodOption] = &[
     names!(Traversal, traversal, &[Accel::Kd]),
     number!("--stack-size", stack_size, &[Accel::Kd], 1),
     names!(PacketSize, packet_size, &[Accel::Bvh8]),
+    names!(RayOrder, ray_order, Accel::ALL),
     names!(Intersector, intersector, Accel::ALL),
     number!(
         "--leaf-size",

@@ -28,6 +28,7 @@ use crate::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
 use crate::work::{PixelWork, RayWork};
@@ -284,6 +285,35 @@ impl Tracer for ReferenceTracer {
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
+        trace_in_order(job, &self.options, None, &self.buffers, |job| Ok(self.trace_batch(job, progress)))
+    }
+
+    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+        let start = Instant::now();
+        let width = params.width as usize;
+        let mut pixels = vec![[0.0; 3]; width * params.height as usize];
+        let mut work = self.room_for_work(pixels.len());
+        let done = AtomicUsize::new(0);
+        let counts = pixels
+            .par_chunks_mut(width)
+            .zip(work_of_parts(&mut work, params.height as usize, width))
+            .enumerate()
+            .map(|(y, (row, work))| {
+                let mut counts = [0; COUNTERS];
+                render_row(self, params, samples, y, row, &mut counts, work);
+                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
+                counts
+            })
+            .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        let film = Film { width: params.width, height: params.height, pixels };
+        let kernel_s = start.elapsed().as_secs_f64();
+        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None })
+    }
+}
+
+impl ReferenceTracer {
+    /// Traces a batch in the order of the job.
+    fn trace_batch(&self, job: &TraceJob, progress: Progress) -> TraceResult {
         let mut result = TraceResult { hits: vec![NO_HIT; job.rays.len()], ..TraceResult::default() };
         let mut next_hits = vec![NO_HIT; job.next_directions.map_or(0, <[_]>::len)];
         result.work = self.room_for_work(job.rays.len());
@@ -311,28 +341,6 @@ impl Tracer for ReferenceTracer {
             result.kernel_s.push(start.elapsed().as_secs_f64());
         }
         result.next_hits = job.next_directions.map(|_| next_hits);
-        Ok(result)
-    }
-
-    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
-        let start = Instant::now();
-        let width = params.width as usize;
-        let mut pixels = vec![[0.0; 3]; width * params.height as usize];
-        let mut work = self.room_for_work(pixels.len());
-        let done = AtomicUsize::new(0);
-        let counts = pixels
-            .par_chunks_mut(width)
-            .zip(work_of_parts(&mut work, params.height as usize, width))
-            .enumerate()
-            .map(|(y, (row, work))| {
-                let mut counts = [0; COUNTERS];
-                render_row(self, params, samples, y, row, &mut counts, work);
-                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
-                counts
-            })
-            .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
-        let film = Film { width: params.width, height: params.height, pixels };
-        let kernel_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None })
+        result
     }
 }
