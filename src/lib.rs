@@ -33,7 +33,7 @@
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `packets/` sixteen rays at a time, `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `packets/` sixteen rays at a time, and four times sixteen, `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
 //!
 //! # Invariants
 //!

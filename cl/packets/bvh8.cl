@@ -1,9 +1,9 @@
-// Packets of sixteen rays through the hierarchy of cl/traverse/bvh8.cl: of a node's eight boxes those that the packet's frustum
-// meets, if there is one, are tested against sixteen rays each. Rays that are few in a node go on by themselves, eight boxes or
+// Packets of sixteen rays, whatever way they go, through the hierarchy of cl/traverse/bvh8.cl: each of a node's eight boxes is tested
+// against all of them (group.cl is for those that go one way). Rays that are few in a node go on by themselves, eight boxes or
 // triangles at a time: Benthin, Wald, Woop, Ernst and Mark, "Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions
 // on the Intel MIC Architecture", IEEE TVCG 18(9), 2012.
 //
-// On the bunny 5.7 nodes a packet of camera rays, with 14 rays each; of diffuse rays 8, with 12.
+// On the bunny 8 nodes a packet of diffuse rays, with 12 rays each.
 
 // Up to so many rays in a node go on by themselves.
 #define FEW_RAYS 4u
