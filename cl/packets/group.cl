@@ -1,9 +1,8 @@
 // Packets whose rays go much the same way, through the hierarchy of cl/traverse/bvh8.cl together: a node is read once for all of them, and
 // of its eight boxes, and of the eight triangles of a leaf, each packet takes those that its frustum meets. The rays themselves are asked
-// whether they meet a box only where a frustum tells little: where the box is small beside the distance of neighbours, and where some
-// rays have not started yet.
+// whether they meet a box only where a frustum tells little: where it is wider than the box, and where some rays have not started yet.
 
-// A box is small where the frustum is so many times as wide: of sixteen rays in a square, as far as neighbours are apart.
+// A box is small where the frustum is more than so many times as wide. A quarter and 4 are as fast.
 #define WIDE_FRUSTUM 1.0f
 
 // What waits on the stack: a child, which packets meet it, and where it begins (ALONG).
