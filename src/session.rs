@@ -1,12 +1,12 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
-use crate::device::{Cache, DeviceHandle, OpenClTracer};
+use crate::device::{Cache, CompiledAhead, DeviceHandle, OpenClTracer};
 use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceTracer;
 use crate::scene::{Camera, Samples, Scene};
-use crate::tracer::{Progress, RenderResult, Tracer};
+use crate::tracer::{Progress, RenderResult, Task, Tracer};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -30,6 +30,35 @@ pub fn open_tracer(
         Some(device) => Box::new(OpenClTracer::new(device, buffers, options, max_depth, cache)?),
         None => Box::new(ReferenceTracer::new(buffers.clone(), *options)),
     })
+}
+
+/// Builds what `options` ask for of `scene`, and opens a tracer of it as [`open_tracer`] does, which is prepared for `tasks`. The device
+/// is opened, and compiles, while the structure is built.
+///
+/// # Errors
+/// Those of [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::prepare`].
+pub fn build_and_open(
+    device: Option<&DeviceHandle>,
+    scene: &Scene,
+    options: &TraceOptions,
+    max_depth: u32,
+    cache: Option<&Cache>,
+    tasks: &[Task],
+) -> Result<(Arc<SceneBuffers>, Box<dyn Tracer>)> {
+    let (buffers, ahead) = std::thread::scope(|scope| {
+        let compile = |device| move || CompiledAhead::new(device, options, max_depth, cache, tasks);
+        let ahead = device.map(|device| scope.spawn(compile(device)));
+        let buffers = SceneBuffers::new(scene, options);
+        // What failed is done again below, and fails there.
+        (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()))
+    });
+    let buffers = Arc::new(buffers?);
+    let mut tracer: Box<dyn Tracer> = match device {
+        Some(device) => Box::new(OpenClTracer::after(ahead, device, &buffers, options, max_depth, cache)?),
+        None => open_tracer(None, &buffers, options, max_depth, cache)?,
+    };
+    tasks.iter().try_for_each(|&task| tracer.prepare(task))?;
+    Ok((buffers, tracer))
 }
 
 /// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and a key light

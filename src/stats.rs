@@ -102,7 +102,7 @@ pub struct RunStats {
     /// Building the structure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub build_s: Option<f64>,
-    /// Compiling the kernels.
+    /// Compiling the kernels, which the device does while the structure is built.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compile_s: Option<f64>,
     /// Copying the scene to the device.

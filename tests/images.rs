@@ -11,9 +11,9 @@ use raybrook::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
     TextureSpace, Toon,
 };
-use raybrook::session::{Picture, complete, open_tracer, render};
+use raybrook::session::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::shared::COUNTERS;
-use raybrook::tracer::RenderResult;
+use raybrook::tracer::{RenderResult, Task};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (61, 45); // no multiple of the tile's side
@@ -115,10 +115,10 @@ fn patterned() -> Scene {
 /// Renders `scene` on the device, or on the reference, with 4 samples per pixel.
 fn picture_of(scene: &Scene, on_device: bool, options: TraceOptions) -> Option<RenderResult> {
     let device = if on_device { Some(device()?) } else { None };
-    let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
     let camera = scene.camera.unwrap();
     let picture = Picture { camera, size: SIZE, samples: Samples::PerPixel(4), depth: DEPTH, kill_weight: None };
-    let mut tracer = open_tracer(device.as_ref(), &buffers, &options, DEPTH, None).unwrap();
+    let (buffers, mut tracer) =
+        build_and_open(device.as_ref(), scene, &options, DEPTH, None, &[Task::Picture]).unwrap();
     Some(render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap())
 }
 

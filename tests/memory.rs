@@ -8,9 +8,9 @@ use raybrook::device::DeviceHandle;
 use raybrook::options::{Accel, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder};
 use raybrook::pack::{CONSTANT_NODES, SceneBuffers};
 use raybrook::scene::{Builder, Material, Samples, Scene};
-use raybrook::session::{Picture, complete, open_tracer, render};
+use raybrook::session::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::shared::{Hit, TraceRay};
-use raybrook::tracer::TraceJob;
+use raybrook::tracer::{Task, TraceJob};
 use std::sync::Arc;
 
 /// Every memory with every way to lay triangles out.
@@ -47,9 +47,9 @@ fn ray_count() -> usize {
 }
 
 fn trace(device: Option<&DeviceHandle>, scene: &Scene, options: &TraceOptions) -> Vec<Hit> {
-    let buffers = Arc::new(SceneBuffers::new(scene, options).unwrap());
-    let opened = open_tracer(device, &buffers, options, 1, None);
-    let mut tracer = opened.unwrap_or_else(|error| panic!("{options:?}: {error}"));
+    // What is in constant memory is known only once the structure is built: kernels that were compiled ahead are not used then.
+    let opened = build_and_open(device, scene, options, 1, None, &[Task::Batch]);
+    let (buffers, mut tracer) = opened.unwrap_or_else(|error| panic!("{options:?}: {error}"));
     let rays = rays(&buffers, ray_count());
     let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
     tracer.trace(&job, &|_| ()).unwrap().hits

@@ -5,7 +5,7 @@ use raybrook::device::{DeviceHandle, Selection, select};
 use raybrook::options::Chosen;
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{self, Samples, Scene};
-use raybrook::session::{complete, open_tracer};
+use raybrook::session::{build_and_open, complete};
 use raybrook::stats::RunStats;
 use raybrook::tracer::{Task, Tracer};
 use raybrook::{Error, Result};
@@ -89,9 +89,7 @@ pub fn open(
     talk: Talk,
 ) -> Result<Opened> {
     let cache = args.cache()?;
-    let buffers = Arc::new(SceneBuffers::new(&loaded.scene, &options)?);
-    let mut tracer = open_tracer(device, &buffers, &options, depth, cache.as_ref())?;
-    tasks.iter().try_for_each(|&task| tracer.prepare(task))?;
+    let (buffers, tracer) = build_and_open(device, &loaded.scene, &options, depth, cache.as_ref(), tasks)?;
     if talk.verbose {
         for note in tracer.notes() {
             eprintln!("note: {note}");

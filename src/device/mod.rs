@@ -57,6 +57,7 @@ pub use report::{devices_json, devices_report};
 pub use resources::{KernelResources, ProgramResources, kernel_resources};
 pub use select::{Selection, select};
 pub use source::{KERNEL_FILES, ProgramSource};
+pub(crate) use tracer::CompiledAhead;
 pub use tracer::OpenClTracer;
 
 use crate::error::{Error, Result};

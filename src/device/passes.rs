@@ -202,6 +202,11 @@ impl Passes {
         Passes { kernels: Vec::new(), defers, options, cache: cache.cloned(), compile_s: 0.0, notes }
     }
 
+    /// What all of them are compiled with.
+    pub fn options(&self) -> &CompileOptions {
+        &self.options
+    }
+
     /// Compiles one pass of the kernels in `file`, and no others: compilers take long.
     pub fn program(&mut self, context: &DeviceContext, pass: Pass, file: &str) -> Result<Program> {
         let options = pass_options(&self.options, self.defers, pass, file);

@@ -122,8 +122,8 @@ impl DeviceScene {
             .set(&self.srgb_to_linear)
     }
 
-    /// Adds the definitions for kernels that read this scene.
-    pub fn define(mut compile: CompileOptions, buffers: &SceneBuffers, options: &TraceOptions) -> CompileOptions {
+    /// Adds the definitions for kernels that read scenes with these options.
+    pub fn define(mut compile: CompileOptions, options: &TraceOptions) -> CompileOptions {
         if options.layout == Layout::Whole {
             compile = compile.define("WHOLE_TRIANGLES", 1);
         }
@@ -134,22 +134,30 @@ impl DeviceScene {
             compile = compile.define("COUNT_WORK", 1);
         }
         match options.memory {
-            Memory::Global => compile,
+            Memory::Global | Memory::Constant => compile,
             Memory::BufferImage => compile.define("MEMORY_BUFFER_IMAGE", 1),
             Memory::Image2d => compile.define("MEMORY_IMAGE2D", 1).define("IMAGE_WIDTH", format!("{IMAGE_WIDTH}u")),
-            Memory::Constant => {
-                let arranged = buffers.arrange(options);
-                let all = arranged.constant_nodes.len() == buffers.nodes.len();
-                compile = compile
-                    .define("CONSTANT_NODES", if all { "ALL_NODES".into() } else { format!("{CONSTANT_NODES}u") });
-                if arranged.constant_references {
-                    compile = compile.define("CONSTANT_REFERENCES", 1);
-                }
-                if arranged.constant_vertices {
-                    compile = compile.define("CONSTANT_VERTICES", 1);
-                }
-                compile
-            }
         }
+    }
+
+    /// Adds those for what of this scene is in constant memory, if that is asked for.
+    pub fn define_constant(
+        mut compile: CompileOptions,
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+    ) -> CompileOptions {
+        if options.memory != Memory::Constant {
+            return compile;
+        }
+        let arranged = buffers.arrange(options);
+        let all = arranged.constant_nodes.len() == buffers.nodes.len();
+        compile = compile.define("CONSTANT_NODES", if all { "ALL_NODES".into() } else { format!("{CONSTANT_NODES}u") });
+        if arranged.constant_references {
+            compile = compile.define("CONSTANT_REFERENCES", 1);
+        }
+        if arranged.constant_vertices {
+            compile = compile.define("CONSTANT_VERTICES", 1);
+        }
+        compile
     }
 }

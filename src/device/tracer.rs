@@ -9,7 +9,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceIn
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Kernels, Terminator, TraceOptions, work_group_size};
+use crate::options::{Accel, Intersector, Kernels, Memory, Terminator, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
@@ -80,13 +80,24 @@ pub struct OpenClTracer {
 
 /// The definitions of kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays.
 pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, max_depth: u32) -> CompileOptions {
-    // A deeper stack than needed costs memory on every work-item, a recompilation for every depth costs seconds: steps of 16
-    // and, in the mega-kernel, 8 bound both. Methods without such a stack have the same kernels for every scene.
+    let compile_options = options_without_scene(options, buffers.stack_entries, max_depth);
+    DeviceScene::define_constant(compile_options, buffers, options)
+}
+
+/// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is known. A hierarchy of
+/// eight children a node fills up to seven entries a level. Those that are not used cost nothing but room.
+fn stack_step(accel: Accel) -> u32 {
+    if accel == Accel::Bvh8 { 128 } else { 64 }
+}
+
+/// The same of any scene whose traversal takes so many entries of a stack, but for what is in constant memory.
+fn options_without_scene(options: &TraceOptions, stack_entries: u32, max_depth: u32) -> CompileOptions {
+    // The stack of pending rays costs memory on every work-item, a recompilation for every depth costs seconds: steps of 8 bound both.
     let compile_options = CompileOptions::new()
         .define("TRAVERSE", options.cl_traverse())
         .define("HITS", options.intersector.cl_hits())
         .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
-        .define("STACK_SIZE", buffers.stack_entries.next_multiple_of(16))
+        .define("STACK_SIZE", stack_entries.next_multiple_of(stack_step(options.accel)))
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.accel {
         Accel::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
@@ -100,7 +111,47 @@ pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, ma
         Kernels::Mega => compile_options.define("MAX_PENDING", (max_depth + 1).next_multiple_of(8)),
         Kernels::Split => SplitPipeline::define(compile_options, options),
     };
-    DeviceScene::define(compile_options, buffers, options)
+    DeviceScene::define(compile_options, options)
+}
+
+/// Kernels that are compiled before the scene is known.
+pub(crate) struct CompiledAhead {
+    context: DeviceContext,
+    passes: Passes,
+}
+
+impl CompiledAhead {
+    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes.
+    ///
+    /// # Errors
+    /// As [`OpenClTracer::new`] and [`Tracer::prepare`].
+    pub fn new(
+        device: &DeviceHandle,
+        options: &TraceOptions,
+        max_depth: u32,
+        cache: Option<&Cache>,
+        tasks: &[Task],
+    ) -> Result<Self> {
+        check_runtime(&device.info, options)?;
+        let context = DeviceContext::open(device)?;
+        let compile_options = options_without_scene(options, 1, max_depth);
+        let mut passes = Passes::new(compile_options, defers(options), cache, context.info(), notes_on(context.info()));
+        // Not what depends on the scene, nor the many kernels that share what they compile.
+        if options.memory != Memory::Constant && options.kernels == Kernels::Mega {
+            for &task in tasks {
+                passes.prepare(&context, entry_of(task, options))?;
+            }
+        }
+        Ok(CompiledAhead { context, passes })
+    }
+}
+
+/// The first kernel that a task of the mega-kernel's needs.
+fn entry_of(task: Task, options: &TraceOptions) -> Entry {
+    match task {
+        Task::Batch => Entry::of_batch(false, options.packet_size),
+        Task::Picture => Entry::of_picture(options.packet_size),
+    }
 }
 
 /// Whether rare decisions are left to a second pass. Kernels that count keep them: what they count is the point, not their speed.
@@ -143,11 +194,28 @@ impl OpenClTracer {
         max_depth: u32,
         cache: Option<&Cache>,
     ) -> Result<Self> {
+        Self::after(None, device, buffers, options, max_depth, cache)
+    }
+
+    /// The same with what was compiled ahead with the same options, as far as it is what this scene takes.
+    pub(crate) fn after(
+        ahead: Option<CompiledAhead>,
+        device: &DeviceHandle,
+        buffers: &Arc<SceneBuffers>,
+        options: &TraceOptions,
+        max_depth: u32,
+        cache: Option<&Cache>,
+    ) -> Result<Self> {
         check_runtime(&device.info, options)?;
-        let context = DeviceContext::open(device)?;
+        let (context, compiled) = match ahead {
+            Some(CompiledAhead { context, passes }) => (context, Some(passes)),
+            None => (DeviceContext::open(device)?, None),
+        };
         let compile_options = compile_options(buffers, options, max_depth);
-        let notes = notes_on(context.info());
-        let passes = Passes::new(compile_options, defers(options), cache, context.info(), notes);
+        let passes = match compiled.filter(|passes| *passes.options() == compile_options) {
+            Some(passes) => passes,
+            None => Passes::new(compile_options, defers(options), cache, context.info(), notes_on(context.info())),
+        };
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
         let first_items = if context.info().kind == DeviceKind::Gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS };
@@ -190,9 +258,8 @@ impl Tracer for OpenClTracer {
 
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.kernels) {
-            (Task::Batch, _) => self.passes.prepare(&self.context, Entry::of_batch(false, self.options.packet_size)),
-            (Task::Picture, Kernels::Mega) => {
-                self.passes.prepare(&self.context, Entry::of_picture(self.options.packet_size))
+            (Task::Batch, _) | (Task::Picture, Kernels::Mega) => {
+                self.passes.prepare(&self.context, entry_of(task, &self.options))
             }
             (Task::Picture, Kernels::Split) => {
                 if self.split.is_none() {
