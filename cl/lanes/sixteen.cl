@@ -21,7 +21,7 @@ ulong lanes_where16(int16 comparison) {
 ulong lane_bit16(uint lane) { return 1ul << (8u * (lane % 8u) + 4u * (lane / 8u)); }
 // The lowest bit's lane, and how many there are. The others: other_lanes8().
 uint first_lane16(ulong lanes) {
-    const uint bit = 63u - (uint)clz(lanes & (0ul - lanes));
+    const uint bit = lowest_bit(lanes);
     return bit / 8u + 2u * (bit & 4u);
 }
 uint count_lanes16(ulong lanes) { return count_lanes8((lanes & ALL_LANES8) + (lanes >> 4 & ALL_LANES8)); }

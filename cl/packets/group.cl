@@ -39,7 +39,7 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
         wide |= lanes_where8(is_wide) << k;
     }
     for (; wide != 0ul; wide = other_lanes8(wide)) {
-        const uint bit = 63u - (uint)clz(wide & (0ul - wide)), k = bit % 8u;
+        const uint bit = lowest_bit(wide), k = bit % 8u;
         if (!packets[k].has_slabs) add_slabs(&packets[k], range, geometry->low, geometry->high);
         if (!is_any16(clip_packet(GEOMETRY, &packets[k], node, bit / 8u, t_limits[k]) < INFINITY)) met &= ~(1ul << bit);
     }
@@ -79,7 +79,7 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
             ulong met = clip_to_frusta(GEOMETRY, packets, range, frusta, open, node, reach, t_limits, &nearest);
             const uint lowest = stacked;
             while (met != 0ul) {
-                const uint slot = (63u - (uint)clz(met & (0ul - met))) / 8u;
+                const uint slot = first_lane8(met);
                 const GroupChild child = {LOAD_LINK(geometry, node, slot), (uint)(met >> (8u * slot)) & 0xffu, lane_of8(&nearest, slot)};
                 met &= ~(0xfful << (8u * slot));
                 uint place = stacked++;
@@ -94,7 +94,7 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
             ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & (~0ul >> (8u * (8u - count)));
             uint changed = 0u;
             for (; met != 0ul; met = other_lanes8(met)) {
-                const uint bit = 63u - (uint)clz(met & (0ul - met)), k = bit % 8u, i = bit / 8u;
+                const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
                 if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k], &hits[k], &doubtful[k]))
                     changed |= 1u << k;
             }

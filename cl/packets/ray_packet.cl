@@ -32,7 +32,7 @@ typedef struct {
 } RayPacket;
 
 // Packets that are traced together are bits of a word: the lowest one.
-uint first_member(uint members) { return 31u - (uint)clz(members & (0u - members)); }
+uint first_member(uint members) { return lowest_bit(members); }
 
 float3 three_of_lane(const float16* v, uint lane) {
     return (float3)(lane_of16(&v[0], lane), lane_of16(&v[1], lane), lane_of16(&v[2], lane));

@@ -190,7 +190,7 @@ pub(super) fn pass_options(options: &CompileOptions, defers: bool, pass: Pass, f
 
 impl Passes {
     /// `notes`: those that there are before anything is compiled. A driver that keeps compiled kernels is left to it: asked for a
-    /// binary, PoCL compiles every kernel once more, for work-groups of any size, a third of all the time that compiling takes.
+    /// binary, PoCL compiles every kernel once more, for work-groups of any size, a quarter of all the time that compiling takes.
     pub fn new(
         options: CompileOptions,
         defers: bool,

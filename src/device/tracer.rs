@@ -136,7 +136,7 @@ impl CompiledAhead {
         let context = DeviceContext::open(device)?;
         let compile_options = options_without_scene(options, 1, max_depth);
         let mut passes = Passes::new(compile_options, defers(options), cache, context.info(), notes_on(context.info()));
-        // Not what depends on the scene, nor the many kernels that share what they compile.
+        // What is in constant memory the scene decides; split kernels are compiled when their pipeline is made.
         if options.memory != Memory::Constant && options.kernels == Kernels::Mega {
             for &task in tasks {
                 passes.prepare(&context, entry_of(task, options))?;

@@ -69,13 +69,12 @@ impl Workload<'_> {
                 (Accel::Bvh2, with_count(&format!("the device is of kind {kind}: {reason}")))
             }
             (None, Some(SceneSize::Small | SceneSize::Medium)) => {
-                let reason =
-                    "one plane is less work to the reference than boxes, which pays from 100 to 299,999 triangles";
-                (Accel::Kd, with_count(reason))
+                let reason = "one plane is less work to the reference than boxes, which pays from";
+                (Accel::Kd, with_count(&format!("{reason} {}", kd_sizes())))
             }
             (None, _) => (
                 Accel::Bvh2,
-                with_count("the reference builds it soonest, and a kd-tree pays from 100 to 299,999 triangles"),
+                with_count(&format!("the reference builds it soonest, and a kd-tree pays from {}", kd_sizes())),
             ),
         }
     }
@@ -112,6 +111,11 @@ impl TraceOptions {
     pub fn gains_by_sorted_rays(&self, device: Option<DeviceKind>) -> bool {
         device == Some(DeviceKind::Cpu) && self.packet_size == PacketSize::Sixteen
     }
+}
+
+/// For how many triangles the reference is fastest with a kd-tree.
+fn kd_sizes() -> String {
+    format!("{} to {} triangles", SceneSize::Small.fewest(), SceneSize::Large.fewest() - 1)
 }
 
 /// The rays of a work-group on `device`, and why.

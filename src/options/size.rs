@@ -23,11 +23,17 @@ impl SceneSize {
 
     /// The size of a scene of so many triangles that can be hit.
     pub fn of(triangle_count: usize) -> SceneSize {
-        match triangle_count {
-            0..100 => SceneSize::Tiny,
-            100..10_000 => SceneSize::Small,
-            10_000..300_000 => SceneSize::Medium,
-            _ => SceneSize::Large,
+        let fits = |size: &SceneSize| triangle_count >= size.fewest();
+        Self::ALL.into_iter().rfind(fits).expect("the smallest has no fewest triangles")
+    }
+
+    /// The fewest triangles of a scene of this size.
+    pub fn fewest(self) -> usize {
+        match self {
+            SceneSize::Tiny => 0,
+            SceneSize::Small => 100,
+            SceneSize::Medium => 10_000,
+            SceneSize::Large => 300_000,
         }
     }
 
