@@ -470,6 +470,15 @@ impl TraceOptions {
         }
     }
 
+    /// The function in `cl/packets/` that does it for packets of rays; `None` where there is none.
+    pub fn cl_traverse_packets(&self) -> Option<&'static str> {
+        match (self.accel, self.traversal) {
+            (Accel::Kd, Traversal::Stack) => Some("traverse_kd_packets"),
+            (Accel::Bvh8, _) => Some("traverse_bvh8_packets"),
+            _ => None,
+        }
+    }
+
     /// Checks the numbers, and that every option means something to the structure.
     ///
     /// # Errors
@@ -530,6 +539,11 @@ impl TraceOptions {
                 self.intersector
             );
             return Err(Error::option(PacketSize::OPTION, reason));
+        }
+        if self.cl_traverse_packets().is_none() {
+            let reason =
+                "packets of rays keep what is far on a full stack; nearest: --traversal stack, or --packet-size 1";
+            return Err(Error::option(Traversal::OPTION, reason));
         }
         if self.counters {
             let reason = "work is counted for each ray by itself; nearest: --packet-size 1";

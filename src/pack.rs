@@ -9,11 +9,11 @@ pub use transforms::triangle_transform;
 
 use crate::accel::{
     Aabb, BuildOptions, Structure, build_boxes, build_bvh, build_grid, build_kd_tree, build_octree, build_spheres,
-    link_leaves, pack_bvh2, pack_bvh8, reorder,
+    link_leaves, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Accel, Memory, NodeOrder, TraceOptions, Traversal};
+use crate::options::{Accel, Memory, NodeOrder, PacketSize, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
 use crate::shared::{
     BVH_NODE_RECORDS, KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material,
@@ -35,7 +35,7 @@ pub struct SceneBuffers {
     pub references: Vec<u32>,
     /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit.
     pub vertices: Vec<Float4>,
-    /// Boxes, spheres or links of the structure; empty for those that need none.
+    /// Boxes, spheres, links or packets of triangles of the structure; empty for those that need none.
     pub bounds: Vec<Float4>,
     /// Precomputed data of triangles, for the triangle tests that want it; else empty.
     pub transforms: Vec<Float4>,
@@ -114,9 +114,10 @@ impl SceneBuffers {
                 if top > 0 || options.node_order != NodeOrder::Preorder {
                     tree.nodes = reorder(&tree.nodes, options.node_order, top);
                 }
-                let bounds = match options.traversal {
-                    Traversal::Ropes => link_leaves(&mut tree.nodes, &tree.bounds),
-                    _ => Vec::new(),
+                let bounds = match (options.traversal, options.packet_size) {
+                    (Traversal::Ropes, _) => link_leaves(&mut tree.nodes, &tree.bounds),
+                    (_, PacketSize::Sixteen) => pack_kd_leaves(&mut tree, &triangles),
+                    (_, PacketSize::One) => Vec::new(),
                 };
                 Structure { nodes: tree.nodes, references: tree.references, bounds }
             }

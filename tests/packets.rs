@@ -6,7 +6,7 @@ use common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::device::DeviceHandle;
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Layout, Memory, PacketSize, TraceOptions, TriangleOrder};
+use raybrook::options::{Accel, KdOptions, Layout, Memory, PacketSize, TraceOptions, TriangleOrder};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
 use raybrook::scene::{Samples, load};
@@ -18,6 +18,13 @@ use std::sync::Arc;
 
 const PACKETS: TraceOptions =
     TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..TraceOptions::DEFAULT };
+
+/// In a kd-tree.
+const KD: TraceOptions = TraceOptions { accel: Accel::Kd, ..PACKETS };
+
+/// The same, as deep as planes part triangles.
+const KD_TO_THE_END: TraceOptions =
+    TraceOptions { kd: KdOptions { cost_traverse: Some(0.0), ..KdOptions::DEFAULT }, ..KD };
 
 const BRUTE: TraceOptions = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
 
@@ -130,9 +137,15 @@ fn packets_find_the_hits_of_single_rays() {
         rays.extend(bundles(1600, 32, &mut random));
         rays.extend(scattered(1600, &triangles, &mut random));
         hits += assert_answers(&device, &PACKETS, &triangles, &rays)[0];
+        // As it is built for packets, with leaves of several packets of triangles, and deep with small ones.
+        for kd in [KD, TraceOptions { leaf_size: Some(40), ..KD }, KD_TO_THE_END] {
+            assert_answers(&device, &kd, &triangles, &rays);
+        }
     }
     assert!(hits > 6000, "{hits} hits of 32000 rays");
-    assert_eq!(assert_answers(&device, &PACKETS, &[], &bundles(32, 16, &mut random)), [0, 0]);
+    for options in [PACKETS, KD] {
+        assert_eq!(assert_answers(&device, &options, &[], &bundles(32, 16, &mut random)), [0, 0]);
+    }
 }
 
 #[test]
@@ -180,15 +193,19 @@ fn packets_read_every_kind_of_memory_and_do_without_double() {
     let mut rays = bundles(640, 64, &mut random);
     rays.extend(scattered(640, &triangles, &mut random));
     let memories = Memory::ALL.iter().map(|&memory| TraceOptions { memory, ..PACKETS });
-    let layouts = [
+    let others = [
         TraceOptions { layout: Layout::Whole, ..PACKETS },
         TraceOptions { triangles: TriangleOrder::LeafOrder, ..PACKETS },
+        TraceOptions { triangles: TriangleOrder::LeafOrder, memory: Memory::Constant, ..KD },
+        TraceOptions { layout: Layout::Whole, memory: Memory::Image2d, ..KD },
     ];
-    for options in memories.chain(layouts) {
+    for options in memories.chain(others) {
         assert_answers(&device, &options, &triangles, &rays);
     }
     let float_only = device.with_compiler_options("-D FLOAT_ONLY=1").unwrap();
-    assert_answers(&float_only, &PACKETS, &triangles, &rays);
+    for options in [PACKETS, KD] {
+        assert_answers(&float_only, &options, &triangles, &rays);
+    }
 }
 
 #[test]
@@ -206,28 +223,32 @@ fn what_packets_leave_open_is_decided_all_the_same() {
         })
         .filter(|ray| ray.direction_t_max.xyz() != Vec3::ZERO)
         .collect();
-    let [hits, second] = assert_answers(&device, &PACKETS, &triangles, &rays);
-    // A ray in a triangle's plane never hits it: every one was open until the end.
-    assert!(hits < rays.len() && second > 100, "{hits} hits, {second} of {} rays in the second pass", rays.len());
+    for options in [PACKETS, KD] {
+        let [hits, second] = assert_answers(&device, &options, &triangles, &rays);
+        // A ray in a triangle's plane never hits it: every one was open until the end.
+        assert!(hits < rays.len() && second > 100, "{hits} hits, {second} of {} rays in the second pass", rays.len());
+    }
 }
 
 #[test]
 fn pictures_in_packets_have_the_twins_pixels_and_rays() {
     let Some(device) = device() else { return };
-    for name in ["cornell.toml", "glass.toml", "spheres.toml", "showcase.toml", "vase.obj"] {
+    let in_kd = ["cornell.toml", "glass.toml", "vase.obj"].map(|name| (name, KD));
+    let names = ["cornell.toml", "glass.toml", "spheres.toml", "showcase.toml", "vase.obj"];
+    for (name, options) in names.map(|name| (name, PACKETS)).into_iter().chain(in_kd) {
         let mut scene = load(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).as_path()).unwrap();
         let size = (61, 45); // no multiple of a tile's side, nor of a packet
         complete(&mut scene, size.0 as f32 / size.1 as f32);
-        let buffers = Arc::new(SceneBuffers::new(&scene, &PACKETS).unwrap());
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let picture =
             Picture { camera: scene.camera.unwrap(), size, samples: Samples::PerPixel(2), depth: 5, kill_weight: None };
         let [packets, twin] = [Some(&device), None].map(|device| {
-            let mut tracer = open_tracer(device, &buffers, &PACKETS, picture.depth, None).unwrap();
+            let mut tracer = open_tracer(device, &buffers, &options, picture.depth, None).unwrap();
             render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
         });
-        assert_eq!(packets.counts, twin.counts, "{name}: rays by kind");
+        assert_eq!(packets.counts, twin.counts, "{name}, {}: rays by kind", options.accel);
         for (i, (pixel, expected)) in packets.film.pixels.iter().zip(&twin.film.pixels).enumerate() {
-            assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}: pixel {i}");
+            assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}, {}: pixel {i}", options.accel);
         }
     }
 }

@@ -39,20 +39,14 @@ void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool a
     if (count_lanes16(lanes) >= FEWEST_TOGETHER) {
         RayPacket packet;
         int16 used = pack_rays(rays, lanes, &packet);
-        PacketRange range;
-        Frustum frustum;
-        if (is_any16(used)) range_of(&packet, 1u, &range);
-        if (is_any16(used) && make_frusta(&packet, 1u, &range, geometry->low, geometry->high, &frustum)) {
+        if (is_any16(used)) {
             PacketHits found;
             int16 doubtful;
-            traverse_bvh8_group(GEOMETRY, &packet, &range, &frustum, 1u, any_hit, &found, &doubtful);
+            TRAVERSE_PACKETS(GEOMETRY, &packet, 1u, any_hit, &found, &doubtful);
             used = used && !doubtful;
             alone &= ~lanes_where16(used);
-            answer->hits = lanes_where16(used && found.reference != NO_PRIMITIVE);
-            for (ulong hits = answer->hits; hits != 0ul; hits = other_lanes8(hits)) {
-                const uint lane = first_lane16(hits);
-                answer->primitive[lane] = LOAD_REFERENCE(geometry, ((const uint*)&found.reference)[lane]);
-            }
+            answer->hits = lanes_where16(used && found.primitive != NO_PRIMITIVE);
+            vstore16(found.primitive, 0, answer->primitive);
         }
     }
     for (; alone != 0ul; alone = other_lanes8(alone)) {

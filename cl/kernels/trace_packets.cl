@@ -30,7 +30,7 @@ void load_components(__global const TraceRay* rays, uint stride, float16* c) {
     }
 }
 
-// A packet of rays of a batch, as far as traverse_bvh8_packets() wants it. Returns the lanes that have a ray: not those of extreme numbers,
+// A packet of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of extreme numbers,
 // or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the caller's units.
 int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPacket* p, float16* t_factor) {
     float16 c[8];
@@ -85,7 +85,7 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
         if (is_any16(answered[k])) traced |= 1u << k;
     }
     if (traced == 0u) return;
-    traverse_bvh8_packets(GEOMETRY, packets, traced, any_hit, found, doubtful);
+    TRAVERSE_PACKETS(GEOMETRY, packets, traced, any_hit, found, doubtful);
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;

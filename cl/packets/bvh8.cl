@@ -5,9 +5,6 @@
 //
 // On the bunny 8 nodes a packet of diffuse rays, with 12 rays each.
 
-// Up to so many rays in a node go on by themselves.
-#define FEW_RAYS 4u
-
 // What waits on the stack: a child, and when each ray enters it, at infinity if it does not.
 typedef struct {
     float16 t_enter;
@@ -17,7 +14,7 @@ typedef struct {
 // Which rays enter child `slot` of a node, and when: those that do not, at infinity.
 __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, uint slot, float16 t_limit) {
     float16 near_x, near_y, near_z, far_x, far_y, far_z;
-    if (p->has_one_octant) {
+    if (p->mixed_axes == 0u) {
         near_x = (float16)(LOAD_LANE(geometry, node + p->near[0], slot));
         near_y = (float16)(LOAD_LANE(geometry, node + p->near[1], slot));
         near_z = (float16)(LOAD_LANE(geometry, node + p->near[2], slot));
@@ -43,76 +40,25 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
     return enter <= leave ? enter : (float16)(INFINITY);
 }
 
-// Tests the eight triangles of a leaf against one ray. *t_limit and *hit_low: limits of the t of its hit, *found the hit's reference.
-// False where float32 does not decide.
-bool test_alone(GEOMETRY_PARAMETERS, const RayRange* ray, float3 origin_low, float3 direction, float t_near, float t_far, uint skip,
-                uint link, float* t_limit, float* hit_low, uint* found) {
-    const int4 leaf = leaf_of_link(link);
-    const uint first = (uint)leaf.y, count = (uint)leaf.z;
-    if (count == 0u) return true;
-    LeafTriangles l;
-    (void)load_triangles(GEOMETRY, ray, 0, 1u, first / 8u, &l);
-    // As from_origin(); the range is of one ray.
-    const float8 ax = (l.a[0] - ray->origin_least[0]) - origin_low.x;
-    const float8 ay = (l.a[1] - ray->origin_least[1]) - origin_low.y;
-    const float8 az = (l.a[2] - ray->origin_least[2]) - origin_low.z;
-    const Decision8 d = decide8(ax, ay, az,
-                                (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1], l.e1[2],
-                                l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
-    ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
-    if (open == 0ul) return true;
-    open &= ~lanes_where8(d.has_t && (d.t_high < t_near || d.t_low > *t_limit));
-    const ulong sure = lanes_where8(d.sure && d.t_low > t_near && d.t_high < t_far);
-    for (; open != 0ul; open = other_lanes8(open)) {
-        const uint i = first_lane8(open);
-        const float t_low = lane_of8(&d.t_low, i), t_high = lane_of8(&d.t_high, i);
-        if (LOAD_REFERENCE(geometry, first + i) == skip) continue;
-        if (is_lane8(sure, i) && t_low > *t_limit) continue; // behind a hit in this leaf
-        if (!is_lane8(sure, i) || !(t_high < *hit_low)) return false;
-        *found = first + i;
-        *hit_low = t_low;
-        *t_limit = t_high;
-    }
-    return true;
-}
-
 // Goes on with one ray of a packet below `link`.
 void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit, float16* t_limits,
                  PacketHits* hits, int16* doubtful) {
-    const Slabs slabs = {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)};
-    const uint3 near = near_planes(slabs.inv);
-    const float3 origin = three_of_lane(p->origin, lane), direction = three_of_lane(p->direction, lane);
-    const float3 origin_low = three_of_lane(p->origin_low, lane);
-    const RayRange ray = {{origin.x, origin.y, origin.z}, {origin.x, origin.y, origin.z},
-                          {fabs(origin_low.x), fabs(origin_low.y), fabs(origin_low.z)},
-                          {fabs(direction.x), fabs(direction.y), fabs(direction.z)}};
-    const float t_near = lane_of16(&p->t_near, lane), t_far = lane_of16(&p->t_far, lane);
-    const uint skip = ((const uint*)&p->skip)[lane];
-    float t_limit = lane_of16(t_limits, lane), hit_low = lane_of16(&hits->t_low, lane);
-    uint found = NO_PRIMITIVE;
-    bool is_decided = true;
-
+    LoneRay ray = take_ray(p, lane, t_limits, hits);
+    const uint3 near = near_planes(ray.slabs.inv);
     FarChild stack[STACK_SIZE];
     const FarChild end = {BVH_END, -INFINITY};
     stack[0] = end;
     uint stacked = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            link = next_after_node(GEOMETRY, &slabs, near, link, t_near, t_limit, stack, &stacked);
+            link = next_after_node(GEOMETRY, &ray.slabs, near, link, ray.t_near, ray.t_limit, stack, &stacked);
             continue;
         }
-        is_decided = test_alone(GEOMETRY, &ray, origin_low, direction, t_near, t_far, skip, link, &t_limit, &hit_low, &found);
-        if (!is_decided || (any_hit && found != NO_PRIMITIVE)) break;
-        link = next_on_stack(stack, &stacked, t_limit);
+        const int4 leaf = leaf_of_link(link);
+        if (leaf.z > 0 && test_alone(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
+        link = next_on_stack(stack, &stacked, ray.t_limit);
     }
-    if (!is_decided) ((int*)doubtful)[lane] = -1;
-    if (is_decided && found != NO_PRIMITIVE) {
-        set_lane16(&hits->t_high, lane, t_limit);
-        set_lane16(&hits->t_low, lane, hit_low);
-        ((uint*)&hits->reference)[lane] = found;
-    }
-    const bool is_done = !is_decided || (any_hit && found != NO_PRIMITIVE);
-    set_lane16(t_limits, lane, is_done ? -INFINITY : t_limit);
+    put_back(&ray, lane, any_hit, t_limits, hits, doubtful);
 }
 
 // The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many there are.
@@ -131,13 +77,6 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
         slots[place] = slot;
     }
     return count;
-}
-
-void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
-    hits->t_high = p->t_far;
-    hits->t_low = (float16)(INFINITY);
-    hits->reference = (uint16)(NO_PRIMITIVE);
-    *doubtful = (int16)(0);
 }
 
 // The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Lanes that float32 does not decide are in

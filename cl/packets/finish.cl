@@ -118,10 +118,14 @@ void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hi
     out->t = (float16)(INFINITY);
     out->u = (float16)(0.0f);
     out->v = (float16)(0.0f);
-    out->primitive = (uint16)(NO_PRIMITIVE);
-    const int16 is_hit = hits->reference != NO_PRIMITIVE;
+    out->primitive = hits->primitive;
+    const int16 is_hit = hits->primitive != NO_PRIMITIVE;
     ulong open = lanes_where16(is_hit);
     if (open == 0ul) return;
+    if (any_hit) {
+        out->t = is_hit ? hits->t_high : out->t;
+        return;
+    }
     float16 corners[9];
 #pragma unroll
     for (uint i = 0; i < 9u; i++) corners[i] = (float16)(0.0f);
@@ -131,14 +135,9 @@ void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hi
         const int16 here = hits->reference == reference;
         const uint record = BVH8_PACKET_RECORDS * (reference / 8u);
 #pragma unroll
-        for (uint i = 0; i < 9u && !any_hit; i++)
+        for (uint i = 0; i < 9u; i++)
             corners[i] = here ? (float16)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u)) : corners[i];
-        out->primitive = here ? (uint16)(LOAD_REFERENCE(geometry, reference)) : out->primitive;
         open &= ~lanes_where16(here);
-    }
-    if (any_hit) {
-        out->t = is_hit ? hits->t_high : out->t;
-        return;
     }
     float16 t = out->t, u = out->u, v = out->v;
     const int16 sure = finish_sixteen(p, corners, &t, &u, &v);

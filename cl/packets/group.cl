@@ -118,25 +118,23 @@ bool first_rays_go_one_way(const RayPacket* packets, uint members) {
     return true;
 }
 
-// The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by one.
+// The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by one. A packet by
+// itself is faster without a frustum, which tells it little that its rays do not.
 void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit, PacketHits* hits,
                            int16* doubtful) {
     PacketRange range;
-    Frustum frusta[PACKETS_OF_ITEM];
-    const bool may_go_together = first_rays_go_one_way(packets, members);
-    if (may_go_together) range_of(packets, members, &range);
-    if (may_go_together && make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
-        traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
-        return;
+    if ((members & (members - 1u)) != 0u && first_rays_go_one_way(packets, members)) {
+        Frustum frusta[PACKETS_OF_ITEM];
+        range_of(packets, members, &range);
+        if (make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
+            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
+            return;
+        }
     }
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
-        const uint k = first_member(rest), alone = 1u << k;
-        range_of(packets, alone, &range);
-        if (make_frusta(packets, alone, &range, geometry->low, geometry->high, frusta)) {
-            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, alone, any_hit, hits, doubtful);
-        } else {
-            add_slabs(&packets[k], &range, geometry->low, geometry->high);
-            traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &doubtful[k]);
-        }
+        const uint k = first_member(rest);
+        range_of(packets, 1u << k, &range);
+        add_slabs(&packets[k], &range, geometry->low, geometry->high);
+        traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &doubtful[k]);
     }
 }

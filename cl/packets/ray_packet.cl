@@ -28,7 +28,7 @@ typedef struct {
     bool has_slabs;
     float16 inv[3], enter[3], leave[3]; // as those of Slabs
     uint near[3];                       // for each axis the record of a node's planes where the rays enter boxes
-    bool has_one_octant;                // whether that is the same for all of them
+    uint mixed_axes;                    // bits: axes that some go up and others down
 } RayPacket;
 
 // Packets that are traced together are bits of a word: the lowest one.
@@ -125,12 +125,12 @@ void range_of(const RayPacket* packets, uint members, PacketRange* r) {
 // What boxes are tested with: `r` is the range of the packet, or of it and others. The scene's box: low..high.
 void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high) {
     p->has_slabs = true;
-    p->has_one_octant = true;
+    p->mixed_axes = 0u;
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         const bool is_up = r->direction_least[axis] >= 0.0f;
         p->near[axis] = 4u * axis + (is_up ? 0u : 2u);
-        p->has_one_octant = p->has_one_octant && (is_up || r->direction_greatest[axis] < 0.0f);
+        if (!is_up && r->direction_greatest[axis] >= 0.0f) p->mixed_axes |= 1u << axis;
     }
     // As farthest_distance() and make_slabs(), whose pad is for the origin's second part, too.
     const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};

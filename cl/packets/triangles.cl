@@ -55,8 +55,15 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
 // The nearest hit so far of each lane: limits of its t, of which the upper one is t_far where there is none.
 typedef struct {
     float16 t_high, t_low;
-    uint16 reference; // NO_PRIMITIVE where there is none
+    uint16 reference, primitive; // NO_PRIMITIVE where there is none
 } PacketHits;
+
+void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
+    hits->t_high = p->t_far;
+    hits->t_low = (float16)(INFINITY);
+    hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
+    *doubtful = (int16)(0);
+}
 
 // What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one; none where that is
 // -infinity. Lanes that float32 does not decide are added to *doubtful. Whether anything was open.
@@ -70,12 +77,15 @@ bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
                  OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound), OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
 #undef OF_TRIANGLE
     if (!is_any16(d.possible)) return false;
-    const int16 open = d.possible && p->skip != LOAD_REFERENCE(geometry, reference) && *t_limit >= p->t_near &&
+    const uint primitive = LOAD_REFERENCE(geometry, reference);
+    // The hit so far may be met again in another leaf.
+    const int16 open = d.possible && p->skip != primitive && hits->primitive != primitive && *t_limit >= p->t_near &&
                        !(d.has_t && (d.t_high < p->t_near || d.t_low > *t_limit));
     const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < p->t_far && d.t_high < hits->t_low;
     hits->t_high = taken ? d.t_high : hits->t_high;
     hits->t_low = taken ? d.t_low : hits->t_low;
     hits->reference = taken ? (uint16)(reference) : hits->reference;
+    hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
     const int16 in_doubt = open && !taken;
     *doubtful = *doubtful || in_doubt;
     const int16 is_done = any_hit ? open : in_doubt;

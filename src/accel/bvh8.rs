@@ -12,22 +12,19 @@
 //!        bit 31 set     a leaf: bits 0-26 its first reference, a multiple of eight, bits 27-30 how many there are
 //! ```
 //!
-//! A leaf's triangles are in `bounds`, too, in packets of eight (`cl/intersect/filter.cl`), packet number i those of the references from
-//! 8 i on. Where a leaf has fewer, its last one is repeated, and nobody looks at it.
+//! A leaf's triangles are in `bounds`, too: `leaf_packets.rs`.
 
 use super::bvh::Bvh;
 use super::bvh2::NOWHERE;
+use super::leaf_packets::{WIDTH, pack, push_leaf};
 use super::link::{self, NO_CHILD, leaf_link};
 use super::{Aabb, Structure};
 use crate::error::{Error, Result};
-use crate::layout::Float4;
 use crate::options::{Accel, TraceOptions};
-use crate::shared::{BVH_FIRST_MASK, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode};
+use crate::shared::{BVH_FIRST_MASK, BVH8_LINKS, BVH8_NODE_RECORDS, KdNode};
 use glam::Vec3;
-use rayon::prelude::*;
 
-/// Children of a node, and triangles of a packet.
-const WIDTH: usize = 8;
+// A node has as many children as a packet triangles.
 const _: () = assert!(TraceOptions::BVH8_MAX_LEAF as usize == WIDTH);
 
 /// The most leaves: of the numbers of references that a link has room for each takes eight.
@@ -74,7 +71,8 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], most_leaves: usize) -> Result
         for (slot, child) in children(tree, index).into_iter().enumerate() {
             boxes[slot] = tree.nodes[child].bounds;
             links[slot] = if tree.nodes[child].is_leaf() {
-                push_leaf(tree.triangles(child), &mut references)
+                let triangles = tree.triangles(child);
+                leaf_link(push_leaf(triangles, &mut references) as u32, triangles.len() as u32)
             } else {
                 open.push((numbered, child, depth + 1));
                 numbered += 1;
@@ -87,7 +85,7 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], most_leaves: usize) -> Result
         nodes.resize(nodes.len().max(end), KdNode::default());
         write_node(&mut nodes[end - BVH8_NODE_RECORDS as usize..end], &boxes, &links);
     }
-    let packets: Vec<_> = references.par_chunks(WIDTH).flat_map_iter(|triangles| packet(triangles, vertices)).collect();
+    let packets = pack(&references, vertices);
     // Of each node on the way down all children but the one that is visited, and the end.
     let stack_entries = (WIDTH as u32 - 1) * deepest + 2;
     Ok(Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries })
@@ -108,15 +106,6 @@ fn children(tree: &Bvh, index: usize) -> Vec<usize> {
     children
 }
 
-/// Appends a leaf's triangles and what fills up its packet; returns the link to it.
-fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> u32 {
-    let first = references.len();
-    references.extend_from_slice(triangles);
-    let last = *triangles.last().expect("a leaf has a triangle");
-    references.resize(first + WIDTH, last);
-    leaf_link(first as u32, triangles.len() as u32)
-}
-
 fn write_node(records: &mut [KdNode], boxes: &[Aabb; WIDTH], links: &[u32; WIDTH]) {
     for axis in 0..3 {
         write_eight(&mut records[4 * axis..], boxes.map(|b| b.low[axis].to_bits()));
@@ -129,15 +118,6 @@ fn write_eight(records: &mut [KdNode], words: [u32; WIDTH]) {
     for (record, words) in records.iter_mut().zip(words.chunks_exact(4)) {
         *record = KdNode { flags: words[0], left: words[1], right: words[2], split: f32::from_bits(words[3]) };
     }
-}
-
-fn packet(triangles: &[u32], vertices: &[[Vec3; 3]]) -> impl Iterator<Item = Float4> {
-    let triangles: [&[Vec3; 3]; WIDTH] = std::array::from_fn(|lane| &vertices[triangles[lane] as usize]);
-    (0..BVH8_PACKET_RECORDS as usize).map(move |record| {
-        let (corner, axis, half) = (record / 6, record / 2 % 3, record % 2);
-        let [x, y, z, w] = std::array::from_fn(|i| triangles[4 * half + i][corner][axis]);
-        Float4 { x, y, z, w }
-    })
 }
 
 /// How many triangles each leaf has.

@@ -8,6 +8,7 @@ mod cost;
 mod divide;
 mod events;
 mod grid;
+mod leaf_packets;
 mod link;
 mod median;
 mod node_order;
@@ -29,6 +30,7 @@ pub use bvh2::pack_bvh2;
 pub use bvh8::{Bvh8, pack_bvh8};
 pub use cost::Measure;
 pub use grid::build_grid;
+pub use leaf_packets::pack_kd_leaves;
 pub use node_order::reorder;
 pub use octree::build_octree;
 pub use ropes::link_leaves;
@@ -39,7 +41,7 @@ pub use volumes::{build_boxes, build_spheres};
 
 pub(crate) use link::leaf_range;
 
-use crate::options::{Accel, Build, KdOptions, SplitAxis, Stop, TraceOptions};
+use crate::options::{Accel, Build, KdOptions, PacketSize, SplitAxis, Stop, TraceOptions};
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -137,7 +139,10 @@ impl BuildOptions {
             max_depth: options.max_depth.unwrap_or(depth as u32),
             stop,
             similar_children: kd.similar_children.unwrap_or(default_share),
-            cost_traverse: kd.cost_traverse.unwrap_or(KdOptions::COST),
+            cost_traverse: kd.cost_traverse.unwrap_or(match options.packet_size {
+                PacketSize::One => KdOptions::COST,
+                PacketSize::Sixteen => KdOptions::PACKET_COST_TRAVERSE,
+            }),
             cost_intersect: kd.cost_intersect.unwrap_or(KdOptions::COST),
             empty_bonus: kd.empty_bonus.unwrap_or(KdOptions::EMPTY_BONUS),
             split_axis: kd.split_axis,

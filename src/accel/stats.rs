@@ -44,19 +44,19 @@ impl TreeStats {
     /// # Panics
     /// When the tree is not one that [`super::check_tree`] accepts.
     pub fn new(tree: &KdTree, options: &BuildOptions) -> TreeStats {
-        let (mut leaves, mut empty_leaves, mut largest_leaf) = (0, 0, 0);
+        let (mut leaves, mut empty_leaves, mut largest_leaf, mut references) = (0, 0, 0, 0);
         let (mut max_depth, mut depth_sum) = (0, 0.0);
         visit(tree, |node, _, depth| {
             if node.flags == KD_LEAF {
                 leaves += 1;
                 empty_leaves += usize::from(node.right == 0);
                 largest_leaf = largest_leaf.max(node.right);
+                references += node.right as usize;
                 max_depth = max_depth.max(depth);
                 depth_sum += f64::from(depth);
             }
         });
 
-        let references = tree.references.len();
         TreeStats {
             nodes: tree.nodes.len(),
             inner: tree.nodes.len() - leaves,
@@ -69,7 +69,7 @@ impl TreeStats {
             largest_leaf,
             mean_leaf_triangles: ratio(references, leaves - empty_leaves),
             sah_cost: expected_cost(tree, Measure::Surface, options),
-            bytes: tree.nodes.len() * size_of::<KdNode>() + references * size_of::<u32>(),
+            bytes: tree.nodes.len() * size_of::<KdNode>() + tree.references.len() * size_of::<u32>(),
         }
     }
 }

@@ -14,7 +14,7 @@ pub struct KdArgs {
     /// sah and volume, size for the median builds].
     #[arg(long, value_name = "NAME")]
     stop: Option<Stop>,
-    #[arg(long, help = format!("Cost of a step through the kd-tree, where planes or stops go by cost, or through bvh2 [default: {}]", KdOptions::COST), value_name = "X")]
+    #[arg(long, help = format!("Cost of a step through the kd-tree, where planes or stops go by cost, or through bvh2 [default: {}; {} through kd in packets of rays]", KdOptions::COST, KdOptions::PACKET_COST_TRAVERSE), value_name = "X")]
     cost_traverse: Option<f32>,
     #[arg(long, help = format!("Cost of a triangle test, where planes or stops go by cost, or in bvh2 [default: {}]", KdOptions::COST), value_name = "X")]
     cost_intersect: Option<f32>,

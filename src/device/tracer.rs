@@ -9,7 +9,7 @@ use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceIn
 use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Kernels, Memory, Terminator, TraceOptions, work_group_size};
+use crate::options::{Accel, Intersector, Kernels, Memory, PacketSize, Terminator, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
@@ -101,6 +101,12 @@ fn options_without_scene(options: &TraceOptions, stack_entries: u32, max_depth: 
         .define("SHORT_STACK_SIZE", options.short_stack_size());
     let compile_options = match options.accel {
         Accel::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
+        _ => compile_options,
+    };
+    let compile_options = match options.cl_traverse_packets() {
+        Some(function) if options.packet_size != PacketSize::One => {
+            compile_options.define("TRAVERSE_PACKETS", function)
+        }
         _ => compile_options,
     };
     let compile_options = match options.intersector.cl_function() {

@@ -180,10 +180,10 @@ impl Request {
     /// Whether what was measured is of use here: it was measured with exact hits and with nothing else set.
     fn accepts(&self, tuned: &TunedChoice) -> bool {
         let base = self.base();
-        let packet_size = self.packet_size.unwrap_or(tuned.packet_size);
-        let options = TraceOptions { accel: tuned.accel, packet_size, ..base };
+        let options = TraceOptions { accel: tuned.accel, packet_size: tuned.packet_size, ..base };
         base.intersector == Intersector::Exact
             && self.accel.is_none_or(|accel| accel == tuned.accel)
+            && self.packet_size.is_none_or(|size| size == tuned.packet_size)
             && options.validate().is_ok()
     }
 }
@@ -239,7 +239,12 @@ impl TraceOptions {
                 "--cost-traverse",
                 kd.cost_traverse.is_some(),
                 build.cost_traverse.to_string(),
-                "the unit of costs".to_owned(),
+                if build.cost_traverse == KdOptions::COST {
+                    "the unit of costs"
+                } else {
+                    "a step takes intervals of sixteen rays, and a frustum leaves most triangles out"
+                }
+                .to_owned(),
             ),
             (
                 "--cost-intersect",
@@ -355,9 +360,12 @@ mod tests {
         let with = |request: Request| request.choose(&on(Some(&cpu)), None).unwrap();
         let bvh8 = Request { accel: Some(Accel::Bvh8), ..Request::default() };
         let counters = TraceOptions { counters: true, ..DEFAULT };
+        let restart = TraceOptions { traversal: Traversal::Restart, ..DEFAULT };
         for (request, expected) in [
             (bvh8, PacketSize::Sixteen),
-            (Request { accel: Some(Accel::Kd), ..bvh8 }, PacketSize::One),
+            (Request { accel: Some(Accel::Kd), ..bvh8 }, PacketSize::Sixteen),
+            (Request { accel: Some(Accel::Bvh2), ..bvh8 }, PacketSize::One),
+            (Request { accel: Some(Accel::Kd), rest: restart, ..bvh8 }, PacketSize::One),
             (Request { rest: counters, ..bvh8 }, PacketSize::One),
             (Request { intersector: Some(Intersector::Watertight), ..bvh8 }, PacketSize::One),
             (Request { packet_size: Some(PacketSize::One), ..bvh8 }, PacketSize::One),

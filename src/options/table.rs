@@ -73,7 +73,7 @@ pub static OPTIONS: &[MethodOption] = &[
     names!(Build, build, &[Accel::Kd]),
     names!(Traversal, traversal, &[Accel::Kd]),
     number!("--stack-size", stack_size, &[Accel::Kd], 1),
-    names!(PacketSize, packet_size, &[Accel::Bvh8]),
+    names!(PacketSize, packet_size, &[Accel::Kd, Accel::Bvh8]),
     names!(RayOrder, ray_order, Accel::ALL),
     names!(Intersector, intersector, Accel::ALL),
     number!(

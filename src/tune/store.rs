@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn other_versions_and_damage_are_notes() {
         let (_folder, file, key) = file();
-        file.remember(&key, &[tuning(SceneSize::Tiny, Accel::Kd)]).unwrap();
+        file.remember(&key, &[tuning(SceneSize::Tiny, Accel::Bvh2)]).unwrap();
         let newer = DeviceKey::new(Some(&DeviceInfo { driver_version: "newer".to_owned(), ..sample_info() }));
         let note = file.find(&newer, 7).unwrap_err();
         assert!(note.contains("measured with driver") && note.contains("newer"), "{note}");
@@ -267,7 +267,7 @@ mod tests {
 
         let good = std::fs::read_to_string(file.path()).unwrap();
         for (from, to, words) in [
-            ("\"kd\"", "\"tree\"", "no 'tree'"),
+            ("\"bvh2\"", "\"tree\"", "no 'tree'"),
             ("\"1\"", "\"16\"", "--packet-size"),
             ("\"entries\"", "\"others\"", "entries"),
         ] {

@@ -1,0 +1,84 @@
+// A ray of a packet that goes on by itself, because few others are where it is: eight triangles at a time.
+
+// Up to so many rays go on by themselves.
+#define FEW_RAYS 4u
+
+typedef struct {
+    Slabs slabs;
+    RayRange range; // of this ray alone
+    float3 origin_low, direction;
+    float t_near, t_far;
+    uint skip;
+    // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
+    float t_limit, hit_low;
+    uint found, primitive;
+    bool is_decided; // by float32
+} LoneRay;
+
+LoneRay take_ray(const RayPacket* p, uint lane, const float16* t_limits, const PacketHits* hits) {
+    const float3 origin = three_of_lane(p->origin, lane), direction = three_of_lane(p->direction, lane);
+    const float3 origin_low = three_of_lane(p->origin_low, lane);
+    const LoneRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
+                         {{origin.x, origin.y, origin.z},
+                          {origin.x, origin.y, origin.z},
+                          {fabs(origin_low.x), fabs(origin_low.y), fabs(origin_low.z)},
+                          {fabs(direction.x), fabs(direction.y), fabs(direction.z)}},
+                         origin_low,
+                         direction,
+                         lane_of16(&p->t_near, lane),
+                         lane_of16(&p->t_far, lane),
+                         ((const uint*)&p->skip)[lane],
+                         lane_of16(t_limits, lane),
+                         lane_of16(&hits->t_low, lane),
+                         NO_PRIMITIVE,
+                         ((const uint*)&hits->primitive)[lane],
+                         true};
+    return ray;
+}
+
+// Writes what became of it where its packet keeps it.
+void put_back(const LoneRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
+    const bool is_hit = ray->is_decided && ray->found != NO_PRIMITIVE;
+    if (!ray->is_decided) ((int*)doubtful)[lane] = -1;
+    if (is_hit) {
+        set_lane16(&hits->t_high, lane, ray->t_limit);
+        set_lane16(&hits->t_low, lane, ray->hit_low);
+        ((uint*)&hits->reference)[lane] = ray->found;
+        ((uint*)&hits->primitive)[lane] = ray->primitive;
+    }
+    set_lane16(t_limits, lane, !ray->is_decided || (any_hit && is_hit) ? -INFINITY : ray->t_limit);
+}
+
+// Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32 does not decide, or
+// with any_hit there is a hit.
+bool test_alone(GEOMETRY_PARAMETERS, LoneRay* ray, uint first, uint count, const bool any_hit) {
+    LeafTriangles l;
+    (void)load_triangles(GEOMETRY, &ray->range, 0, 1u, first / 8u, &l);
+    // As from_origin(); the range is of one ray.
+    const float8 ax = (l.a[0] - ray->range.origin_least[0]) - ray->origin_low.x;
+    const float8 ay = (l.a[1] - ray->range.origin_least[1]) - ray->origin_low.y;
+    const float8 az = (l.a[2] - ray->range.origin_least[2]) - ray->origin_low.z;
+    const float3 direction = ray->direction;
+    const Decision8 d = decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
+                                l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
+    ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
+    if (open == 0ul) return false;
+    open &= ~lanes_where8(d.has_t && (d.t_high < ray->t_near || d.t_low > ray->t_limit));
+    const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near && d.t_high < ray->t_far);
+    for (; open != 0ul; open = other_lanes8(open)) {
+        const uint i = first_lane8(open);
+        const float t_low = lane_of8(&d.t_low, i), t_high = lane_of8(&d.t_high, i);
+        const uint primitive = LOAD_REFERENCE(geometry, first + i);
+        if (primitive == ray->skip || primitive == ray->primitive) continue;
+        if (is_lane8(sure, i) && t_low > ray->t_limit) continue; // behind a hit in this packet
+        if (!is_lane8(sure, i) || !(t_high < ray->hit_low)) {
+            ray->is_decided = false;
+            return true;
+        }
+        ray->found = first + i;
+        ray->primitive = primitive;
+        ray->hit_low = t_low;
+        ray->t_limit = t_high;
+    }
+    return any_hit && ray->found != NO_PRIMITIVE;
+}
