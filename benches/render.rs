@@ -4,7 +4,7 @@ mod common;
 
 use common::{Place, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::options::{Kernels, PacketSize, RayKind, TraceOptions};
+use raybrook::options::{Kernels, PacketSize, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::Samples;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -15,7 +15,7 @@ const SCENES: [&str; 5] = ["cornell", "spheres", "glass", "showcase", "chess"];
 
 /// The kernels with the structure that is fastest there, and one or sixteen pixels at a time; the reference knows but one way.
 fn methods(place: &Place) -> Vec<(String, TraceOptions)> {
-    let options = TraceOptions { packet_size: PacketSize::One, ..place.options(None, RayKind::Picture) };
+    let options = TraceOptions { packet_size: PacketSize::One, ..place.options(None) };
     if place.device.is_none() {
         return vec![(options.accel.to_string(), options)];
     }

@@ -7,7 +7,7 @@ mod common;
 
 use common::{Batch, Place, balls, batches, own_scene, places};
 use glam::Vec3;
-use raybrook::options::{Accel, RayKind, TraceOptions};
+use raybrook::options::{Accel, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Light, Samples, Scene};
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -32,7 +32,8 @@ fn median(mut seconds: Vec<f64>) -> f64 {
 
 fn triangles(most: usize, places: &[Place]) {
     println!(
-        "\n## Triangles\n\nns a ray: camera / shadow / diffuse; how much more of a camera ray for each doubling of the triangles.\n"
+        "\n## Triangles\n\nns a ray: camera / shadow / diffuse; how much more of a camera ray for each doubling of the triangles. Builds and \
+         bytes are those of each device in turn.\n"
     );
     println!("| triangles | structure | build s | bytes a triangle | {} |", names(places));
     println!("|--:|---|--:|--:|{}", "--:|".repeat(places.len()));
@@ -48,12 +49,17 @@ fn triangles(most: usize, places: &[Place]) {
             if accel == Accel::Brute && count > MOST_FOR_BRUTE_FORCE {
                 continue;
             }
-            let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
-            let buffers = Arc::new(SceneBuffers::new(&scene, &options).expect("a structure"));
-            let bytes = buffers.size_bytes(&options) as f64 / count as f64;
-            let mut row = format!("| {count} | {accel} | {:.3} | {bytes:.0} |", buffers.build_s);
-            for (number, place) in places.iter().enumerate() {
-                let times = trace(place, &buffers, &place.options(Some(accel), RayKind::Batch), &batches);
+            let built = places.iter().map(|place| {
+                let options = place.options(Some(accel));
+                (options, Arc::new(SceneBuffers::new(&scene, &options).expect("a structure")))
+            });
+            let built: Vec<_> = built.collect();
+            let build_s: Vec<_> = built.iter().map(|(_, buffers)| format!("{:.3}", buffers.build_s)).collect();
+            let bytes = built.iter().map(|(options, buffers)| buffers.size_bytes(options) as f64 / count as f64);
+            let bytes: Vec<_> = bytes.map(|bytes| format!("{bytes:.0}")).collect();
+            let mut row = format!("| {count} | {accel} | {} | {} |", build_s.join(" / "), bytes.join(" / "));
+            for (number, (place, (options, buffers))) in places.iter().zip(&built).enumerate() {
+                let times = trace(place, buffers, options, &batches);
                 let now = (accel, number, count, times[0]);
                 let growth = before.iter().rev().find(|known| (known.0, known.1) == (accel, number)).map(|known| {
                     let doublings = (count as f64 / known.2 as f64).log2();
@@ -83,7 +89,7 @@ fn trace(place: &Place, buffers: &Arc<SceneBuffers>, options: &TraceOptions, bat
 
 /// Nanoseconds a ray, and the rays, of a square picture.
 fn picture(place: &Place, scene: &Scene, side: u32, depth: u32) -> (f64, u64) {
-    let options = place.options(None, RayKind::of_picture(scene));
+    let options = place.options(None);
     let buffers = Arc::new(SceneBuffers::new(scene, &options).expect("a structure"));
     let camera = scene.camera.expect("a completed scene has a camera");
     let picture = Picture { camera, size: (side, side), samples: Samples::PerPixel(1), depth, kill_weight: None };

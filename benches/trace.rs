@@ -14,17 +14,15 @@ use std::sync::Arc;
 fn methods() -> Vec<(String, TraceOptions)> {
     let mut all = Vec::new();
     for &accel in Accel::ALL {
-        let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
-        if accel == Accel::Kd {
-            let traversals = Traversal::ALL.iter();
-            all.extend(traversals.map(|&it| (format!("kd-{it}"), TraceOptions { traversal: it, ..options })));
-            continue;
-        }
-        for &packet_size in PacketSize::ALL {
-            let options = TraceOptions { packet_size, ..options };
-            let name = if packet_size == PacketSize::One { String::new() } else { format!("-packets-{packet_size}") };
+        let traversals = if accel == Accel::Kd { Traversal::ALL } else { &[TraceOptions::DEFAULT.traversal] };
+        for (&traversal, &packet_size) in traversals.iter().flat_map(|it| PacketSize::ALL.iter().map(move |n| (it, n)))
+        {
+            let options = TraceOptions { accel, traversal, packet_size, ..TraceOptions::DEFAULT };
+            let walk = if accel == Accel::Kd { format!("-{traversal}") } else { String::new() };
+            let packets =
+                if packet_size == PacketSize::One { String::new() } else { format!("-packets-{packet_size}") };
             if options.validate().is_ok() {
-                all.push((format!("{accel}{name}"), options));
+                all.push((format!("{accel}{walk}{packets}"), options));
             }
         }
     }

@@ -72,8 +72,8 @@ mod request;
 mod size;
 mod table;
 
+pub use automatic::Workload;
 pub(crate) use automatic::work_group_size;
-pub use automatic::{RayKind, Workload};
 pub use combinations::{NeverTogether, fewest_changes, needs, never_together};
 pub use kd::{KdOptions, SplitAxis, Stop};
 pub use request::{Chosen, Decision, Origin, Request, TunedChoice};

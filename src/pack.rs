@@ -13,7 +13,7 @@ use crate::accel::{
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Accel, Memory, NodeOrder, PacketSize, TraceOptions, Traversal};
+use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TraceOptions, Traversal};
 use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
 use crate::shared::{
     BVH_NODE_RECORDS, KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material,
@@ -59,6 +59,28 @@ pub struct SceneBuffers {
     pub build_options: BuildOptions,
     /// Seconds the structure took to build.
     pub build_s: f64,
+    made_for: MadeFor,
+}
+
+/// What the arrays depend on of the options: kernels would read beyond the ends of those for others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct MadeFor {
+    accel: Accel,
+    has_ropes: bool,
+    has_packets: bool,
+    has_transforms: bool,
+}
+
+impl MadeFor {
+    fn of(options: &TraceOptions) -> MadeFor {
+        let is_kd = options.accel == Accel::Kd;
+        MadeFor {
+            accel: options.accel,
+            has_ropes: is_kd && options.traversal == Traversal::Ropes,
+            has_packets: is_kd && options.packet_size != PacketSize::One,
+            has_transforms: options.intersector.needs_transforms(),
+        }
+    }
 }
 
 /// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a billion times
@@ -171,7 +193,30 @@ impl SceneBuffers {
             stack_entries,
             build_options,
             build_s,
+            made_for: MadeFor::of(options),
         })
+    }
+
+    /// Checks that `options` can be traced with: that they ask for the structure that was built, and for no array that it was built
+    /// without.
+    ///
+    /// # Errors
+    /// [`Error::Option`].
+    pub fn check_made_for(&self, options: &TraceOptions) -> Result<()> {
+        let (made, asked) = (self.made_for, MadeFor::of(options));
+        let missing = [
+            (Accel::OPTION, made.accel == asked.accel, options.accel.name()),
+            (Traversal::OPTION, made.has_ropes || !asked.has_ropes, options.traversal.name()),
+            (PacketSize::OPTION, made.has_packets || !asked.has_packets, options.packet_size.name()),
+            (Intersector::OPTION, made.has_transforms || !asked.has_transforms, options.intersector.name()),
+        ];
+        match missing.into_iter().find(|(_, is_there, _)| !is_there) {
+            None => Ok(()),
+            Some((option, _, value)) => {
+                let reason = format!("{value}: the scene was packed for another one; pack it with the same options");
+                Err(Error::option(option, reason))
+            }
+        }
     }
 
     /// The picture's parameters for `camera`; `size` must be one that [`Samples::check`] accepts.

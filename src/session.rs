@@ -18,7 +18,8 @@ const KEY_AMBIENT: f32 = 0.15;
 /// Opens a tracer of `buffers`, which were built with `options`: on `device`, or the reference when there is none.
 ///
 /// # Errors
-/// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory.
+/// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory; [`Error::Option`](crate::Error::Option) when the
+/// buffers were built for another structure.
 pub fn open_tracer(
     device: Option<&DeviceHandle>,
     buffers: &Arc<SceneBuffers>,
@@ -28,7 +29,10 @@ pub fn open_tracer(
 ) -> Result<Box<dyn Tracer>> {
     Ok(match device {
         Some(device) => Box::new(OpenClTracer::new(device, buffers, options, max_depth, cache)?),
-        None => Box::new(ReferenceTracer::new(buffers.clone(), *options)),
+        None => {
+            buffers.check_made_for(options)?;
+            Box::new(ReferenceTracer::new(buffers.clone(), *options))
+        }
     })
 }
 

@@ -19,7 +19,7 @@ pub use store::{DeviceKey, TunedFile, Tuning};
 use crate::compare::compare_hits;
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
-use crate::options::{Accel, PacketSize, RayKind, Request, SceneSize, TraceOptions, Workload};
+use crate::options::{Accel, PacketSize, Request, SceneSize, TraceOptions, Workload};
 use crate::pack::SceneBuffers;
 use crate::scene::Scene;
 use crate::session::open_tracer;
@@ -52,7 +52,7 @@ impl Candidate {
     /// What the model takes on `device` for a scene of so many triangles.
     fn of_model(device: Option<&DeviceHandle>, triangle_count: usize) -> Result<Candidate> {
         let device = device.map(|device| &device.info);
-        let workload = Workload { device, triangle_count: Some(triangle_count), rays: RayKind::Batch };
+        let workload = Workload { device, triangle_count: Some(triangle_count) };
         Ok(Candidate::of(&Request::default().choose(&workload, None)?.options))
     }
 }

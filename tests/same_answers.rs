@@ -52,7 +52,7 @@ const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
 /// Sizes of the pictures: in the spread, and for all combinations.
 const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
 /// One in so many combinations of the mega-kernel in the spread renders, too.
-const PICTURES: usize = 3;
+const PICTURES: usize = 6;
 /// So many differences are described.
 const DESCRIBED: usize = 20;
 

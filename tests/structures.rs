@@ -6,7 +6,7 @@ mod common;
 use common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::{DVec3, Vec3};
 use raybrook::accel::{BuildOptions, StructureStats, build_boxes, build_octree, build_spheres};
-use raybrook::options::{Accel, Build, TraceOptions};
+use raybrook::options::{Accel, Build, Intersector, PacketSize, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
 use raybrook::session::open_tracer;
@@ -15,6 +15,36 @@ use raybrook::tracer::{TraceJob, Tracer, is_hit};
 use std::sync::Arc;
 
 type Triangles = Vec<[Vec3; 3]>;
+
+/// Kernels would read beyond the ends of arrays that were packed for others.
+#[test]
+fn a_scene_is_traced_with_what_it_was_packed_for() {
+    let base = TraceOptions::DEFAULT;
+    let kd = TraceOptions { accel: Accel::Kd, ..base };
+    let ropes = TraceOptions { traversal: Traversal::Ropes, ..kd };
+    let packets = TraceOptions { packet_size: PacketSize::Sixteen, ..kd };
+    let precomputed = TraceOptions { intersector: Intersector::Precomputed, ..kd };
+    let buffers = |options: &TraceOptions| {
+        Arc::new(SceneBuffers::new(&scene_of(&soup(20, 0.5, &mut Random(SEED))), options).unwrap())
+    };
+    for (packed, asked, refused) in [
+        (kd, TraceOptions { traversal: Traversal::Restart, ..kd }, None),
+        (ropes, kd, None),
+        (packets, kd, None),
+        (precomputed, kd, None),
+        (kd, ropes, Some("--traversal: ropes")),
+        (kd, packets, Some("--packet-size: 16")),
+        (kd, precomputed, Some("--intersector: precomputed")),
+        (kd, TraceOptions { accel: Accel::Bvh2, ..base }, Some("--accel: bvh2")),
+    ] {
+        let buffers = buffers(&packed);
+        for device in [None, device().as_ref()] {
+            let message = open_tracer(device, &buffers, &asked, 1, None).err().map(|error| error.to_string());
+            assert_eq!(message.is_some(), refused.is_some(), "{packed:?} {asked:?}: {message:?}");
+            assert!(message.is_none_or(|message| message.contains(refused.unwrap())), "{asked:?}");
+        }
+    }
+}
 
 /// Squares at whole coordinates, in planes across all axes: with as many cells as squares everything lies in some plane.
 fn lattice(side: usize) -> Triangles {

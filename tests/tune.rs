@@ -32,8 +32,8 @@ fn every_structure_is_measured_on_the_reference_with_the_same_answers() {
     let progress = |what: &str| steps.borrow_mut().push(what.to_owned());
     let scene = scene_of(SceneSize::Tiny).unwrap();
     let tiny = tune_scene(None, None, ("cubes", &scene), &plan(Accel::ALL), &progress).unwrap();
-    // Every structure, and packets in one of them.
-    assert_measured(&tiny, Accel::ALL.len() + 1);
+    // Every structure, and packets in two of them.
+    assert_measured(&tiny, Accel::ALL.len() + 2);
     assert_eq!((tiny.size, tiny.measured[0].candidate.accel), (SceneSize::Tiny, Accel::Bvh2));
     assert_eq!(steps.borrow().len(), tiny.measured.len() + ROUNDS as usize);
 
@@ -48,9 +48,11 @@ fn every_structure_is_measured_on_the_reference_with_the_same_answers() {
 fn a_device_gives_the_same_answers_in_packets_and_without() {
     let Some(device) = common::device() else { return };
     let scene = scene_of(SceneSize::Small).unwrap();
-    let tuning = tune_scene(Some(&device), None, ("balls", &scene), &plan(&[Accel::Bvh8]), &|_| ()).unwrap();
-    let sizes: Vec<_> = tuning.measured.iter().filter(|m| m.candidate.accel == Accel::Bvh8).collect();
-    assert_eq!(sizes.len(), PacketSize::ALL.len());
+    let tuning = tune_scene(Some(&device), None, ("balls", &scene), &plan(&[Accel::Kd, Accel::Bvh8]), &|_| ()).unwrap();
+    for accel in [Accel::Kd, Accel::Bvh8] {
+        let sizes = tuning.measured.iter().filter(|measured| measured.candidate.accel == accel);
+        assert_eq!(sizes.count(), PacketSize::ALL.len());
+    }
     assert_measured(&tuning, tuning.measured.len());
 }
 

@@ -4,7 +4,7 @@
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode};
 use raybrook::device::{Cache, DeviceHandle, Selection, select};
-use raybrook::options::{Accel, RayKind, Request, TraceOptions, Workload};
+use raybrook::options::{Accel, Request, TraceOptions, Workload};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Scene, load};
 use raybrook::session::{complete, open_tracer};
@@ -73,9 +73,9 @@ pub fn places() -> Vec<Place> {
 
 impl Place {
     /// What is fastest here, with `accel` if it is given.
-    pub fn options(&self, accel: Option<Accel>, rays: RayKind) -> TraceOptions {
+    pub fn options(&self, accel: Option<Accel>) -> TraceOptions {
         let device = self.device.as_ref().map(|device| &device.info);
-        let workload = Workload { device, triangle_count: None, rays };
+        let workload = Workload { device, triangle_count: None };
         Request { accel, ..Request::default() }.choose(&workload, None).expect("valid options").options
     }
 

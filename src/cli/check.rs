@@ -5,7 +5,7 @@ use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
 use raybrook::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
 use raybrook::film::check_output;
-use raybrook::options::{Decision, RayKind};
+use raybrook::options::Decision;
 use raybrook::output::{check_writable, write_json};
 use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::ReferenceTracer;
@@ -79,7 +79,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
         explain: &args.explain,
         talk,
     };
-    let chosen = chooser.choose(&loaded.scene, RayKind::of_picture(&loaded.scene))?;
+    let chosen = chooser.choose(&loaded.scene)?;
     let options = chosen.options;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened =

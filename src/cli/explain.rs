@@ -3,7 +3,7 @@
 use super::{DeviceArgs, MethodArgs, Talk};
 use raybrook::Result;
 use raybrook::device::{DeviceHandle, cache_folder};
-use raybrook::options::{Chosen, Decision, Origin, RayKind, TunedChoice, Workload};
+use raybrook::options::{Chosen, Decision, Origin, TunedChoice, Workload};
 use raybrook::scene::Scene;
 use raybrook::tune::{DeviceKey, TunedFile};
 
@@ -42,10 +42,10 @@ pub struct Chooser<'a> {
 
 impl Chooser<'_> {
     /// Chooses what the user leaves open, and explains it if that is asked for.
-    pub fn choose(&self, scene: &Scene, rays: RayKind) -> Result<Chosen> {
+    pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
         let triangle_count = scene.hittable().len();
         let device = self.device.map(|device| &device.info);
-        let workload = Workload { device, triangle_count: Some(triangle_count), rays };
+        let workload = Workload { device, triangle_count: Some(triangle_count) };
         let tuned = self.tuned(triangle_count);
         let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
         self.explain.print(&chosen.decisions, self.talk);

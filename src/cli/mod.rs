@@ -30,8 +30,8 @@ use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
-    Accel, Build, Chosen, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayKind, RayOrder, Request,
-    Terminator, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
+    Accel, Build, Chosen, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, Request, Terminator,
+    TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -100,7 +100,7 @@ struct MethodArgs {
     /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
     #[arg(long, value_name = "K")]
     stack_size: Option<u32>,
-    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 or kd by a full stack, and exact hits [default: what `raybrook tune` found; else 16 there on a CPU, but for pictures of glass; else 1]", PacketSize::names()), value_name = "N")]
+    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 or kd by a full stack, and exact hits [default: what `raybrook tune` found; else 16 there on a CPU, else 1]", PacketSize::names()), value_name = "N")]
     packet_size: Option<PacketSize>,
     #[arg(long, help = format!("Order in which a batch's rays are traced, hits coming back in the batch's: {}; auto sorts large shuffled batches for packets on a CPU", RayOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().ray_order)]
     ray_order: RayOrder,
@@ -232,7 +232,7 @@ impl MethodArgs {
 
 /// Batches of rays on `device` through whatever scene.
 fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
-    Workload { device: device.map(|device| &device.info), triangle_count: None, rays: RayKind::Batch }
+    Workload { device: device.map(|device| &device.info), triangle_count: None }
 }
 
 /// Where to trace.

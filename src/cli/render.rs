@@ -5,7 +5,6 @@ use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::Result;
 use raybrook::film::{ImageFormat, check_output};
-use raybrook::options::RayKind;
 use raybrook::output::check_writable;
 use raybrook::scene::Scene;
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
@@ -80,7 +79,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         explain: &args.explain,
         talk,
     };
-    let chosen = chooser.choose(&loaded.scene, RayKind::of_picture(&loaded.scene))?;
+    let chosen = chooser.choose(&loaded.scene)?;
     let picture = args.picture.picture(&loaded.scene);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, &[Task::Picture], talk)?;
 

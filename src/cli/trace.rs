@@ -5,7 +5,7 @@ use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
 use raybrook::layout::Float4;
-use raybrook::options::{Kernels, RayKind};
+use raybrook::options::Kernels;
 use raybrook::output::check_writable;
 use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
@@ -106,7 +106,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         explain: &args.explain,
         talk,
     };
-    let chosen = chooser.choose(&loaded.scene, RayKind::Batch)?;
+    let chosen = chooser.choose(&loaded.scene)?;
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, &[Task::Batch], talk)?;
 
     let rays = job_rays(&batch, &opened.buffers);

@@ -192,7 +192,8 @@ impl OpenClTracer {
     /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
     ///
     /// # Errors
-    /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its memory.
+    /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its memory, or was built
+    /// for another structure.
     pub fn new(
         device: &DeviceHandle,
         buffers: &Arc<SceneBuffers>,
@@ -212,6 +213,7 @@ impl OpenClTracer {
         max_depth: u32,
         cache: Option<&Cache>,
     ) -> Result<Self> {
+        buffers.check_made_for(options)?;
         check_runtime(&device.info, options)?;
         let (context, compiled) = match ahead {
             Some(CompiledAhead { context, passes }) => (context, Some(passes)),

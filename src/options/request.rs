@@ -3,7 +3,7 @@
 //!
 //! Closest hits, and pixels, are the same whatever is chosen here, to the bit: only their time depends on it.
 
-use super::automatic::{RayKind, Workload, work_group_size};
+use super::automatic::{Workload, work_group_size};
 use super::{Accel, Intersector, KdOptions, OPTIONS, PacketSize, Stop, TraceOptions};
 use crate::accel::BuildOptions;
 use crate::error::{Error, Result};
@@ -61,10 +61,10 @@ impl fmt::Display for Decision {
 /// Options of which some are left to be chosen.
 ///
 /// ```
-/// use raybrook::options::{Accel, Origin, RayKind, Request, Workload};
+/// use raybrook::options::{Accel, Origin, Request, Workload};
 ///
 /// # fn main() -> raybrook::Result<()> {
-/// let workload = Workload { device: None, triangle_count: Some(5000), rays: RayKind::Batch };
+/// let workload = Workload { device: None, triangle_count: Some(5000) };
 /// let chosen = Request::default().choose(&workload, None)?;
 /// assert_eq!(chosen.options.accel, Accel::Kd); // the reference is fastest so in scenes of this size
 /// assert!(chosen.decisions.iter().all(|decision| decision.origin == Origin::Model));
@@ -153,10 +153,7 @@ impl Request {
         options.validate()?;
         let packets = match (self.packet_size, tuned) {
             (Some(size), _) => given(size),
-            // What was measured are batches: glass is left to the model.
-            (None, Some(tuned)) if workload.rays != RayKind::GlassPicture => {
-                (tuned.packet_size, Origin::Tuned, tuned.reason.clone())
-            }
+            (None, Some(tuned)) => (tuned.packet_size, Origin::Tuned, tuned.reason.clone()),
             _ => by_model(workload.packet_size(&options)),
         };
         let options = TraceOptions { packet_size: packets.0, ..options };
@@ -308,7 +305,7 @@ mod tests {
     const DEFAULT: TraceOptions = TraceOptions::DEFAULT;
 
     fn on(device: Option<&DeviceInfo>) -> Workload<'_> {
-        Workload { device, triangle_count: Some(1000), rays: RayKind::Batch }
+        Workload { device, triangle_count: Some(1000) }
     }
 
     fn cpu() -> DeviceInfo {
@@ -396,13 +393,6 @@ mod tests {
         assert_eq!(with(sixteen), (Accel::Bvh8, model, given));
         let chosen = default.choose(&on(Some(&cpu)), Some(&tuned)).unwrap();
         assert_eq!(about(&chosen, "--accel").to_string(), "--accel kd: tuned for this device: twice as fast");
-
-        // Glass is left to the model even where packets were the fastest.
-        let packets = TunedChoice { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..tuned };
-        let picture = Workload { rays: RayKind::GlassPicture, ..on(Some(&cpu)) };
-        let chosen = default.choose(&picture, Some(&packets)).unwrap();
-        let origins = ["--accel", "--packet-size"].map(|option| about(&chosen, option).origin);
-        assert_eq!((chosen.options.packet_size, origins), (PacketSize::One, [tuned_origin, model]));
     }
 
     /// Every number that a structure reads has a line with the value that its build takes.

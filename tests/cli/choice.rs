@@ -1,14 +1,14 @@
 //! What `--accel auto` takes, and what it says of that.
 
 use super::{common, folder, raybrook, stderr};
-use raybrook::options::{RayKind, Request, Workload};
+use raybrook::options::{Request, Workload};
 
 /// Left to choose, the program takes what is fast on the device, and what other options are for.
 #[test]
 fn the_structure_follows_device_and_options() {
     let Some(device) = common::device() else { return };
     let folder = folder();
-    let workload = Workload { device: Some(&device.info), triangle_count: Some(1), rays: RayKind::Picture };
+    let workload = Workload { device: Some(&device.info), triangle_count: Some(1) };
     let fastest = Request::default().choose(&workload, None).unwrap().options.accel.name();
     let index = device.info.index.to_string();
     for (device, arguments, expected) in [
