@@ -185,13 +185,19 @@ fn images_in_a_batch_keep_the_order_of_their_rays() {
     }
 }
 
-#[test]
-fn packets_read_every_kind_of_memory_and_do_without_double() {
-    let Some(device) = device() else { return };
+/// Bundles and other rays through a sheet.
+fn sheet_and_rays() -> (Vec<[Vec3; 3]>, Vec<TraceRay>) {
     let mut random = Random(SEED);
     let triangles = sheet(12);
     let mut rays = bundles(640, 64, &mut random);
     rays.extend(scattered(640, &triangles, &mut random));
+    (triangles, rays)
+}
+
+#[test]
+fn packets_read_every_kind_of_memory() {
+    let Some(device) = device() else { return };
+    let (triangles, rays) = sheet_and_rays();
     let memories = Memory::ALL.iter().map(|&memory| TraceOptions { memory, ..PACKETS });
     let others = [
         TraceOptions { layout: Layout::Whole, ..PACKETS },
@@ -202,6 +208,12 @@ fn packets_read_every_kind_of_memory_and_do_without_double() {
     for options in memories.chain(others) {
         assert_answers(&device, &options, &triangles, &rays);
     }
+}
+
+#[test]
+fn packets_do_without_double() {
+    let Some(device) = device() else { return };
+    let (triangles, rays) = sheet_and_rays();
     let float_only = device.with_compiler_options("-D FLOAT_ONLY=1").unwrap();
     for options in [PACKETS, KD] {
         assert_answers(&float_only, &options, &triangles, &rays);

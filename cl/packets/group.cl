@@ -123,7 +123,8 @@ bool first_rays_go_one_way(const RayPacket* packets, uint members) {
 void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit, PacketHits* hits,
                            int16* doubtful) {
     PacketRange range;
-    if ((members & (members - 1u)) != 0u && first_rays_go_one_way(packets, members)) {
+    const bool are_several = members >> first_member(members) != 1u;
+    if (are_several && first_rays_go_one_way(packets, members)) {
         Frustum frusta[PACKETS_OF_ITEM];
         range_of(packets, members, &range);
         if (make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
