@@ -247,10 +247,10 @@ impl TraceOptions {
                 "--cost-intersect",
                 kd.cost_intersect.is_some(),
                 build.cost_intersect.to_string(),
-                if is_default_cost {
-                    "a test takes about as long as a step"
-                } else {
-                    "eight triangles are tested at once"
+                match (is_default_cost, build.cost_traverse == KdOptions::COST) {
+                    (true, true) => "a test takes about as long as a step",
+                    (true, false) => "the unit of costs",
+                    (false, _) => "eight triangles are tested at once",
                 }
                 .to_owned(),
             ),
