@@ -20,7 +20,7 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL, PLY, STL, NFF and TOML loaders; usable alone |
-//! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), hierarchies of boxes (`bvh.rs`, improved in `bvh/reinsert.rs`; packed in `bvh2.rs` and `bvh8.rs`; triangles by eights in `leaf_packets.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
+//! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), hierarchies of boxes (`bvh.rs`, with splits of space in `bvh/spatial.rs`, improved in `bvh/reinsert.rs`; packed in `bvh2.rs` and `bvh8.rs`; triangles by eights in `leaf_packets.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
 //! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |
 //! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `split.rs`, several a picture |

@@ -359,6 +359,9 @@ pub struct TraceOptions {
     /// Passes over a finished hierarchy of boxes, each of which moves large subtrees to where they fit better, or fewer when nothing is
     /// left to gain; `None`: 5.
     pub reinsert: Option<u32>,
+    /// The most references that splits of space may add to a hierarchy of boxes, as a share of the triangles: each part of a triangle that
+    /// is cut has one. 0 (none) to [`TraceOptions::MAX_SPATIAL_SPLITS`]; `None`: 0.
+    pub spatial_splits: Option<f32>,
     /// How the kd-tree is split, and when no more.
     #[serde(flatten)]
     pub kd: KdOptions,
@@ -421,6 +424,7 @@ impl TraceOptions {
         leaf_size: None,
         max_depth: None,
         reinsert: None,
+        spatial_splits: None,
         kd: KdOptions::DEFAULT,
         grid_size: None,
         memory: Memory::Global,
@@ -447,6 +451,10 @@ impl TraceOptions {
 
     /// The most triangles in a leaf of [`Accel::Bvh8`]: those that are looked at together.
     pub const BVH8_MAX_LEAF: u32 = 8;
+
+    /// The most references that splits of space may add per triangle. A sixth as many as a kd-tree may have; 1 is more than scenes of long
+    /// thin triangles had use for.
+    pub const MAX_SPATIAL_SPLITS: f32 = 4.0;
 
     /// The most cells of a grid: 256 MiB of them, and numbers that are exact in float32.
     pub const MAX_GRID_CELLS: u32 = 1 << 24;
@@ -500,6 +508,10 @@ impl TraceOptions {
         }
         if let Some(depth) = self.max_depth.filter(|&d| d > Self::MAX_DEPTH) {
             return Err(Error::option("--max-depth", format!("{depth} is over the limit of {}", Self::MAX_DEPTH)));
+        }
+        if let Some(share) = self.spatial_splits.filter(|share| !(0.0..=Self::MAX_SPATIAL_SPLITS).contains(share)) {
+            let message = format!("{share} is not a number from 0 to {}", Self::MAX_SPATIAL_SPLITS);
+            return Err(Error::option("--spatial-splits", message));
         }
         if let Some([x, y, z]) = self.grid_size {
             let cells = [x, y, z].iter().try_fold(1u32, |product, &n| product.checked_mul(n));

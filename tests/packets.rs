@@ -4,6 +4,7 @@ mod common;
 
 use common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
+use raybrook::accel::StructureStats;
 use raybrook::device::DeviceHandle;
 use raybrook::layout::Float4;
 use raybrook::options::{Accel, KdOptions, Layout, Memory, PacketSize, TraceOptions, TriangleOrder};
@@ -146,6 +147,25 @@ fn packets_find_the_hits_of_single_rays() {
     for options in [PACKETS, KD] {
         assert_eq!(assert_answers(&device, &options, &[], &bundles(32, 16, &mut random)), [0, 0]);
     }
+}
+
+/// A triangle that splits of space have put into several leaves is met again and again, by all rays of a packet.
+#[test]
+fn packets_meet_the_parts_of_a_triangle() {
+    let Some(device) = device() else { return };
+    let mut random = Random(SEED);
+    let long = soup(200, 2.0, &mut random).into_iter().map(|[a, b, c]| [a, b, b + (c - b) * 0.02]);
+    let triangles: Vec<_> = long.chain(soup(200, 0.05, &mut random)).chain(soup(5, 2.0, &mut random)).collect();
+    let options = TraceOptions { spatial_splits: Some(4.0), leaf_size: Some(2), ..PACKETS };
+    let buffers = SceneBuffers::new(&scene_of(&triangles), &options).unwrap();
+    let stats =
+        StructureStats::new(options.accel, &buffers.nodes, &buffers.references, &buffers.bounds, triangles.len());
+    assert!(stats.references_per_triangle > 1.5, "{stats:?}");
+    let mut rays = bundles(1600, 16, &mut random);
+    rays.extend(bundles(3200, 64, &mut random));
+    rays.extend(scattered(1600, &triangles, &mut random));
+    let [hits, _] = assert_answers(&device, &options, &triangles, &rays);
+    assert!(hits > rays.len() / 4, "{hits} hits of {} rays", rays.len());
 }
 
 #[test]

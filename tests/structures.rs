@@ -100,10 +100,17 @@ fn all_options() -> Vec<TraceOptions> {
     for accel in [Accel::Bvh2, Accel::Bvh8] {
         all.push(TraceOptions { reinsert: Some(0), ..with(accel) });
         all.push(TraceOptions { leaf_size: Some(1), reinsert: Some(100), ..with(accel) });
+        all.extend(cut(accel));
     }
     all.push(TraceOptions { max_depth: Some(0), ..with(Accel::Octree) });
     all.push(TraceOptions { leaf_size: Some(1), max_depth: Some(60), ..with(Accel::Octree) });
     all
+}
+
+/// Hierarchies of boxes with splits of space.
+fn cut(accel: Accel) -> [TraceOptions; 2] {
+    let options = TraceOptions { accel, spatial_splits: Some(0.5), ..TraceOptions::default() };
+    [options, TraceOptions { leaf_size: Some(1), reinsert: Some(100), spatial_splits: Some(4.0), ..options }]
 }
 
 /// Rays in tracing space that meet a 4³ grid, its octree and the triangles where it hurts.
@@ -216,7 +223,7 @@ fn the_device_agrees_on_them_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
-        for options in all_options().into_iter().skip(1).take(6) {
+        for options in all_options().into_iter().skip(1).take(6).chain(cut(Accel::Bvh2)).chain(cut(Accel::Bvh8)) {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let rays = queries(&buffers, 1400);
             let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
@@ -396,6 +403,15 @@ fn options_without_a_meaning_are_refused() {
         (TraceOptions { max_depth: Some(4), ..with(Accel::Spheres) }, "--max-depth", "kd or octree"),
         (TraceOptions { reinsert: Some(1), ..with(Accel::Kd) }, "--reinsert", "--accel bvh2 or bvh8"),
         (TraceOptions { reinsert: Some(0), ..with(Accel::Boxes) }, "--reinsert", "means nothing to --accel boxes"),
+        (TraceOptions { spatial_splits: Some(1.0), ..with(Accel::Kd) }, "--spatial-splits", "--accel bvh2 or bvh8"),
+        (
+            TraceOptions { spatial_splits: Some(4.5), ..with(Accel::Bvh2) },
+            "--spatial-splits",
+            "4.5 is not a number from 0 to 4",
+        ),
+        (TraceOptions { spatial_splits: Some(-0.5), ..with(Accel::Bvh8) }, "--spatial-splits", "from 0 to 4"),
+        (TraceOptions { spatial_splits: Some(f32::NAN), ..with(Accel::Bvh8) }, "--spatial-splits", "NaN is not"),
+        (TraceOptions { spatial_splits: Some(f32::INFINITY), ..with(Accel::Bvh8) }, "--spatial-splits", "from 0 to 4"),
         (TraceOptions { grid_size: Some([4, 4, 4]), ..with(Accel::Kd) }, "--grid-size", "--accel grid"),
         (TraceOptions { grid_size: Some([4, 0, 4]), ..with(Accel::Grid) }, "--grid-size", "1,1,1"),
         (TraceOptions { grid_size: Some([u32::MAX, 2, 1]), ..with(Accel::Grid) }, "--grid-size", "16777216"),

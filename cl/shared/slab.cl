@@ -9,7 +9,8 @@
 //
 // The pad. D is no less than the distance on any axis of any point of the scene's box from the start (farthest_distance in ray.cl),
 // and |d| is at least 1 on some axis, so the hits that matter have |t| <= D (1 + SLACK). On each axis, in units of |inv|:
-//   - the hit's point may lie HIT_ERROR EPSILON D outside of its triangle's box (ray.cl);
+//   - the hit's point may lie HIT_ERROR EPSILON D away from the nearest point of its triangle (ray.cl), which is in the box of some leaf
+//     that lists the triangle;
 //   - inv is off by 5 EPSILON of itself (2.5 ulp, on devices whose division is no better) and the fma by EPSILON of its result: as t is
 //     (p - o) inv and |p - o| <= D, together 6 EPSILON D;
 //   - a direction below LEAST_SLAB_DIRECTION is taken for that, so that nothing overflows: it moves the point at t by no more than

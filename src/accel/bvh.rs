@@ -5,28 +5,35 @@
 //! better. A node is a leaf when no split pays, and not before it is small enough. Nodes side by side, and the bins and the partition
 //! of the largest ones, use all cores. What such splits put into a bad place [`reinsert`] moves to a better one.
 //!
-//! Knows nothing of how nodes are packed. Bad at: triangles that are much larger than their neighbours, or long and oblique: their
-//! boxes overlap those of others, where a kd-tree would cut them.
+//! Triangles that are much larger than their neighbours, or long and oblique, have boxes that overlap those of others. A kd-tree cuts them,
+//! and so does this build on request ([`spatial`]): up to a given number of parts, for which there is room from the start. A subtree gets
+//! its share of what is left, so that what one uses does not depend on others, nor on who builds them.
+//!
+//! What all relies on: each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above it.
+//!
+//! Knows nothing of how nodes are packed.
 
 mod bins;
 mod items;
+mod object;
 mod reinsert;
+mod spatial;
 mod sweep;
 
 use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
 use crate::error::{Error, Result};
 use crate::options::{Accel, KdOptions, TraceOptions};
-use bins::Binning;
 use glam::Vec3;
-use items::{Extent, Item, PARALLEL_ITEMS, halve, partition};
+use items::{Extent, Item, PARALLEL_ITEMS, halve};
+use object::ObjectSplit;
 use rayon::prelude::*;
-use sweep::Sweep;
+use spatial::SpatialSplit;
 
 /// A node of a [`Bvh`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BvhNode {
-    /// The smallest box around its triangles.
+    /// The smallest box around its triangles, or, where splits of space have cut them, around the parts that are here.
     pub bounds: Aabb,
     /// Of a leaf its first triangle, as an index into [`Bvh::order`]; of an inner node its second child. The first child is the next
     /// node.
@@ -42,7 +49,8 @@ impl BvhNode {
     }
 }
 
-/// A binary tree of boxes over triangles, each of which is in one leaf.
+/// A binary tree of boxes over triangles. Each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above
+/// it; without splits of space each triangle is in one leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bvh {
     /// Depth first, the root first; of two children that with the larger surface first. Empty without triangles.
@@ -116,6 +124,10 @@ pub(super) fn check_triangle_count(count: usize, limit: usize) -> Result<()> {
 /// Nodes of at least this many triangles build their children side by side; smaller ones cost less than handing them over.
 const PARALLEL_CHILDREN: usize = 2048;
 
+/// A split of space is tried where the boxes of the two halves of the triangles have so much in common, as a share of the root's surface:
+/// alpha of the paper.
+const LEAST_OVERLAP: f64 = 1e-5;
+
 impl BuildOptions {
     /// The most triangles of a leaf, unless something else is asked for: the costs stop most nodes earlier.
     const BVH_LEAF_SIZE: u32 = 8;
@@ -128,12 +140,16 @@ impl BuildOptions {
     /// made the builds of these up to 17 % longer, and that of a million triangles up to half.
     const REINSERT: u32 = 5;
 
+    /// The most parts that splits of space add per triangle unless something else is asked for.
+    const SPATIAL_SPLITS: f32 = 0.0;
+
     /// What `options` ask for in a bounding volume hierarchy of `triangle_count` triangles.
     pub fn bvh(options: &TraceOptions, triangle_count: usize) -> Self {
         BuildOptions {
             leaf_size: options.leaf_size.unwrap_or(Self::BVH_LEAF_SIZE),
             max_depth: TraceOptions::MAX_DEPTH,
             reinsert: options.reinsert.unwrap_or(Self::REINSERT),
+            spatial_splits: options.spatial_splits.unwrap_or(Self::SPATIAL_SPLITS),
             cost_traverse: options.kd.cost_traverse.unwrap_or(KdOptions::COST),
             cost_intersect: options.kd.cost_intersect.unwrap_or(match options.accel {
                 Accel::Bvh8 => Self::WIDE_COST_INTERSECT,
@@ -145,10 +161,10 @@ impl BuildOptions {
 }
 
 /// Builds a hierarchy over the triangles `primitives` (indices into `vertices`; each finite), of which one that is listed twice
-/// counts once. Reads `leaf_size`, the most triangles of a leaf, the two costs, and `reinsert`.
+/// counts once. Reads `leaf_size`, the most triangles of a leaf, the two costs, `spatial_splits` and `reinsert`.
 ///
 /// The tree does not depend on the order of `primitives` or on the number of threads (rayon's current pool). No leaf is deeper than
-/// [`TraceOptions::MAX_DEPTH`].
+/// [`TraceOptions::MAX_DEPTH`], and all leaves together have at most 2^27 - 16 triangles.
 ///
 /// # Errors
 /// [`Error::Scene`] when there are more than 2^27 - 16 of them.
@@ -161,102 +177,152 @@ pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOpti
     if !items.is_empty() {
         let extent = Extent::of(&items);
         let builder = Builder {
+            vertices,
             leaf_size: options.leaf_size.max(1) as usize,
             cost_traverse: f64::from(options.cost_traverse),
             cost_intersect: f64::from(options.cost_intersect),
+            least_overlap: LEAST_OVERLAP * extent.bounds.half_area(),
         };
-        builder.build(&mut items, Place { first: 0, depth: 0 }, &extent, &mut nodes);
+        let count = items.len();
+        let room = (f64::from(options.spatial_splits) * count as f64) as usize;
+        items.resize(count + room.min(MAX_TRIANGLES - count), items[0]);
+        builder.build(List { slots: &mut items, count, first: 0, depth: 0, extent }, &mut nodes);
     }
-    // Subtrees tell how far on the second child is, so that they can be moved as a whole.
-    for (index, node) in nodes.iter_mut().enumerate().filter(|(_, node)| !node.is_leaf()) {
-        node.first += index as u32;
+    // Subtrees tell how far on the second child is, so that they can be moved as a whole, and leaves where among the items theirs are.
+    let mut order = Vec::with_capacity(triangles.len());
+    for (index, node) in nodes.iter_mut().enumerate() {
+        if node.is_leaf() {
+            let first = order.len() as u32;
+            order.extend(items[node.first as usize..][..node.count as usize].iter().map(Item::triangle));
+            node.first = first;
+        } else {
+            node.first += index as u32;
+        }
     }
-    let mut tree = Bvh { nodes, order: items.iter().map(Item::triangle).collect() };
+    let mut tree = Bvh { nodes, order };
     tree.reinsert(options.reinsert);
     Ok(tree)
 }
 
-struct Builder {
+struct Builder<'a> {
+    vertices: &'a [[Vec3; 3]],
     leaf_size: usize,
     cost_traverse: f64,
     cost_intersect: f64,
+    /// Half of the surface that two children must have in common before a split of space is tried.
+    least_overlap: f64,
 }
 
-/// Where a node is: the index of its first item, and its depth.
-#[derive(Clone, Copy)]
-struct Place {
+/// The items of a node, with room for the parts that splits of space may add below it.
+struct List<'a> {
+    /// The items, and then the room.
+    slots: &'a mut [Item],
+    count: usize,
+    /// Where the first slot is among all.
     first: usize,
     depth: u32,
+    extent: Extent,
 }
 
-impl Builder {
-    /// Appends the node of `items` and all below it.
-    fn build(&self, items: &mut [Item], place: Place, extent: &Extent, nodes: &mut Vec<BvhNode>) {
-        let count = items.len();
+impl<'a> List<'a> {
+    fn items(&mut self) -> &mut [Item] {
+        &mut self.slots[..self.count]
+    }
+
+    /// The lists of two children, of which the first one's `low_count` items are in front, and the other's are those `behind`, or else all
+    /// others. Each gets room by its items.
+    fn divide(self, low_count: usize, behind: Option<Vec<Item>>) -> [List<'a>; 2] {
+        let high_count = behind.as_ref().map_or(self.count - low_count, Vec::len);
+        let room = self.slots.len() - low_count - high_count;
+        let middle = low_count + (room as u64 * low_count as u64 / (low_count + high_count) as u64) as usize;
+        match behind {
+            Some(behind) => self.slots[middle..middle + high_count].copy_from_slice(&behind),
+            None => self.slots.copy_within(low_count..self.count, middle),
+        }
+        let (low, high) = self.slots.split_at_mut(middle);
+        let extents = match low_count + high_count >= PARALLEL_ITEMS {
+            true => rayon::join(|| Extent::of(&low[..low_count]), || Extent::of(&high[..high_count])),
+            false => (Extent::of(&low[..low_count]), Extent::of(&high[..high_count])),
+        };
+        let depth = self.depth + 1;
+        [
+            List { slots: low, count: low_count, first: self.first, depth, extent: extents.0 },
+            List { slots: high, count: high_count, first: self.first + middle, depth, extent: extents.1 },
+        ]
+    }
+}
+
+impl Builder<'_> {
+    /// Appends the node of a list and all below it.
+    fn build(&self, mut list: List, nodes: &mut Vec<BvhNode>) {
+        let count = list.count;
         let node_index = nodes.len();
-        let bounds = extent.bounds.to_aabb();
-        let Some(middle) = self.split(items, place.depth, extent) else {
-            items.sort_unstable_by_key(Item::triangle);
-            nodes.push(BvhNode { bounds, first: place.first as u32, count: count as u32 });
+        let bounds = list.extent.bounds.to_aabb();
+        let Some((low_count, behind)) = self.split(&mut list) else {
+            list.items().sort_unstable_by_key(Item::triangle);
+            nodes.push(BvhNode { bounds, first: list.first as u32, count: count as u32 });
             return;
         };
         nodes.push(BvhNode { bounds, first: 0, count: 0 });
-        let (low, high) = items.split_at_mut(middle);
-        let extents = match count >= PARALLEL_ITEMS {
-            true => rayon::join(|| Extent::of(low), || Extent::of(high)),
-            false => (Extent::of(low), Extent::of(high)),
-        };
-        let depth = place.depth + 1;
-        let low = (low, Place { first: place.first, depth }, extents.0);
-        let high = (high, Place { first: place.first + middle, depth }, extents.1);
-        let high_is_larger = high.2.bounds.half_area() > low.2.bounds.half_area();
+        let [low, high] = list.divide(low_count, behind);
+        let high_is_larger = high.extent.bounds.half_area() > low.extent.bounds.half_area();
         let (first, second) = if high_is_larger { (high, low) } else { (low, high) };
         if count >= PARALLEL_CHILDREN {
             let mut second_nodes = Vec::new();
-            rayon::join(
-                || self.build(first.0, first.1, &first.2, nodes),
-                || self.build(second.0, second.1, &second.2, &mut second_nodes),
-            );
+            rayon::join(|| self.build(first, nodes), || self.build(second, &mut second_nodes));
             nodes[node_index].first = (nodes.len() - node_index) as u32;
             nodes.append(&mut second_nodes);
         } else {
-            self.build(first.0, first.1, &first.2, nodes);
+            self.build(first, nodes);
             nodes[node_index].first = (nodes.len() - node_index) as u32;
-            self.build(second.0, second.1, &second.2, nodes);
+            self.build(second, nodes);
         }
     }
 
-    /// Brings the items of one child before those of the other and returns how many these are; `None`: the node is a leaf.
-    fn split(&self, items: &mut [Item], depth: u32, extent: &Extent) -> Option<usize> {
-        let count = items.len();
+    /// Brings the items of one child to the front and returns how many these are, and those of the other child when they are not just the
+    /// rest; `None`: the node is a leaf.
+    fn split(&self, list: &mut List) -> Option<(usize, Option<Vec<Item>>)> {
+        let (count, extent) = (list.count, list.extent);
         let may_be_leaf = count <= self.leaf_size;
         // Halves end in leaves of one triangle after so many levels.
         let levels = count.next_power_of_two().trailing_zeros();
-        if depth + levels >= TraceOptions::MAX_DEPTH {
-            return (!may_be_leaf).then(|| halve(items, extent));
+        if list.depth + levels >= TraceOptions::MAX_DEPTH {
+            return (!may_be_leaf).then(|| (halve(list.items(), &extent), None));
         }
+        if count == 1 {
+            return None;
+        }
+        let object = ObjectSplit::best(list.items(), &extent);
+        let spatial = self.spatial_split(list, object.as_ref());
+        let area = extent.bounds.half_area();
         let pays = |children_cost: f64| {
-            let area = extent.bounds.half_area();
             self.cost_traverse * area + self.cost_intersect * children_cost < self.cost_intersect * area * count as f64
         };
-        if count == 1 {
-            None
-        } else if count <= sweep::CAPACITY {
-            match Sweep::best(items, extent) {
-                Some(best) if !may_be_leaf || pays(best.cost) => Some(best.apply(items)),
-                None if !may_be_leaf => Some(halve(items, extent)),
-                _ => None,
+        match (spatial, object) {
+            (Some(split), _) if !may_be_leaf || pays(split.cost()) => {
+                let (low_count, behind) = split.apply(self.vertices, list.items());
+                Some((low_count, Some(behind)))
             }
-        } else {
-            let binning = Binning::new(extent);
-            match binning.best_split(items) {
-                Some(best) if !may_be_leaf || pays(best.cost) => {
-                    Some(partition(items, &|item| binning.is_before(item, &best)))
-                }
-                None if !may_be_leaf => Some(halve(items, extent)),
-                _ => None,
-            }
+            (None, Some(split)) if !may_be_leaf || pays(split.cost()) => Some((split.apply(list.items()), None)),
+            (None, None) if !may_be_leaf => Some((halve(list.items(), &extent), None)),
+            _ => None,
         }
+    }
+
+    /// A split of space that is better than that of the triangles, where this one is bad enough and there is room for parts.
+    fn spatial_split(&self, list: &mut List, object: Option<&ObjectSplit>) -> Option<SpatialSplit> {
+        let (room, bounds) = (list.slots.len() - list.count, list.extent.bounds);
+        if room == 0 {
+            return None;
+        }
+        let overlap = object.map_or(bounds, |object| object.overlap(list.items()));
+        let is_large = !overlap.is_empty() && overlap.half_area() > self.least_overlap;
+        if !is_large {
+            return None;
+        }
+        // Where all centroids are alike, it need only be better than a leaf.
+        let cost = object.map_or_else(|| bounds.half_area() * list.count as f64, ObjectSplit::cost);
+        SpatialSplit::best(self.vertices, list.items(), &bounds, room).filter(|split| split.cost() < cost)
     }
 }
 

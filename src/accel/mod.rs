@@ -104,6 +104,8 @@ pub struct BuildOptions {
     pub sample_size: u32,
     /// Passes of reinsertion over a hierarchy of boxes.
     pub reinsert: u32,
+    /// The most references that splits of space may add to a hierarchy of boxes, as a share of the triangles.
+    pub spatial_splits: f32,
 }
 
 impl BuildOptions {
@@ -148,6 +150,7 @@ impl BuildOptions {
             split_axis: kd.split_axis,
             sample_size: kd.sample_size.unwrap_or(KdOptions::SAMPLE_SIZE),
             reinsert: 0,
+            spatial_splits: 0.0,
         }
     }
 }

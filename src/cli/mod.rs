@@ -123,6 +123,9 @@ struct MethodArgs {
     /// [default: 5].
     #[arg(long, value_name = "N")]
     reinsert: Option<u32>,
+    /// Cut long and large triangles in bvh2 or bvh8, which makes up to X more references per triangle, 0 to 4; 0: none [default: 0].
+    #[arg(long, value_name = "X")]
+    spatial_splits: Option<f32>,
     #[command(flatten)]
     kd: kd::KdArgs,
     /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
@@ -209,6 +212,7 @@ impl MethodArgs {
             leaf_size: self.leaf_size,
             max_depth: self.max_depth,
             reinsert: self.reinsert,
+            spatial_splits: self.spatial_splits,
             kd: self.kd.options(),
             grid_size: self.grid_size,
             memory: self.memory,

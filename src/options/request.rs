@@ -266,6 +266,12 @@ impl TraceOptions {
                 build.reinsert.to_string(),
                 "later passes move nothing any more".to_owned(),
             ),
+            (
+                "--spatial-splits",
+                self.spatial_splits.is_some(),
+                build.spatial_splits.to_string(),
+                "cut triangles pay in few scenes".to_owned(),
+            ),
         ];
         let is_read = |name: &str| {
             let option = OPTIONS.iter().find(|option| option.name == name).expect("a row of the table of options");
@@ -405,7 +411,9 @@ mod tests {
             let names: Vec<_> = decisions.iter().map(|decision| decision.option).collect();
             let expected: &[&str] = match accel {
                 Accel::Kd => &["--leaf-size", "--max-depth", "--cost-traverse", "--cost-intersect", "--empty-bonus"],
-                Accel::Bvh2 | Accel::Bvh8 => &["--leaf-size", "--cost-traverse", "--cost-intersect", "--reinsert"],
+                Accel::Bvh2 | Accel::Bvh8 => {
+                    &["--leaf-size", "--cost-traverse", "--cost-intersect", "--reinsert", "--spatial-splits"]
+                }
                 Accel::Octree => &["--leaf-size", "--max-depth"],
                 Accel::Boxes | Accel::Spheres => &["--leaf-size"],
                 Accel::Brute | Accel::Grid => &[],

@@ -84,6 +84,7 @@ pub static OPTIONS: &[MethodOption] = &[
     ),
     number!("--max-depth", max_depth, &[Accel::Kd, Accel::Octree], 1),
     number!("--reinsert", reinsert, &[Accel::Bvh2, Accel::Bvh8], 1),
+    number!("--spatial-splits", spatial_splits, &[Accel::Bvh2, Accel::Bvh8], 1.0),
     names!(SplitAxis, kd.split_axis, &[Accel::Kd]),
     number!("--sample-size", kd.sample_size, &[Accel::Kd], 1),
     names!(Stop, kd.stop, &[Accel::Kd]),

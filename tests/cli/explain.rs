@@ -5,8 +5,16 @@ use serde_json::Value;
 use std::path::Path;
 
 /// What every run with a structure of boxes explains, beside the work-group size, which the reference does not have.
-const OPTIONS: [&str; 7] =
-    ["--accel", "--packet-size", "--intersector", "--leaf-size", "--cost-traverse", "--cost-intersect", "--reinsert"];
+const OPTIONS: [&str; 8] = [
+    "--accel",
+    "--packet-size",
+    "--intersector",
+    "--leaf-size",
+    "--cost-traverse",
+    "--cost-intersect",
+    "--reinsert",
+    "--spatial-splits",
+];
 
 /// Runs `arguments` and returns what it said of each choice: the lines, and the entries of the JSON file.
 fn explained(at: &Path, arguments: &[&str]) -> (Vec<String>, Vec<Value>) {
@@ -49,6 +57,7 @@ fn every_choice_is_told_with_its_reason() {
         "--cost-traverse 1: model: ",
         "--cost-intersect 2: given on the command line",
         "--reinsert 2: given on the command line",
+        "--spatial-splits 0: model: ",
     ]) {
         assert!(line.starts_with(expected), "{line}");
     }

@@ -195,6 +195,7 @@ pub fn kernel_key(options: &TraceOptions) -> String {
         ray_order: default.ray_order,
         leaf_size: None,
         reinsert: None,
+        spatial_splits: None,
         kd: KdOptions::DEFAULT,
         grid_size: None,
         paths_in_flight: None,

@@ -7,12 +7,24 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 /// Bins of an axis.
-const BINS: usize = 16;
+pub(super) const BINS: usize = 16;
+
+/// Bins per unit of length on axes of such lengths; 0 on one without length.
+pub(super) fn scale(lengths: Vec4) -> Vec4 {
+    lengths.to_array().map(|length| if length > 0.0 { BINS as f32 / length } else { 0.0 }).into()
+}
+
+/// The bin at so many bins from the low end. Lengths so short that their scale is infinite leave the first and the last bin: 0 times it
+/// is NaN, which converts to 0.
+#[inline(always)]
+pub(super) fn bin_of(place: f32) -> usize {
+    (place as i32).min(BINS as i32 - 1) as usize
+}
 
 /// Which bins centroids belong to.
 pub(super) struct Binning {
     low: Vec4,
-    /// Bins per unit of length; 0 on an axis on which all centroids are alike.
+    /// 0 on an axis on which all centroids are alike.
     scale: Vec4,
 }
 
@@ -20,6 +32,8 @@ pub(super) struct Binning {
 pub(super) struct Split {
     /// Half areas of the two sides, each times the items in it.
     pub cost: f64,
+    /// The boxes of the two sides.
+    pub boxes: [Bounds; 2],
     axis: usize,
     bin: usize,
 }
@@ -48,17 +62,14 @@ type Bins = [[Bin; BINS]; 3];
 
 impl Binning {
     pub fn new(extent: &Extent) -> Binning {
-        let spread = extent.centroids.high - extent.centroids.low;
-        let scale = |length: f32| if length > 0.0 { BINS as f32 / length } else { 0.0 };
-        Binning { low: extent.centroids.low, scale: spread.to_array().map(scale).into() }
+        Binning { low: extent.centroids.low, scale: scale(extent.centroids.high - extent.centroids.low) }
     }
 
-    /// The bins of an item's centroid. Lengths so short that the scale is infinite leave the first and the last bin: 0 times it is NaN,
-    /// which converts to 0.
+    /// The bins of an item's centroid.
     #[inline(always)]
     fn bins_of(&self, item: &Item) -> [usize; 3] {
         let [x, y, z, _] = ((item.centroid() - self.low) * self.scale).to_array();
-        [x, y, z].map(|bin| (bin as i32).min(BINS as i32 - 1) as usize)
+        [x, y, z].map(bin_of)
     }
 
     /// The cheapest split; `None` when all centroids are alike.
@@ -69,11 +80,11 @@ impl Binning {
         };
         let mut best: Option<Split> = None;
         for (axis, bins) in bins.iter().enumerate().filter(|(axis, _)| self.scale[*axis] > 0.0) {
-            let mut high_costs = [0.0; BINS];
+            let mut highs = [Bin::EMPTY; BINS];
             let mut high = Bin::EMPTY;
             for bin in (1..BINS).rev() {
                 high = high.union(bins[bin]);
-                high_costs[bin] = high.cost();
+                highs[bin] = high;
             }
             let mut low = Bin::EMPTY;
             for bin in 1..BINS {
@@ -82,9 +93,9 @@ impl Binning {
                 if bins[bin - 1].count == 0 {
                     continue;
                 }
-                let cost = low.cost() + high_costs[bin];
+                let cost = low.cost() + highs[bin].cost();
                 if best.as_ref().is_none_or(|best| cost < best.cost) {
-                    best = Some(Split { cost, axis, bin });
+                    best = Some(Split { cost, boxes: [low.bounds, highs[bin].bounds], axis, bin });
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! The triangles of a hierarchy while it is built: their boxes, and how lists of them are divided.
 
+use crate::accel::clip::Reference;
 use crate::accel::{Aabb, half_area};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -32,12 +33,23 @@ impl Bounds {
         half_area((self.high - self.low).truncate().to_array().map(f64::from))
     }
 
+    /// The common part; empty, with a low coordinate above the high one, when there is none.
+    #[inline(always)]
+    pub fn intersection(self, other: Bounds) -> Bounds {
+        Bounds { low: self.low.max(other.low), high: self.high.min(other.high) }
+    }
+
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.low.truncate().cmpgt(self.high.truncate()).any()
+    }
+
     pub fn to_aabb(self) -> Aabb {
         Aabb { low: self.low.truncate(), high: self.high.truncate() }
     }
 }
 
-/// A triangle's box, and in the bits of `low.w` its number.
+/// The box of a triangle or of a part of it, and in the bits of `low.w` the triangle's number.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Item {
     low: Vec4,
@@ -49,6 +61,20 @@ impl Item {
         // Adding 0 turns -0 into +0: else the sign of a zero would depend on the order of unions.
         let Aabb { low, high } = Aabb::of_triangle(vertices);
         Item { low: (low + 0.0).extend(f32::from_bits(triangle)), high: (high + 0.0).extend(0.0) }
+    }
+
+    /// A part of a triangle, of which no coordinate is -0.
+    pub fn of_part(part: &Reference) -> Item {
+        let (low, high) = (Vec3::from_array(part.low), Vec3::from_array(part.high));
+        Item { low: low.extend(f32::from_bits(part.triangle)), high: high.extend(0.0) }
+    }
+
+    pub fn to_part(self) -> Reference {
+        Reference {
+            low: self.low.truncate().to_array(),
+            high: self.high.truncate().to_array(),
+            triangle: self.triangle(),
+        }
     }
 
     #[inline(always)]

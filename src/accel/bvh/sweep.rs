@@ -45,6 +45,14 @@ impl Sweep {
         best
     }
 
+    /// The boxes of the two sides.
+    pub fn boxes(&self, items: &[Item]) -> [Bounds; 2] {
+        let (low, high) = self.order[..items.len()].split_at(self.middle);
+        [low, high].map(|numbers| {
+            numbers.iter().fold(Bounds::EMPTY, |bounds, &number| bounds.union(items[usize::from(number)].bounds()))
+        })
+    }
+
     /// Sorts the items, and returns how many are below the cut.
     pub fn apply(&self, items: &mut [Item]) -> usize {
         let mut old = [items[0]; CAPACITY];

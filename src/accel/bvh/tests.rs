@@ -1,6 +1,8 @@
 use super::*;
 use crate::stress::Random;
 
+mod spatial;
+
 type Triangles = Vec<[Vec3; 3]>;
 
 impl Bvh {
@@ -58,27 +60,38 @@ fn scenes() -> Vec<(&'static str, Triangles)> {
     ]
 }
 
-fn check(name: &str, triangles: &Triangles, leaf_size: u32, tree: &Bvh) {
-    let mut seen = vec![false; triangles.len()];
+/// Checks what holds of every tree, and returns of each triangle in how many leaves it is.
+fn check_nodes(name: &str, triangles: &Triangles, leaf_size: u32, tree: &Bvh) -> Vec<usize> {
+    let mut times = vec![0; triangles.len()];
     let mut starts = vec![false; tree.nodes.len() + 1];
     for (index, node) in tree.nodes.iter().enumerate() {
-        let around = if node.is_leaf() {
+        if node.is_leaf() {
             let list = tree.triangles(index);
-            assert!(list.len() <= leaf_size as usize && list.is_sorted(), "{name}: {list:?}");
-            list.iter().for_each(|&i| assert!(!std::mem::replace(&mut seen[i as usize], true), "{name}: {i} twice"));
-            list.iter().map(|&i| Aabb::of_triangle(&triangles[i as usize])).fold(Aabb::EMPTY, Aabb::union)
+            assert!(list.len() <= leaf_size as usize && list.is_sorted_by(|a, b| a < b), "{name}: {list:?}");
+            list.iter().for_each(|&i| times[i as usize] += 1);
         } else {
             let children = tree.children(index);
             children.iter().for_each(|&child| assert!(child > index && !std::mem::replace(&mut starts[child], true)));
             let [first, second] = children.map(|child| tree.nodes[child].bounds);
             assert!(first.half_area() >= second.half_area(), "{name}: the larger child is the second");
-            first.union(second)
-        };
-        assert_eq!(node.bounds, around, "{name}");
+            assert_eq!(node.bounds, first.union(second), "{name}");
+        }
     }
-    assert!(seen.iter().all(|&seen| seen), "{name}: a triangle is missing");
+    assert!(times.iter().all(|&times| times > 0), "{name}: a triangle is missing");
+    assert_eq!(times.iter().sum::<usize>(), tree.order.len(), "{name}: triangles in no leaf");
     assert!(starts[1..tree.nodes.len().max(1)].iter().all(|&seen| seen), "{name}: a node that is no child");
     assert!(tree.depth() <= TraceOptions::MAX_DEPTH, "{name}: depth {}", tree.depth());
+    times
+}
+
+/// Checks a tree without splits of space.
+fn check(name: &str, triangles: &Triangles, leaf_size: u32, tree: &Bvh) {
+    let times = check_nodes(name, triangles, leaf_size, tree);
+    assert!(times.iter().all(|&times| times == 1), "{name}: a triangle is in several leaves");
+    for index in (0..tree.nodes.len()).filter(|&index| tree.nodes[index].is_leaf()) {
+        let boxes = tree.triangles(index).iter().map(|&i| Aabb::of_triangle(&triangles[i as usize]));
+        assert_eq!(tree.nodes[index].bounds, boxes.fold(Aabb::EMPTY, Aabb::union), "{name}");
+    }
 }
 
 #[test]
@@ -186,19 +199,18 @@ fn surface_areas_beat_medians() {
     let triangles = small_and_large(5000);
     let options = options(Some(4));
     let tree = build_bvh(&triangles, &all(&triangles), &BuildOptions { reinsert: 0, ..options }).unwrap();
-    let builder = Builder { leaf_size: 4, cost_traverse: 1.0, cost_intersect: 1.0 };
     // Every node halved, as where the depth runs out.
-    fn halved(builder: &Builder, items: &mut [Item]) -> f64 {
+    fn halved(items: &mut [Item]) -> f64 {
         let extent = Extent::of(items);
-        if items.len() <= builder.leaf_size {
+        if items.len() <= 4 {
             return extent.bounds.half_area() * items.len() as f64;
         }
         let middle = halve(items, &extent);
         let (low, high) = items.split_at_mut(middle);
-        extent.bounds.half_area() + halved(builder, low) + halved(builder, high)
+        extent.bounds.half_area() + halved(low) + halved(high)
     }
     let mut items: Vec<_> = triangles.iter().zip(0..).map(|(triangle, i)| Item::new(triangle, i)).collect();
     let root = Extent::of(&items).bounds.half_area();
-    let by_medians = halved(&builder, &mut items) / root;
+    let by_medians = halved(&mut items) / root;
     assert!(tree.expected_cost(&options) < 0.8 * by_medians, "{} {by_medians}", tree.expected_cost(&options));
 }
