@@ -104,7 +104,7 @@ fn wrong(hits: &[Hit], truth: &[f64]) -> usize {
 
 #[test]
 fn edges_and_vertices_of_a_closed_mesh_let_no_ray_through() {
-    const RAYS: usize = 20_000;
+    const RAYS: usize = 8_000;
     println!("wrong of {RAYS} rays each:\n{:16} {:^17} {:^17}", "aimed at", "edges", "vertices");
     println!("{:16} {:>8} {:>8} {:>8} {:>8}", "from", "inside", "outside", "inside", "outside");
     let center = Vec3::new(0.3, -0.2, 0.6);

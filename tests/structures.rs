@@ -194,7 +194,7 @@ fn assert_same(name: &str, rays: &[TraceRay], got: &[Hit], expected: &[Hit]) {
 
 #[test]
 fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
-    const RAYS: usize = 7_000;
+    const RAYS: usize = 3_000;
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
         let mut expected = Vec::new();

@@ -211,7 +211,7 @@ fn every_structure_gives_the_hits_of_brute_force() {
             let mut expected: Option<Vec<Hit>> = None;
             for options in all_options().into_iter().filter(|o| o.intersector == intersector) {
                 let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-                let queries = queries(8000, &mut Random(SEED + 1));
+                let queries = queries(3000, &mut Random(SEED + 1));
                 let rays = pack(&buffers, &queries);
                 let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
                 let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
@@ -248,7 +248,7 @@ fn ties_give_the_hits_of_brute_force() {
         for &build in Build::ALL {
             let base = TraceOptions { build, ..DEEP };
             let ropes = SceneBuffers::new(&scene, &TraceOptions { traversal: Traversal::Ropes, ..base }).unwrap();
-            let rays = tying_rays(&ropes, 6000, &mut Random(SEED + 4));
+            let rays = tying_rays(&ropes, 4000, &mut Random(SEED + 4));
             let expected =
                 trace(&scene, TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT }, &rays, false, None);
             assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 400);

@@ -21,6 +21,7 @@ mod open;
 mod progress;
 mod render;
 mod stress;
+mod study;
 mod text;
 mod trace;
 mod tune;
@@ -83,6 +84,9 @@ enum Command {
     Methods(methods::MethodsArgs),
     /// Trace hard rays whose exact answers are known, and count the wrong ones.
     Stress(stress::StressArgs),
+    /// Measure methods against each other on a device, speed beside accuracy, and write a report of charts and tables. Goes on
+    /// where it was stopped.
+    Study(study::StudyArgs),
     /// Measure which structure and packet size are fastest on a device, and remember that for --accel auto. Closest hits and
     /// pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
@@ -359,6 +363,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Devices(args) => devices::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Methods(args) => methods::run(&args).map(|()| ExitCode::SUCCESS),
         Command::Stress(args) => stress::run(&args, cli.talk),
+        Command::Study(args) => study::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Tune(args) => tune::run(&args, cli.talk),
     }
 }

@@ -1,0 +1,392 @@
+//! Draws charts, as SVG and as pixels, by the plotters crate.
+//!
+//! Colours are Okabe and Ito's ("Color Universal Design", 2008), which colour-blind readers tell apart; series differ in the shape of
+//! their points, too. A filled point has no wrong answer, a hollow one has some.
+
+mod axes;
+mod bars;
+mod labels;
+mod squares;
+
+use super::chart::{Chart, ChartKind, Point, Series, front, series};
+use super::table::{Table, name};
+use axes::{Axis, short};
+use labels::Labels;
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{FontStyle, register_font};
+use std::error::Error;
+use std::sync::Once;
+
+type Outcome<T = ()> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
+
+/// Colours of what is not data. The report replaces them by those of the reader's light or dark page.
+pub const INK: RGBColor = RGBColor(0x1b, 0x1b, 0x1f);
+/// Of less important text.
+pub const MUTED: RGBColor = RGBColor(0x5c, 0x5c, 0x66);
+/// Of lines behind the data.
+pub const GRID: RGBColor = RGBColor(0xd8, 0xd8, 0xde);
+/// Behind everything.
+pub const PAPER: RGBColor = RGBColor(0xff, 0xff, 0xff);
+
+/// Okabe and Ito's colours, with grey for black and without yellow, which vanish on a dark and a light page.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0x00, 0x72, 0xb2),
+    RGBColor(0xd5, 0x5e, 0x00),
+    RGBColor(0x00, 0x9e, 0x73),
+    RGBColor(0xcc, 0x79, 0xa7),
+    RGBColor(0xe6, 0x9f, 0x00),
+    RGBColor(0x56, 0xb4, 0xe9),
+    RGBColor(0x80, 0x80, 0x80),
+];
+
+/// Width of a chart in pixels and the height of its text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Format {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub text: u32,
+}
+
+impl Format {
+    /// For a page on a desk, and for papers.
+    pub const WIDE: Format = Format { width: 860, text: 15 };
+    /// For a phone.
+    pub const NARROW: Format = Format { width: 360, text: 12 };
+
+    fn line(self) -> i32 {
+        (self.text * 3 / 2) as i32
+    }
+}
+
+/// The chart as SVG.
+///
+/// # Errors
+/// What the plotting crate reports.
+pub fn svg(chart: &Chart, table: &Table, format: Format) -> Outcome<String> {
+    prepare_font();
+    let plan = Plan::new(chart, table, format);
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, (format.width, plan.height())).into_drawing_area();
+        plan.draw(&area)?;
+        area.present()?;
+    }
+    Ok(text)
+}
+
+/// The chart's width, height and pixels, three bytes each, the top row first; at twice the size, so that text is sharp.
+///
+/// # Errors
+/// What the plotting crate reports.
+pub fn pixels(chart: &Chart, table: &Table, format: Format) -> Outcome<(u32, u32, Vec<u8>)> {
+    prepare_font();
+    let format = Format { width: format.width * 2, text: format.text * 2 };
+    let plan = Plan::new(chart, table, format);
+    let (width, height) = (format.width, plan.height());
+    let mut bytes = vec![0; width as usize * height as usize * 3];
+    {
+        let area = BitMapBackend::with_buffer(&mut bytes, (width, height)).into_drawing_area();
+        plan.draw(&area)?;
+        area.present()?;
+    }
+    Ok((width, height, bytes))
+}
+
+fn prepare_font() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // The font is in the program: a machine that measures need not have any.
+        let _ = register_font("sans-serif", FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+    });
+}
+
+fn colour(index: usize) -> RGBColor {
+    COLOURS[index % COLOURS.len()]
+}
+
+/// What is drawn, and how much room it takes.
+struct Plan<'a> {
+    chart: &'a Chart,
+    table: &'a Table,
+    format: Format,
+    series: Vec<Series>,
+    /// Lines of the title.
+    title: Vec<String>,
+}
+
+impl<'a> Plan<'a> {
+    fn new(chart: &'a Chart, table: &'a Table, format: Format) -> Plan<'a> {
+        let title = wrapped(&chart.title, (f64::from(format.width) / (f64::from(format.text) * 0.62)) as usize);
+        Plan { chart, table, format, series: series(chart, table), title }
+    }
+
+    fn top(&self) -> i32 {
+        self.title.len() as i32 * self.format.line() + self.format.line() / 3
+    }
+
+    /// The names in a column of the rows that are shown, each once, in their order.
+    fn values_of(&self, column: &str) -> Vec<String> {
+        let mut names = Vec::new();
+        for row in self.chart.rows(self.table) {
+            let name = name(row, column);
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    fn series_names(&self) -> Vec<String> {
+        match (&self.chart.series, self.chart.kind) {
+            (None, _) | (_, ChartKind::Heat) => Vec::new(),
+            (Some(column), _) => self.values_of(column),
+        }
+    }
+
+    /// Places of the legend's entries, and its height.
+    fn legend(&self) -> (Vec<(i32, i32, String)>, i32) {
+        let (mut x, mut y, mut places) = (0, 0, Vec::new());
+        let names = self.series_names();
+        if names.len() < 2 {
+            return (places, 0);
+        }
+        let size = f64::from(self.format.text);
+        for name in names {
+            let width = (size * (2.6 + 0.58 * name.chars().count() as f64)) as i32;
+            if x > 0 && x + width > self.format.width as i32 - self.format.line() {
+                (x, y) = (0, y + self.format.line());
+            }
+            places.push((x, y, name));
+            x += width;
+        }
+        (places, y + self.format.line())
+    }
+
+    fn height(&self) -> u32 {
+        let line = self.format.line();
+        let body = match self.chart.kind {
+            ChartKind::Lines | ChartKind::Front => (self.format.width as i32 * 11 / 20).max(17 * line),
+            ChartKind::Bars => {
+                let bars = self.series_names().len().max(1) as i32;
+                let names = self.values_of(&self.chart.x).len() as i32;
+                let extra = if self.is_narrow() { line } else { 0 };
+                names * (bars * (line * 2 / 3) + line / 2 + extra) + 4 * line
+            }
+            ChartKind::Heat => {
+                let columns = self.values_of(&self.chart.x);
+                let longest = columns.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+                self.values_of(&self.chart.y).len() as i32 * line
+                    + (longest as f64 * f64::from(self.format.text) * 0.55) as i32
+                    + 3 * line
+            }
+        };
+        (self.top() + self.legend().1 + body) as u32
+    }
+
+    fn is_narrow(&self) -> bool {
+        self.format.width / self.format.text < 40
+    }
+
+    /// How far below the middle of a font's box its small letters are in the middle.
+    fn lower(&self) -> i32 {
+        (self.format.text / 6) as i32
+    }
+
+    fn font(&self, colour: RGBColor) -> TextStyle<'static> {
+        ("sans-serif", self.format.text).into_font().color(&colour)
+    }
+
+    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Outcome
+    where
+        DB::ErrorType: 'static,
+    {
+        area.fill(&PAPER)?;
+        let line = self.format.line();
+        for (i, text) in self.title.iter().enumerate() {
+            area.draw(&Text::new(text.clone(), (line / 3, i as i32 * line + line / 4), self.font(INK)))?;
+        }
+        let (places, legend_height) = self.legend();
+        for (index, (x, y, text)) in places.into_iter().enumerate() {
+            let at = (x + line / 2, self.top() + y + line / 2);
+            self.mark(area, at, index, Some(false))?;
+            let style = self.font(MUTED).pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(text, (at.0 + line / 2, at.1 + self.lower()), style))?;
+        }
+        let (_, body) = area.split_vertically(self.top() + legend_height);
+        let has_data = match self.chart.kind {
+            ChartKind::Lines | ChartKind::Front => !self.series.is_empty(),
+            ChartKind::Bars | ChartKind::Heat => !self.chart.rows(self.table).is_empty(),
+        };
+        if !has_data {
+            body.draw(&Text::new("nothing was measured that this could show", (line, 2 * line), self.font(MUTED)))?;
+            return Ok(());
+        }
+        match self.chart.kind {
+            ChartKind::Lines | ChartKind::Front => self.draw_points(&body),
+            ChartKind::Bars => self.draw_bars(&body),
+            ChartKind::Heat => self.draw_squares(&body),
+        }
+    }
+
+    /// A point: its colour and shape tell its series; hollow where an answer was wrong.
+    fn mark<DB: DrawingBackend>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+        (x, y): (i32, i32),
+        index: usize,
+        is_wrong: Option<bool>,
+    ) -> Outcome
+    where
+        DB::ErrorType: 'static,
+    {
+        let r = (self.format.text as i32 * 3 / 10).max(3);
+        let style = match is_wrong {
+            Some(true) => colour(index).stroke_width(if self.format.text > 20 { 3 } else { 2 }),
+            _ => colour(index).filled(),
+        };
+        let corners = |offsets: &[(i32, i32)]| {
+            let mut corners: Vec<_> = offsets.iter().map(|(dx, dy)| (x + dx * r / 4, y + dy * r / 4)).collect();
+            corners.push(corners[0]);
+            corners
+        };
+        let shape: &[(i32, i32)] = match index % 5 {
+            0 => {
+                if is_wrong == Some(true) {
+                    area.draw(&Circle::new((x, y), r, PAPER.filled()))?;
+                }
+                area.draw(&Circle::new((x, y), r, style))?;
+                return Ok(());
+            }
+            1 => &[(-4, -4), (4, -4), (4, 4), (-4, 4)],
+            2 => &[(0, -6), (5, 4), (-5, 4)],
+            3 => &[(0, -6), (5, 0), (0, 6), (-5, 0)],
+            _ => &[(0, 6), (5, -4), (-5, -4)],
+        };
+        if is_wrong == Some(true) {
+            area.draw(&Polygon::new(corners(shape), PAPER.filled()))?;
+            area.draw(&PathElement::new(corners(shape), style))?;
+        } else {
+            area.draw(&Polygon::new(corners(shape), style))?;
+        }
+        Ok(())
+    }
+
+    fn draw_points<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Outcome
+    where
+        DB::ErrorType: 'static,
+    {
+        let line = self.format.line();
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let x_axis = Axis::around(points().map(|p| p.x), self.chart.log[0], self.is_narrow());
+        let ends = points().flat_map(|p| p.spread.into_iter().flatten().chain([p.y]));
+        let y_axis = Axis::around(ends, self.chart.log[1], self.is_narrow());
+        let mut plot = ChartBuilder::on(area)
+            .margin(line / 3)
+            .margin_right(line)
+            .x_label_area_size(line * 5 / 2)
+            .y_label_area_size(line * 3)
+            .build_cartesian_2d(Ticks(x_axis.clone()), Ticks(y_axis.clone()))?;
+        plot.configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GRID)
+            .axis_style(MUTED)
+            .label_style(self.font(MUTED))
+            .axis_desc_style(self.font(MUTED))
+            .x_desc(Chart::label(&self.chart.x))
+            .y_desc(Chart::label(&self.chart.y))
+            .x_labels(20)
+            .y_labels(20)
+            .draw()?;
+        let place = |p: &Point, y: f64| plot.backend_coord(&(x_axis.place(p.x), y_axis.place(y)));
+        let stroke = if self.format.text > 20 { 4 } else { 2 };
+        let (left, top) = area.get_base_pixel();
+        let here = |(x, y): (i32, i32)| (x - left, y - top);
+        for (index, series) in self.series.iter().enumerate() {
+            for p in &series.points {
+                if let Some([low, high]) = p.spread {
+                    let ends = [low, high].map(|y| here(place(p, y)));
+                    area.draw(&PathElement::new(ends.to_vec(), colour(index).mix(0.6).stroke_width(stroke / 2)))?;
+                }
+            }
+            if self.chart.kind == ChartKind::Lines {
+                let path: Vec<_> = series.points.iter().map(|p| here(place(p, p.y))).collect();
+                area.draw(&PathElement::new(path, colour(index).stroke_width(stroke)))?;
+            }
+        }
+        if self.chart.kind == ChartKind::Front {
+            let all: Vec<Point> = points().cloned().collect();
+            // A staircase: between two points of the front nothing better is known than the left one.
+            let mut path = Vec::new();
+            for p in front(&all) {
+                let at = here(place(p, p.y));
+                if let Some(&(_, y)) = path.last() {
+                    path.push((at.0, y));
+                }
+                path.push(at);
+            }
+            area.draw(&PathElement::new(path, MUTED.stroke_width(stroke / 2)))?;
+        }
+        for (index, series) in self.series.iter().enumerate() {
+            for p in &series.points {
+                self.mark(area, here(place(p, p.y)), index, p.is_wrong)?;
+            }
+        }
+        if self.chart.kind == ChartKind::Front {
+            let at: Vec<_> = points().map(|p| (here(place(p, p.y)), p.label.clone())).collect();
+            let (width, height) = area.dim_in_pixel();
+            let bounds = (line * 3, 0, width as i32 - line / 2, height as i32 - line * 3);
+            for label in Labels::new(self.format.text as i32, bounds).place(&at) {
+                let style = self.font(INK).pos(Pos::new(label.side, VPos::Top));
+                area.draw(&Text::new(label.text, label.at, style))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An axis as plotters takes it: its ticks are those of the axis.
+#[derive(Clone)]
+struct Ticks(Axis);
+
+impl plotters::coord::ranged1d::Ranged for Ticks {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let share = (value - self.0.low) / (self.0.high - self.0.low);
+        limit.0 + (share * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
+        self.0.ticks.clone()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.0.low..self.0.high
+    }
+}
+
+impl ValueFormatter<f64> for Ticks {
+    fn format_ext(&self, value: &f64) -> String {
+        short(self.0.value(*value))
+    }
+}
+
+/// The text in lines of at most so many characters.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}

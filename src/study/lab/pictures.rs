@@ -1,0 +1,175 @@
+//! Measures of whole pictures.
+
+use super::{Lab, spread_of};
+use crate::compare::compare_films;
+use crate::device::DeviceHandle;
+use crate::error::Result;
+use crate::film::Film;
+use crate::options::{PacketSize, TraceOptions};
+use crate::pack::SceneBuffers;
+use crate::scene::{Samples, Scene};
+use crate::session::{Picture, complete, open_tracer, render};
+use crate::stats::median;
+use crate::study::table::{Row, row};
+use crate::tracer::{RenderResult, Tracer};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// Samples a pixel of pictures that the reference renders, too, at most: it takes its time.
+const MOST_SAMPLES_CHECKED: u32 = 4;
+
+/// A way to render a picture.
+pub struct PictureVariant {
+    /// Its name.
+    pub label: String,
+    /// The method.
+    pub options: TraceOptions,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Longest chain of rays.
+    pub depth: u32,
+    /// Further columns of its row.
+    pub columns: Row,
+}
+
+impl PictureVariant {
+    /// A picture of so many samples a pixel and chains of so many rays.
+    pub fn new(label: impl Into<String>, options: TraceOptions, samples: u32, depth: u32) -> PictureVariant {
+        PictureVariant { label: label.into(), options, samples, depth, columns: Row::new() }
+    }
+
+    /// With a further column.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: impl Into<Value>) -> PictureVariant {
+        self.columns.insert(name.to_owned(), value.into());
+        self
+    }
+}
+
+/// A picture that is ready to be rendered, and what came of it.
+struct Run {
+    picture: Picture,
+    buffers: Arc<SceneBuffers>,
+    tracer: Box<dyn Tracer>,
+    seconds: Vec<f64>,
+}
+
+impl Run {
+    fn render(&mut self) -> Result<RenderResult> {
+        render(self.tracer.as_mut(), &self.buffers, &self.picture, &|_| ())
+    }
+}
+
+impl Lab<'_> {
+    /// Renders square pictures of a scene by turns with all `variants`, and tells of each what it took, how many pixels differ from the
+    /// reference's (where samples are few), and how far it is from the picture of `converged` samples and depth, if that is given.
+    ///
+    /// # Errors
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::render`].
+    pub fn pictures(
+        &mut self,
+        scene_name: &str,
+        scene: &Scene,
+        variants: &[PictureVariant],
+        converged: Option<(u32, u32)>,
+    ) -> Result<Vec<Row>> {
+        let settings: Vec<_> =
+            variants.iter().map(|v| json!([v.label, v.options, v.samples, v.depth, v.columns])).collect();
+        let triangle_count = scene.hittable().len();
+        let key = json!(["pictures", scene_name, triangle_count, self.side(), settings, converged]);
+        if let Some(rows) = self.journal.find(&key) {
+            return Ok(rows);
+        }
+        let mut scene = scene.clone();
+        complete(&mut scene, 1.0);
+        let truth = match (converged, variants.first()) {
+            (Some((samples, depth)), Some(first)) => {
+                (self.progress)(&format!("{scene_name}: {samples} samples a pixel"));
+                let best = PictureVariant::new("", first.options, samples, depth);
+                Some(self.start_picture(self.device, &scene, &best)?.render()?.film)
+            }
+            _ => None,
+        };
+        let (mut runs, mut rows) = (Vec::new(), Vec::new());
+        for variant in variants {
+            (self.progress)(&format!("{scene_name}: {}", variant.label));
+            let mut run = self.start_picture(self.device, &scene, variant)?;
+            // Not timed: drivers do much at a first launch.
+            let result = run.render()?;
+            let mut out = row([
+                ("scene", json!(scene_name)),
+                ("triangles", json!(triangle_count)),
+                ("method", json!(variant.label)),
+                ("samples", json!(variant.samples)),
+                ("depth", json!(variant.depth)),
+                ("pixels", json!(result.film.pixels.len())),
+            ]);
+            out.extend(variant.columns.clone());
+            out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
+            if let Some(split) = result.split {
+                out.insert("launches".into(), json!(split.launches));
+                out.insert("host_pass_s".into(), json!(split.host_pass_s));
+            }
+            out.extend(self.errors_of_picture(&scene, variant, &result.film, truth.as_ref())?);
+            runs.push(run);
+            rows.push(out);
+        }
+        for round in 0..self.passes() as usize {
+            for turn in 0..runs.len() {
+                let next = (turn + round) % runs.len();
+                let seconds = runs[next].render()?.kernel_s;
+                runs[next].seconds.push(seconds);
+            }
+        }
+        for (out, Run { seconds, .. }) in rows.iter_mut().zip(&runs) {
+            let Some(middle) = median(seconds).filter(|&seconds| seconds > 0.0) else { continue };
+            let [low, high] = spread_of(seconds);
+            out.extend(row([
+                ("passes", json!(seconds.len())),
+                ("seconds", json!(middle)),
+                ("seconds_low", json!(low)),
+                ("seconds_high", json!(high)),
+                ("frames_per_s", json!(1.0 / middle)),
+            ]));
+        }
+        self.journal.keep(&key, &rows)?;
+        Ok(rows)
+    }
+
+    fn start_picture(&self, device: Option<&DeviceHandle>, scene: &Scene, variant: &PictureVariant) -> Result<Run> {
+        let buffers = Arc::new(SceneBuffers::new(scene, &variant.options)?);
+        let tracer = open_tracer(device, &buffers, &variant.options, variant.depth, self.cache)?;
+        let picture = Picture {
+            camera: scene.camera.expect("a completed scene has a camera"),
+            size: (self.side(), self.side()),
+            samples: Samples::PerPixel(variant.samples),
+            depth: variant.depth,
+            kill_weight: None,
+        };
+        Ok(Run { picture, buffers, tracer, seconds: Vec::new() })
+    }
+
+    /// How far a picture is from the reference's and from the converged one.
+    fn errors_of_picture(
+        &self,
+        scene: &Scene,
+        variant: &PictureVariant,
+        film: &Film,
+        truth: Option<&Film>,
+    ) -> Result<Row> {
+        let mut out = Row::new();
+        if self.device.is_some() && variant.samples <= MOST_SAMPLES_CHECKED {
+            // One ray at a time gives the same pixels as packets.
+            let options = TraceOptions { packet_size: PacketSize::One, ..variant.options };
+            let same = PictureVariant::new("", options, variant.samples, variant.depth);
+            let reference = self.start_picture(None, scene, &same)?.render()?.film;
+            out.insert("wrong_pixels".into(), json!(compare_films(&reference, film).differing_pixels));
+        }
+        if let Some(truth) = truth {
+            let difference = compare_films(truth, film);
+            out.insert("rmse".into(), json!(difference.rms));
+            out.extend(difference.flip_mean.map(|flip| ("flip".to_owned(), json!(flip))));
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,224 @@
+//! A folder with what studies found: `index.html`, and for each study its data as JSON and CSV and its charts as SVG and PNG.
+
+use super::draw::{Format, pixels, svg};
+use super::journal::Journal;
+use super::page;
+use super::{Findings, Lab, Study};
+use crate::device::{DeviceHandle, DeviceInfo};
+use crate::error::{Error, Result};
+use crate::output::{write_atomically, write_json};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What all numbers of a report depend on; another header, another report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Version of the program.
+    pub version: String,
+    /// Name of the device.
+    pub device: String,
+    /// Its kind, driver, units and clock.
+    pub device_details: String,
+    /// The user's scenes and how many triangles each has; empty: the program's own.
+    pub scenes: Vec<(String, usize)>,
+    /// Of random numbers.
+    pub seed: u64,
+    /// Whether it was done in a hurry.
+    pub quick: bool,
+}
+
+impl Header {
+    /// The header of what is made in this lab.
+    pub fn new(lab: &Lab) -> Header {
+        Header {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            device: lab
+                .device
+                .map_or_else(|| "the reference, on this computer's processor".to_owned(), |d| d.info.name.clone()),
+            device_details: lab.device.map_or_else(String::new, details),
+            scenes: lab.scenes.iter().map(|(name, scene)| (name.clone(), scene.hittable().len())).collect(),
+            seed: lab.seed,
+            quick: lab.quick,
+        }
+    }
+}
+
+fn details(device: &DeviceHandle) -> String {
+    let DeviceInfo { kind, platform_name, platform_version, driver_version, compute_units, clock_mhz, .. } =
+        &device.info;
+    let options = match device.compiler_options() {
+        "" => String::new(),
+        options => format!(", compiled with {options}"),
+    };
+    format!(
+        "{kind}; {platform_name}, {platform_version}, driver {driver_version}; {compute_units} compute units, {clock_mhz} MHz{options}"
+    )
+}
+
+/// One study of a report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// The study's name.
+    pub study: String,
+    /// What was found.
+    #[serde(flatten)]
+    pub findings: Findings,
+    /// The command that made it.
+    pub command: String,
+    /// Seconds that it took.
+    pub seconds: f64,
+    /// On what.
+    pub header: Header,
+}
+
+/// How a study came into the report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// It was made.
+    Made,
+    /// It was there.
+    Found,
+}
+
+/// A report in a folder.
+pub struct Report {
+    folder: PathBuf,
+    header: Header,
+    command: String,
+    again: bool,
+    entries: Vec<Entry>,
+}
+
+/// Where data and charts lie.
+const DATA: &str = "data";
+const CHARTS: &str = "charts";
+
+impl Report {
+    /// The report in `folder`, which is made if it is not there. Studies with the same header that are there are part of it, and are not made
+    /// again unless `again` says so. `command` is how those are made that are.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the folder cannot be made or read.
+    pub fn open(folder: &Path, header: Header, command: &str, again: bool) -> Result<Report> {
+        for folder in [folder.to_owned(), folder.join(DATA), folder.join(CHARTS)] {
+            fs::create_dir_all(&folder).map_err(|error| Error::io("create", &folder, error))?;
+        }
+        let mut report =
+            Report { folder: folder.to_owned(), header, command: command.to_owned(), again, entries: Vec::new() };
+        let found = Study::all().filter_map(|study| report.read(study.name));
+        report.entries = found.filter(|entry| entry.header == report.header).collect();
+        Ok(report)
+    }
+
+    /// What was found so far, in the order of [`Study::all`].
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    fn data(&self, name: &str) -> PathBuf {
+        self.folder.join(DATA).join(name)
+    }
+
+    /// A file that is not there, or not whole, or of another version of the program is made anew.
+    fn read(&self, study: &str) -> Option<Entry> {
+        serde_json::from_slice(&fs::read(self.data(&format!("{study}.json"))).ok()?).ok()
+    }
+
+    /// Makes a study, or takes what is there, and writes all of its files and the page.
+    ///
+    /// # Errors
+    /// Those of the study, and [`Error::Io`] when a file cannot be written.
+    pub fn make(&mut self, study: &Study, lab: &mut Lab) -> Result<State> {
+        if !self.again && self.entries.iter().any(|entry| entry.study == study.name) {
+            return Ok(State::Found);
+        }
+        let start = std::time::Instant::now();
+        let settings: Value = json!({"study": study.name, "header": self.header});
+        lab.journal = Journal::open(&self.data(&format!("{}.journal", study.name)), &settings)?;
+        let findings = study.run(lab)?;
+        let entry = Entry {
+            study: study.name.to_owned(),
+            findings,
+            command: self.command.clone(),
+            seconds: start.elapsed().as_secs_f64(),
+            header: self.header.clone(),
+        };
+        self.write(&entry)?;
+        std::mem::take(&mut lab.journal).remove()?;
+        self.entries.retain(|other| other.study != study.name);
+        self.entries.push(entry);
+        let place = |entry: &Entry| Study::all().position(|study| study.name == entry.study);
+        self.entries.sort_by_key(place);
+        self.write_page()?;
+        Ok(State::Made)
+    }
+
+    fn write(&self, entry: &Entry) -> Result<()> {
+        for table in &entry.findings.tables {
+            let csv = table.to_csv().map_err(|error| not_written(&table.name, &error))?;
+            write_bytes(&self.data(&format!("{}-{}.csv", entry.study, table.name)), &csv)?;
+        }
+        self.draw(entry)?;
+        // Last: with this file the study counts as made.
+        write_json(&self.data(&format!("{}.json", entry.study)), entry)
+    }
+
+    fn draw(&self, entry: &Entry) -> Result<()> {
+        for chart in &entry.findings.charts {
+            let Some(table) = entry.findings.table(&chart.table) else { continue };
+            let path = |ending: &str| self.folder.join(CHARTS).join(format!("{}-{}.{ending}", entry.study, chart.name));
+            let text = svg(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
+            write_bytes(&path("svg"), text.as_bytes())?;
+            let (width, height, bytes) =
+                pixels(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
+            write_png(&path("png"), width, height, &bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Draws the charts of all studies and writes `index.html`: those that were there may have been drawn by an earlier version.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when a file cannot be written.
+    pub fn redraw(&self) -> Result<()> {
+        self.entries.iter().try_for_each(|entry| self.draw(entry))?;
+        self.write_page()
+    }
+
+    /// Writes `index.html`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be written.
+    pub fn write_page(&self) -> Result<()> {
+        let html = page::html(&self.header, &self.entries);
+        write_bytes(&self.folder.join("index.html"), html.as_bytes())
+    }
+
+    /// The page.
+    pub fn page(&self) -> PathBuf {
+        self.folder.join("index.html")
+    }
+}
+
+/// What a format's own library reports.
+fn not_written(what: &str, error: &dyn std::fmt::Display) -> Error {
+    Error::io("write", what, std::io::Error::other(error.to_string()))
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| out.write_all(bytes))
+}
+
+fn write_png(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| {
+        let mut encoder = png::Encoder::new(out, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        Ok(writer.finish()?)
+    })
+}

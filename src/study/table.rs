@@ -1,0 +1,199 @@
+//! What a study measured, as rows of named values, and what the names mean.
+//!
+//! A value has the same name wherever it is told: in the JSON, the CSV, the report's tables and, spelled out, on the axes of charts.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+/// Named values of one measurement.
+pub type Row = Map<String, Value>;
+
+/// Some rows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Table {
+    /// Its name among those of its study, of letters, digits and '-'.
+    pub name: String,
+    /// What is in it, in one sentence.
+    pub caption: String,
+    /// The rows; what does not apply to one is left out of it.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    /// A table of `rows`.
+    pub fn new(name: &str, caption: impl Into<String>, rows: Vec<Row>) -> Table {
+        Table { name: name.to_owned(), caption: caption.into(), rows }
+    }
+
+    /// The names of all values, in the order in which rows first have them.
+    pub fn columns(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for name in self.rows.iter().flat_map(Map::keys) {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    /// The table as CSV: the names, and a line for each row, without a value where there is none.
+    pub fn to_csv(&self) -> csv::Result<Vec<u8>> {
+        let columns = self.columns();
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(&columns)?;
+        for row in &self.rows {
+            writer.write_record(columns.iter().map(|&column| row.get(column).map(text).unwrap_or_default()))?;
+        }
+        writer.into_inner().map_err(|error| error.into_error().into())
+    }
+}
+
+/// A value as CSV has it: texts bare, numbers as JSON has them.
+fn text(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        value => value.to_string(),
+    }
+}
+
+/// A number of a row; `None` where there is none.
+pub fn number(row: &Row, name: &str) -> Option<f64> {
+    row.get(name).and_then(Value::as_f64)
+}
+
+/// A text of a row, or a number as text; empty where there is none.
+pub fn name(row: &Row, name: &str) -> String {
+    row.get(name).map(text).unwrap_or_default()
+}
+
+/// A row of these values.
+pub fn row<const N: usize>(values: [(&str, Value); N]) -> Row {
+    values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+/// What a value's name means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Column {
+    /// The name.
+    pub name: &'static str,
+    /// As people read it, with its unit.
+    pub label: &'static str,
+    /// More about it.
+    pub about: &'static str,
+}
+
+/// The meaning of a name.
+///
+/// # Panics
+/// When there is none: a study has a value that its reader could not understand.
+pub fn column(name: &str) -> &'static Column {
+    COLUMNS.iter().find(|column| column.name == name).unwrap_or_else(|| panic!("the column '{name}' is not explained"))
+}
+
+macro_rules! columns {
+    ($($name:literal: $label:literal, $about:literal;)*) => {
+        /// All names of values.
+        pub const COLUMNS: &[Column] = &[$(Column { name: $name, label: $label, about: $about }),*];
+    };
+}
+
+columns! {
+    "scene": "scene", "the model, made by the program unless it is a file";
+    "triangles": "triangles", "those that can be hit";
+    "method": "method", "the parts that trace";
+    "panel": "panel", "what was traced";
+    "rays_of": "rays", "camera: one for each pixel, in tiles; shadow: from their hits to the light, any hit; diffuse: from there by a cosine lobe";
+    "rays": "rays traced", "in one pass";
+    "mrays_per_s": "Mrays/s", "million rays a second of device time, by the median pass";
+    "mrays_low": "Mrays/s, slowest pass", "";
+    "mrays_high": "Mrays/s, fastest pass", "";
+    "relative": "speed relative to the fastest", "geometric mean over camera, shadow and diffuse rays";
+    "relative_low": "lowest relative speed", "of all rounds";
+    "relative_high": "highest relative speed", "of all rounds";
+    "passes": "passes", "timed, by turns with the other methods of the table";
+    "wrong": "wrong answers", "another triangle, a hit for a miss or a miss for a hit, by the f64 oracle and, where it differs, by rational arithmetic";
+    "tested": "answers checked", "";
+    "wrong_per_million": "wrong answers per million rays", "";
+    "wrong_bound": "wrong answers per million rays (none: at 3/N, the 95 % bound)", "as wrong_per_million, or 3 million / N where none of N was wrong";
+    "largest_t_ulp": "largest error of t (ulp)", "in units in the last place, against the oracle in f64, where the triangle is right";
+    "steps": "steps a ray", "nodes, cells or clusters that a ray looks at";
+    "leaves": "leaves a ray", "";
+    "tests": "triangle tests a ray", "";
+    "restarts": "restarts a ray", "";
+    "node_bytes": "bytes of nodes a ray", "what the traversal asks for";
+    "triangle_bytes": "bytes of triangles a ray", "what the tests ask for";
+    "bytes_a_ray": "bytes a ray", "of nodes and triangles, as asked for";
+    "deepest_stack": "deepest stack", "";
+    "build_s": "build (s)", "the structure, on the host";
+    "compile_s": "compile (s)", "the kernels, or loading them from a cache";
+    "upload_s": "upload (s)", "the scene, to the device";
+    "rays_upload_s": "upload of rays (s)", "";
+    "read_s": "read-back (s)", "";
+    "kernel_s": "kernel (s)", "device time of one pass, median";
+    "device_bytes": "bytes on the device", "";
+    "bytes_per_triangle": "bytes a triangle", "of everything on the device";
+    "leaf_size": "most triangles in a leaf", "";
+    "max_depth": "deepest leaf", "limit of the tree's depth";
+    "stack_size": "entries of the short stack", "";
+    "device": "device", "";
+    "memory": "kind of memory", "";
+    "value": "value", "";
+    "scale": "size of the scene", "largest coordinate, in units of 1";
+    "offset": "distance of the scene from zero", "in units of its own size";
+    "distance": "distance of the origin", "in units of the scene's size";
+    "angle": "angle to the surface (radians)", "";
+    "aspect": "length of triangles by their width", "";
+    "valence": "triangles at a vertex", "";
+    "gap": "gap between layers (ulp)", "floats between one layer's coordinate and the next one's";
+    "mode": "failure mode", "a kind of `raybrook stress`";
+    "cubes": "cubes", "of 12 triangles each";
+    "frames_per_s": "frames a second", "640 x 480 camera rays, kernel time";
+    "tests_per_s": "million tests a second", "";
+    "flops_a_test": "operations a test", "floating-point operations of Moller and Trumbore's test, fma counted as two";
+    "flop_per_byte": "operations a byte", "arithmetic intensity: operations a test by bytes of vertices a test";
+    "gflops": "Gflop/s", "operations of triangle tests alone";
+    "samples": "samples a pixel", "";
+    "depth": "longest chain of rays", "the camera ray counted as 1";
+    "pixels": "pixels", "";
+    "seconds": "seconds", "device time of the picture, median";
+    "seconds_low": "seconds, fastest", "";
+    "seconds_high": "seconds, slowest", "";
+    "rmse": "RMSE to the converged picture", "linear radiance";
+    "flip": "FLIP to the converged picture", "mean, 0 to 1";
+    "wrong_pixels": "pixels that differ from the reference's", "as 8-bit sRGB";
+    "kernels": "kernels", "";
+    "textures": "textures", "";
+    "registers": "registers", "of a work-item, where the driver tells";
+    "private_bytes": "private memory (bytes)", "of a work-item, where the driver tells";
+    "work_group": "work-group", "largest for the kernel";
+    "launches": "launches", "";
+    "host_pass_s": "host pass (s)", "fetching hits, computing and sending colours";
+    "step": "part", "";
+    "share": "share of the time", "";
+    "plane": "plane", "whether a huge plane of two triangles is in the scene";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn csv_has_every_value_and_a_gap_where_there_is_none() {
+        let rows = vec![
+            row([("method", json!("a \"b\", c")), ("steps", json!(1.5))]),
+            row([("method", json!("d")), ("wrong", json!(0))]),
+        ];
+        let csv = String::from_utf8(Table::new("t", "", rows).to_csv().unwrap()).unwrap();
+        assert_eq!(csv, "method,steps,wrong\n\"a \"\"b\"\", c\",1.5,\nd,,0\n");
+    }
+
+    #[test]
+    fn names_are_explained_once() {
+        for (i, column) in COLUMNS.iter().enumerate() {
+            assert!(COLUMNS[..i].iter().all(|other| other.name != column.name), "{}", column.name);
+            assert!(!column.label.is_empty());
+        }
+    }
+}
