@@ -248,7 +248,7 @@ fn ties_give_the_hits_of_brute_force() {
         for &build in Build::ALL {
             let base = TraceOptions { build, ..DEEP };
             let ropes = SceneBuffers::new(&scene, &TraceOptions { traversal: Traversal::Ropes, ..base }).unwrap();
-            let rays = tying_rays(&ropes, 4000, &mut Random(SEED + 4));
+            let rays = tying_rays(&ropes, 6000, &mut Random(SEED + 4));
             let expected =
                 trace(&scene, TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT }, &rays, false, None);
             assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 400);
