@@ -452,8 +452,7 @@ impl TraceOptions {
     /// The most triangles in a leaf of [`Accel::Bvh8`]: those that are looked at together.
     pub const BVH8_MAX_LEAF: u32 = 8;
 
-    /// The most references that splits of space may add per triangle. A sixth as many as a kd-tree may have; 1 is more than scenes of long
-    /// thin triangles had use for.
+    /// The most references that splits of space may add per triangle. A sixth as many as a kd-tree may have.
     pub const MAX_SPATIAL_SPLITS: f32 = 4.0;
 
     /// The most cells of a grid: 256 MiB of them, and numbers that are exact in float32.

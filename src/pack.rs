@@ -100,6 +100,12 @@ fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
     2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-LARGEST_SCALE_EXPONENT, LARGEST_SCALE_EXPONENT))
 }
 
+/// The power of two that takes a scene to tracing space.
+pub(crate) fn scale_of(scene: &Scene) -> f32 {
+    let (low, high) = scene.bounds_of(&scene.hittable()).unwrap_or_default();
+    tracing_scale(low, high)
+}
+
 impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything.
     ///

@@ -60,7 +60,7 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
             eprintln!("  it is there already; --again makes it anew");
         }
     }
-    report.redraw()?;
+    report.write_page()?;
     if !talk.quiet {
         for entry in report.entries().iter().filter(|entry| studies.iter().any(|study| study.name == entry.study)) {
             let holds = match entry.findings.holds {

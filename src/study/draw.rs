@@ -9,7 +9,7 @@ mod labels;
 mod squares;
 
 use super::chart::{Chart, ChartKind, Point, Series, front, series};
-use super::table::{Table, name};
+use super::table::{Table, values};
 use axes::{Axis, short};
 use labels::Labels;
 use plotters::coord::Shift;
@@ -130,14 +130,7 @@ impl<'a> Plan<'a> {
 
     /// The names in a column of the rows that are shown, each once, in their order.
     fn values_of(&self, column: &str) -> Vec<String> {
-        let mut names = Vec::new();
-        for row in self.chart.rows(self.table) {
-            let name = name(row, column);
-            if !names.contains(&name) {
-                names.push(name);
-            }
-        }
-        names
+        values(self.chart.rows(self.table), column)
     }
 
     fn series_names(&self) -> Vec<String> {

@@ -1,5 +1,6 @@
 //! Measures: methods over the same rays by turns, each with its errors and its counted work.
 
+mod cases;
 mod pictures;
 mod subject;
 
@@ -133,15 +134,17 @@ impl<'a> Lab<'a> {
         Subject::new(name, scene, self.side(), self.seed)
     }
 
-    /// The two scenes of studies of structures: one round and even, one of long thin triangles that lie askew.
+    /// The scenes of studies of structures: the user's, or one that is round and even, and, unless in a hurry, one of long thin triangles
+    /// that lie askew.
     ///
     /// # Errors
     /// As [`Subject::new`].
     pub fn usual_subjects(&self) -> Result<Vec<Subject>> {
-        let (levels, rows) = if self.quick { (4, 4) } else { (6, 18) };
-        let all =
-            self.subjects(&[("boulder", &|| super::scenes::boulder(levels)), ("hall", &|| super::scenes::hall(rows))])?;
-        Ok(if self.quick { all.into_iter().take(1).collect() } else { all })
+        let hall = || super::scenes::hall(18);
+        match self.quick {
+            true => self.subjects(&[("boulder", &|| super::scenes::boulder(4))]),
+            false => self.subjects(&[("boulder", &|| super::scenes::boulder(6)), ("hall", &hall)]),
+        }
     }
 
     /// Traces rays of `kinds` (numbers of batches) by turns with all `variants`, and tells of each what it took, what was wrong and,
@@ -181,19 +184,13 @@ impl<'a> Lab<'a> {
                 }
             }
         }
-        let rows: Vec<Row> = runs
-            .into_iter()
-            .flat_map(|run| {
-                let Run { seconds, rows, .. } = run;
-                let rates = kinds.iter().map(|&kind| (subject.batches[kind].rays.len(), &seconds[kind]));
-                let rows: Vec<Row> = kinds
-                    .iter()
-                    .zip(rates)
-                    .map(|(&kind, (rays, times))| with_rate(rows[kind].clone(), rays, times))
-                    .collect();
-                rows
-            })
-            .collect();
+        let mut rows = Vec::new();
+        for Run { seconds, rows: mut unfinished, .. } in runs {
+            for &kind in &kinds {
+                let ray_count = subject.batches[kind].rays.len();
+                rows.push(with_rate(std::mem::take(&mut unfinished[kind]), ray_count, &seconds[kind]));
+            }
+        }
         self.journal.keep(&key, &rows)?;
         Ok(rows)
     }
@@ -203,6 +200,7 @@ impl<'a> Lab<'a> {
         let options = variant.options;
         let buffers = Arc::new(SceneBuffers::new(&subject.scene, &options)?);
         let mut tracer = open_tracer(self.device, &buffers, &options, 1, self.cache)?;
+        let device_bytes = buffers.size_bytes(&options);
         let mut rows = [(); 3].map(|()| Row::new());
         for &kind in kinds {
             let batch = &subject.batches[kind];
@@ -218,7 +216,6 @@ impl<'a> Lab<'a> {
             out.extend(errors(wrong, batch.rays.len()));
             out.insert("largest_t_ulp".into(), json!(largest_t_ulp));
             out.extend(self.count(&buffers, &options, batch)?);
-            let device_bytes = buffers.size_bytes(&options);
             out.extend(row([
                 ("build_s", json!(buffers.build_s)),
                 ("compile_s", json!(tracer.compile_s())),

@@ -33,10 +33,7 @@ th:first-child, td:first-child, td.text { text-align: left; } details { margin: 
 
 /// The page.
 pub fn html(header: &Header, entries: &[Entry]) -> String {
-    let studies: Vec<_> = entries
-        .iter()
-        .filter_map(|entry| Some((Study::all().find(|study| study.name == entry.study)?, entry)))
-        .collect();
+    let studies: Vec<_> = entries.iter().filter_map(|entry| Some((Study::find(&entry.study).ok()?, entry))).collect();
     let page = html! {
         (DOCTYPE)
         html lang="en" {

@@ -131,7 +131,9 @@ impl Report {
     /// # Errors
     /// Those of the study, and [`Error::Io`] when a file cannot be written.
     pub fn make(&mut self, study: &Study, lab: &mut Lab) -> Result<State> {
-        if !self.again && self.entries.iter().any(|entry| entry.study == study.name) {
+        if let Some(found) = self.entries.iter().find(|entry| !self.again && entry.study == study.name) {
+            // An earlier version may have drawn them.
+            self.draw(found)?;
             return Ok(State::Found);
         }
         let start = std::time::Instant::now();
@@ -176,15 +178,6 @@ impl Report {
             write_png(&path("png"), width, height, &bytes)?;
         }
         Ok(())
-    }
-
-    /// Draws the charts of all studies and writes `index.html`: those that were there may have been drawn by an earlier version.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when a file cannot be written.
-    pub fn redraw(&self) -> Result<()> {
-        self.entries.iter().try_for_each(|entry| self.draw(entry))?;
-        self.write_page()
     }
 
     /// Writes `index.html`.

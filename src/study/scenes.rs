@@ -1,8 +1,7 @@
-//! The scenes of studies that are given none, made in code.
+//! The scenes of studies that are given none, made in code; without lights, as models are.
 
 use crate::error::Result;
 use crate::scene::{Builder, Camera, Material, Normals, Pattern, Procedural, Scene, TextureSpace};
-use crate::session::complete;
 use crate::stress::{Mesh, Random};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
@@ -13,7 +12,7 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 pub fn boulder(levels: u32) -> Result<Scene> {
     let mut builder = Builder::new();
     add_mesh(&mut builder, &boulder_mesh(levels));
-    finished(builder)
+    builder.finish()
 }
 
 fn boulder_mesh(levels: u32) -> Mesh {
@@ -56,7 +55,7 @@ pub fn hall(rows: u32) -> Result<Scene> {
     }
     let (eye, target) = (Vec3::new(side / 2.0 - 0.5, 1.7, side - 0.5), Vec3::new(0.3, 1.4, 0.0));
     builder.camera(Camera { eye, target, up: Vec3::Y, fov_degrees: 60.0 });
-    finished(builder)
+    builder.finish()
 }
 
 /// `count` cubes in rows of six, 12 triangles each, seen from above, with nothing else.
@@ -72,7 +71,7 @@ pub fn cubes(count: u32) -> Result<Scene> {
         up: Vec3::Y,
         fov_degrees: 40.0,
     });
-    finished(builder)
+    builder.finish()
 }
 
 fn add_cubes(builder: &mut Builder, count: u32) {
@@ -106,7 +105,7 @@ pub fn on_plane(is_boulder: bool, has_plane: bool) -> Result<Scene> {
     }
     let eye = center + Vec3::new(2.0, 6.0, 9.0);
     builder.camera(Camera { eye, target: center, up: Vec3::Y, fov_degrees: 45.0 });
-    finished(builder)
+    builder.finish()
 }
 
 /// A still life for pictures: a boulder, a mirror ball of `detail` segments around and a floor, plain or of marble and wood.
@@ -135,7 +134,7 @@ pub fn still_life(detail: u32, is_textured: bool) -> Result<Scene> {
     builder.quad(Vec3::new(-6.0, -1.3, 6.0), Vec3::X * 12.0, Vec3::NEG_Z * 12.0, 4);
     let (eye, target) = (Vec3::new(0.5, 2.2, 6.0), Vec3::ZERO);
     builder.camera(Camera { eye, target, up: Vec3::Y, fov_degrees: 40.0 });
-    finished(builder)
+    builder.finish()
 }
 
 fn procedural(pattern: Pattern) -> Procedural {
@@ -152,12 +151,6 @@ fn procedural(pattern: Pattern) -> Procedural {
 
 fn add_mesh(builder: &mut Builder, mesh: &Mesh) {
     builder.mesh(&mesh.positions, Normals::Flat, &[] as &[Vec2], &mesh.triangles);
-}
-
-fn finished(builder: Builder) -> Result<Scene> {
-    let mut scene = builder.finish()?;
-    complete(&mut scene, 1.0);
-    Ok(scene)
 }
 
 #[cfg(test)]

@@ -67,6 +67,17 @@ pub fn name(row: &Row, name: &str) -> String {
     row.get(name).map(text).unwrap_or_default()
 }
 
+/// The values of a column as texts, each once, in the order of the rows.
+pub fn values<'a>(rows: impl IntoIterator<Item = &'a Row>, column: &str) -> Vec<String> {
+    let mut values = Vec::new();
+    for value in rows.into_iter().map(|row| name(row, column)) {
+        if !values.contains(&value) {
+            values.push(value);
+        }
+    }
+    values
+}
+
 /// A row of these values.
 pub fn row<const N: usize>(values: [(&str, Value); N]) -> Row {
     values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
@@ -137,6 +148,7 @@ columns! {
     "max_depth": "deepest leaf", "limit of the tree's depth";
     "stack_size": "entries of the short stack", "";
     "device": "device", "";
+    "build": "build", "what chooses the kd-tree's planes, or brute force";
     "memory": "kind of memory", "";
     "value": "value", "";
     "scale": "size of the scene", "largest coordinate, in units of 1";

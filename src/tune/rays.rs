@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// How far above the surface shadow and diffuse rays start, in diagonals of the scene: far enough that none of them meets the
 /// triangle that it leaves, since a batch cannot say that a ray leaves one.
-const LIFT: f32 = 1.0 / 4096.0;
+pub(crate) const LIFT: f32 = 1.0 / 4096.0;
 
 /// Rays of one kind.
 #[derive(Debug, Clone)]

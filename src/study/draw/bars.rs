@@ -1,7 +1,7 @@
 //! Bars: a row of them for each name, one for each series.
 
 use super::super::chart::is_wrong;
-use super::super::table::{Row, number};
+use super::super::table::{Row, name, number};
 use super::axes::{Axis, short};
 use super::*;
 

@@ -1,6 +1,6 @@
 //! Squares of rows and columns, coloured by a number per million.
 
-use super::super::table::{Row, number};
+use super::super::table::{Row, name, number};
 use super::axes::short;
 use super::*;
 use plotters::style::FontTransform;

@@ -3,20 +3,16 @@
 use crate::compare::ulp_distance;
 use crate::error::Result;
 use crate::layout::Float4;
-use crate::options::{Accel, TraceOptions};
-use crate::pack::SceneBuffers;
+use crate::pack::scale_of;
 use crate::reference::oracle::{Oracle, OracleHit, OracleRay};
 use crate::scene::Scene;
 use crate::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use crate::stress::{ExactTracer, Interval, Mesh, Random};
 use crate::tracer::is_hit;
-use crate::tune::{Batch, batches};
+use crate::tune::{Batch, LIFT, batches};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
-
-/// How far above or below the surface secondary rays start, in diagonals of the scene, as in [`batches`].
-const LIFT: f32 = 1.0 / 4096.0;
 
 /// Answers that rational arithmetic judges, at most; the oracle's word stands for others.
 const MOST_JUDGED_EXACTLY: usize = 2000;
@@ -33,6 +29,12 @@ pub struct Subject {
     pub batches: [Batch; 3],
     scale: f32,
     truths: [OnceLock<Vec<Option<OracleHit>>>; 3],
+    judges: Arc<Judges>,
+}
+
+/// Those who know the answers for a scene, when somebody asks.
+#[derive(Default)]
+struct Judges {
     oracle: OnceLock<Oracle>,
     exact: OnceLock<ExactTracer>,
 }
@@ -44,8 +46,7 @@ impl Subject {
     /// As [`batches`].
     pub fn new(name: &str, scene: Scene, side: u32, seed: u64) -> Result<Subject> {
         let batches = batches(&scene, side, seed)?;
-        let options = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
-        let scale = SceneBuffers::new(&scene, &options)?.params.scale;
+        let scale = scale_of(&scene);
         let triangle_count = scene.hittable().len();
         Ok(Subject {
             name: name.to_owned(),
@@ -54,8 +55,7 @@ impl Subject {
             batches,
             scale,
             truths: Default::default(),
-            oracle: OnceLock::new(),
-            exact: OnceLock::new(),
+            judges: Arc::default(),
         })
     }
 
@@ -95,15 +95,14 @@ impl Subject {
             batches: [batch("reflected", reflected), batch("refracted", refracted), batch("shuffled", shuffled)],
             scale: self.scale,
             truths: Default::default(),
-            oracle: OnceLock::new(),
-            exact: OnceLock::new(),
+            judges: self.judges.clone(),
         }
     }
 
     /// The oracle's answers to a batch.
     fn truths(&self, kind: usize) -> &[Option<OracleHit>] {
         self.truths[kind].get_or_init(|| {
-            let oracle = self.oracle.get_or_init(|| Oracle::new(&self.scene));
+            let oracle = self.judges.oracle.get_or_init(|| Oracle::new(&self.scene));
             self.batches[kind].rays.par_iter().map(|ray| oracle.closest(&self.in_world(ray))).collect()
         })
     }
@@ -138,7 +137,7 @@ impl Subject {
 
     /// Whether an answer is right by rational arithmetic: neighbours that are met at exactly the same t are alike.
     fn is_exactly_right(&self, kind: usize, index: usize, hit: &Hit) -> bool {
-        let exact = self.exact.get_or_init(|| ExactTracer::new(&mesh_of(&self.scene)));
+        let exact = self.judges.exact.get_or_init(|| ExactTracer::new(&mesh_of(&self.scene)));
         let batch = &self.batches[kind];
         let ray = self.in_world(&batch.rays[index]);
         let interval = Interval { near: ray.t_min as f32, far: ray.t_max as f32, is_open: false };

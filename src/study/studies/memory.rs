@@ -1,8 +1,8 @@
 //! Where on the device things lie, and in which order.
 
 use super::super::table::{Row, name};
-use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, Variant};
-use super::{ALL_KINDS, CAMERA, SPREAD, error_note, mean, scenes_of, with};
+use super::super::{ChartKind, Findings, Lab, Study, Table, Variant};
+use super::{ALL_KINDS, CAMERA, SPREAD, by_scene, error_note, mean, with};
 use crate::error::Result;
 use crate::options::{Accel, Layout, Memory, NodeOrder, TraceOptions, TriangleOrder};
 
@@ -100,21 +100,10 @@ fn layout(lab: &mut Lab) -> Result<Findings> {
 /// Findings with a chart of speeds for each scene.
 fn bars(rows: Vec<Row>, holds: Option<bool>, verdict: String, notes: Vec<String>, title: &str) -> Findings {
     let note = error_note(&rows);
-    let scenes = scenes_of(&rows);
     let table = Table::new("rays", format!("{title}: all measurements"), rows);
-    let chart = |(i, scene): (usize, &String)| {
-        Chart::new(
-            ChartKind::Bars,
-            &table,
-            &format!("speed-{}", i + 1),
-            format!("{scene}: {title}"),
-            ["method", "mrays_per_s"],
-        )
-        .by("rays_of")
-        .spread(SPREAD)
-        .only("scene", scene)
-        .caption(format!("kd-tree by surface areas, full stack, exact hits. {note}"))
-    };
-    let charts = scenes.iter().enumerate().map(chart).collect();
+    let charts = by_scene(ChartKind::Bars, &table, "speed", title, ["method", "mrays_per_s"], |chart| {
+        let caption = format!("kd-tree by surface areas, full stack, exact hits. {note}");
+        chart.by("rays_of").spread(SPREAD).caption(caption)
+    });
     Findings { holds, verdict, notes, tables: vec![table], charts }
 }

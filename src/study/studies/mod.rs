@@ -7,8 +7,8 @@ mod rays;
 mod stability;
 mod trees;
 
-use super::table::{Row, name, number, row};
-use super::{Lab, Study, Subject, Variant};
+use super::table::{Row, name, number, row, values};
+use super::{Chart, ChartKind, Lab, Study, Subject, Table, Variant};
 use crate::device::DeviceKind;
 use crate::options::{Accel, PacketSize, TraceOptions};
 use serde_json::json;
@@ -74,13 +74,7 @@ fn in_packets(accel: Accel) -> TraceOptions {
 
 /// The names of the scenes, in order.
 fn scenes_of(rows: &[Row]) -> Vec<String> {
-    let mut names = Vec::new();
-    for scene in rows.iter().map(|row| name(row, "scene")) {
-        if !names.contains(&scene) {
-            names.push(scene);
-        }
-    }
-    names
+    values(rows, "scene")
 }
 
 /// The geometric mean of a column over the rows that `is_meant`; `None` of none.
@@ -112,40 +106,43 @@ fn error_note(rows: &[Row]) -> String {
 fn relative(rows: &[Row]) -> Vec<Row> {
     let mut out: Vec<Row> = Vec::new();
     for scene in scenes_of(rows) {
-        let of_scene: Vec<&Row> = rows.iter().filter(|row| name(row, "scene") == scene).collect();
-        let mut methods: Vec<String> = Vec::new();
-        for method in of_scene.iter().map(|row| name(row, "method")) {
-            if !methods.contains(&method) {
-                methods.push(method);
-            }
-        }
-        let speed = |method: &str, column: &str| {
-            let values: Vec<f64> = of_scene
-                .iter()
-                .filter(|row| name(row, "method") == method)
-                .filter_map(|row| number(row, column))
-                .map(f64::ln)
-                .collect();
-            (values.iter().sum::<f64>() / values.len().max(1) as f64).exp()
-        };
-        let fastest = methods.iter().map(|method| speed(method, "mrays_per_s")).fold(f64::MIN_POSITIVE, f64::max);
+        let of = |method: &str, row: &Row| name(row, "scene") == scene && name(row, "method") == method;
+        let speed = |method: &str, column: &str| mean(rows, column, |row| of(method, row));
+        let methods = values(rows.iter().filter(|row| name(row, "scene") == scene), "method");
+        let fastest =
+            methods.iter().filter_map(|method| speed(method, "mrays_per_s")).fold(f64::MIN_POSITIVE, f64::max);
         for method in &methods {
-            let own = || of_scene.iter().filter(|row| name(row, "method") == *method);
+            let own = || rows.iter().filter(|row| of(method, row));
             let sum = |column: &str| own().filter_map(|row| number(row, column)).sum::<f64>() as usize;
             let mut new = row([("scene", json!(scene)), ("method", json!(method))]);
-            if let Some(first) = own().next() {
-                new.extend(first.iter().filter(|(name, _)| *name == "triangles").map(|(n, v)| (n.clone(), v.clone())));
+            if let Some(triangles) = own().next().and_then(|row| row.get("triangles")) {
+                new.insert("triangles".into(), triangles.clone());
             }
-            new.extend(row([
-                ("relative", json!(speed(method, "mrays_per_s") / fastest)),
-                ("relative_low", json!(speed(method, "mrays_low") / fastest)),
-                ("relative_high", json!(speed(method, "mrays_high") / fastest)),
-            ]));
+            let speeds = [("relative", "mrays_per_s"), ("relative_low", "mrays_low"), ("relative_high", "mrays_high")];
+            for (relative, column) in speeds {
+                new.extend(speed(method, column).map(|speed| (relative.to_owned(), json!(speed / fastest))));
+            }
             new.extend(super::lab::errors(sum("wrong"), sum("tested")));
             out.push(new);
         }
     }
     out
+}
+
+/// A chart for each scene of a table, of the same columns.
+fn by_scene(
+    kind: ChartKind,
+    table: &Table,
+    file: &str,
+    title: &str,
+    columns: [&str; 2],
+    finish: impl Fn(Chart) -> Chart,
+) -> Vec<Chart> {
+    let chart = |(i, scene): (usize, &String)| {
+        let title = format!("{scene}: {title}");
+        finish(Chart::new(kind, table, &format!("{file}-{}", i + 1), title, columns).only("scene", scene))
+    };
+    scenes_of(&table.rows).iter().enumerate().map(chart).collect()
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! THE chart: speed against wrong answers.
 
 use super::super::lab::errors;
-use super::super::table::{Row, name, number, row};
-use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, Variant, scenes};
-use super::{ALL_KINDS, MOST_FOR_LISTS, in_packets, relative, scenes_of, with};
+use super::super::table::{Row, name, number, row, values};
+use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, Variant};
+use super::{ALL_KINDS, MOST_FOR_LISTS, by_scene, in_packets, relative, with};
 use crate::error::Result;
 use crate::options::{Accel, Intersector, TraceOptions, Traversal};
-use crate::stress::{Answers, Found, Kind};
+use crate::stress::Kind;
 use serde_json::json;
 
 pub const STUDY: Study = Study {
@@ -56,9 +56,7 @@ fn variants(lab: &Lab, triangle_count: usize) -> Vec<Variant> {
 }
 
 fn run(lab: &mut Lab) -> Result<Findings> {
-    let (levels, rows) = if lab.quick { (4, 4) } else { (6, 18) };
-    let mut subjects = lab.subjects(&[("boulder", &|| scenes::boulder(levels)), ("hall", &|| scenes::hall(rows))])?;
-    subjects.truncate(if lab.quick { 1 } else { subjects.len() });
+    let subjects = lab.usual_subjects()?;
     let mut rays = Vec::new();
     for subject in &subjects {
         let variants = variants(lab, subject.triangle_count);
@@ -101,27 +99,16 @@ fn run(lab: &mut Lab) -> Result<Findings> {
         Table::new("modes", "Wrong answers by kind of stress rays", stressed),
         pictures,
     ];
-    let front = |table: &Table, name: &str, title: String| {
-        Chart::new(ChartKind::Front, table, name, title, ["wrong_bound", "relative"])
-            .spread(["relative_low", "relative_high"])
-            .log(true, true)
-    };
+    const AXES: [&str; 2] = ["wrong_bound", "relative"];
+    let on_front = |chart: Chart| chart.spread(["relative_low", "relative_high"]).log(true, true);
     let caption = "Left and high is better; the line joins what nothing beats. Speed is the geometric mean over camera, shadow and diffuse rays.";
-    let mut charts =
-        vec![front(&tables[0], "stress", "Speed against wrong answers to stress rays".to_owned()).caption(format!(
-            "{caption} Exact methods are judged to the last bit, the others within their rounding errors."
-        ))];
-    for (i, scene) in scenes_of(&tables[1].rows).iter().enumerate() {
-        charts.push(
-            front(
-                &tables[1],
-                &format!("scene-{}", i + 1),
-                format!("{scene}: speed against wrong answers to its own rays"),
-            )
-            .only("scene", scene)
-            .caption(caption),
-        );
-    }
+    let stress = Chart::new(ChartKind::Front, &tables[0], "stress", "Speed against wrong answers to stress rays", AXES);
+    let mut charts = vec![on_front(stress).caption(format!(
+        "{caption} Exact methods are judged to the last bit, the others within their rounding errors."
+    ))];
+    let title = "speed against wrong answers to its own rays";
+    charts
+        .extend(by_scene(ChartKind::Front, &tables[1], "scene", title, AXES, |chart| on_front(chart).caption(caption)));
     charts.extend(picture_charts);
     let notes = vec![
         "Exact arithmetic decides what is right: stress rays by rational numbers alone, scenes' rays by an oracle in f64 and, where it differs, by \
@@ -133,45 +120,21 @@ fn run(lab: &mut Lab) -> Result<Findings> {
 
 /// Wrong answers of each method to each kind of stress rays.
 fn stress(lab: &mut Lab, variants: &[Variant]) -> Result<Vec<Row>> {
-    let rays = if lab.quick { 60 } else { 400 };
+    let rays_a_kind = if lab.quick { 60 } else { 400 };
     let quick = ["edges", "vertices", "grid", "t-junctions"];
     let kinds: Vec<_> = Kind::all().filter(|kind| !lab.quick || quick.contains(&kind.name)).collect();
     let mut rows = Vec::new();
+    let seed = lab.seed;
     for kind in kinds {
-        let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options])).collect();
-        let key = json!(["stress", kind.name, rays, settings]);
-        if let Some(found) = lab.journal.find(&key) {
-            rows.extend(found);
-            continue;
-        }
-        (lab.progress)(&format!("stress rays: {}", kind.name));
-        let case = kind.case(lab.seed, rays);
-        let answers = Answers::new(&case);
-        let mut found_here = Vec::new();
-        for variant in variants.iter() {
-            let found = Found::new(&case, &variant.options, lab.device, lab.cache)?;
-            let strictly = variant.options.intersector == Intersector::Exact && variant.options.traversal.is_exact();
-            let wrong = found.faults(&answers, strictly).len();
-            let mut row = row([("mode", json!(kind.name)), ("method", json!(variant.label))]);
-            row.extend(errors(wrong, case.rays.len()));
-            found_here.push(row);
-        }
-        lab.journal.keep(&key, &found_here)?;
-        rows.extend(found_here);
+        rows.extend(lab.judge_case(variants, "mode", &json!(kind.name), rays_a_kind, || kind.case(seed, rays_a_kind))?);
     }
     Ok(rows)
 }
 
 /// For each method its speed, by the geometric mean over the scenes, and its wrong answers to all stress rays.
 fn speeds_and_stress(on_scenes: &[Row], stressed: &[Row]) -> Vec<Row> {
-    let mut methods: Vec<String> = Vec::new();
-    for method in on_scenes.iter().map(|row| name(row, "method")) {
-        if !methods.contains(&method) {
-            methods.push(method);
-        }
-    }
     let mut rows = Vec::new();
-    for method in methods {
+    for method in values(on_scenes, "method") {
         let speed = |column: &str| super::mean(on_scenes, column, |row| name(row, "method") == method);
         let own = || stressed.iter().filter(|row| name(row, "method") == method);
         let sum = |column: &str| own().filter_map(|row| number(row, column)).sum::<f64>() as usize;

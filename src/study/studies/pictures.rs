@@ -3,7 +3,7 @@
 use super::super::lab::PictureVariant;
 use super::super::table::{Row, name, number, row};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, scenes};
-use super::{mean, scenes_of, with};
+use super::{by_scene, mean, scenes_of, with};
 use crate::device::kernel_resources;
 use crate::error::Result;
 use crate::options::{Accel, Kernels, TexturePass, TraceOptions};
@@ -50,15 +50,18 @@ pub(super) fn tradeoff(lab: &mut Lab) -> Result<(Table, Vec<Chart>)> {
         rows.extend(lab.pictures(&scene_name, &scene, &variants, Some((converged, most_depth)))?);
     }
     let table = Table::new("pictures", "Whole pictures: time against error", rows);
-    let chart = |(i, scene): (usize, &String)| {
-        Chart::new(ChartKind::Front, &table, &format!("pictures-{}", i + 1), format!("{scene}: pictures a second against error"), ["flip", "frames_per_s"])
-            .log(true, true)
-            .only("scene", scene)
-            .caption(format!(
+    let charts = by_scene(
+        ChartKind::Front,
+        &table,
+        "pictures",
+        "pictures a second against error",
+        ["flip", "frames_per_s"],
+        |chart| {
+            chart.log(true, true).caption(format!(
                 "Exact hits. The error is FLIP to a picture of {converged} samples a pixel and chains of {most_depth} rays. Left and high is better."
             ))
-    };
-    let charts = scenes_of(&table.rows).iter().enumerate().map(chart).collect();
+        },
+    );
     Ok((table, charts))
 }
 
@@ -214,17 +217,9 @@ fn ratios(rows: &[Row], a: &str, b: &str, takes: &str, of: &str) -> (Vec<String>
 /// Bars of seconds for each scene.
 fn charts(table: &Table, title: &str) -> Vec<Chart> {
     let differing: f64 = table.rows.iter().filter_map(|row| number(row, "wrong_pixels")).sum();
-    let chart = |(i, scene): (usize, &String)| {
-        Chart::new(
-            ChartKind::Bars,
-            table,
-            &format!("seconds-{}", i + 1),
-            format!("{scene}: {title}"),
-            ["method", "seconds"],
-        )
-        .spread(SPREAD)
-        .only("scene", scene)
-        .caption(format!("Whole pictures, exact hits. {differing} pixels differ from those of the scalar reference."))
-    };
-    scenes_of(&table.rows).iter().enumerate().map(chart).collect()
+    by_scene(ChartKind::Bars, table, "seconds", title, ["method", "seconds"], |chart| {
+        chart.spread(SPREAD).caption(format!(
+            "Whole pictures, exact hits. {differing} pixels differ from those of the scalar reference."
+        ))
+    })
 }

@@ -3,7 +3,7 @@
 use super::super::table::{Row, name, number, row};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Subject, Table, Variant, scenes};
 use super::pareto::fast_options;
-use super::{ALL_KINDS, CAMERA, SPREAD, error_note, mean, scenes_of, with};
+use super::{ALL_KINDS, CAMERA, SPREAD, by_scene, error_note, mean, with};
 use crate::error::{Error, Result};
 use crate::options::{Accel, Intersector, TraceOptions};
 use serde_json::json;
@@ -110,22 +110,11 @@ fn ray_kind(lab: &mut Lab) -> Result<Findings> {
         ));
     }
     let note = error_note(&rows);
-    let scenes = scenes_of(&rows);
     let table = Table::new("rays", "All kinds of rays", rows);
-    let chart = |(i, scene): (usize, &String)| {
-        Chart::new(
-            ChartKind::Bars,
-            &table,
-            &format!("speed-{}", i + 1),
-            format!("{scene}: speed by kind of rays"),
-            ["rays_of", "mrays_per_s"],
-        )
-        .by("method")
-        .spread(SPREAD)
-        .only("scene", scene)
-        .caption(format!("Exact hits. {note}"))
-    };
-    let charts = scenes.iter().enumerate().map(chart).collect();
+    let charts =
+        by_scene(ChartKind::Bars, &table, "speed", "speed by kind of rays", ["rays_of", "mrays_per_s"], |chart| {
+            chart.by("method").spread(SPREAD).caption(format!("Exact hits. {note}"))
+        });
     let verdict = if parts.is_empty() { "No ray hit anything.".to_owned() } else { parts.join("; ") + "." };
     Ok(Findings {
         holds: (!parts.is_empty()).then_some(holds),
@@ -270,22 +259,11 @@ fn cpu_gpu(lab: &mut Lab) -> Result<Findings> {
         _ => (None, "The reference was measured alone: there is nothing to compare it with.".to_owned()),
     };
     let note = error_note(&rows);
-    let scenes = scenes_of(&rows);
     let table = Table::new("rays", "Device and reference", rows);
-    let chart = |(i, scene): (usize, &String)| {
-        Chart::new(
-            ChartKind::Bars,
-            &table,
-            &format!("speed-{}", i + 1),
-            format!("{scene}: device and reference"),
-            ["device", "mrays_per_s"],
-        )
-        .by("method")
-        .spread(SPREAD)
-        .log(false, true)
-        .only("scene", scene)
-        .caption(format!("Camera rays, exact hits. {note}"))
-    };
-    let charts = scenes.iter().enumerate().map(chart).collect();
+    let charts =
+        by_scene(ChartKind::Bars, &table, "speed", "device and reference", ["device", "mrays_per_s"], |chart| {
+            let caption = format!("Camera rays, exact hits. {note}");
+            chart.by("method").spread(SPREAD).log(false, true).caption(caption)
+        });
     Ok(Findings { holds, verdict, notes: Vec::new(), tables: vec![table], charts })
 }

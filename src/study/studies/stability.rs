@@ -1,14 +1,13 @@
 //! Where methods break down.
 
 use super::super::cases::Sweep;
-use super::super::lab::errors;
-use super::super::table::{Row, name, number, row};
+use super::super::table::{Row, name, number};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, Variant};
 use super::with;
 use crate::error::Result;
 use crate::options::{Accel, Intersector, TraceOptions, Traversal};
-use crate::stress::{Answers, Case, Found, Kind};
-use serde_json::{Value, json};
+use crate::stress::Kind;
+use serde_json::json;
 
 pub const STUDY: Study = Study {
     name: "stability",
@@ -45,7 +44,7 @@ fn run(lab: &mut Lab) -> Result<Findings> {
         let mut rows = Vec::new();
         for value in values {
             let make = || sweep.case(value, seed, rays);
-            rows.extend(judged(lab, &methods, sweep.name, json!(value), rays, &make)?);
+            rows.extend(lab.judge_case(&methods, sweep.name, &json!(value), rays, make)?);
         }
         let table = Table::new(sweep.name, format!("Wrong answers: {}", sweep.about), rows);
         let title = format!("Wrong answers by: {}", Chart::label(sweep.name));
@@ -64,7 +63,7 @@ fn run(lab: &mut Lab) -> Result<Findings> {
     let modes = if lab.quick { 4 } else { usize::MAX };
     for kind in Kind::all().take(modes) {
         let make = || kind.case(seed, rays / 2);
-        rows.extend(judged(lab, &methods, "mode", json!(kind.name), rays / 2, &make)?);
+        rows.extend(lab.judge_case(&methods, "mode", &json!(kind.name), rays / 2, make)?);
     }
     let table = Table::new("modes", "Wrong answers by failure mode, a kind of `raybrook stress` each", rows);
     charts.push(
@@ -115,35 +114,4 @@ fn breakdowns(tables: &[Table], methods: &[Variant]) -> String {
         true => "No other method had one wrong answer in a thousand in a sweep.".to_owned(),
         false => format!("One answer in a thousand or more is wrong with {}.", parts.join("; with ")),
     }
-}
-
-/// The rows of one case: one for each method.
-fn judged(
-    lab: &mut Lab,
-    methods: &[Variant],
-    column: &str,
-    value: Value,
-    rays: usize,
-    make: &dyn Fn() -> Case,
-) -> Result<Vec<Row>> {
-    let settings: Vec<_> = methods.iter().map(|v| json!([v.label, v.options])).collect();
-    let key = json!(["judged", column, value, rays, settings]);
-    if let Some(rows) = lab.journal.find(&key) {
-        return Ok(rows);
-    }
-    (lab.progress)(&format!("{column} {value}"));
-    let case = make();
-    let answers = Answers::new(&case);
-    let mut rows = Vec::new();
-    for method in methods {
-        let found = Found::new(&case, &method.options, lab.device, lab.cache)?;
-        let strictly = method.options.intersector == Intersector::Exact && method.options.traversal.is_exact();
-        let wrong = found.faults(&answers, strictly).len();
-        let mut out = row([("method", json!(method.label))]);
-        out.insert(column.to_owned(), value.clone());
-        out.extend(errors(wrong, case.rays.len()));
-        rows.push(out);
-    }
-    lab.journal.keep(&key, &rows)?;
-    Ok(rows)
 }

@@ -2,7 +2,7 @@
 
 use super::super::table::{Row, name, number};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Subject, Table, Variant, scenes};
-use super::{ALL_KINDS, CAMERA, MOST_FOR_LISTS, SPREAD, error_note, largest, mean, scenes_of, with};
+use super::{ALL_KINDS, CAMERA, MOST_FOR_LISTS, SPREAD, by_scene, error_note, largest, mean, scenes_of, with};
 use crate::error::Result;
 use crate::options::{Accel, Build, Intersector, TraceOptions, Traversal};
 use crate::scene::Scene;
@@ -88,18 +88,18 @@ fn depth(lab: &mut Lab) -> Result<Findings> {
         let found = lab.compare(&subject, variants, &[CAMERA])?;
         rows.extend(found.into_iter().map(|mut row| {
             row.insert("plane".into(), json!(plane));
-            let series = format!("{}, {plane} plane", name(&row, "device"));
+            let series = format!("{}, {plane} plane", name(&row, "build"));
             row.insert("panel".into(), json!(series));
             row
         }));
         Ok(())
     };
     let mut variants =
-        vec![Variant::new("brute force", with(Accel::Brute)).with("max_depth", 0).with("device", "brute force")];
+        vec![Variant::new("brute force", with(Accel::Brute)).with("max_depth", 0).with("build", "brute force")];
     for &build in builds {
         variants.extend(depths.iter().filter(|&&depth| depth > 0).map(|&depth| {
             let options = TraceOptions { build, leaf_size: Some(1), max_depth: Some(depth), ..with(Accel::Kd) };
-            Variant::new(format!("{build}, {depth}"), options).with("max_depth", depth).with("device", build.name())
+            Variant::new(format!("{build}, {depth}"), options).with("max_depth", depth).with("build", build.name())
         }));
     }
     if lab.scenes.is_empty() {
@@ -111,23 +111,16 @@ fn depth(lab: &mut Lab) -> Result<Findings> {
     } else {
         for (scene, made) in lab.scenes {
             // Brute force on a large scene would take hours.
-            let fit: Vec<_> = match made.hittable().len() <= MOST_FOR_LISTS {
-                true => std::mem::take(&mut variants),
-                false => variants.drain(1..).collect(),
-            };
-            add(scene, "as it is, without a further", &fit, lab, made.clone())?;
-            variants = fit;
+            let first = usize::from(made.hittable().len() > MOST_FOR_LISTS);
+            add(scene, "without a further", &variants[first..], lab, made.clone())?;
         }
     }
     let mut sentences = Vec::new();
     let mut holds = None;
     for scene in scenes_of(&rows) {
         let best = |build: &str, plane: &str| {
-            mean(&rows, "mrays_per_s", |row| {
-                name(row, "scene") == scene && name(row, "device") == build && name(row, "plane") == plane
-            })?;
             let of = rows.iter().filter(|row| {
-                name(row, "scene") == scene && name(row, "device") == build && name(row, "plane") == plane
+                name(row, "scene") == scene && name(row, "build") == build && name(row, "plane") == plane
             });
             number(largest(of, "mrays_per_s")?, "mrays_per_s")
         };
@@ -145,24 +138,10 @@ fn depth(lab: &mut Lab) -> Result<Findings> {
     }
     let note = error_note(&rows);
     let table = Table::new("rays", "Camera rays by the limit of the tree's depth", rows);
-    let charts = scenes_of(&table.rows)
-        .iter()
-        .enumerate()
-        .map(|(i, scene)| {
-            Chart::new(
-                ChartKind::Lines,
-                &table,
-                &format!("scene-{}", i + 1),
-                format!("{scene}: speed by depth"),
-                ["max_depth", "mrays_per_s"],
-            )
-            .by("panel")
-            .spread(SPREAD)
-            .log(false, true)
-            .only("scene", scene)
-            .caption(format!("Camera rays, exact hits; depth 0 is brute force. {note}"))
-        })
-        .collect();
+    let charts = by_scene(ChartKind::Lines, &table, "scene", "speed by depth", ["max_depth", "mrays_per_s"], |chart| {
+        let caption = format!("Camera rays, exact hits; depth 0 is brute force. {note}");
+        chart.by("panel").spread(SPREAD).log(false, true).caption(caption)
+    });
     Ok(Findings { holds, verdict: sentence(&sentences), notes: Vec::new(), tables: vec![table], charts })
 }
 
@@ -281,25 +260,13 @@ fn split_rule(lab: &mut Lab) -> Result<Findings> {
 /// Findings with a chart of speeds for each scene, one bar for each method and kind of rays, and one of steps and of tests.
 fn bars_of(rows: Vec<Row>, holds: Option<bool>, sentences: &[String], title: &str, what: &str) -> Result<Findings> {
     let note = error_note(&rows);
-    let scenes = scenes_of(&rows);
     let table = Table::new("rays", format!("{title}: all measurements"), rows);
-    let mut charts = Vec::new();
-    for (i, scene) in scenes.iter().enumerate() {
-        let chart = |name: &str, title: String, y: &str| {
-            Chart::new(ChartKind::Bars, &table, &format!("{name}-{}", i + 1), title, ["method", y])
-                .by("rays_of")
-                .only("scene", scene)
-        };
-        charts.push(
-            chart("speed", format!("{scene}: {}", lower(title)), "mrays_per_s")
-                .spread(SPREAD)
-                .caption(format!("{what}. {note}")),
-        );
-        charts.push(
-            chart("steps", format!("{scene}: steps"), "steps")
-                .caption("Counted ray by ray on a part of the same rays."),
-        );
-    }
+    let charts = |file: &str, title: &str, y: &str, caption: &str| {
+        by_scene(ChartKind::Bars, &table, file, title, ["method", y], |chart| chart.by("rays_of").caption(caption))
+    };
+    let speeds = charts("speed", &lower(title), "mrays_per_s", &format!("{what}. {note}"));
+    let steps = charts("steps", "steps", "steps", "Counted ray by ray on a part of the same rays.");
+    let charts = speeds.into_iter().zip(steps).flat_map(|(speed, steps)| [speed.spread(SPREAD), steps]).collect();
     Ok(Findings { holds, verdict: sentence(sentences), notes: Vec::new(), tables: vec![table], charts })
 }
 
