@@ -258,6 +258,10 @@ impl SceneBuffers {
             pixel_width: 2.0 / samples.intervals(width) as f32,
             pixel_height: 2.0 / samples.intervals(height) as f32,
             sample_weight: 1.0 / samples.per_pixel() as f32,
+            ray_count: 0,
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
+use crate::adaptive::{Adaptive, render_adaptive};
 use crate::device::{Cache, CompiledAhead, DeviceHandle, OpenClTracer};
 use crate::error::Result;
 use crate::options::TraceOptions;
@@ -107,5 +108,8 @@ pub fn render(
     picture.samples.check(picture.size)?;
     let params =
         buffers.render_params(&picture.camera, picture.size, picture.samples, picture.depth, picture.kill_weight);
-    tracer.render(&params, &sample_positions(picture.samples), progress)
+    match picture.samples {
+        Samples::Error(error) => render_adaptive(tracer, &params, Adaptive::of_error(error), progress),
+        fixed => tracer.render(&params, &sample_positions(fixed), progress),
+    }
 }

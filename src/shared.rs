@@ -354,6 +354,36 @@ device_struct! {
         pub pixel_height: f32,
         /// 1 / sample_count.
         pub sample_weight: f32,
+        /// 0 of a picture. Else so many camera rays of their own: number i, at `x + width * y` of the film, passes through the position
+        /// `samples[i]`, in pixels of the picture.
+        pub ray_count: u32,
+        /// Unused.
+        pub pad0: u32,
+        /// Unused.
+        pub pad1: u32,
+        /// Unused.
+        pub pad2: u32,
+    }
+}
+
+impl RenderParams {
+    /// The same camera for a list of `count` rays of their own in place of a picture. The list lies in rows as long as a tile, so that
+    /// work-items take it in its order, and neighbours in it run beside each other.
+    #[must_use]
+    pub fn of_list(self, count: u32) -> RenderParams {
+        let (width, height) = (TILE_SIDE, count.div_ceil(TILE_SIDE));
+        RenderParams { width, height, sample_count: 1, sample_weight: 1.0, ray_count: count, ..self }
+    }
+
+    /// Width and height of the film: of a list one row.
+    pub fn film_size(&self) -> (u32, u32) {
+        if self.ray_count == 0 { (self.width, self.height) } else { (self.ray_count, 1) }
+    }
+
+    /// Values of the film.
+    pub fn film_len(&self) -> usize {
+        let (width, height) = self.film_size();
+        width as usize * height as usize
     }
 }
 

@@ -6,7 +6,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::adaptive::AdaptiveStats;
 use crate::aov::AovRange;
+use crate::compare::FilmDifference;
 use crate::error::Result;
 use crate::options::{Decision, TraceOptions};
 use crate::output::write_json;
@@ -62,6 +64,17 @@ pub struct WorkStats {
     pub aovs: Vec<AovRange>,
 }
 
+/// The picture with the most samples in every pixel, and what the one that was written lacks.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FullPicture {
+    /// Samples of each pixel.
+    pub samples: u32,
+    /// Its rays.
+    pub rays: RayCounts,
+    /// How the picture differs from it.
+    pub difference: FilmDifference,
+}
+
 /// One run. What does not apply to it is `None` and left out of the file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct RunStats {
@@ -85,7 +98,7 @@ pub struct RunStats {
     /// Render: rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<u32>,
-    /// Render: samples per pixel, or "corners".
+    /// Render: samples per pixel, "corners", or the error that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<Samples>,
     /// Render: longest chain of rays.
@@ -123,6 +136,12 @@ pub struct RunStats {
     /// How the split kernels went.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<SplitStats>,
+    /// How a picture of bounded error was sampled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptive: Option<AdaptiveStats>,
+    /// What the picture lacks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub full_picture: Option<FullPicture>,
     /// From the start of the program to the end of its output.
     pub total_s: f64,
     /// Million rays a second: see [`RunStats::set_rate`].

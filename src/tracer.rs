@@ -1,5 +1,6 @@
 //! The one interface of everything that traces rays: OpenCL devices and the scalar reference (thesis, section 6.2.2).
 
+use crate::adaptive::AdaptiveStats;
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
@@ -63,6 +64,8 @@ pub struct RenderResult {
     pub read_s: f64,
     /// How the split kernels went, where they rendered.
     pub split: Option<SplitStats>,
+    /// How the picture was sampled, where its error was bounded.
+    pub adaptive: Option<AdaptiveStats>,
 }
 
 /// What rendering by several kernels took ([`crate::options::Kernels::Split`]).
@@ -78,6 +81,17 @@ pub struct SplitStats {
     pub host_colours: u64,
     /// Seconds that fetching those hits, computing and sending the colours took.
     pub host_pass_s: f64,
+}
+
+impl SplitStats {
+    /// Adds what another picture took.
+    pub fn add(&mut self, other: &SplitStats) {
+        self.paths_in_flight = self.paths_in_flight.max(other.paths_in_flight);
+        self.waves += other.waves;
+        self.launches += other.launches;
+        self.host_colours += other.host_colours;
+        self.host_pass_s += other.host_pass_s;
+    }
 }
 
 /// Called from time to time with the part of the work that is done, 0..=1.
@@ -123,7 +137,8 @@ pub trait Tracer {
     /// The device failed or cannot hold the batch.
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult>;
 
-    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them.
+    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them. Of a list of rays
+    /// ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its upper left corner, and the film is one row.
     ///
     /// # Errors
     /// The device failed or cannot hold the picture.

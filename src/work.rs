@@ -44,6 +44,14 @@ pub struct PixelWork {
 }
 
 impl PixelWork {
+    /// Adds the work on other rays of the pixel.
+    pub fn add(&mut self, other: &PixelWork) {
+        for &counter in WorkCounter::ALL {
+            self.camera.count(counter, other.camera.get(counter));
+            self.secondary.count(counter, other.secondary.get(counter));
+        }
+    }
+
     /// On all of them.
     pub fn total(&self) -> RayWork {
         let mut total = self.camera;

@@ -77,6 +77,11 @@ fn wrong_input_ends_with_the_documented_code() {
             2,
             &["--precision", "--intersector"],
         ),
+        (&["render", "one.obj", "--error=-1"], 2, &["--error"]),
+        (&["render", "one.obj", "--error", "256"], 2, &["--error", "0 to 255"]),
+        (&["render", "one.obj", "--error", "nan"], 2, &["--error", "0 to 255"]),
+        (&["render", "one.obj", "--error", "1", "--samples", "4"], 2, &["--error", "--samples"]),
+        (&["render", "one.obj", "--samples", "corners", "--measure-error"], 2, &["--measure-error"]),
         (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
         (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
         (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "auto, brute, kd, bvh2"]),
@@ -127,7 +132,18 @@ fn render_writes_every_format_and_stats() {
         ("one.exr", &["-o", "one.exr"], b"\x76\x2f\x31\x01"),
         ("one.pfm", &["-o", "one.pfm"], b"PF\n"),
     ] {
-        let fixed = ["render", "one.obj", "--device", "reference", "--size", "20x10", "--stats", "stats.json"];
+        let fixed = [
+            "render",
+            "one.obj",
+            "--device",
+            "reference",
+            "--size",
+            "20x10",
+            "--samples",
+            "1",
+            "--stats",
+            "stats.json",
+        ];
         let output = raybrook(at, &[&fixed, arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         assert!(std::fs::read(at.join(name)).unwrap().starts_with(magic), "{name}");
@@ -184,6 +200,41 @@ fn an_nff_file_has_its_size_and_corners_are_cast() {
     assert_eq!(plain["rays"]["camera"]["cast"], 12 * 8 * 2);
     let corners = stats(&["--samples", "corners", "--size", "13x9"]);
     assert_eq!((&corners["samples"], &corners["rays"]["camera"]["cast"]), (&"corners".into(), &(13 * 9).into()));
+}
+
+#[test]
+fn a_picture_is_asked_for_by_its_error() {
+    let folder = folder();
+    let at = folder.path();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/spheres.toml");
+    let stats = |arguments: &[&str]| -> serde_json::Value {
+        let fixed = ["render", scene.to_str().unwrap(), "--device", "reference", "--size", "40x30", "-o", "x.png"];
+        let output = raybrook(at, &[&fixed[..], &["--stats", "stats.json", "--measure-error"], arguments].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap()
+    };
+    let (small, large) = (stats(&["--error", "0.5"]), stats(&["--error", "4"]));
+    for (stats, asked) in [(&small, 0.5), (&large, 4.0)] {
+        assert_eq!((&stats["samples"]["error"], &stats["adaptive"]["error"]), (&asked.into(), &asked.into()));
+        let pixels: Vec<u64> =
+            stats["adaptive"]["pixels"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
+        assert_eq!(pixels.iter().sum::<u64>(), 40 * 30);
+        let made = stats["full_picture"]["difference"]["rms_8bit"].as_f64().unwrap();
+        assert!(made > 0.0 && made < 1.2 * asked, "{made}");
+        assert_eq!(stats["full_picture"]["rays"]["camera"]["cast"], 40 * 30 * 256);
+    }
+    let rays = |stats: &serde_json::Value| stats["rays"]["camera"]["cast"].as_u64().unwrap();
+    assert!(rays(&small) > 3 * rays(&large), "{} {}", rays(&small), rays(&large));
+    // Fixed samples have an error, too.
+    let fixed = stats(&["--samples", "2"]);
+    assert_eq!((&fixed["samples"], &fixed["adaptive"]), (&2.into(), &serde_json::Value::Null));
+    assert!(fixed["full_picture"]["difference"]["rms_8bit"].as_f64().unwrap() > 1.0);
+    // One step where nobody says anything.
+    let output =
+        raybrook(at, &["render", "one.obj", "--device", "reference", "--size", "9x9", "--stats", "stats.json"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["samples"]["error"], 1.0);
 }
 
 #[test]
@@ -328,14 +379,15 @@ fn trace_answers_a_batch() {
 fn counted_work_is_written_as_numbers_and_colours() {
     let folder = folder();
     let at = folder.path();
-    let fixed = ["render", "one.obj", "--device", "reference", "--size", "20x10", "--accel", "kd", "--stats", "s.json"];
+    let fixed = "render one.obj --device reference --size 20x10 --samples 1 --accel kd --stats s.json";
+    let fixed: Vec<_> = fixed.split(' ').collect();
     for (arguments, pictures, files) in [
         (&["--aov", "steps,empty-leaves"][..], 2, &["one-steps.png", "one-empty-leaves.png"][..]),
         (&["-o", "one.exr", "--aov", "tests"], 1, &["one-tests.png", "one-tests.exr"]),
         (&["-o", "one.pfm", "--aov", "tests"], 1, &["one-tests.pfm"]),
         (&["--counters"], 0, &[]),
     ] {
-        let output = raybrook(at, &[&fixed, arguments].concat());
+        let output = raybrook(at, &[&fixed[..], arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(said.contains(" tests (") && said.contains("deepest stack 0"), "{said}");

@@ -53,8 +53,7 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     if (number >= end) return;
     const uint item = ITEM_OF(number);
     const uint2 pixel = pixel_of_item(render, item);
-    const uint x = pixel.x, y = pixel.y;
-    if (x >= render->width || y >= render->height) return;
+    if (!is_in_film(render, pixel)) return;
 
     UNDECIDED
     WORK_SUMS(work)
@@ -63,13 +62,13 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     uint counts[COUNTERS] = {0};
     float3 sum = (float3)(0.0f);
     for (uint s = 0; s < render->sample_count; s++) {
-        const Ray ray = camera_ray(render, (float)x + samples[s].x, (float)y + samples[s].y);
-        sum += radiance_along(SCENE_AT(&scene), render, ray, counts);
+        sum += radiance_along(SCENE_AT(&scene), render, sample_ray(render, samples, pixel, s), counts);
     }
     NOTE_DOUBT(item);
     if (IN_DOUBT) return;
-    film[y * render->width + x] = (float4)(sum * render->sample_weight, 1.0f);
-    STORE_WORK(&scene.camera_geometry, 2u * (y * render->width + x));
-    STORE_WORK(&scene.geometry, 2u * (y * render->width + x) + 1u);
+    const uint place = pixel.y * render->width + pixel.x;
+    film[place] = (float4)(sum * render->sample_weight, 1.0f);
+    STORE_WORK(&scene.camera_geometry, 2u * place);
+    STORE_WORK(&scene.geometry, 2u * place + 1u);
     add_counts(counts, counters, item);
 }

@@ -169,7 +169,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
     ulong inside = 0ul, in_doubt = 0ul;
     for (uint lane = 0; lane < 16u; lane++) {
         const uint2 pixel = pixel_of_item(render, item + lane);
-        if (item + lane >= end || pixel.x >= render->width || pixel.y >= render->height) continue;
+        if (item + lane >= end || !is_in_film(render, pixel)) continue;
         inside |= lane_bit16(lane);
         paths[lane].sum = (float3)(0.0f);
         for (uint i = 0; i < COUNTERS; i++) paths[lane].counts[i] = 0u;
@@ -180,7 +180,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
             Path* path = &paths[lane];
             const uint2 pixel = pixel_of_item(render, item + lane);
             path->radiance = (float3)(0.0f);
-            path->stack[0] = first_of_path(camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y));
+            path->stack[0] = first_of_path(sample_ray(render, samples, pixel, s));
             path->stacked = 1u;
         }
         for (ulong open = inside; open != 0ul;) {

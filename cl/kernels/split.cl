@@ -145,9 +145,8 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     const uint path = take_place(wants_path, &lengths[QUEUE_PATHS], places);
     if (wants_path && path < batch_pixels * render->sample_count) {
         const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
-        const float2 sample = samples[path / batch_pixels];
-        const float x = (float)(pixel % render->width), y = (float)(pixel / render->width);
-        const PendingRay pending = first_of_path(camera_ray(render, x + sample.x, y + sample.y));
+        const uint2 at = (uint2)(pixel % render->width, pixel / render->width);
+        const PendingRay pending = first_of_path(sample_ray(render, samples, at, path / batch_pixels));
         store_pending(&rays[slot], &pending);
         state.path = path;
         state.pending = 1u;

@@ -8,6 +8,21 @@ Ray camera_ray(__global const RenderParams* render, float x, float y) {
     return make_ray(render->eye.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
 }
 
+// The camera ray of sample number `s` of a pixel, or that of a list which has this place in the film.
+Ray sample_ray(__global const RenderParams* render, __global const float2* samples, uint2 pixel, uint s) {
+    if (render->ray_count != 0u) {
+        const float2 at = samples[pixel.y * render->width + pixel.x];
+        return camera_ray(render, at.x, at.y);
+    }
+    return camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y);
+}
+
+// Whether the film has this pixel. The last row of a list's rays may not be full.
+bool is_in_film(__global const RenderParams* render, uint2 pixel) {
+    if (pixel.x >= render->width || pixel.y >= render->height) return false;
+    return render->ray_count == 0u || pixel.y * render->width + pixel.x < render->ray_count;
+}
+
 #define TILE_PIXELS (TILE_SIDE * TILE_SIDE)
 
 // Pixels are numbered tile by tile: item i is pixel i % TILE_PIXELS of tile i / TILE_PIXELS, row by row. It may lie outside of the picture.

@@ -289,8 +289,12 @@ struct PictureArgs {
     /// Width and height in pixels [default: the scene's, else 1024x768].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
+    /// The picture's error that is asked for, in steps of 8-bit sRGB (root of the mean square): more samples go only where they
+    /// lower it, up to 256 a pixel, and from 2 on some pixels are interpolated [default: the scene's, else 1].
+    #[arg(long, value_name = "E", conflicts_with = "samples")]
+    error: Option<f32>,
     /// Samples per pixel, in a fixed pattern, or `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
-    /// pixels [default: the scene's, else 1].
+    /// pixels [default: as many as --error takes].
     #[arg(long, value_name = "N|corners")]
     samples: Option<Samples>,
     /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].

@@ -27,9 +27,6 @@ pub struct Loaded {
 /// Size of a picture that neither the scene nor an option sizes.
 const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
-/// Samples of a picture of which neither the scene nor an option tells.
-const DEFAULT_SAMPLES: Samples = Samples::PerPixel(1);
-
 /// Loads a scene, prints its warnings, and gives it what it needs to be rendered: also a size and samples, which `args` override.
 pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loaded> {
     let start = Instant::now();
@@ -44,7 +41,7 @@ pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loade
         }
     }
     let size = args.and_then(|a| a.size).or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
-    let samples = args.and_then(|a| a.samples).or(scene.picture.samples).unwrap_or(DEFAULT_SAMPLES);
+    let samples = args.and_then(PictureArgs::samples).or(scene.picture.samples).unwrap_or(Samples::DEFAULT);
     samples.check(size)?;
     (scene.picture.size, scene.picture.samples) = (Some(size), Some(samples));
     complete(&mut scene, samples.aspect(size) as f32);

@@ -3,15 +3,17 @@
 use super::explain::{Chooser, ExplainArgs};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
-use raybrook::Result;
+use raybrook::adaptive::{MOST_SAMPLES, render_full};
+use raybrook::compare::compare_films;
 use raybrook::film::{ImageFormat, check_output};
 use raybrook::output::check_writable;
-use raybrook::scene::Scene;
+use raybrook::scene::{Samples, Scene};
 use raybrook::session::{DEFAULT_DEPTH, Picture, render};
 use raybrook::shared::WorkCounter;
-use raybrook::stats::{RayCounts, WorkStats};
+use raybrook::stats::{FullPicture, RayCounts, WorkStats};
 use raybrook::tracer::Task;
 use raybrook::work::WorkSum;
+use raybrook::{Error, Result};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -38,12 +40,20 @@ pub struct RenderArgs {
     counters: bool,
     #[arg(long, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
     aov: Vec<WorkCounter>,
+    /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has against it.
+    #[arg(long)]
+    measure_error: bool,
     /// Write device, options, ray counts and times to a JSON file.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
 }
 
 impl PictureArgs {
+    /// What the options ask for, if anything.
+    pub fn samples(&self) -> Option<Samples> {
+        self.error.map(Samples::Error).or(self.samples)
+    }
+
     /// The picture that the scene asks for, with what the options override. The scene is completed.
     pub fn picture(&self, scene: &Scene) -> Picture {
         Picture {
@@ -59,6 +69,11 @@ impl PictureArgs {
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
+    if args.measure_error && args.picture.samples == Some(Samples::Corners) {
+        let message =
+            "rays through corners have no pixels between which an error could be measured; leave out one of the two";
+        return Err(Error::option("--measure-error", message));
+    }
     args.method.check(counters)?;
     let output = match &args.output {
         Some(path) => path.clone(),
@@ -110,6 +125,16 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     stats.set_rate();
     stats.read_s = Some(result.read_s);
     stats.split = result.split;
+    stats.adaptive = result.adaptive;
+    if args.measure_error {
+        let bar = Bar::new("full picture", talk);
+        let full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &|done| bar.update(done, 1.0, ""))?;
+        stats.full_picture = Some(FullPicture {
+            samples: MOST_SAMPLES,
+            rays: RayCounts::from_counters(&full.counts),
+            difference: compare_films(&full.film, &result.film),
+        });
+    }
     stats.total_s = start.elapsed().as_secs_f64();
     stats.width = Some(picture.size.0);
     stats.height = Some(picture.size.1);
@@ -128,6 +153,16 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             stats.device,
             stats.mrays_per_s.unwrap_or_default(),
             stats.total_s
+        );
+    }
+    if let (Some(full), false) = (&stats.full_picture, talk.quiet) {
+        let share = stats.rays.total_cast() as f64 / full.rays.total_cast().max(1) as f64;
+        let flip = full.difference.flip_mean.map_or(String::new(), |flip| format!(", FLIP {flip:.5}"));
+        say!(
+            "against {} samples in each pixel: {:.1} % of the rays, error {:.3} steps of 8-bit sRGB{flip}",
+            full.samples,
+            100.0 * share,
+            full.difference.rms_8bit
         );
     }
     if let Some(counted) = &stats.work {

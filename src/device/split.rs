@@ -143,7 +143,7 @@ impl SplitPipeline {
             rendered: Rendered { second_pass: self.setup.defers.then_some(0), ..Rendered::default() },
             stats: SplitStats { paths_in_flight: shape.slots, ..SplitStats::default() },
         };
-        let pixels = params.width as usize * params.height as usize;
+        let pixels = params.film_len();
         for first_pixel in (0..pixels).step_by(shape.batch_pixels) {
             let batch_pixels = shape.batch_pixels.min(pixels - first_pixel);
             for step in self.steps() {

@@ -29,11 +29,10 @@ pub(super) struct PictureBuffers {
 
 impl PictureBuffers {
     fn new(context: &DeviceContext, params: &RenderParams, samples: &[[f32; 2]]) -> Result<Self> {
-        let pixel_count = params.width as usize * params.height as usize;
         Ok(PictureBuffers {
             params: Buffer::from_slice(context, "picture parameters", &[*params])?,
             samples: Buffer::from_slice(context, "samples", samples)?,
-            film: Buffer::empty(context, "picture", pixel_count)?,
+            film: Buffer::empty(context, "picture", params.film_len())?,
             counters: Buffer::read_write(context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?,
         })
     }
@@ -288,7 +287,7 @@ impl Tracer for OpenClTracer {
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
         self.prepare(Task::Picture)?;
         let picture = PictureBuffers::new(&self.context, params, samples)?;
-        let work = self.work_buffer::<PixelWork>(params.width as usize * params.height as usize)?;
+        let work = self.work_buffer::<PixelWork>(params.film_len())?;
         let shape = (self.first_items, self.work_group);
         let rendered = match &mut self.split {
             Some(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
@@ -298,10 +297,11 @@ impl Tracer for OpenClTracer {
 
         let start = Instant::now();
         let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
-        let film = Film { width: params.width, height: params.height, pixels };
+        let (width, height) = params.film_size();
+        let film = Film { width, height, pixels };
         let work = work.map(|work| work.read()).transpose()?;
         let read_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split })
+        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split, adaptive: None })
     }
 }
 

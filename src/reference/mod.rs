@@ -291,7 +291,7 @@ impl Tracer for ReferenceTracer {
     fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
         let start = Instant::now();
         let width = params.width as usize;
-        let mut pixels = vec![[0.0; 3]; width * params.height as usize];
+        let mut pixels = vec![[0.0; 3]; params.film_len()];
         let mut work = self.room_for_work(pixels.len());
         let done = AtomicUsize::new(0);
         let counts = pixels
@@ -305,9 +305,10 @@ impl Tracer for ReferenceTracer {
                 counts
             })
             .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
-        let film = Film { width: params.width, height: params.height, pixels };
+        let (width, height) = params.film_size();
+        let film = Film { width, height, pixels };
         let kernel_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None })
+        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None, adaptive: None })
     }
 }
 

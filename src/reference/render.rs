@@ -156,6 +156,16 @@ pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
     fma3(params.right.xyz(), right, fma3(params.up.xyz(), up, params.forward.xyz()))
 }
 
+/// The camera ray of a pixel's sample, or that of a list which has this place in the film.
+#[inline(always)]
+fn sample_ray(params: &RenderParams, samples: &[[f32; 2]], (x, y): (usize, usize), sample: usize) -> Ray {
+    if params.ray_count != 0 {
+        let [x, y] = samples[y * params.width as usize + x];
+        return camera_ray(params, x, y);
+    }
+    camera_ray(params, x as f32 + samples[sample][0], y as f32 + samples[sample][1])
+}
+
 /// A rendered pixel and what it took.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RenderedPixel<W> {
@@ -181,8 +191,8 @@ pub fn render_pixel<W: Work>(
 ) -> RenderedPixel<W> {
     let mut pixel = Pixel { buffers, options, params, rendered: RenderedPixel::default(), stack: Vec::new() };
     let mut sum = Vec3::ZERO;
-    for [sample_x, sample_y] in samples {
-        sum += pixel.radiance_along(camera_ray(params, x as f32 + sample_x, y as f32 + sample_y));
+    for sample in 0..params.sample_count as usize {
+        sum += pixel.radiance_along(sample_ray(params, samples, (x, y), sample));
     }
     RenderedPixel { radiance: sum * params.sample_weight, ..pixel.rendered }
 }

@@ -81,7 +81,8 @@ impl<'a> Reader<'a> {
     fn read_picture(&mut self, root: &Table<'a>) -> Result<()> {
         let mut picture = PictureDefaults::default();
         if let Some(value) = root.get("image") {
-            let image = Table::of(self.source, "[image]", value)?.allow("[image]", &["width", "height", "samples"])?;
+            let image =
+                Table::of(self.source, "[image]", value)?.allow("[image]", &["width", "height", "samples", "error"])?;
             picture.size = match (
                 image.whole("width", 1..=PictureDefaults::MAX_SIDE)?,
                 image.whole("height", 1..=PictureDefaults::MAX_SIDE)?,
@@ -238,8 +239,18 @@ const DEFAULT_IOR: f32 = 1.5;
 /// The Blinn–Phong exponent of a material whose file does not tell; without `specular` it is of no consequence.
 const DEFAULT_SHININESS: f32 = 50.0;
 
-/// A count for each pixel, or "corners".
+/// A count for each pixel, "corners", or an error for the picture.
 fn read_samples(image: &Table) -> Result<Option<Samples>> {
+    if let Some(error) = image.positive("error")? {
+        if image.has("samples") {
+            return Err(
+                image.error("error", "either `samples` or `error`: fixed samples have the error that they have")
+            );
+        }
+        let samples = Samples::Error(error);
+        image.check(samples.fault((1, 1)).map(|message| Fault { key: "error", message }), "error")?;
+        return Ok(Some(samples));
+    }
     if image.get("samples").is_some_and(|value| value.get_ref().is_str()) {
         return Ok(image.choice("samples", &[Samples::CORNERS])?.map(|_| Samples::Corners));
     }

@@ -4,8 +4,11 @@ use super::PictureDefaults;
 use crate::error::{Error, Result};
 
 /// Where the camera rays of a picture pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Samples {
+    /// As many as the picture needs ([`crate::adaptive`]) for this root of its mean squared error, in steps of 8-bit sRGB, 0 to
+    /// [`Samples::MOST_ERROR`].
+    Error(f32),
     /// So many through each pixel, in a fixed pattern, 1 to [`PictureDefaults::MAX_SAMPLES`].
     PerPixel(u32),
     /// One through each corner: the first and last rays of a row and of a column pass exactly through the rim of the picture, so
@@ -17,11 +20,15 @@ pub enum Samples {
 impl Samples {
     /// [`Samples::Corners`] as users write it.
     pub const CORNERS: &str = "corners";
+    /// What a picture takes of which nobody says anything: an error of one step of 8-bit sRGB.
+    pub const DEFAULT: Samples = Samples::Error(1.0);
+    /// The largest error that makes sense: a step from black to white.
+    pub const MOST_ERROR: f32 = 255.0;
 
     /// How many intervals between neighbouring rays, or pixels, a side of `count` rays spans.
     pub fn intervals(self, count: u32) -> u32 {
         match self {
-            Samples::PerPixel(_) => count,
+            Samples::Error(_) | Samples::PerPixel(_) => count,
             Samples::Corners => count.saturating_sub(1),
         }
     }
@@ -31,20 +38,21 @@ impl Samples {
         f64::from(self.intervals(width)) / f64::from(self.intervals(height))
     }
 
-    /// Camera rays for each value of the picture.
+    /// Camera rays for each value of the picture; with a bounded error of those that have one sample.
     pub fn per_pixel(self) -> u32 {
         match self {
             Samples::PerPixel(count) => count,
-            Samples::Corners => 1,
+            Samples::Error(_) | Samples::Corners => 1,
         }
     }
 
     /// Checks that a picture of `size` has such samples.
     ///
     /// # Errors
-    /// [`Error::Option`] when it has no two corners, or the count is out of range.
+    /// [`Error::Option`] when it has no two corners, or the count or the error is out of range.
     pub fn check(self, size: (u32, u32)) -> Result<()> {
-        self.fault(size).map_or(Ok(()), |fault| Err(Error::option("--samples", fault)))
+        let option = if matches!(self, Samples::Error(_)) { "--error" } else { "--samples" };
+        self.fault(size).map_or(Ok(()), |fault| Err(Error::option(option, fault)))
     }
 
     /// What is wrong with it in a picture of `size`, if anything.
@@ -55,6 +63,9 @@ impl Samples {
             }
             Samples::PerPixel(count) if !(1..=PictureDefaults::MAX_SAMPLES).contains(&count) => {
                 Some(format!("{count} is not in 1 to {}", PictureDefaults::MAX_SAMPLES))
+            }
+            Samples::Error(error) if !(0.0..=Self::MOST_ERROR).contains(&error) => {
+                Some(format!("{error} is not in 0 to {}", Self::MOST_ERROR))
             }
             _ => None,
         }
@@ -75,10 +86,11 @@ impl std::str::FromStr for Samples {
     }
 }
 
-/// A number, or the word of [`Samples::CORNERS`].
+/// A number, the word of [`Samples::CORNERS`], or `{"error": E}`.
 impl serde::Serialize for Samples {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         match self {
+            Samples::Error(error) => serializer.collect_map([("error", error)]),
             Samples::PerPixel(count) => serializer.serialize_u32(*count),
             Samples::Corners => serializer.serialize_str(Self::CORNERS),
         }

@@ -57,7 +57,7 @@ impl Shape {
 
     /// For a picture: as many slots as the device has memory for, unless a number was asked for; never more than paths.
     pub fn new(context: &DeviceContext, params: &RenderParams, setup: Setup) -> Self {
-        let (pixels, samples) = (params.width as usize * params.height as usize, params.sample_count as usize);
+        let (pixels, samples) = (params.film_len(), params.sample_count as usize);
         // A ray at the depth limit leaves no others, and each one before leaves one more than it was itself.
         let depth = params.max_depth.max(1) as usize;
         let mut shape = Shape { setup, slots: 0, batch_pixels: 0, depth, samples };
