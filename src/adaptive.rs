@@ -31,7 +31,7 @@ use rayon::prelude::*;
 pub struct Adaptive {
     /// Root of the mean squared error of the picture's channels that is asked for, in steps of 8-bit sRGB.
     pub error: f32,
-    /// Pixels from one point of the first lattice to the next; 1: every pixel is traced.
+    /// Pixels from one point of the first lattice to the next; 1, or 0: every pixel is traced.
     pub lattice: u32,
 }
 
@@ -148,6 +148,7 @@ pub fn render_full(
 impl<'a> Sampler<'a> {
     fn new(tracer: &'a mut dyn Tracer, params: &RenderParams, adaptive: Adaptive) -> Self {
         let size = (params.width as usize, params.height as usize);
+        let adaptive = Adaptive { lattice: adaptive.lattice.max(1), ..adaptive };
         let film = Film { width: params.width, height: params.height, pixels: vec![[0.0; 3]; size.0 * size.1] };
         Sampler {
             tracer,
@@ -192,8 +193,10 @@ impl<'a> Sampler<'a> {
             let start = std::time::Instant::now();
             let squared = self.estimates.update();
             let first = *first.get_or_insert(squared.max(f64::MIN_POSITIVE));
-            // What is left goes down by about the same factor in each round.
-            progress(((first / squared.max(target)).ln() / (first / target).max(1.0).ln()).clamp(0.0, 1.0));
+            if squared > target && target > 0.0 {
+                // What is left goes down by about the same factor in each round.
+                progress(((first / squared).ln() / (first / target).ln()).clamp(0.0, 1.0));
+            }
             self.stats.estimated_error = (squared / self.sums.len() as f64).sqrt() as f32;
             let pixels = if squared > target { self.estimates.worth_raising(squared, target) } else { Vec::new() };
             self.stats.decide_s += start.elapsed().as_secs_f64();

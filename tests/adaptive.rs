@@ -234,7 +234,7 @@ fn pictures_of_any_shape_and_lattice_end() {
     for size in [(1, 1), (1, 9), (7, 1), (2, 2), (9, 5), (8, 8)] {
         let ready = Ready::new(scene.clone(), size, Samples::Error(1.0), TraceOptions::DEFAULT);
         let params = ready.buffers.render_params(&ready.picture.camera, size, Samples::PerPixel(1), DEPTH, None);
-        for lattice in [1, 2, 3, 8, 100] {
+        for lattice in [0, 1, 2, 3, 8, 100] {
             for error in [0.0, 0.7, 255.0] {
                 let adaptive = Adaptive { error, lattice };
                 let result = render_adaptive(ready.reference().as_mut(), &params, adaptive, &|_| ()).unwrap();
