@@ -267,9 +267,12 @@ impl SceneBuffers {
 }
 
 /// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre; or
-/// the pixel's upper left corner.
+/// the pixel's upper left corner. Of [`Samples::Error`] the centre.
 pub fn sample_positions(samples: Samples) -> Vec<[f32; 2]> {
-    let Samples::PerPixel(count) = samples else { return vec![[0.0; 2]] };
+    if samples == Samples::Corners {
+        return vec![[0.0; 2]];
+    }
+    let count = samples.per_pixel();
     (0..count)
         .map(|i| {
             let x = (f64::from(i) + 0.5) / f64::from(count);

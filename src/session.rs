@@ -1,12 +1,13 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
-use crate::adaptive::{Adaptive, render_adaptive};
+use crate::adaptive::{Adaptive, MOST_SAMPLES, render_adaptive, sample_sequence};
 use crate::device::{Cache, CompiledAhead, DeviceHandle, OpenClTracer};
 use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceTracer;
 use crate::scene::{Camera, Samples, Scene};
+use crate::shared::RenderParams;
 use crate::tracer::{Progress, RenderResult, Task, Tracer};
 use glam::Vec3;
 use std::sync::Arc;
@@ -95,6 +96,26 @@ pub struct Picture {
     pub kill_weight: Option<f32>,
 }
 
+impl Picture {
+    fn params(&self, buffers: &SceneBuffers, samples: Samples) -> RenderParams {
+        buffers.render_params(&self.camera, self.size, samples, self.depth, self.kill_weight)
+    }
+}
+
+/// Renders the full picture in place of what `picture` says of samples: every pixel has [`MOST_SAMPLES`], those of a pixel of which
+/// [`Samples::Error`] needs them all.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_full(
+    tracer: &mut dyn Tracer,
+    buffers: &SceneBuffers,
+    picture: &Picture,
+    progress: Progress,
+) -> Result<RenderResult> {
+    tracer.render(&picture.params(buffers, Samples::PerPixel(MOST_SAMPLES)), &sample_sequence(), progress)
+}
+
 /// Renders a picture of the scene that `tracer` was opened with.
 ///
 /// # Errors
@@ -106,8 +127,7 @@ pub fn render(
     progress: Progress,
 ) -> Result<RenderResult> {
     picture.samples.check(picture.size)?;
-    let params =
-        buffers.render_params(&picture.camera, picture.size, picture.samples, picture.depth, picture.kill_weight);
+    let params = picture.params(buffers, picture.samples);
     match picture.samples {
         Samples::Error(error) => render_adaptive(tracer, &params, Adaptive::of_error(error), progress),
         fixed => tracer.render(&params, &sample_positions(fixed), progress),

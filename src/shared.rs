@@ -354,8 +354,8 @@ device_struct! {
         pub pixel_height: f32,
         /// 1 / sample_count.
         pub sample_weight: f32,
-        /// 0 of a picture. Else so many camera rays of their own: number i, at `x + width * y` of the film, passes through the position
-        /// `samples[i]`, in pixels of the picture.
+        /// 0, or of a list of camera rays in place of a picture how many there are.
+        /// Number i, at `x + width * y` of the film, passes through the position `samples[i]`, in pixels of the picture.
         pub ray_count: u32,
         /// Unused.
         pub pad0: u32,

@@ -142,7 +142,7 @@ pub struct RunStats {
     /// What the picture lacks.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub full_picture: Option<FullPicture>,
-    /// From the start of the program to the end of its output.
+    /// From the start of the program to the end of its output; measuring its error left out.
     pub total_s: f64,
     /// Million rays a second: see [`RunStats::set_rate`].
     #[serde(skip_serializing_if = "Option::is_none")]

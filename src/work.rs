@@ -27,6 +27,13 @@ impl RayWork {
         *sum = if counter.is_maximum() { n.max(*sum) } else { sum.saturating_add(n) };
     }
 
+    /// Counts the work on other rays, too.
+    pub fn add(&mut self, other: &RayWork) {
+        for &counter in WorkCounter::ALL {
+            self.count(counter, other.get(counter));
+        }
+    }
+
     /// Whether some count stands at the largest number: what there was may have been more.
     pub fn is_saturated(&self) -> bool {
         self.0.contains(&u32::MAX)
@@ -46,18 +53,14 @@ pub struct PixelWork {
 impl PixelWork {
     /// Adds the work on other rays of the pixel.
     pub fn add(&mut self, other: &PixelWork) {
-        for &counter in WorkCounter::ALL {
-            self.camera.count(counter, other.camera.get(counter));
-            self.secondary.count(counter, other.secondary.get(counter));
-        }
+        self.camera.add(&other.camera);
+        self.secondary.add(&other.secondary);
     }
 
     /// On all of them.
     pub fn total(&self) -> RayWork {
         let mut total = self.camera;
-        for &counter in WorkCounter::ALL {
-            total.count(counter, self.secondary.get(counter));
-        }
+        total.add(&self.secondary);
         total
     }
 }

@@ -5,13 +5,12 @@ mod common;
 use common::models::shared_scenes;
 use common::{Random, SEED, device};
 use glam::Vec3;
-use raybrook::adaptive::{Adaptive, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, render_full, sample_sequence};
-use raybrook::compare::compare_films;
+use raybrook::adaptive::{Adaptive, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, sample_sequence};
 use raybrook::film::{Film, srgb_from_linear};
 use raybrook::options::{Accel, Kernels, PacketSize, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Camera, Samples, Scene, load};
-use raybrook::session::{Picture, complete, open_tracer, render};
+use raybrook::session::{Picture, complete, open_tracer, render, render_full};
 use raybrook::tracer::{RenderResult, Tracer};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -191,7 +190,7 @@ fn assert_bound_is_kept(path: &Path, side: u32) {
     }
 }
 
-/// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 46 scenes and three errors none was above it.
+/// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 28 scenes and three errors the most was 1.03.
 const BOUND: f64 = 1.05;
 
 #[test]
@@ -259,5 +258,7 @@ fn work_is_counted_on_all_samples_of_a_pixel() {
         let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
         assert_eq!(ready.render(on_device.as_mut()).work.unwrap(), work);
     }
-    assert_eq!(compare_films(&result.film, &result.film).unequal_pixels, 0);
+    // Counting changes nothing in the picture.
+    let plain = Ready { options: TraceOptions::DEFAULT, ..ready };
+    assert_eq!(bits(&plain.render(plain.reference().as_mut()).film), bits(&result.film));
 }

@@ -225,6 +225,10 @@ fn a_picture_is_asked_for_by_its_error() {
     }
     let rays = |stats: &serde_json::Value| stats["rays"]["camera"]["cast"].as_u64().unwrap();
     assert!(rays(&small) > 3 * rays(&large), "{} {}", rays(&small), rays(&large));
+    // Corners, which the file asks for here, are no samples of pixels.
+    std::fs::write(at.join("corners.toml"), "[image]\nsamples = \"corners\"\n[[object]]\nsolid = \"box\"\n").unwrap();
+    let output = raybrook(at, &["render", "corners.toml", "--device", "reference", "--measure-error"]);
+    assert_fails(&output, 2, &["--measure-error"]);
     // Fixed samples have an error, too.
     let fixed = stats(&["--samples", "2"]);
     assert_eq!((&fixed["samples"], &fixed["adaptive"]), (&2.into(), &serde_json::Value::Null));

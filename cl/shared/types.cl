@@ -165,7 +165,7 @@ typedef struct {
     float pixel_width; // 2 / width; for rays through corners 2 / (width - 1).
     float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
-    uint ray_count; // 0 of a picture. Else so many camera rays of their own: number i, at `x + width * y` of the film, passes through the position
+    uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are.
     uint pad0; // Unused.
     uint pad1; // Unused.
     uint pad2; // Unused.

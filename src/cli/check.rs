@@ -126,8 +126,8 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
 /// One ray through the middle of each pixel, or through its corner.
 fn camera_rays(buffers: &SceneBuffers, picture: &Picture) -> Vec<TraceRay> {
     let samples = match picture.samples {
-        Samples::PerPixel(_) | Samples::Error(_) => Samples::PerPixel(1),
-        Samples::Corners => Samples::Corners,
+        Samples::PerPixel(_) => Samples::PerPixel(1),
+        other => other,
     };
     let params = buffers.render_params(&picture.camera, picture.size, samples, 1, None);
     let [x_in_pixel, y_in_pixel] = sample_positions(samples)[0];

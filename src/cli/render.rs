@@ -3,12 +3,12 @@
 use super::explain::{Chooser, ExplainArgs};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
-use raybrook::adaptive::{MOST_SAMPLES, render_full};
+use raybrook::adaptive::MOST_SAMPLES;
 use raybrook::compare::compare_films;
 use raybrook::film::{ImageFormat, check_output};
 use raybrook::output::check_writable;
 use raybrook::scene::{Samples, Scene};
-use raybrook::session::{DEFAULT_DEPTH, Picture, render};
+use raybrook::session::{DEFAULT_DEPTH, Picture, render, render_full};
 use raybrook::shared::WorkCounter;
 use raybrook::stats::{FullPicture, RayCounts, WorkStats};
 use raybrook::tracer::Task;
@@ -69,11 +69,6 @@ impl PictureArgs {
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
-    if args.measure_error && args.picture.samples == Some(Samples::Corners) {
-        let message =
-            "rays through corners have no pixels between which an error could be measured; leave out one of the two";
-        return Err(Error::option("--measure-error", message));
-    }
     args.method.check(counters)?;
     let output = match &args.output {
         Some(path) => path.clone(),
@@ -86,6 +81,11 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
+    if args.measure_error && loaded.scene.picture.samples == Some(Samples::Corners) {
+        let message =
+            "rays through corners are no samples of pixels; leave it out, or ask for --samples N or --error E";
+        return Err(Error::option("--measure-error", message));
+    }
     let chooser = Chooser {
         method: &args.method,
         counters,
@@ -126,16 +126,18 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     stats.read_s = Some(result.read_s);
     stats.split = result.split;
     stats.adaptive = result.adaptive;
+    stats.total_s = start.elapsed().as_secs_f64();
     if args.measure_error {
         let bar = Bar::new("full picture", talk);
-        let full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &|done| bar.update(done, 1.0, ""))?;
+        let camera_rays = result.film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
+        let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
+        let full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
         stats.full_picture = Some(FullPicture {
             samples: MOST_SAMPLES,
             rays: RayCounts::from_counters(&full.counts),
             difference: compare_films(&full.film, &result.film),
         });
     }
-    stats.total_s = start.elapsed().as_secs_f64();
     stats.width = Some(picture.size.0);
     stats.height = Some(picture.size.1);
     stats.samples = Some(picture.samples);
