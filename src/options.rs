@@ -250,6 +250,17 @@ methods! {
 }
 
 methods! {
+    /// What the kernels that shade can do; textures, mirrors and the like that a scene does without cost registers and time even so.
+    /// The pixels are the same; the reference has all features.
+    pub enum KernelFeatures ("--features") {
+        /// What the scene needs, and no more.
+        Scene = "scene",
+        /// Everything: one kernel for all scenes, which need not be compiled for each combination of features.
+        All = "all",
+    }
+}
+
+methods! {
     /// Where shadow rays start on triangles with smooth normals. The same where normals are flat.
     pub enum Terminator ("--terminator") {
         /// At the height that the normals claim (Hanika 2021): light ends smoothly on coarse meshes.
@@ -386,6 +397,9 @@ pub struct TraceOptions {
     /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
     #[serde(serialize_with = "as_name")]
     pub textures: TexturePass,
+    /// What the kernels that shade can do.
+    #[serde(serialize_with = "as_name")]
+    pub features: KernelFeatures,
     /// Where shadow rays start on smooth normals; only pictures have light.
     #[serde(serialize_with = "as_name")]
     pub terminator: Terminator,
@@ -433,6 +447,7 @@ impl TraceOptions {
         triangles: TriangleOrder::Indexed,
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
+        features: KernelFeatures::Scene,
         terminator: Terminator::Smooth,
         paths_in_flight: None,
         counters: false,

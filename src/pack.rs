@@ -1,6 +1,7 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
 mod arrangement;
+mod shading;
 mod textures;
 mod transforms;
 
@@ -12,16 +13,16 @@ use crate::accel::{
     link_leaves, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
 use crate::error::{Error, Result};
+use crate::features::{Feature, Features};
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TraceOptions, Traversal};
-use crate::scene::{self, Camera, Falloff, LightKind, Samples, Scene};
+use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
-    BVH_NODE_RECORDS, KD_LEAF, KdNode, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material,
-    NO_TEXTURE, RenderParams, SceneParams, Shading, TextureInfo,
+    BVH_NODE_RECORDS, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
+use shading::ShadingArrays;
 use std::time::Instant;
-use textures::pack_textures;
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]
@@ -41,9 +42,9 @@ pub struct SceneBuffers {
     pub transforms: Vec<Float4>,
     /// One for each triangle.
     pub shading: Vec<Shading>,
-    /// The materials.
+    /// The materials that triangles have.
     pub materials: Vec<Material>,
-    /// The lights.
+    /// The lights that shine.
     pub lights: Vec<Light>,
     /// Where each texture lies in `texels`.
     pub textures: Vec<TextureInfo>,
@@ -53,6 +54,8 @@ pub struct SceneBuffers {
     pub srgb_to_linear: Vec<f32>,
     /// Largest radiance that one surface can send along a ray from the lights, per unit of weight; infinite when there is no bound.
     pub brightest: f32,
+    /// What the scene needs of the kernels that shade.
+    pub features: Features,
     /// The most entries that a traversal's stack of nodes has: the depth of the tree, or its limit; 1 without such a stack.
     pub stack_entries: u32,
     /// What the tree was built with.
@@ -167,7 +170,9 @@ impl SceneBuffers {
         };
         let build_s = start.elapsed().as_secs_f64();
 
-        let (textures, texels) = pack_textures(scene, scale)?;
+        let ShadingArrays { shading, materials, lights, textures, texels, brightest } =
+            ShadingArrays::new(scene, scale)?;
+        let features = Features::of_scene(scene);
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, 0.0),
@@ -175,8 +180,8 @@ impl SceneBuffers {
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),
                 reference_count: references.len() as u32,
-                light_count: scene.lights.len() as u32,
-                has_transparent: u32::from(scene.materials.iter().any(scene::Material::is_transparent)),
+                light_count: lights.len() as u32,
+                has_transparent: u32::from(features.has(Feature::Transparency)),
                 scale,
             },
             nodes,
@@ -187,15 +192,16 @@ impl SceneBuffers {
                 true => triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
                 false => Vec::new(),
             },
-            shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i)).collect(),
-            materials: scene.materials.iter().map(|m| pack_material(m, scene.ambient)).collect(),
-            lights: scene.lights.iter().enumerate().map(|(i, l)| pack_light(i, l, scale)).collect::<Result<_>>()?,
+            shading,
+            materials,
+            lights,
             textures,
             texels,
             srgb_to_linear: (0..=255u32)
                 .map(|code| crate::film::linear_from_srgb(f64::from(code) / 255.0) as f32)
                 .collect(),
-            brightest: brightest(scene),
+            brightest,
+            features,
             stack_entries,
             build_options,
             build_s,
@@ -280,111 +286,4 @@ pub fn sample_positions(samples: Samples) -> Vec<[f32; 2]> {
             [x as f32, y as f32]
         })
         .collect()
-}
-
-fn pack_shading(scene: &Scene, primitive: usize) -> Shading {
-    let triangle = &scene.triangles[primitive];
-    let normal = |corner: usize| {
-        let n = scene.normals.get(triangle.normals[corner] as usize).copied().unwrap_or(Vec3::ZERO);
-        // Unit length, so that interpolation weighs the corners alike; f64 because a float's square may leave float's range.
-        DVec3::from(n).try_normalize().map_or(Vec3::ZERO, DVec3::as_vec3)
-    };
-    let uv = |corner: usize| scene.uvs.get(triangle.uvs[corner] as usize).copied().unwrap_or_default();
-    let mut normals = [normal(0), normal(1), normal(2)];
-    if normals.contains(&Vec3::ZERO) {
-        normals = [Vec3::ZERO; 3]; // a corner without a normal: the whole triangle is flat
-    }
-    let uvs = [uv(0), uv(1), uv(2)];
-    Shading {
-        normal0_u0: Float4::new(normals[0], uvs[0].x),
-        normal1_u1: Float4::new(normals[1], uvs[1].x),
-        normal2_u2: Float4::new(normals[2], uvs[2].x),
-        v0: uvs[0].y,
-        v1: uvs[1].y,
-        v2: uvs[2].y,
-        material: triangle.material,
-    }
-}
-
-/// Colours are limited like radiance, so that sums and products of two cannot make NaN of a zero and an infinity.
-fn pack_material(material: &scene::Material, ambient: Vec3) -> Material {
-    let limited = |colour: Vec3| Float4::new(colour.min(Vec3::splat(MAX_RADIANCE)), 0.0);
-    Material {
-        ambient: limited(material.ambient * ambient),
-        diffuse: limited(material.diffuse),
-        specular_shininess: Float4 {
-            w: material.shininess.clamp(0.0, scene::Material::MAX_SHININESS),
-            ..limited(material.specular)
-        },
-        mirror: Float4::new(material.mirror, 0.0),
-        transmission_ior: Float4::new(material.transmission, material.ior),
-        emission: Float4::new(material.emission, 0.0),
-        texture: material.diffuse_texture.unwrap_or(NO_TEXTURE),
-        transparent: u32::from(material.is_transparent()),
-        toon_steps: material.toon.map_or(0, |toon| toon.steps),
-        toon_threshold: material.toon.map_or(0.0, |toon| toon.threshold),
-    }
-}
-
-fn pack_light(index: usize, light: &scene::Light, scale: f32) -> Result<Light> {
-    // Tracing space ends at 2^128, the scene at 2^21: what lies beyond is seen from everywhere in the same direction.
-    let place = |position: Vec3| {
-        let scaled = position * scale;
-        let reason = || {
-            format!(
-                "light {index}: {position} is over 2^106 times as far away as the scene is large; make it directional"
-            )
-        };
-        if scaled.is_finite() { Ok(Float4::new(scaled, 0.0)) } else { Err(Error::Scene(reason())) }
-    };
-    let unit = |v: Vec3| DVec3::from(v).normalize_or(DVec3::NEG_Y).as_vec3();
-    let mut packed = Light {
-        intensity: Float4::new(light.intensity, 0.0),
-        falloff_scale: match light.falloff {
-            Falloff::None => 0.0,
-            Falloff::Quadratic => scale,
-        },
-        ..Light::default()
-    };
-    match light.kind {
-        LightKind::Point { position } => {
-            packed.kind = LIGHT_POINT;
-            packed.position = place(position)?;
-        }
-        LightKind::Directional { direction } => {
-            packed.kind = LIGHT_DIRECTIONAL;
-            packed.direction = Float4::new(unit(direction), 0.0);
-        }
-        LightKind::Spot { position, direction, inner_degrees, outer_degrees } => {
-            packed.kind = LIGHT_SPOT;
-            packed.position = place(position)?;
-            packed.direction = Float4::new(unit(direction), 0.0);
-            packed.cos_outer = outer_degrees.to_radians().cos();
-            // A hard edge is the steepest ramp that float32 can hold.
-            packed.cos_inner = inner_degrees.to_radians().cos().max(packed.cos_outer.next_up());
-        }
-    }
-    Ok(packed)
-}
-
-/// A bound of the radiance of one surface per unit of weight; infinite with a light whose strength has no bound nearby.
-fn brightest(scene: &Scene) -> f32 {
-    // In f64, where neither sums nor products of colours become infinite.
-    let mut lights = DVec3::ZERO;
-    for light in &scene.lights {
-        if light.falloff == Falloff::Quadratic {
-            return f32::INFINITY;
-        }
-        lights += light.intensity.as_dvec3();
-    }
-    let background = scene.background.bottom.max(scene.background.top);
-    let surfaces = scene
-        .materials
-        .iter()
-        .map(|m| {
-            let [ambient, emission] = [m.ambient.as_dvec3() * scene.ambient.as_dvec3(), m.emission.as_dvec3()];
-            ambient + emission + (m.diffuse.as_dvec3() + m.specular.as_dvec3()) * lights
-        })
-        .fold(background.as_dvec3(), DVec3::max);
-    surfaces.max_element() as f32
 }

@@ -3,6 +3,7 @@
 use crate::adaptive::{Adaptive, MOST_SAMPLES, render_adaptive, sample_sequence};
 use crate::device::{Cache, CompiledAhead, DeviceHandle, OpenClTracer};
 use crate::error::Result;
+use crate::features::Features;
 use crate::options::TraceOptions;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceTracer;
@@ -52,11 +53,12 @@ pub fn build_and_open(
     tasks: &[Task],
 ) -> Result<(Arc<SceneBuffers>, Box<dyn Tracer>)> {
     let (buffers, ahead) = std::thread::scope(|scope| {
-        let compile = |device| move || CompiledAhead::new(device, options, max_depth, cache, tasks);
+        let features = Features::of_scene(scene);
+        let compile = |device| move || CompiledAhead::new(device, features, options, max_depth, cache, tasks);
         let ahead = device.map(|device| scope.spawn(compile(device)));
         let buffers = SceneBuffers::new(scene, options);
         // What failed is done again below, and fails there.
-        (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()))
+        (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()?))
     });
     let buffers = Arc::new(buffers?);
     let mut tracer: Box<dyn Tracer> = match device {

@@ -8,7 +8,8 @@ mod split;
 
 pub use split::*;
 
-use crate::layout::{Float4, StructLayout, device_struct};
+use crate::features::Feature;
+use crate::layout::{Float4, Int4, StructLayout, device_struct};
 use crate::options::methods;
 use crate::scene::PictureDefaults;
 
@@ -68,6 +69,9 @@ pub const TILE_SIDE: u32 = 8;
 pub const COUNTER_SLOTS: u32 = 256;
 /// Transparent surfaces that one shadow ray passes before it counts as blocked.
 pub const MAX_SHADOW_LAYERS: u32 = 256;
+
+/// The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
+pub const RAY_KIND_BITS: u32 = 8;
 
 const MAX_RADIANCE_EXPONENT: u32 = 100;
 /// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no sum overflows:
@@ -306,6 +310,22 @@ device_struct! {
 }
 
 device_struct! {
+    /// A ray that waits to be traced. It ends nowhere.
+    pub struct WaitingRay {
+        /// Origin in x, y, z and t_near in w.
+        pub origin_t_near: Float4,
+        /// What that leaves out of the origin in x, y, z; w unused.
+        pub origin_low: Float4,
+        /// Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
+        pub start_weights: Float4,
+        /// Bits of the direction in x, y, z and the triangle that it starts on in w.
+        pub direction_skip: Int4,
+        /// Bits of the weight in x, y, z and depth << RAY_KIND_BITS | kind in w.
+        pub weight_kind_depth: Int4,
+    }
+}
+
+device_struct! {
     /// What the kernels need to know of the scene as a whole.
     pub struct SceneParams {
         /// Low corner of the box around all triangles in x, y, z, tracing space; w unused.
@@ -318,9 +338,9 @@ device_struct! {
         pub background_top: Float4,
         /// Length of the reference list; with brute force the number of triangles that can be hit.
         pub reference_count: u32,
-        /// Number of lights.
+        /// Number of lights that shine.
         pub light_count: u32,
-        /// 1 when some material is transparent, so that shadow rays must look for the tint.
+        /// 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.
         pub has_transparent: u32,
         /// Tracing space = world units times this power of two.
         pub scale: f32,
@@ -400,7 +420,7 @@ pub const SHARED_STRUCTS: [StructLayout; 16] = [
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
     SplitSlot::LAYOUT,
-    SplitRay::LAYOUT,
+    WaitingRay::LAYOUT,
     SplitSurface::LAYOUT,
     SplitYield::LAYOUT,
     SplitShadow::LAYOUT,
@@ -439,7 +459,7 @@ pub fn types_cl() -> String {
         ("COUNTER_SLOTS", COUNTER_SLOTS),
         ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
         ("NO_PATH", NO_PATH),
-        ("SPLIT_KIND_BITS", SPLIT_KIND_BITS),
+        ("RAY_KIND_BITS", RAY_KIND_BITS),
         ("QUEUE_ACTIVE", QUEUE_ACTIVE),
         ("QUEUE_HITS", QUEUE_HITS),
         ("QUEUE_TEXTURED", QUEUE_TEXTURED),
@@ -458,6 +478,9 @@ pub fn types_cl() -> String {
     }
     for &counter in WorkCounter::ALL {
         text += &format!("#define WORK_{} {}u\n", counter.key().to_uppercase(), counter as u32);
+    }
+    for &feature in Feature::ALL {
+        text += &format!("#define {} {}u\n", feature.cl_name(), feature.bit());
     }
     for layout in SHARED_STRUCTS {
         text += &format!("\n{}", layout.cl_typedef());

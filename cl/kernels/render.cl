@@ -1,7 +1,7 @@
 // The mega-kernel: one work-item renders one pixel, from its camera rays to its colour (thesis, section 5.2.1).
 //
-// Recursion is a private stack of pending rays: every surface replaces the ray that found it by at most two, one step deeper,
-// so that depth D needs room for D + 1.
+// Recursion is a private stack of waiting rays: every surface replaces the ray that found it by at most two, one step deeper,
+// so that depth D needs room for D; where nothing is transparent by at most one, so that there is never more than one.
 
 // The light of all lights that the surface sends back along the ray, and what it gives off itself.
 float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* material, float3 view_direction,
@@ -9,7 +9,7 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
     LocalLight light = light_without_lamps(scene, surface, material);
     SurfacePoint start = surface->point;
     lift_point(&start, surface->lift);
-    for (uint i = 0; i < scene->params->light_count; i++) {
+    for (uint i = 0; i < light_count(scene); i++) {
         LightSample sample;
         float3 reflected;
         if (!light_term(scene, surface, material, light.diffuse, view_direction, i, &sample, &reflected)) continue;
@@ -21,27 +21,27 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
 // The radiance along one camera ray.
 float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray camera_ray, uint* counts) {
     const Geometry* geometry = &scene->geometry;
-    PendingRay stack[MAX_PENDING];
-    stack[0] = first_of_path(camera_ray);
-    uint stacked = 1;
+    WaitingRay stack[MAX_PENDING];
+    uint stacked = 0;
+    PendingRay pending = first_of_path(camera_ray);
     float3 radiance = (float3)(0.0f);
-    while (stacked > 0) {
-        const PendingRay pending = stack[--stacked];
+    for (;;) {
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
         Hit hit;
-        if (!trace_pending(SCENE, &pending, &hit, counts)) {
+        if (trace_pending(SCENE, &pending, &hit, counts)) {
+            SurfaceHit at;
+            SURFACE_HIT(GEOMETRY, &pending.ray, &hit, &at);
+            const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
+            const Material material = scene->materials[surface.material];
+            radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, direction, counts));
+            if (pending.depth < render->max_depth)
+                stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
+        } else {
             radiance += pending.weight * limit_radiance(background(scene, direction));
-            continue;
         }
-        SurfaceHit at;
-        SURFACE_HIT(GEOMETRY, &pending.ray, &hit, &at);
-        const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
-        const Material material = scene->materials[surface.material];
-        radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, direction, counts));
-        if (pending.depth < render->max_depth)
-            stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
+        if (stacked == 0u) return radiance;
+        pending = load_pending(&stack[--stacked]);
     }
-    return radiance;
 }
 
 // Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first.

@@ -6,11 +6,11 @@
 typedef struct {
     float3 radiance; // of this sample
     float3 sum;      // of the samples before
-    PendingRay stack[MAX_PENDING];
+    WaitingRay stack[MAX_PENDING];
     uint stacked;
     uint counts[COUNTERS];
+    PendingRay pending; // the ray that is traced next
     // Of the hit that is being shaded.
-    PendingRay pending;
     float3 direction; // unit
     Surface surface;
     Material material;
@@ -61,7 +61,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool a
 // What light_visibility() is for each of the shadow `rays` of `lanes`, in path->tint.
 void see_lamp(SCENE_PARAMETERS, Path* paths, Ray* rays, ulong lanes, ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
-    const bool is_tinted = scene->params->has_transparent != 0u;
+    const bool is_tinted = has_transparent(scene);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &paths[first_lane16(rest)];
         path->counts[COUNT_SHADOW_CAST]++;
@@ -121,7 +121,6 @@ void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* p
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
         Path* path = &paths[lane];
-        path->pending = path->stack[--path->stacked];
         path->direction = normalize3(path->pending.ray.direction, (float3)(0.0f));
         path->counts[path->pending.kind]++;
         rays[lane] = path->pending.ray;
@@ -147,7 +146,7 @@ void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* p
         path->start = path->surface.point;
         lift_point(&path->start, path->surface.lift);
     }
-    for (uint i = 0; i < scene->params->light_count; i++) add_lamp(SCENE, paths, answer.hits, i, in_doubt);
+    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, paths, answer.hits, i, in_doubt);
     for (ulong rest = answer.hits; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &paths[first_lane16(rest)];
         path->radiance += path->pending.weight * limit_radiance(path->light.radiance);
@@ -180,14 +179,16 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
             Path* path = &paths[lane];
             const uint2 pixel = pixel_of_item(render, item + lane);
             path->radiance = (float3)(0.0f);
-            path->stack[0] = first_of_path(sample_ray(render, samples, pixel, s));
-            path->stacked = 1u;
+            path->pending = first_of_path(sample_ray(render, samples, pixel, s));
+            path->stacked = 0u;
         }
         for (ulong open = inside; open != 0ul;) {
             follow_paths(SCENE_AT(&scene), render, paths, open, &in_doubt);
             for (ulong rest = open; rest != 0ul; rest = other_lanes8(rest)) {
                 const uint lane = first_lane16(rest);
-                if (paths[lane].stacked == 0u) open &= ~lane_bit16(lane);
+                Path* path = &paths[lane];
+                if (path->stacked == 0u) open &= ~lane_bit16(lane);
+                else path->pending = load_pending(&path->stack[--path->stacked]);
             }
         }
         for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {

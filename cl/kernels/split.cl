@@ -35,7 +35,7 @@
 #define SPLIT_ARGUMENTS                                                                                                 \
     SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,             \
         __global float4* restrict film, volatile __global uint* restrict counters, __global SplitSlot* restrict slots,  \
-        __global SplitRay* restrict rays, __global SurfaceHit* restrict hits, __global SplitSurface* restrict surfaces,        \
+        __global WaitingRay* restrict rays, __global SurfaceHit* restrict hits, __global SplitSurface* restrict surfaces,        \
         __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
         __global TextureRequest* restrict requests, __global const float4* restrict colours,                            \
         __global float4* restrict path_radiance, volatile __global uint* restrict lengths, DOUBTS_ARGUMENT              \
@@ -82,34 +82,6 @@ uint pixel_in_tiles(__global const RenderParams* render, uint index) {
     return (band * TILE_SIDE + in_tile / tile_width) * render->width + tile * TILE_SIDE + in_tile % tile_width;
 }
 
-// Records that hold numbers beside floats hold the bits of the floats: moving a float may change bits that mean a whole number.
-int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
-
-void store_pending(__global SplitRay* to, const PendingRay* pending) {
-    to->origin_t_near = (float4)(pending->ray.origin, pending->ray.t_near);
-    to->origin_low = (float4)(pending->ray.origin_low, 0.0f);
-    to->start_weights = (float4)(pending->ray.start_weights, 0.0f);
-    to->direction_skip = pack_bits(pending->ray.direction, pending->ray.skip);
-    to->weight_kind_depth = pack_bits(pending->weight, pending->depth << SPLIT_KIND_BITS | pending->kind);
-}
-
-// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin and the
-// weights are not its business.
-PendingRay load_pending(__global const SplitRay* from) {
-    const float4 origin_t_near = from->origin_t_near;
-    const int4 direction_skip = from->direction_skip, weight_kind_depth = from->weight_kind_depth;
-    const uint kind_depth = as_uint(weight_kind_depth.w);
-    PendingRay pending;
-    pending.ray = make_ray(origin_t_near.xyz, as_float3(direction_skip.xyz), origin_t_near.w, INFINITY,
-                           as_uint(direction_skip.w));
-    pending.ray.origin_low = from->origin_low.xyz;
-    pending.ray.start_weights = from->start_weights.xyz;
-    pending.weight = as_float3(weight_kind_depth.xyz);
-    pending.kind = kind_depth & ((1u << SPLIT_KIND_BITS) - 1u);
-    pending.depth = kind_depth >> SPLIT_KIND_BITS;
-    return pending;
-}
-
 // Through a pointer: what Oclgrind 21.10 makes of a returned struct here (llvm.experimental.noalias.scope.decl) it cannot run.
 void load_point(__global const SplitSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
@@ -147,7 +119,9 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
         const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
         const uint2 at = (uint2)(pixel % render->width, pixel / render->width);
         const PendingRay pending = first_of_path(sample_ray(render, samples, at, path / batch_pixels));
-        store_pending(&rays[slot], &pending);
+        WaitingRay waiting;
+        store_pending(&pending, &waiting);
+        rays[slot] = waiting;
         state.path = path;
         state.pending = 1u;
         state.radiance = (float4)(0.0f);
@@ -160,25 +134,26 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
 }
 
 // Empties the lists that the kernels after split_trace fill.
-void clear_lists(volatile __global uint* lengths, uint light_count) {
+void clear_lists(const Scene* scene, volatile __global uint* lengths) {
     lengths[QUEUE_HITS] = 0u;
     lengths[QUEUE_TEXTURED] = 0u;
     lengths[QUEUE_RESOLVED] = 0u;
-    for (uint i = 0; i < light_count; i++) lengths[QUEUE_SHADOWS + i] = 0u;
+    for (uint i = 0; i < light_count(scene); i++) lengths[QUEUE_SHADOWS + i] = 0u;
 }
 
 __kernel void split_trace(SPLIT_ARGUMENTS) {
     const uint number = first + (uint)get_global_id(0);
+    UNDECIDED
+    const Scene scene = MAKE_SCENE;
     if (number == 0u) {
         if (IS_SECOND_PASS) lengths[QUEUE_RESOLVED] += doubts[0];
-        else clear_lists(lengths, scene_params->light_count);
+        else clear_lists(&scene, lengths);
     }
     if (number >= traced_end(end, doubts)) return;
     const uint index = ITEM_OF(number);
-    UNDECIDED
-    const Scene scene = MAKE_SCENE;
     const uint slot = queue[index];
-    const PendingRay pending = load_pending(&rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot]);
+    const WaitingRay waiting = rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot];
+    const PendingRay pending = load_pending(&waiting);
     uint counts[COUNTERS] = {0};
     Hit hit;
     SurfaceHit at = {0.0f, 0.0f, 0.0f, NO_PRIMITIVE};
@@ -194,7 +169,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
     const uint index = first + (uint)get_global_id(0);
     UNDECIDED
     const Scene scene = MAKE_SCENE;
-    bool is_textured = false;
+    bool wants_colour = false;
     uint slot = 0u;
     SurfaceHit hit;
     if (index < end) {
@@ -202,11 +177,12 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
         hit = hits[slot];
         if (hit.primitive != NO_PRIMITIVE) {
             const Geometry* geometry = &scene.geometry;
-            is_textured = materials[LOAD_MATERIAL(shading, hit.primitive)].texture != NO_TEXTURE;
+            const Material material = materials[MATERIAL_OF(&scene, hit.primitive)];
+            wants_colour = is_textured(&material);
         }
     }
-    const uint place = take_place(is_textured, &lengths[QUEUE_TEXTURED], places);
-    if (!is_textured) return;
+    const uint place = take_place(wants_colour, &lengths[QUEUE_TEXTURED], places);
+    if (!wants_colour) return;
     slots[slot].request = place;
     const int4 direction_skip = rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot].direction_skip;
     requests[place].direction = (float4)(as_float3(direction_skip.xyz), 0.0f);
@@ -227,7 +203,8 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
     if (index < end) {
         slot = queue[index];
         const uint below = slots[slot].pending - 1u;
-        const PendingRay pending = load_pending(&rays[(size_t)below * slot_count + slot]);
+        const WaitingRay waiting = rays[(size_t)below * slot_count + slot];
+        const PendingRay pending = load_pending(&waiting);
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
         const SurfaceHit hit = hits[slot];
         is_hit = hit.primitive != NO_PRIMITIVE;
@@ -237,7 +214,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             const Surface surface = surface_at(GEOMETRY_AT(&scene.geometry), shading, &pending.ray, &hit);
             const Material material = materials[surface.material];
             float3 colour = (float3)(1.0f);
-            if (material.texture != NO_TEXTURE)
+            if (is_textured(&material))
                 colour = HOST_TEXTURES ? colours[slots[slot].request].xyz : texture_colour(&scene, &surface, &material);
             const LocalLight without_lamps = begin_local_light(&material, colour);
             radiance = without_lamps.radiance;
@@ -249,10 +226,9 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             surfaces[slot].view_direction_lift_y = (float4)(direction, surface.lift.y);
             surfaces[slot].diffuse_lift_z = (float4)(without_lamps.diffuse, surface.lift.z);
             if (pending.depth < render->max_depth) {
-                PendingRay secondary[2];
+                WaitingRay secondary[2];
                 pushed = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, secondary, 0u);
-                for (uint i = 0; i < pushed; i++)
-                    store_pending(&rays[(size_t)(below + i) * slot_count + slot], &secondary[i]);
+                for (uint i = 0; i < pushed; i++) rays[(size_t)(below + i) * slot_count + slot] = secondary[i];
             }
         } else {
             radiance = background(&scene, direction);

@@ -18,7 +18,7 @@ LightSample sample_light(__global const Light* lights, uint index, float3 positi
     const Light light = lights[index];
     LightSample sample;
     sample.radiance = light.intensity.xyz;
-    if (light.kind == LIGHT_DIRECTIONAL) {
+    if (HAS(FEATURE_DIRECTIONAL_LIGHTS) && (!HAS(FEATURE_PLACED_LIGHTS) || light.kind == LIGHT_DIRECTIONAL)) {
         sample.to_light = -light.direction.xyz;
         sample.direction = sample.to_light;
         sample.t_far = INFINITY;
@@ -32,14 +32,14 @@ LightSample sample_light(__global const Light* lights, uint index, float3 positi
     if (scale_to_unit(&towards, &scale)) {
         const float inv_length = 1.0f / sqrt(dot3(towards, towards));
         sample.direction = towards * inv_length;
-        if (light.falloff_scale > 0.0f) {
+        if (HAS(FEATURE_FALLOFF) && light.falloff_scale > 0.0f) {
             // The reciprocal of the distance in world units. Its square may leave float's range where the product with the
             // intensity does not.
             const float inv_distance = min_or(light.falloff_scale * scale * inv_length, FLT_MAX);
             sample.radiance = limit_radiance(sample.radiance * inv_distance * inv_distance);
         }
     }
-    if (light.kind == LIGHT_SPOT) {
+    if (HAS(FEATURE_SPOTS) && light.kind == LIGHT_SPOT) {
         const float cosine = -dot3(sample.direction, light.direction.xyz);
         const float edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
         sample.radiance *= edge * edge * (3.0f - 2.0f * edge);
@@ -66,11 +66,11 @@ float toon_tone(float cosine, uint steps, float threshold) {
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                    const LightSample* sample) {
     const float cosine = dot3(surface->normal, sample->direction);
-    const bool is_lifted = any(surface->lift != (float3)(0.0f));
+    const bool is_lifted = HAS(FEATURE_SMOOTH_NORMALS) && any(surface->lift != (float3)(0.0f));
     if (!(cosine > 0.0f && (is_lifted || dot3(surface->geometric_normal, sample->direction) > 0.0f))) return (float3)(0.0f);
-    const bool toon = material->toon_steps > 0u;
+    const bool toon = HAS(FEATURE_TOON) && material->toon_steps > 0u;
     float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
-    if (max_component(material->specular_shininess.xyz) > 0.0f) {
+    if (HAS(FEATURE_HIGHLIGHTS) && max_component(material->specular_shininess.xyz) > 0.0f) {
         const float3 halfway = normalize3(sample->direction - view_direction, surface->normal);
         float highlight = power_fixed(clamp01(dot3(surface->normal, halfway)), material->specular_shininess.w);
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;

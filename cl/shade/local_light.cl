@@ -6,6 +6,10 @@ typedef struct {
     float3 radiance; // towards the viewer, so far
 } LocalLight;
 
+bool is_textured(const Material* material) {
+    return (HAS(FEATURE_IMAGE_TEXTURES) || HAS(FEATURE_PROCEDURAL_TEXTURES)) && material->texture != NO_TEXTURE;
+}
+
 // The colour that the material's texture, which it must have, gives the surface.
 float3 texture_colour(const Scene* scene, const Surface* surface, const Material* material) {
     return surface_colour(scene->textures, scene->texels, scene->srgb_to_linear, material->texture, surface->texture_u,
@@ -18,7 +22,7 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
     LocalLight light;
     light.diffuse = material->diffuse.xyz;
     light.radiance = material->ambient.xyz;
-    if (material->texture != NO_TEXTURE) {
+    if (is_textured(material)) {
         light.diffuse *= colour;
         light.radiance *= colour;
     }
@@ -29,7 +33,7 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
 // The same of a surface, textured.
 LocalLight light_without_lamps(const Scene* scene, const Surface* surface, const Material* material) {
     float3 colour = (float3)(1.0f);
-    if (material->texture != NO_TEXTURE) colour = texture_colour(scene, surface, material);
+    if (is_textured(material)) colour = texture_colour(scene, surface, material);
     return begin_local_light(material, colour);
 }
 
@@ -39,7 +43,7 @@ bool light_term(const Scene* scene, const Surface* surface, const Material* mate
                 uint index, LightSample* sample, float3* reflected) {
     *sample = sample_light(scene->lights, index, surface->point.position);
     *reflected = blinn_phong(surface, material, diffuse, view_direction, sample);
-    if (sample->t_far == 1.0f) sample->to_light -= surface->lift;
+    if (HAS(FEATURE_SMOOTH_NORMALS) && sample->t_far == 1.0f) sample->to_light -= surface->lift;
     return max_component(*reflected) > 0.0f;
 }
 
@@ -47,7 +51,7 @@ bool light_term(const Scene* scene, const Surface* surface, const Material* mate
 // surface is opaque.
 bool pass_surface(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, const Hit* hit, Ray* ray, float3* tint) {
     const Geometry* geometry = &scene->geometry;
-    __global const Material* material = &scene->materials[LOAD_MATERIAL(scene->shading, hit->primitive)];
+    __global const Material* material = &scene->materials[MATERIAL_OF(scene, hit->primitive)];
     if (material->transparent == 0u) return false;
     *tint *= material->transmission_ior.xyz;
     SurfaceHit passed;
@@ -65,7 +69,7 @@ float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightS
     Ray ray = leave_surface(from, sample->to_light, sample->t_far);
     Hit hit;
     counts[COUNT_SHADOW_CAST]++;
-    if (scene->params->has_transparent == 0u) {
+    if (!has_transparent(scene)) {
         const bool blocked = trace_ray(GEOMETRY, &ray, true, &hit);
         counts[COUNT_SHADOW_HIT] += blocked ? 1u : 0u;
         return (float3)(blocked ? 0.0f : 1.0f);

@@ -35,6 +35,14 @@ typedef struct {
 #define MAKE_SCENE \
     { MAKE_GEOMETRY, CAMERA_GEOMETRY_VALUE shading, materials, lights, textures, texels, srgb_to_linear, scene_params }
 
+// The number of a triangle's material.
+#define MATERIAL_OF(scene, primitive) (HAS(FEATURE_SEVERAL_MATERIALS) ? LOAD_MATERIAL((scene)->shading, primitive) : 0u)
+
+uint light_count(const Scene* scene) { return HAS(FEATURE_SEVERAL_LIGHTS) ? scene->params->light_count : 1u; }
+
+// Whether something is transparent, so that shadow rays must look for the tint.
+bool has_transparent(const Scene* scene) { return HAS(FEATURE_TRANSPARENCY) && scene->params->has_transparent != 0u; }
+
 // The light from where nothing is, along unit `direction`.
 float3 background(const Scene* scene, float3 direction) {
     const float3 bottom = scene->params->background_bottom.xyz;

@@ -51,16 +51,18 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
     surface.point = surface_point(GEOMETRY, hit);
     surface.largest_coordinate =
         max_or(max_or(max_component(abs3(p0)), max_component(abs3(p1))), max_component(abs3(p2)));
-    surface.material = at.material;
+    surface.material = HAS(FEATURE_SEVERAL_MATERIALS) ? at.material : 0u;
     // Rounding to tracing space may have flattened the triangle: it then looks at the ray.
     const float3 towards_ray = normalize3(-ray->direction, (float3)(0.0f, 0.0f, 1.0f));
     const float3 outward = triangle_normal(p0, p1, p2, towards_ray);
     surface.front = dot3(outward, ray->direction) < 0.0f;
     surface.geometric_normal = surface.front ? outward : -outward;
-    surface.normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
-                                         surface.geometric_normal);
+    surface.normal = surface.geometric_normal;
+    if (HAS(FEATURE_SMOOTH_NORMALS))
+        surface.normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
+                                             surface.geometric_normal);
     surface.lift = (float3)(0.0f);
-    if (SMOOTH_TERMINATOR)
+    if (SMOOTH_TERMINATOR && HAS(FEATURE_SMOOTH_NORMALS))
         surface.lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u,
                                    hit->v, surface.geometric_normal);
 
@@ -72,7 +74,7 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
 // Moves the point to where shadow rays start, which is above the triangle. Through a pointer: of a returned struct Oclgrind 21.10 makes
 // what it cannot run.
 void lift_point(SurfacePoint* point, float3 lift) {
-    if (lift.x == 0.0f && lift.y == 0.0f && lift.z == 0.0f) return;
+    if (!HAS(FEATURE_SMOOTH_NORMALS) || (lift.x == 0.0f && lift.y == 0.0f && lift.z == 0.0f)) return;
     point->position += lift;
     point->position_low = (float3)(0.0f);
     point->weights = (float3)(0.0f);

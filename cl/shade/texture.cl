@@ -38,6 +38,7 @@ float3 sample_texture(const TextureInfo* info, __global const uint* texels, __gl
 float3 surface_colour(__global const TextureInfo* textures, __global const uint* texels,
                       __global const float* srgb_to_linear, uint texture, float u, float v, float3 position) {
     const TextureInfo info = textures[texture];
-    if (info.kind != TEXTURE_IMAGE) return procedural_colour(&info, u, v, position);
+    if (HAS(FEATURE_PROCEDURAL_TEXTURES) && (!HAS(FEATURE_IMAGE_TEXTURES) || info.kind != TEXTURE_IMAGE))
+        return procedural_colour(&info, u, v, position);
     return sample_texture(&info, texels, srgb_to_linear, u, v);
 }

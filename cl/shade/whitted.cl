@@ -49,10 +49,10 @@ Refraction refract_direction(const Surface* surface, float3 direction, float eta
 
 // So many rays of a pixel may wait.
 #ifndef MAX_PENDING
-#define MAX_PENDING 9
+#define MAX_PENDING 8
 #endif
 
-// A ray that waits to be traced, with what it will add to the pixel per unit of radiance.
+// A ray that is traced next, with what it will add to the pixel per unit of radiance.
 typedef struct {
     Ray ray;
     float3 weight;
@@ -65,30 +65,54 @@ PendingRay first_of_path(Ray camera_ray) {
     return first;
 }
 
+// Records that hold numbers beside floats hold the bits of the floats: moving a float may change bits that mean a whole number.
+int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
+
+// Half of a PendingRay's bytes, for the time that it waits.
+void store_pending(const PendingRay* pending, WaitingRay* to) {
+    to->origin_t_near = (float4)(pending->ray.origin, pending->ray.t_near);
+    to->origin_low = (float4)(pending->ray.origin_low, 0.0f);
+    to->start_weights = (float4)(pending->ray.start_weights, 0.0f);
+    to->direction_skip = pack_bits(pending->ray.direction, pending->ray.skip);
+    to->weight_kind_depth = pack_bits(pending->weight, pending->depth << RAY_KIND_BITS | pending->kind);
+}
+
+// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin and the
+// weights are not its business.
+PendingRay load_pending(const WaitingRay* from) {
+    const uint kind_depth = as_uint(from->weight_kind_depth.w);
+    PendingRay pending;
+    pending.ray = make_ray(from->origin_t_near.xyz, as_float3(from->direction_skip.xyz), from->origin_t_near.w, INFINITY,
+                           as_uint(from->direction_skip.w));
+    pending.ray.origin_low = from->origin_low.xyz;
+    pending.ray.start_weights = from->start_weights.xyz;
+    pending.weight = as_float3(from->weight_kind_depth.xyz);
+    pending.kind = kind_depth & ((1u << RAY_KIND_BITS) - 1u);
+    pending.depth = kind_depth >> RAY_KIND_BITS;
+    return pending;
+}
+
+// Lets a ray that leaves the surface along `direction` wait.
+void push_ray(const Surface* surface, const PendingRay* from, float3 direction, float3 weight, uint kind, WaitingRay* to) {
+    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind};
+    store_pending(&pending, to);
+}
+
 // Puts the rays that leave the surface on the stack of pending ones; returns its new size (at most two more).
 // A ray whose weight is below kill_weight in every channel could not change the pixel and is left out.
 uint push_secondary_rays(const Surface* surface, const Material* material, const PendingRay* pending, float3 direction,
-                         float kill_weight, PendingRay* stack, uint stacked) {
+                         float kill_weight, WaitingRay* stack, uint stacked) {
+    if (!HAS(FEATURE_MIRRORS) && !HAS(FEATURE_TRANSPARENCY)) return stacked;
     float3 reflected_weight = pending->weight * material->mirror.xyz;
-    if (material->transparent != 0u) {
+    if (HAS(FEATURE_TRANSPARENCY) && material->transparent != 0u) {
         const float ior = material->transmission_ior.w;
         const Refraction refraction = refract_direction(surface, direction, surface->front ? 1.0f / ior : ior);
         reflected_weight = pending->weight * refraction.reflectance;
         const float3 weight = pending->weight * material->transmission_ior.xyz * (1.0f - refraction.reflectance);
-        if (max_component(weight) > kill_weight) {
-            stack[stacked].ray = leave_surface(&surface->point, refraction.direction, INFINITY);
-            stack[stacked].weight = weight;
-            stack[stacked].depth = pending->depth + 1u;
-            stack[stacked].kind = COUNT_REFRACTED_CAST;
-            stacked++;
-        }
+        if (max_component(weight) > kill_weight)
+            push_ray(surface, pending, refraction.direction, weight, COUNT_REFRACTED_CAST, &stack[stacked++]);
     }
-    if (max_component(reflected_weight) > kill_weight) {
-        stack[stacked].ray = leave_surface(&surface->point, reflect_direction(surface, direction), INFINITY);
-        stack[stacked].weight = reflected_weight;
-        stack[stacked].depth = pending->depth + 1u;
-        stack[stacked].kind = COUNT_REFLECTED_CAST;
-        stacked++;
-    }
+    if (max_component(reflected_weight) > kill_weight)
+        push_ray(surface, pending, reflect_direction(surface, direction), reflected_weight, COUNT_REFLECTED_CAST, &stack[stacked++]);
     return stacked;
 }

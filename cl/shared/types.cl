@@ -26,7 +26,7 @@
 #define COUNTER_SLOTS 256u
 #define MAX_SHADOW_LAYERS 256u
 #define NO_PATH 4294967295u
-#define SPLIT_KIND_BITS 8u
+#define RAY_KIND_BITS 8u
 #define QUEUE_ACTIVE 0u
 #define QUEUE_HITS 1u
 #define QUEUE_TEXTURED 2u
@@ -55,6 +55,19 @@
 #define WORK_NODE_BYTES 8u
 #define WORK_TRIANGLE_BYTES 9u
 #define WORK_DEEPEST_STACK 10u
+#define FEATURE_IMAGE_TEXTURES 1u
+#define FEATURE_PROCEDURAL_TEXTURES 2u
+#define FEATURE_SMOOTH_NORMALS 4u
+#define FEATURE_MIRRORS 8u
+#define FEATURE_TRANSPARENCY 16u
+#define FEATURE_HIGHLIGHTS 32u
+#define FEATURE_TOON 64u
+#define FEATURE_PLACED_LIGHTS 128u
+#define FEATURE_DIRECTIONAL_LIGHTS 256u
+#define FEATURE_SPOTS 512u
+#define FEATURE_FALLOFF 1024u
+#define FEATURE_SEVERAL_LIGHTS 2048u
+#define FEATURE_SEVERAL_MATERIALS 4096u
 
 // One ray of a batch query.
 typedef struct {
@@ -146,8 +159,8 @@ typedef struct {
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.
     uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit.
-    uint light_count; // Number of lights.
-    uint has_transparent; // 1 when some material is transparent, so that shadow rays must look for the tint.
+    uint light_count; // Number of lights that shine.
+    uint has_transparent; // 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.
     float scale; // Tracing space = world units times this power of two.
 } SceneParams;
 
@@ -186,8 +199,8 @@ typedef struct {
     float4 origin_low; // What that leaves out of the origin in x, y, z; w unused.
     float4 start_weights; // Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
     int4 direction_skip; // Bits of the direction in x, y, z and the triangle that it starts on in w.
-    int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
-} SplitRay;
+    int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << RAY_KIND_BITS | kind in w.
+} WaitingRay;
 
 // What the lights need to know of a hit.
 typedef struct {

@@ -74,6 +74,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let chooser = Chooser {
         method: &args.method,
         counters: false,
+        pictures: true,
         device: Some(&device),
         device_args: &args.device,
         explain: &args.explain,

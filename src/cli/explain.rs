@@ -3,13 +3,14 @@
 use super::{DeviceArgs, MethodArgs, Talk};
 use raybrook::Result;
 use raybrook::device::{DeviceHandle, cache_folder};
+use raybrook::features::Features;
 use raybrook::options::{Chosen, Decision, Origin, TunedChoice, Workload};
 use raybrook::scene::Scene;
 use raybrook::tune::{DeviceKey, TunedFile};
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
-    /// Tell on standard error what was chosen (structure, packet size, triangle test, numbers of the build, work-group size) and why:
+    /// Tell on standard error what was chosen (structure, packet size, triangle test, numbers of the build, features of the kernels, work-group size) and why:
     /// given on the command line, tuned for the device by `raybrook tune`, or by the program's model.
     #[arg(long)]
     explain: bool,
@@ -34,6 +35,8 @@ impl ExplainArgs {
 pub struct Chooser<'a> {
     pub method: &'a MethodArgs,
     pub counters: bool,
+    /// Whether pictures are made of it, not only hits.
+    pub pictures: bool,
     pub device: Option<&'a DeviceHandle>,
     pub device_args: &'a DeviceArgs,
     pub explain: &'a ExplainArgs,
@@ -45,7 +48,11 @@ impl Chooser<'_> {
     pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
         let triangle_count = scene.hittable().len();
         let device = self.device.map(|device| &device.info);
-        let workload = Workload { device, triangle_count: Some(triangle_count) };
+        let workload = Workload {
+            device,
+            triangle_count: Some(triangle_count),
+            features: self.pictures.then(|| Features::of_scene(scene)),
+        };
         let tuned = self.tuned(triangle_count);
         let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
         self.explain.print(&chosen.decisions, self.talk);

@@ -31,8 +31,8 @@ use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
-    Accel, Build, Chosen, Intersector, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, Request, Terminator,
-    TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
+    Accel, Build, Chosen, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder,
+    Request, Terminator, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -147,6 +147,8 @@ struct MethodArgs {
     kernels: Kernels,
     #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
     textures: TexturePass,
+    #[arg(long, help = format!("What the kernels of pictures can do: {}", KernelFeatures::names()), value_name = "NAME", default_value_t = TraceOptions::default().features)]
+    features: KernelFeatures,
     #[arg(long, help = format!("Shadow rays start at the height that smooth normals claim, or on the triangle, where coarse meshes show stairs: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
     terminator: Terminator,
     /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
@@ -225,6 +227,7 @@ impl MethodArgs {
             triangles: self.triangles,
             kernels: self.kernels,
             textures: self.textures,
+            features: self.features,
             terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters,
@@ -240,7 +243,7 @@ impl MethodArgs {
 
 /// Batches of rays on `device` through whatever scene.
 fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
-    Workload { device: device.map(|device| &device.info), triangle_count: None }
+    Workload { device: device.map(|device| &device.info), triangle_count: None, features: None }
 }
 
 /// Where to trace.

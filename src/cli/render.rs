@@ -89,6 +89,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let chooser = Chooser {
         method: &args.method,
         counters,
+        pictures: true,
         device: device.as_ref(),
         device_args: &args.device,
         explain: &args.explain,

@@ -101,6 +101,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let chooser = Chooser {
         method: &args.method,
         counters: args.counters,
+        pictures: false,
         device: device.as_ref(),
         device_args: &args.device,
         explain: &args.explain,

@@ -24,6 +24,7 @@
 mod buffer;
 mod cache;
 mod compiler_options;
+mod definitions;
 mod diagnosis;
 mod errors;
 mod handle;

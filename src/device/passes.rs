@@ -1,20 +1,27 @@
 //! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that the first one
 //! leaves in doubt (`cl/shared/memory.cl`) are traced again by kernels that can decide everything.
 
+use super::definitions::Definitions;
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
-use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
+use super::{Buffer, Cache, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use crate::options::{Kernels, PacketSize, TraceOptions};
 use crate::shared::PACKETS_OF_ITEM;
 use std::cell::Cell;
 
-const TRACE_FILE: &str = "cl/kernels/trace.cl";
+/// What traces batches.
+pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
 /// The same for packets of rays.
 const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
 /// The kernels that [`super::split`] starts.
 pub(super) const SPLIT_FILE: &str = "cl/kernels/split.cl";
+
+/// Whether the kernels of this file shade; the others trace batches.
+pub(super) fn is_shading(file: &str) -> bool {
+    ![TRACE_FILE, TRACE_PACKETS_FILE].contains(&file)
+}
 
 /// A kernel that the host starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,9 +112,7 @@ impl Entry {
 pub(super) struct Passes {
     /// Those that were needed so far.
     kernels: Vec<(Pass, Entry, Kernel)>,
-    /// Whether the first pass leaves anything to the second.
-    pub defers: bool,
-    options: CompileOptions,
+    definitions: Definitions,
     cache: Option<Cache>,
     /// Seconds that compilers took so far.
     pub compile_s: f64,
@@ -165,51 +170,31 @@ pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
     files
 }
 
-/// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
-/// work-items run at once the more memory's latency is hidden.
-const TRACE_REGISTERS: u32 = 56;
-/// Of those that shade, and of the second pass: without a limit the calls that decide what double leaves open take 252.
-const MOST_REGISTERS: u32 = 168;
-
 /// Work-groups of the second pass that a compute unit is to have before any has more than one item. An H200, Mrays/s of gears' camera
 /// rays with 3,836 items in groups of 1, 2, 8, 64: 4,122, 3,745, 3,018, 2,193; with 30,688 items 6,093, 7,136, 8,639, 8,349.
 const SECOND_GROUPS_OF_UNIT: usize = 16;
 
-/// The definitions of a pass of the kernels in `file`, where there are two passes.
-pub(super) fn pass_options(options: &CompileOptions, defers: bool, pass: Pass, file: &str) -> CompileOptions {
-    let options = options.clone();
-    if !defers {
-        return options;
-    }
-    match pass {
-        Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
-        Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
-        Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
-    }
-}
-
 impl Passes {
     /// `notes`: those that there are before anything is compiled. A driver that keeps compiled kernels is left to it: asked for a
     /// binary, PoCL compiles every kernel once more, for work-groups of any size, a quarter of all the time that compiling takes.
-    pub fn new(
-        options: CompileOptions,
-        defers: bool,
-        cache: Option<&Cache>,
-        info: &DeviceInfo,
-        notes: Vec<String>,
-    ) -> Self {
+    pub fn new(definitions: Definitions, cache: Option<&Cache>, info: &DeviceInfo, notes: Vec<String>) -> Self {
         let cache = cache.filter(|_| !info.keeps_kernels());
-        Passes { kernels: Vec::new(), defers, options, cache: cache.cloned(), compile_s: 0.0, notes }
+        Passes { kernels: Vec::new(), definitions, cache: cache.cloned(), compile_s: 0.0, notes }
     }
 
-    /// What all of them are compiled with.
-    pub fn options(&self) -> &CompileOptions {
-        &self.options
+    /// What they are compiled with.
+    pub fn definitions(&self) -> &Definitions {
+        &self.definitions
+    }
+
+    /// Whether the first pass leaves anything to the second.
+    pub fn defers(&self) -> bool {
+        self.definitions.defers
     }
 
     /// Compiles one pass of the kernels in `file`, and no others: compilers take long.
     pub fn program(&mut self, context: &DeviceContext, pass: Pass, file: &str) -> Result<Program> {
-        let options = pass_options(&self.options, self.defers, pass, file);
+        let options = self.definitions.of_pass(pass, file);
         let built = build(context, &ProgramSource::kernels(&[file]), &options, self.cache.as_ref())?;
         self.compile_s += built.compile_s;
         self.notes.extend(built.notes);
@@ -254,7 +239,7 @@ impl Passes {
             Shape { total, work_group: work_group.div_ceil(items_of_one), items_of_one }
         };
         let mut seconds = launch(kernel, plan, shape(total, entry), &mut progress)?;
-        if !self.defers {
+        if !self.defers() {
             return Ok(seconds);
         }
         let count = doubts.take_count()?;

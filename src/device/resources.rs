@@ -1,8 +1,8 @@
 //! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
 
-use super::passes::{Pass, entry_files, pass_options};
+use super::definitions::Definitions;
+use super::passes::{Pass, entry_files};
 use super::ptxas::{self, PtxasInfo};
-use super::tracer::{compile_options, defers};
 use super::{CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
 use crate::error::Result;
 use crate::options::TraceOptions;
@@ -59,13 +59,10 @@ pub fn kernel_resources(
     max_depth: u32,
 ) -> Result<Vec<ProgramResources>> {
     let context = DeviceContext::open(device)?;
-    let compile_options = compile_options(buffers, options, max_depth).verbose();
-    let defers = defers(options);
-    let passes = [Some(Pass::First), defers.then_some(Pass::Second)].into_iter().flatten();
+    let definitions = Definitions::new(buffers, options, max_depth).verbose();
+    let passes = [Some(Pass::First), definitions.defers.then_some(Pass::Second)].into_iter().flatten();
     let programs = passes.flat_map(|pass| entry_files(options).into_iter().map(move |file| (pass, file)));
-    programs
-        .map(|(pass, file)| program_resources(&context, file, &pass_options(&compile_options, defers, pass, file)))
-        .collect()
+    programs.map(|(pass, file)| program_resources(&context, file, &definitions.of_pass(pass, file))).collect()
 }
 
 fn program_resources(context: &DeviceContext, file: &str, options: &CompileOptions) -> Result<ProgramResources> {

@@ -13,6 +13,7 @@ macro_rules! kernel_files {
 /// uses only what stands above it.
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/types.cl",
+    "cl/shared/features.cl",
     "cl/shared/math.cl",
     "cl/shared/wide.cl",
     "cl/shared/double_double.cl",

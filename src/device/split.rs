@@ -84,7 +84,7 @@ impl SplitPipeline {
     ) -> Result<Self> {
         let first = passes.program(context, Pass::First, SPLIT_FILE)?;
         let mut second = None;
-        if passes.defers {
+        if passes.defers() {
             // Now, not at the first doubt: whether there is one only the device knows while it renders.
             let program = passes.program(context, Pass::Second, SPLIT_FILE)?;
             second = Some(SecondPass {
@@ -105,8 +105,9 @@ impl SplitPipeline {
             second,
             setup: Setup {
                 lights: buffers.params.light_count as usize,
+                features: buffers.features,
                 host_textures,
-                defers: passes.defers,
+                defers: passes.defers(),
                 paths_in_flight: options.paths_in_flight,
             },
             host_textures: host_textures.then(|| buffers.clone()),

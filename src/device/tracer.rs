@@ -1,15 +1,17 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
+use super::definitions::Definitions;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
 use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
-use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
+use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
 use crate::error::{Error, Result};
+use crate::features::Features;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Kernels, Memory, PacketSize, Terminator, TraceOptions, work_group_size};
+use crate::options::{Intersector, Kernels, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
@@ -77,77 +79,36 @@ pub struct OpenClTracer {
     upload_s: f64,
 }
 
-/// The definitions of kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays.
-pub(super) fn compile_options(buffers: &SceneBuffers, options: &TraceOptions, max_depth: u32) -> CompileOptions {
-    let compile_options = options_without_scene(options, buffers.stack_entries, max_depth);
-    DeviceScene::define_constant(compile_options, buffers, options)
-}
-
-/// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is known. A hierarchy of
-/// eight children a node fills up to seven entries a level. Those that are not used cost nothing but room.
-fn stack_step(accel: Accel) -> u32 {
-    if accel == Accel::Bvh8 { 128 } else { 64 }
-}
-
-/// The same of any scene whose traversal takes so many entries of a stack, but for what is in constant memory.
-fn options_without_scene(options: &TraceOptions, stack_entries: u32, max_depth: u32) -> CompileOptions {
-    // The stack of pending rays costs memory on every work-item, a recompilation for every depth costs seconds: steps of 8 bound both.
-    let compile_options = CompileOptions::new()
-        .define("TRAVERSE", options.cl_traverse())
-        .define("HITS", options.intersector.cl_hits())
-        .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
-        .define("STACK_SIZE", stack_entries.next_multiple_of(stack_step(options.accel)))
-        .define("SHORT_STACK_SIZE", options.short_stack_size());
-    let compile_options = match options.accel {
-        Accel::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
-        _ => compile_options,
-    };
-    let compile_options = match options.cl_traverse_packets() {
-        Some(function) if options.packet_size != PacketSize::One => {
-            compile_options.define("TRAVERSE_PACKETS", function)
-        }
-        _ => compile_options,
-    };
-    let compile_options = match options.intersector.cl_function() {
-        Some(function) => compile_options.define("INTERSECT", function),
-        None => compile_options,
-    };
-    let compile_options = match options.kernels {
-        Kernels::Mega => compile_options.define("MAX_PENDING", (max_depth + 1).next_multiple_of(8)),
-        Kernels::Split => SplitPipeline::define(compile_options, options),
-    };
-    DeviceScene::define(compile_options, options)
-}
-
-/// Kernels that are compiled before the scene is known.
+/// Kernels that are compiled while the scene's structure is built.
 pub(crate) struct CompiledAhead {
     context: DeviceContext,
     passes: Passes,
 }
 
 impl CompiledAhead {
-    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes.
+    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such `features`, if that can be known.
     ///
     /// # Errors
     /// As [`OpenClTracer::new`] and [`Tracer::prepare`].
     pub fn new(
         device: &DeviceHandle,
+        features: Features,
         options: &TraceOptions,
         max_depth: u32,
         cache: Option<&Cache>,
         tasks: &[Task],
-    ) -> Result<Self> {
+    ) -> Result<Option<Self>> {
         check_runtime(&device.info, options)?;
         let context = DeviceContext::open(device)?;
-        let compile_options = options_without_scene(options, 1, max_depth);
-        let mut passes = Passes::new(compile_options, defers(options), cache, context.info(), notes_on(context.info()));
-        // What is in constant memory the scene decides; split kernels are compiled when their pipeline is made.
-        if options.memory != Memory::Constant && options.kernels == Kernels::Mega {
+        let Some(definitions) = Definitions::of_features(features, options, max_depth) else { return Ok(None) };
+        let mut passes = Passes::new(definitions, cache, context.info(), notes_on(context.info()));
+        // Split kernels are compiled when their pipeline is made.
+        if options.kernels == Kernels::Mega {
             for &task in tasks {
                 passes.prepare(&context, entry_of(task, options))?;
             }
         }
-        Ok(CompiledAhead { context, passes })
+        Ok(Some(CompiledAhead { context, passes }))
     }
 }
 
@@ -157,11 +118,6 @@ fn entry_of(task: Task, options: &TraceOptions) -> Entry {
         Task::Batch => Entry::of_batch(false, options.packet_size),
         Task::Picture => Entry::of_picture(options.packet_size),
     }
-}
-
-/// Whether rare decisions are left to a second pass. Kernels that count keep them: what they count is the point, not their speed.
-pub(super) fn defers(options: &TraceOptions) -> bool {
-    options.intersector == Intersector::Exact && !options.counters
 }
 
 /// Refuses what a runtime is known to get wrong; `tests/runtimes.sh` tells how that was found.
@@ -218,10 +174,10 @@ impl OpenClTracer {
             Some(CompiledAhead { context, passes }) => (context, Some(passes)),
             None => (DeviceContext::open(device)?, None),
         };
-        let compile_options = compile_options(buffers, options, max_depth);
-        let passes = match compiled.filter(|passes| *passes.options() == compile_options) {
+        let definitions = Definitions::new(buffers, options, max_depth);
+        let passes = match compiled.filter(|passes| *passes.definitions() == definitions) {
             Some(passes) => passes,
-            None => Passes::new(compile_options, defers(options), cache, context.info(), notes_on(context.info())),
+            None => Passes::new(definitions, cache, context.info(), notes_on(context.info())),
         };
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
@@ -319,7 +275,7 @@ impl OpenClTracer {
         self.context.finish()?;
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
-        let doubts = Doubts::new(&self.context, self.passes.defers, total)?;
+        let doubts = Doubts::new(&self.context, self.passes.defers(), total)?;
         let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
         let rows = Rows::find(job.rays);
         let first_entry = Entry::of_batch(job.any_hit, self.options.packet_size);
@@ -373,7 +329,7 @@ impl OpenClTracer {
     ) -> Result<Rendered> {
         let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
         let items = tiles * (TILE_SIDE * TILE_SIDE) as usize;
-        let doubts = Doubts::new(&self.context, self.passes.defers, items)?;
+        let doubts = Doubts::new(&self.context, self.passes.defers(), items)?;
         let entry = Entry::of_picture(self.options.packet_size);
         let OpenClTracer { context, scene, passes, .. } = self;
         let set =

@@ -1,8 +1,9 @@
 //! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the choice together
 //! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
-use super::{Accel, PacketSize, SceneSize, TraceOptions};
+use super::{Accel, KernelFeatures, PacketSize, SceneSize, TraceOptions};
 use crate::device::{DeviceInfo, DeviceKind};
+use crate::features::{Feature, Features};
 
 /// The work that methods are chosen for.
 #[derive(Debug, Clone, Copy)]
@@ -11,6 +12,8 @@ pub struct Workload<'a> {
     pub device: Option<&'a DeviceInfo>,
     /// Triangles that can be hit; `None` where there is no scene yet.
     pub triangle_count: Option<usize>,
+    /// What pictures of the scene need of the kernels; `None` for batches of rays, and where there is no scene yet.
+    pub features: Option<Features>,
 }
 
 impl Workload<'_> {
@@ -88,6 +91,15 @@ impl TraceOptions {
     }
 }
 
+/// What the kernels that shade are made for, where they have just the `features` that the scene needs, and why.
+pub(super) fn kernel_features(features: Features) -> (KernelFeatures, String) {
+    let reason = match (Feature::ALL.len() - features.iter().count(), features) {
+        (0, _) => "the scene needs every feature".to_owned(),
+        (left_out, _) => format!("the scene needs {features}; the other {left_out} are left out of the kernels"),
+    };
+    (KernelFeatures::Scene, reason)
+}
+
 /// For how many triangles the reference is fastest with a kd-tree.
 fn kd_sizes() -> String {
     format!("{} to {} triangles", SceneSize::Small.fewest(), SceneSize::Large.fewest() - 1)
@@ -136,7 +148,7 @@ mod tests {
             (None, 299_999, Accel::Kd, one, ["299999 triangles", "the reference"]),
             (None, 300_000, Accel::Bvh2, one, ["300000 triangles", "the reference"]),
         ] {
-            let workload = Workload { device, triangle_count: Some(triangles) };
+            let workload = Workload { device, triangle_count: Some(triangles), features: None };
             let chosen = Request::default().choose(&workload, None).unwrap();
             assert_eq!((chosen.options.accel, chosen.options.packet_size), (accel, packets), "{workload:?}");
             for (option, value, word) in
@@ -157,7 +169,9 @@ mod tests {
         assert_eq!(work_group_size(&device(DeviceKind::Cpu)).0, 16);
         let (size, reason) = work_group_size(&DeviceInfo { max_work_group_size: 8, ..gpu.clone() });
         assert!(size == 8 && reason.contains("no larger"), "{reason}");
-        let chosen = Request::default().choose(&Workload { device: Some(&gpu), triangle_count: None }, None).unwrap();
+        let chosen = Request::default()
+            .choose(&Workload { device: Some(&gpu), triangle_count: None, features: None }, None)
+            .unwrap();
         assert_eq!(about(&chosen, "work-group size").value, "64");
     }
 }

@@ -3,8 +3,8 @@
 //!
 //! Closest hits, and pixels, are the same whatever is chosen here, to the bit: only their time depends on it.
 
-use super::automatic::{Workload, work_group_size};
-use super::{Accel, Intersector, KdOptions, OPTIONS, PacketSize, Stop, TraceOptions};
+use super::automatic::{Workload, kernel_features, work_group_size};
+use super::{Accel, Intersector, KdOptions, KernelFeatures, OPTIONS, PacketSize, Stop, TraceOptions};
 use crate::accel::BuildOptions;
 use crate::error::{Error, Result};
 use serde::Serialize;
@@ -64,7 +64,7 @@ impl fmt::Display for Decision {
 /// use raybrook::options::{Accel, Origin, Request, Workload};
 ///
 /// # fn main() -> raybrook::Result<()> {
-/// let workload = Workload { device: None, triangle_count: Some(5000) };
+/// let workload = Workload { device: None, triangle_count: Some(5000), features: None };
 /// let chosen = Request::default().choose(&workload, None)?;
 /// assert_eq!(chosen.options.accel, Accel::Kd); // the reference is fastest so in scenes of this size
 /// assert!(chosen.decisions.iter().all(|decision| decision.origin == Origin::Model));
@@ -167,6 +167,14 @@ impl Request {
             decision(Intersector::OPTION, intersector),
         ];
         decisions.extend(workload.triangle_count.into_iter().flat_map(|count| options.numbers_in_effect(count)));
+        // The reference has no kernels.
+        decisions.extend(workload.features.filter(|_| workload.device.is_some()).map(|features| {
+            let features = match options.features {
+                KernelFeatures::Scene => by_model(kernel_features(features)),
+                all => given(all),
+            };
+            decision(KernelFeatures::OPTION, features)
+        }));
         decisions.extend(workload.device.map(|device| {
             let (size, reason) = work_group_size(device);
             decision("work-group size", (size, Origin::Model, reason))
@@ -311,7 +319,7 @@ mod tests {
     const DEFAULT: TraceOptions = TraceOptions::DEFAULT;
 
     fn on(device: Option<&DeviceInfo>) -> Workload<'_> {
-        Workload { device, triangle_count: Some(1000) }
+        Workload { device, triangle_count: Some(1000), features: None }
     }
 
     fn cpu() -> DeviceInfo {

@@ -2,19 +2,19 @@
 
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::scene::{Pattern, Procedural, Scene, Texture, TextureSpace};
+use crate::scene::{Pattern, Procedural, Scene, Texture, TextureId, TextureSpace};
 use crate::shared::{TEXTURE_CHECKER, TEXTURE_IMAGE, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo};
 use glam::DVec3;
 
-/// The textures, and the texels of those that are pictures.
+/// The textures that are `used`, and the texels of those that are pictures.
 ///
 /// # Errors
 /// [`Error::Scene`] when there are more texels than 32 bits can number.
-pub(super) fn pack_textures(scene: &Scene, scale: f32) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
+pub(super) fn pack_textures(scene: &Scene, used: &[TextureId], scale: f32) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
     let mut texels = Vec::new();
     let mut textures = Vec::new();
-    for texture in &scene.textures {
-        let image = match texture {
+    for &id in used {
+        let image = match &scene.textures[id as usize] {
             Texture::Image(image) => image,
             Texture::Procedural(procedural) => {
                 textures.push(pack_procedural(procedural, scale));

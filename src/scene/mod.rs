@@ -163,6 +163,23 @@ impl Scene {
         (0..self.triangles.len()).filter(|&i| self.drop_reason(i).is_none()).map(|i| i as u32).collect()
     }
 
+    /// The materials that triangles have, in order; of others nothing reaches a picture.
+    pub fn used_materials(&self) -> Vec<MaterialId> {
+        let mut is_used = vec![false; self.materials.len()];
+        for triangle in &self.triangles {
+            // A scene that was not checked may name materials that it has not.
+            if let Some(is_used) = is_used.get_mut(triangle.material as usize) {
+                *is_used = true;
+            }
+        }
+        (0..).zip(is_used).filter_map(|(id, is_used)| is_used.then_some(id)).collect()
+    }
+
+    /// The lights that are not black, each with its number.
+    pub fn shining_lights(&self) -> impl Iterator<Item = (usize, &Light)> {
+        self.lights.iter().enumerate().filter(|(_, light)| light.intensity != Vec3::ZERO)
+    }
+
     /// The smallest box around all triangles that can be hit: (min, max), or `None` when there is no such triangle.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         self.bounds_of(&self.hittable())

@@ -4,8 +4,6 @@ use crate::layout::{Float4, Int4, device_struct};
 
 /// `SplitSlot::path` of a slot that follows none.
 pub const NO_PATH: u32 = u32::MAX;
-/// The kind of ray in `SplitRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
-pub const SPLIT_KIND_BITS: u32 = 8;
 /// Of the lengths of the split kernels' queues: slots that trace a ray in this wave.
 pub const QUEUE_ACTIVE: u32 = 0;
 /// Slots whose ray has hit something.
@@ -32,22 +30,6 @@ device_struct! {
         pub request: u32,
         /// Unused.
         pub pad: u32,
-    }
-}
-
-device_struct! {
-    /// A ray that waits to be traced. It ends nowhere.
-    pub struct SplitRay {
-        /// Origin in x, y, z and t_near in w.
-        pub origin_t_near: Float4,
-        /// What that leaves out of the origin in x, y, z; w unused.
-        pub origin_low: Float4,
-        /// Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
-        pub start_weights: Float4,
-        /// Bits of the direction in x, y, z and the triangle that it starts on in w.
-        pub direction_skip: Int4,
-        /// Bits of the weight in x, y, z and depth << SPLIT_KIND_BITS | kind in w.
-        pub weight_kind_depth: Int4,
     }
 }
 

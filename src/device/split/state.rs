@@ -3,10 +3,11 @@
 use super::step::Step;
 use super::{Buffer, DeviceContext, DeviceScene, PictureBuffers};
 use crate::error::Result;
+use crate::features::Features;
 use crate::layout::Float4;
 use crate::shared::{
-    NO_PATH, QUEUE_SHADOWS, RenderParams, SplitRay, SplitShadow, SplitSlot, SplitSurface, SplitYield, SurfaceHit,
-    TextureRequest,
+    NO_PATH, QUEUE_SHADOWS, RenderParams, SplitShadow, SplitSlot, SplitSurface, SplitYield, SurfaceHit, TextureRequest,
+    WaitingRay,
 };
 
 /// Memory for the paths in flight and their batch: at 970 bytes each with a depth of 8 room for 270,000, more than the largest GPUs run
@@ -21,6 +22,7 @@ const PATHS_PER_SLOT: usize = 16;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setup {
     pub lights: usize,
+    pub features: Features,
     /// Whether the host evaluates textures.
     pub host_textures: bool,
     /// Whether there is a second pass.
@@ -37,7 +39,7 @@ pub(super) struct Shape {
     pub slots: usize,
     /// Pixels of a batch.
     pub batch_pixels: usize,
-    /// Pending rays of a path.
+    /// Rays of a path that wait.
     depth: usize,
     pub samples: usize,
 }
@@ -45,7 +47,7 @@ pub(super) struct Shape {
 impl Shape {
     /// Bytes that one more slot takes: in all arrays, and in the largest.
     fn slot_bytes(&self) -> (u64, u64) {
-        let rays = self.depth * size_of::<SplitRay>();
+        let rays = self.depth * size_of::<WaitingRay>();
         let path_radiance = PATHS_PER_SLOT * size_of::<Float4>();
         let request = if self.setup.host_textures { size_of::<TextureRequest>() + size_of::<Float4>() } else { 0 };
         let state =
@@ -58,8 +60,7 @@ impl Shape {
     /// For a picture: as many slots as the device has memory for, unless a number was asked for; never more than paths.
     pub fn new(context: &DeviceContext, params: &RenderParams, setup: Setup) -> Self {
         let (pixels, samples) = (params.film_len(), params.sample_count as usize);
-        // A ray at the depth limit leaves no others, and each one before leaves one more than it was itself.
-        let depth = params.max_depth.max(1) as usize;
+        let depth = setup.features.pending_rays(params.max_depth) as usize;
         let mut shape = Shape { setup, slots: 0, batch_pixels: 0, depth, samples };
         let (all_bytes, largest_bytes) = shape.slot_bytes();
         let info = context.info();
@@ -77,7 +78,7 @@ impl Shape {
 
 pub(super) struct State {
     slots: Buffer<SplitSlot>,
-    rays: Buffer<SplitRay>,
+    rays: Buffer<WaitingRay>,
     hits: Buffer<SurfaceHit>,
     surfaces: Buffer<SplitSurface>,
     yields: Buffer<SplitYield>,

@@ -1,0 +1,112 @@
+//! What kernels are compiled with: the definitions that choose the parts of a program, and leave out of it what the scene does not need.
+
+use super::CompileOptions;
+use super::passes::{Pass, TRACE_FILE, is_shading};
+use super::scene::DeviceScene;
+use super::split::SplitPipeline;
+use crate::features::Features;
+use crate::options::{Accel, Intersector, KernelFeatures, Kernels, Memory, PacketSize, Terminator, TraceOptions};
+use crate::pack::SceneBuffers;
+
+/// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
+/// work-items run at once the more memory's latency is hidden.
+const TRACE_REGISTERS: u32 = 56;
+/// Of those that shade, and of the second pass: without a limit the calls that decide what double leaves open take 252.
+const MOST_REGISTERS: u32 = 168;
+
+/// Rays by which the stack of pending ones grows where it has more than one: it costs memory on every work-item, a recompilation for
+/// every depth costs seconds.
+const PENDING_STEP: u32 = 8;
+
+/// The definitions of all kernels of a tracer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Definitions {
+    /// Of kernels that trace batches: nearly all scenes have the same.
+    tracing: CompileOptions,
+    /// Of kernels that shade, too.
+    shading: CompileOptions,
+    /// Whether there are two passes, of which the first leaves rare decisions to the second.
+    pub defers: bool,
+}
+
+impl Definitions {
+    /// Of kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays.
+    pub fn new(buffers: &SceneBuffers, options: &TraceOptions, max_depth: u32) -> Self {
+        let tracing = of_tracing(options, buffers.stack_entries);
+        let tracing = DeviceScene::define_constant(tracing, buffers, options);
+        Self::with_shading(tracing, buffers.features, options, max_depth)
+    }
+
+    /// The same of nearly all scenes of such `features`; `None` where too much depends on the scene.
+    pub fn of_features(features: Features, options: &TraceOptions, max_depth: u32) -> Option<Self> {
+        let is_known = options.memory != Memory::Constant;
+        is_known.then(|| Self::with_shading(of_tracing(options, 1), features, options, max_depth))
+    }
+
+    fn with_shading(tracing: CompileOptions, features: Features, options: &TraceOptions, max_depth: u32) -> Self {
+        let features = match options.features {
+            KernelFeatures::Scene => features,
+            KernelFeatures::All => Features::ALL,
+        };
+        let shading = tracing
+            .clone()
+            .define("FEATURES", format!("{}u", features.bits()))
+            .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth));
+        let shading = match (options.kernels, features.pending_rays(max_depth)) {
+            (Kernels::Split, _) => SplitPipeline::define(shading, options),
+            (Kernels::Mega, 1) => shading.define("MAX_PENDING", 1),
+            (Kernels::Mega, rays) => shading.define("MAX_PENDING", rays.next_multiple_of(PENDING_STEP)),
+        };
+        // Kernels that count keep rare decisions: what they count is the point, not their speed.
+        let defers = options.intersector == Intersector::Exact && !options.counters;
+        Definitions { tracing, shading, defers }
+    }
+
+    /// The same, of a compiler that tells in its log what kernels take.
+    pub fn verbose(self) -> Self {
+        Definitions { tracing: self.tracing.verbose(), shading: self.shading.verbose(), ..self }
+    }
+
+    /// Those of a pass of the kernels in `file`.
+    pub fn of_pass(&self, pass: Pass, file: &str) -> CompileOptions {
+        let options = if is_shading(file) { &self.shading } else { &self.tracing }.clone();
+        if !self.defers {
+            return options;
+        }
+        match pass {
+            Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
+            Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
+            Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
+        }
+    }
+}
+
+/// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is known. A hierarchy of
+/// eight children a node fills up to seven entries a level. Those that are not used cost nothing but room.
+fn stack_step(accel: Accel) -> u32 {
+    if accel == Accel::Bvh8 { 128 } else { 64 }
+}
+
+/// Of what traces any scene whose traversal takes so many entries of a stack, but for what is in constant memory.
+fn of_tracing(options: &TraceOptions, stack_entries: u32) -> CompileOptions {
+    let compile_options = CompileOptions::new()
+        .define("TRAVERSE", options.cl_traverse())
+        .define("HITS", options.intersector.cl_hits())
+        .define("STACK_SIZE", stack_entries.next_multiple_of(stack_step(options.accel)))
+        .define("SHORT_STACK_SIZE", options.short_stack_size());
+    let compile_options = match options.accel {
+        Accel::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
+        _ => compile_options,
+    };
+    let compile_options = match options.cl_traverse_packets() {
+        Some(function) if options.packet_size != PacketSize::One => {
+            compile_options.define("TRAVERSE_PACKETS", function)
+        }
+        _ => compile_options,
+    };
+    let compile_options = match options.intersector.cl_function() {
+        Some(function) => compile_options.define("INTERSECT", function),
+        None => compile_options,
+    };
+    DeviceScene::define(compile_options, options)
+}

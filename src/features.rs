@@ -1,0 +1,150 @@
+//! What a scene needs of the kernels that shade: each feature that it does without is left out of its kernels (`cl/shared/features.cl`),
+//! where it would cost registers, instructions and room on the stack of pending rays even if no ray ever asked for it.
+//!
+//! The scalar twin has all features: that it and a specialised kernel agree to the bit shows that nothing was left out that matters.
+//!
+//! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace batches do not
+//! shade, and are the same for all scenes.
+
+use crate::options::methods;
+use crate::scene::{Falloff, LightKind, NO_INDEX, Scene, Texture};
+use std::fmt;
+
+methods! {
+    /// One feature of the kernels that shade; the values number the bits of [`Features`].
+    pub enum Feature ("feature") {
+        /// Textures that are pictures.
+        ImageTextures = "image-textures",
+        /// Textures that are computed.
+        ProceduralTextures = "procedural-textures",
+        /// Normals of vertices.
+        SmoothNormals = "smooth-normals",
+        /// Mirrors.
+        Mirrors = "mirrors",
+        /// Surfaces that light passes through.
+        Transparency = "transparency",
+        /// Highlights.
+        Highlights = "highlights",
+        /// Threshold shading.
+        Toon = "toon",
+        /// Lamps that are somewhere: point lights and spots.
+        PlacedLights = "placed-lights",
+        /// Lamps that are infinitely far.
+        DirectionalLights = "directional-lights",
+        /// Lamps with a cone.
+        Spots = "spots",
+        /// Light that falls with the distance.
+        Falloff = "falloff",
+        /// Another number of lamps than one.
+        SeveralLights = "several-lights",
+        /// More than one material.
+        SeveralMaterials = "several-materials",
+    }
+}
+
+impl Feature {
+    /// Its bit in [`Features::bits`].
+    pub const fn bit(self) -> u32 {
+        1 << self as u32
+    }
+
+    /// The name in `cl/shared/types.cl`: `FEATURE_SMOOTH_NORMALS`.
+    pub fn cl_name(self) -> String {
+        format!("FEATURE_{}", self.name().replace('-', "_").to_uppercase())
+    }
+}
+
+/// A set of features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Features(u32);
+
+impl Features {
+    /// All of them.
+    pub const ALL: Features = Features((1 << Feature::ALL.len()) - 1);
+
+    /// Those that `scene` needs: of its materials only those of triangles count.
+    pub fn of_scene(scene: &Scene) -> Features {
+        let mut features = Features(0);
+        let used = scene.used_materials();
+        for &material in &used {
+            let material = &scene.materials[material as usize];
+            match material.diffuse_texture.and_then(|id| scene.textures.get(id as usize)) {
+                Some(Texture::Image(_)) => features.add(Feature::ImageTextures),
+                Some(Texture::Procedural(_)) => features.add(Feature::ProceduralTextures),
+                None => {}
+            }
+            features.add_if(material.is_transparent(), Feature::Transparency);
+            // A transparent surface mirrors by Fresnel's equations alone.
+            features.add_if(!material.is_transparent() && material.mirror.max_element() > 0.0, Feature::Mirrors);
+            features.add_if(material.specular.max_element() > 0.0, Feature::Highlights);
+            features.add_if(material.toon.is_some(), Feature::Toon);
+        }
+        features.add_if(used.len() > 1, Feature::SeveralMaterials);
+        features.add_if(
+            scene.triangles.iter().any(|triangle| !triangle.normals.contains(&NO_INDEX)),
+            Feature::SmoothNormals,
+        );
+        for (_, light) in scene.shining_lights() {
+            features.add(match light.kind {
+                LightKind::Directional { .. } => Feature::DirectionalLights,
+                LightKind::Point { .. } | LightKind::Spot { .. } => Feature::PlacedLights,
+            });
+            features.add_if(matches!(light.kind, LightKind::Spot { .. }), Feature::Spots);
+            features.add_if(light.falloff == Falloff::Quadratic, Feature::Falloff);
+        }
+        features.add_if(scene.shining_lights().count() != 1, Feature::SeveralLights);
+        features
+    }
+
+    /// Whether `feature` is among them.
+    pub const fn has(self, feature: Feature) -> bool {
+        self.0 & feature.bit() != 0
+    }
+
+    /// These and `feature`.
+    #[must_use]
+    pub const fn with(self, feature: Feature) -> Features {
+        Features(self.0 | feature.bit())
+    }
+
+    /// These without `feature`.
+    #[must_use]
+    pub const fn without(self, feature: Feature) -> Features {
+        Features(self.0 & !feature.bit())
+    }
+
+    /// One bit for each, see [`Feature::bit`].
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// The features, in the order of [`Feature::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Feature> {
+        Feature::ALL.iter().copied().filter(move |&feature| self.has(feature))
+    }
+
+    /// The most rays of a path that can wait at a time when a chain of rays is at most `max_depth` long. Every surface replaces the ray
+    /// that found it by one, or where something is transparent by at most two; and at the last depth by none.
+    pub fn pending_rays(self, max_depth: u32) -> u32 {
+        if self.has(Feature::Transparency) { max_depth.max(1) } else { 1 }
+    }
+
+    fn add(&mut self, feature: Feature) {
+        *self = self.with(feature);
+    }
+
+    fn add_if(&mut self, condition: bool, feature: Feature) {
+        if condition {
+            self.add(feature);
+        }
+    }
+}
+
+/// As a list: `smooth-normals, highlights`; `none`.
+impl fmt::Display for Features {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<_> = self.iter().map(Feature::name).collect();
+        f.write_str(if names.is_empty() { "none" } else { "" })?;
+        f.write_str(&names.join(", "))
+    }
+}
