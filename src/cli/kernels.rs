@@ -8,7 +8,7 @@ use raybrook::device::{
 };
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Builder, Scene};
-use raybrook::session::DEFAULT_DEPTH;
+use raybrook::session::{DEFAULT_DEPTH, complete};
 use raybrook::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write;
@@ -105,7 +105,9 @@ fn devices(spec: Option<&str>) -> Result<Vec<DeviceHandle>> {
 fn sphere() -> Result<Scene> {
     let mut builder = Builder::new();
     builder.sphere(1.0, SEGMENTS);
-    builder.finish()
+    let mut scene = builder.finish()?;
+    complete(&mut scene, 1.0);
+    Ok(scene)
 }
 
 /// A table of each program for people; `-` is what the driver does not tell.

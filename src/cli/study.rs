@@ -16,6 +16,9 @@ pub struct StudyArgs {
     /// Folder of the report; what is there already, made by the same version on the same device, is not made again.
     #[arg(short, long, value_name = "DIR", default_value = "raybrook-study")]
     output: PathBuf,
+    /// Write verdict and tables to a Markdown file, too.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
     /// Few rays and passes: minutes instead of an hour.
     #[arg(long)]
     quick: bool,
@@ -61,6 +64,9 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         }
     }
     report.write_page()?;
+    if let Some(path) = &args.markdown {
+        report.write_markdown(path, &studies)?;
+    }
     if !talk.quiet {
         for entry in report.entries().iter().filter(|entry| studies.iter().any(|study| study.name == entry.study)) {
             let holds = match entry.findings.holds {

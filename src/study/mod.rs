@@ -12,6 +12,7 @@ mod chart;
 mod draw;
 mod journal;
 mod lab;
+mod markdown;
 mod page;
 mod report;
 mod scenes;

@@ -160,7 +160,7 @@ fn line(row: &Row, columns: &[&str]) -> Markup {
 }
 
 /// Four digits of a number that is not whole.
-fn number_text(number: &serde_json::Number) -> String {
+pub(super) fn number_text(number: &serde_json::Number) -> String {
     match number.as_f64() {
         Some(value) if !(number.is_i64() || number.is_u64()) => match value.abs() {
             0.0 => "0".to_owned(),

@@ -2,6 +2,7 @@
 
 use super::draw::{Format, pixels, svg};
 use super::journal::Journal;
+use super::markdown::markdown;
 use super::page;
 use super::{Findings, Lab, Study};
 use crate::device::{DeviceHandle, DeviceInfo};
@@ -187,6 +188,16 @@ impl Report {
     pub fn write_page(&self) -> Result<()> {
         let html = page::html(&self.header, &self.entries);
         write_bytes(&self.folder.join("index.html"), html.as_bytes())
+    }
+
+    /// Writes verdicts and tables of some studies, as far as they are made, as Markdown.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be written.
+    pub fn write_markdown(&self, path: &Path, studies: &[&Study]) -> Result<()> {
+        let is_asked_for = |entry: &&Entry| studies.iter().any(|study| study.name == entry.study);
+        let entries: Vec<_> = self.entries.iter().filter(is_asked_for).collect();
+        write_bytes(path, markdown(&self.header.device, &entries).as_bytes())
     }
 
     /// The page.

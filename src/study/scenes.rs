@@ -137,6 +137,18 @@ pub fn still_life(detail: u32, is_textured: bool) -> Result<Scene> {
     builder.finish()
 }
 
+/// The same with a ball of glass in place of the mirror.
+///
+/// # Errors
+/// As [`still_life`].
+pub fn glass_still_life(detail: u32) -> Result<Scene> {
+    let mut scene = still_life(detail, false)?;
+    for material in scene.materials.iter_mut().filter(|material| material.mirror != Vec3::ZERO) {
+        *material = Material { mirror: Vec3::ZERO, transmission: Vec3::splat(0.9), ior: 1.5, ..material.clone() };
+    }
+    Ok(scene)
+}
+
 fn procedural(pattern: Pattern) -> Procedural {
     Procedural {
         pattern,

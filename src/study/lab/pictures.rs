@@ -24,10 +24,12 @@ pub struct PictureVariant {
     pub label: String,
     /// The method.
     pub options: TraceOptions,
-    /// Samples a pixel.
-    pub samples: u32,
+    /// Where camera rays pass.
+    pub samples: Samples,
     /// Longest chain of rays.
     pub depth: u32,
+    /// As [`Picture::kill_weight`].
+    pub kill_weight: Option<f32>,
     /// Further columns of its row.
     pub columns: Row,
 }
@@ -35,7 +37,19 @@ pub struct PictureVariant {
 impl PictureVariant {
     /// A picture of so many samples a pixel and chains of so many rays.
     pub fn new(label: impl Into<String>, options: TraceOptions, samples: u32, depth: u32) -> PictureVariant {
-        PictureVariant { label: label.into(), options, samples, depth, columns: Row::new() }
+        let samples = Samples::PerPixel(samples);
+        PictureVariant { label: label.into(), options, samples, depth, kill_weight: None, columns: Row::new() }
+    }
+
+    /// A picture by its error, in steps of 8-bit sRGB.
+    pub fn of_error(label: impl Into<String>, options: TraceOptions, error: f32, depth: u32) -> PictureVariant {
+        PictureVariant { samples: Samples::Error(error), ..PictureVariant::new(label, options, 1, depth) }
+    }
+
+    /// With every ray, also those that cannot change a pixel.
+    #[must_use]
+    pub fn without_killing(self) -> PictureVariant {
+        PictureVariant { kill_weight: Some(0.0), ..self }
     }
 
     /// With a further column.
@@ -73,8 +87,10 @@ impl Lab<'_> {
         variants: &[PictureVariant],
         converged: Option<(u32, u32)>,
     ) -> Result<Vec<Row>> {
-        let settings: Vec<_> =
-            variants.iter().map(|v| json!([v.label, v.options, v.samples, v.depth, v.columns])).collect();
+        let settings: Vec<_> = variants
+            .iter()
+            .map(|v| json!([v.label, v.options, format!("{:?}", v.samples), v.depth, v.kill_weight, v.columns]))
+            .collect();
         let triangle_count = scene.hittable().len();
         let key = json!(["pictures", scene_name, triangle_count, self.side(), settings, converged]);
         if let Some(rows) = self.journal.find(&key) {
@@ -100,10 +116,13 @@ impl Lab<'_> {
                 ("scene", json!(scene_name)),
                 ("triangles", json!(triangle_count)),
                 ("method", json!(variant.label)),
-                ("samples", json!(variant.samples)),
                 ("depth", json!(variant.depth)),
                 ("pixels", json!(result.film.pixels.len())),
             ]);
+            match variant.samples {
+                Samples::Error(error) => out.insert("asked".into(), json!(error)),
+                fixed => out.insert("samples".into(), json!(fixed.per_pixel())),
+            };
             out.extend(variant.columns.clone());
             out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
             if let Some(split) = result.split {
@@ -142,9 +161,9 @@ impl Lab<'_> {
         let picture = Picture {
             camera: scene.camera.expect("a completed scene has a camera"),
             size: (self.side(), self.side()),
-            samples: Samples::PerPixel(variant.samples),
+            samples: variant.samples,
             depth: variant.depth,
-            kill_weight: None,
+            kill_weight: variant.kill_weight,
         };
         Ok(Run { picture, buffers, tracer, seconds: Vec::new() })
     }
@@ -158,16 +177,18 @@ impl Lab<'_> {
         truth: Option<&Film>,
     ) -> Result<Row> {
         let mut out = Row::new();
-        if self.device.is_some() && variant.samples <= MOST_SAMPLES_CHECKED {
+        let are_few = matches!(variant.samples, Samples::PerPixel(samples) if samples <= MOST_SAMPLES_CHECKED);
+        if self.device.is_some() && are_few {
             // One ray at a time gives the same pixels as packets.
             let options = TraceOptions { packet_size: PacketSize::One, ..variant.options };
-            let same = PictureVariant::new("", options, variant.samples, variant.depth);
+            let same = PictureVariant { label: String::new(), options, columns: Row::new(), ..*variant };
             let reference = self.start_picture(None, scene, &same)?.render()?.film;
             out.insert("wrong_pixels".into(), json!(compare_films(&reference, film).differing_pixels));
         }
         if let Some(truth) = truth {
             let difference = compare_films(truth, film);
             out.insert("rmse".into(), json!(difference.rms));
+            out.insert("error".into(), json!(difference.rms_8bit));
             out.extend(difference.flip_mean.map(|flip| ("flip".to_owned(), json!(flip))));
         }
         Ok(out)

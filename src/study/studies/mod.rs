@@ -1,5 +1,6 @@
 //! The studies, and what they have in common.
 
+mod economy;
 mod memory;
 mod pareto;
 mod pictures;
@@ -30,7 +31,9 @@ pub const ALL: &[Study] = &[
     rays::TRANSFER,
     rays::CPU_GPU,
     pictures::TEXTURING,
+    pictures::SUBSAMPLING,
     trees::BOUNDING_VOLUMES,
+    economy::STUDY,
 ];
 
 const CAMERA: usize = 0;

@@ -201,6 +201,57 @@ fn texturing(lab: &mut Lab) -> Result<Findings> {
     })
 }
 
+pub const SUBSAMPLING: Study = Study {
+    name: "subsampling",
+    title: "Adaptive subsampling",
+    claim: "Thesis, section 2.2.1: a lattice of pixels is traced, others only where neighbours differ, the rest is interpolated; that is tens of percent \
+            faster. The claim tested: the rays of one a pixel at 0.9 of their number or fewer, with an error that is no larger.",
+    run: subsampling,
+};
+
+fn subsampling(lab: &mut Lab) -> Result<Findings> {
+    const EVERY_PIXEL: &str = "every pixel";
+    let options = super::pareto::fast_options(lab);
+    let mut variants = vec![PictureVariant::new(EVERY_PIXEL, options, 1, 8)];
+    // From error 2, 4 and 8 on the lattice has every second, fourth and eighth pixel.
+    let errors: &[f32] = if lab.quick { &[2.0, 8.0] } else { &[1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] };
+    variants.extend(errors.iter().map(|&error| PictureVariant::of_error(format!("error {error}"), options, error, 8)));
+    let (mut rows, mut parts, mut holds) = (Vec::new(), Vec::new(), true);
+    for (scene_name, scene) in picture_scenes(lab)? {
+        let found = lab.pictures(&scene_name, &scene, &variants, Some((if lab.quick { 64 } else { 256 }, 8)))?;
+        let value = |row: &Row, column| number(row, column).unwrap_or(f64::INFINITY);
+        let (full, others) = found.split_first().expect("a row for each variant");
+        let as_good = others.iter().filter(|row| value(row, "error") <= value(full, "error"));
+        let fewest = as_good.min_by(|a, b| value(a, "rays").total_cmp(&value(b, "rays")));
+        let share = fewest.map(|row| value(row, "rays") / value(full, "rays"));
+        holds &= share.is_some_and(|share| share <= 0.9);
+        parts.push(match (fewest, share) {
+            (Some(row), Some(share)) => format!(
+                "{scene_name}: error {:.2} of one sample in every pixel with {:.0} % of its rays ({}: {:.2})",
+                value(full, "error"),
+                100.0 * share,
+                name(row, "method"),
+                value(row, "error")
+            ),
+            _ => format!("{scene_name}: nothing is as good as one sample in every pixel"),
+        });
+        rows.extend(found);
+    }
+    let table = Table::new("pictures", "Pictures by their error, beside one sample in every pixel", rows);
+    let charts = by_scene(ChartKind::Front, &table, "rays", "error against rays", ["error", "frames_per_s"], |chart| {
+        chart.log(true, true).caption("Exact hits; kernel time. Left and high is better.")
+    });
+    Ok(Findings {
+        holds: (!lab.quick).then_some(holds),
+        verdict: parts.join("; ") + ".",
+        notes: vec![
+            "The time is the device's: the host decides between the rounds what is traced next, which takes further time.".to_owned(),
+        ],
+        tables: vec![table],
+        charts,
+    })
+}
+
 /// For each scene how many times the time of method `a` method `b` takes: as sentences and as numbers.
 fn ratios(rows: &[Row], a: &str, b: &str, takes: &str, of: &str) -> (Vec<String>, Vec<f64>) {
     let seconds = |scene: &str, method: &str| {

@@ -1,0 +1,60 @@
+//! A study as Markdown, for documentation that is read where no page is shown.
+
+use super::page::number_text;
+use super::table::{Table, column};
+use super::{Entry, Study};
+use serde_json::Value;
+use std::fmt::Write;
+
+/// Title, claim, verdict, notes and tables of each study.
+pub fn markdown(device: &str, entries: &[&Entry]) -> String {
+    let mut text = String::new();
+    for entry in entries {
+        let Some(study) = Study::all().find(|study| study.name == entry.study) else { continue };
+        let verdict = match entry.findings.holds {
+            Some(true) => "It holds here: ",
+            Some(false) => "It does not hold here: ",
+            None => "",
+        };
+        let _ = writeln!(text, "# {}\n\n{}\n\n{verdict}{}\n", study.title, study.claim, entry.findings.verdict);
+        for note in &entry.findings.notes {
+            let _ = writeln!(text, "{note}\n");
+        }
+        for table in &entry.findings.tables {
+            let _ = writeln!(text, "## {}\n", table.caption);
+            text += &rows(table);
+        }
+        let _ = writeln!(text, "Made by `{}` on {device}, version {}.\n", entry.command, entry.header.version);
+    }
+    text.truncate(text.trim_end().len());
+    text.push('\n');
+    text
+}
+
+/// The table, and what its columns mean where their headings do not say it all.
+fn rows(table: &Table) -> String {
+    let columns = table.columns();
+    let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let is_text = |name: &str| table.rows.iter().any(|row| row.get(name).is_some_and(Value::is_string));
+    let mut text = line(columns.iter().map(|name| column(name).label.to_owned()).collect());
+    text += &format!(
+        "|{}|\n",
+        columns.iter().map(|name| if is_text(name) { "---" } else { "--:" }).collect::<Vec<_>>().join("|")
+    );
+    for row in &table.rows {
+        let cell = |name: &&str| match row.get(*name) {
+            Some(Value::String(text)) => text.replace('|', "\\|"),
+            Some(Value::Number(number)) => number_text(number),
+            Some(value) => value.to_string(),
+            None => String::new(),
+        };
+        text += &line(columns.iter().map(cell).collect());
+    }
+    text.push('\n');
+    let explained = columns.iter().map(|name| column(name)).filter(|column| !column.about.is_empty());
+    let about: Vec<_> = explained.map(|column| format!("{}: {}", column.label, column.about)).collect();
+    if !about.is_empty() {
+        let _ = writeln!(text, "{}.\n", about.join(". "));
+    }
+    text
+}
