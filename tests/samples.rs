@@ -1,10 +1,10 @@
-//! Camera rays through pixel corners.
+//! Samples of pixels: camera rays through pixel corners, and more samples than one launch traces.
 
 mod common;
 
 use common::device;
 use glam::Vec3;
-use raybrook::options::TraceOptions;
+use raybrook::options::{Accel, PacketSize, TraceOptions};
 use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::render::camera_direction;
 use raybrook::scene::{Builder, Camera, Material, Samples, Scene, load};
@@ -91,4 +91,34 @@ fn scene_files_can_ask_for_corners() {
     assert!(error.ends_with("a.toml:4: [image]: samples corners need a picture of at least 2x2, not 1x9"), "{error}");
     let error = load_image("samples = \"corner\"\n").unwrap_err();
     assert!(error.contains("a.toml:2:") && error.contains("did you mean 'corners'?"), "{error}");
+}
+
+/// More samples than one launch traces, also in packets, and of rays that leave doubts: along the edges of a box.
+#[test]
+fn samples_of_several_launches_add_up() {
+    let Some(device) = device() else { return };
+    let mut builder = Builder::new();
+    builder.material(Material { mirror: Vec3::splat(0.4), ..Material::default() });
+    builder.cuboid(Vec3::ONE);
+    builder.quad(Vec3::new(-2.0, -0.5, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0, 2);
+    let mut scene = builder.finish().unwrap();
+    complete(&mut scene, 1.2);
+    let picture = Picture {
+        camera: scene.camera.unwrap(),
+        size: (24, 20),
+        samples: Samples::PerPixel(35),
+        depth: 3,
+        kill_weight: None,
+    };
+    for (accel, packet_size) in [(Accel::Bvh2, PacketSize::One), (Accel::Bvh8, PacketSize::Sixteen)] {
+        let options = TraceOptions { accel, packet_size, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let [got, expected] = [Some(&device), None].map(|device| {
+            let mut tracer = open_tracer(device, &buffers, &options, picture.depth, None).unwrap();
+            let result = render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap();
+            (result.film.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect::<Vec<_>>(), result.counts)
+        });
+        assert!(got == expected, "{accel} {packet_size}");
+        assert_eq!(got.1[0], 24 * 20 * 35);
+    }
 }

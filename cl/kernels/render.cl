@@ -44,11 +44,13 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
     }
 }
 
-// Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first.
+// Adds the samples from first_sample to end_sample to the pixels, in the order of their numbers whatever the host does in one launch.
+// Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first; sums until the last sample is there.
 // Work records: two a pixel, of its camera rays and of all others.
 __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
                      __global float4* restrict film, volatile __global uint* restrict counters,
-                     WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+                     WORK_ARGUMENT DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first,
+                     const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint item = ITEM_OF(number);
@@ -60,14 +62,14 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     WORK_SUMS(camera_work)
     const Scene scene = MAKE_SCENE;
     uint counts[COUNTERS] = {0};
-    float3 sum = (float3)(0.0f);
-    for (uint s = 0; s < render->sample_count; s++) {
+    const uint place = pixel.y * render->width + pixel.x;
+    float3 sum = first_sample == 0u ? (float3)(0.0f) : film[place].xyz;
+    for (uint s = first_sample; s < end_sample; s++) {
         sum += radiance_along(SCENE_AT(&scene), render, sample_ray(render, samples, pixel, s), counts);
     }
     NOTE_DOUBT(item);
     if (IN_DOUBT) return;
-    const uint place = pixel.y * render->width + pixel.x;
-    film[place] = (float4)(sum * render->sample_weight, 1.0f);
+    film[place] = sum_of_samples(render, sum, end_sample);
     STORE_WORK(&scene.camera_geometry, 2u * place);
     STORE_WORK(&scene.geometry, 2u * place + 1u);
     add_counts(counts, counters, item);

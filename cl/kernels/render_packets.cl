@@ -159,7 +159,7 @@ void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* p
 // As `render`, for the sixteen items from `first` + 16 times the work-item's number on.
 __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
                              __global float4* restrict film, volatile __global uint* restrict counters,
-                             DOUBTS_ARGUMENT const uint first, const uint end) {
+                             DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first, const uint end) {
     const uint item = first + 16u * (uint)get_global_id(0);
     if (item >= end) return;
     UNDECIDED
@@ -170,10 +170,10 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
         const uint2 pixel = pixel_of_item(render, item + lane);
         if (item + lane >= end || !is_in_film(render, pixel)) continue;
         inside |= lane_bit16(lane);
-        paths[lane].sum = (float3)(0.0f);
+        paths[lane].sum = first_sample == 0u ? (float3)(0.0f) : film[pixel.y * render->width + pixel.x].xyz;
         for (uint i = 0; i < COUNTERS; i++) paths[lane].counts[i] = 0u;
     }
-    for (uint s = 0; s < render->sample_count; s++) {
+    for (uint s = first_sample; s < end_sample; s++) {
         for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
             const uint lane = first_lane16(rest);
             Path* path = &paths[lane];
@@ -204,7 +204,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
             continue;
         }
         const uint2 pixel = pixel_of_item(render, item + lane);
-        film[pixel.y * render->width + pixel.x] = (float4)(path->sum * render->sample_weight, 1.0f);
+        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, path->sum, end_sample);
         add_counts(path->counts, counters, item + lane);
     }
 }

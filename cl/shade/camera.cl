@@ -17,6 +17,11 @@ Ray sample_ray(__global const RenderParams* render, __global const float2* sampl
     return camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y);
 }
 
+// What the film keeps of the sum of a pixel's samples before number `end`: after the last one their mean.
+float4 sum_of_samples(__global const RenderParams* render, float3 sum, uint end) {
+    return (float4)(end == render->sample_count ? sum * render->sample_weight : sum, 1.0f);
+}
+
 // Whether the film has this pixel. The last row of a list's rays may not be full.
 bool is_in_film(__global const RenderParams* render, uint2 pixel) {
     if (pixel.x >= render->width || pixel.y >= render->height) return false;

@@ -64,6 +64,14 @@ pub(super) struct Rendered {
     pub split: Option<SplitStats>,
 }
 
+/// How many samples of each pixel one launch traces. A pixel that is left in doubt is traced again with all samples of its launch, of which
+/// more than one is seldom in doubt, and a GPU waits for the slowest pixel with all its samples; but the next launch finds less in caches.
+/// Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314;
+/// showcase.toml 2257, 426, 389. PoCL, two cores, 512 x 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
+fn samples_of_launch(kind: DeviceKind) -> u32 {
+    if kind == DeviceKind::Gpu { 4 } else { 16 }
+}
+
 /// A tracer on an OpenCL device.
 pub struct OpenClTracer {
     context: DeviceContext,
@@ -332,20 +340,27 @@ impl OpenClTracer {
         let doubts = Doubts::new(&self.context, self.passes.defers(), items)?;
         let entry = Entry::of_picture(self.options.packet_size);
         let OpenClTracer { context, scene, passes, .. } = self;
-        let set =
-            |kernel: &mut Kernel| picture.arguments(scene, kernel)?.set_work(work)?.set(&doubts.items).map(|_| ());
         let mut rendered = Rendered::default();
         let mut done = 0;
         let mut failed = None;
-        // A work-item traces all samples of its pixel.
-        let mut plan = LaunchPlan::starting_with(self.first_items / (params.sample_count as usize).max(1));
-        rendered.kernel_s =
-            passes.run(context, entry, &set, &mut plan, (items, self.work_group), &doubts, |launched| {
-                done += launched;
-                progress((done as f64 / items as f64).min(1.0));
+        let samples = params.sample_count;
+        // What is counted of a pixel is stored once.
+        let at_a_time = if work.is_some() { samples.max(1) } else { samples_of_launch(context.info().kind) };
+        let mut plan = LaunchPlan::starting_with(self.first_items / (at_a_time.min(samples) as usize).max(1));
+        for first_sample in (0..samples).step_by(at_a_time as usize) {
+            let end_sample = samples.min(first_sample + at_a_time);
+            let set = |kernel: &mut Kernel| {
+                let arguments = picture.arguments(scene, kernel)?.set_work(work)?.set(&doubts.items)?;
+                arguments.set(first_sample)?.set(end_sample).map(|_| ())
+            };
+            let shape = (items, self.work_group);
+            rendered.kernel_s += passes.run(context, entry, &set, &mut plan, shape, &doubts, |launched| {
+                done += launched * (end_sample - first_sample) as usize;
+                progress((done as f64 / (items * samples as usize) as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.
                 failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
             })?;
+        }
         rendered.second_pass = doubts.resolved();
         failed.map_or(Ok(rendered), Err)
     }
