@@ -160,7 +160,7 @@ columns! {
     "gap": "gap between layers (ulp)", "floats between one layer's coordinate and the next one's";
     "mode": "failure mode", "a kind of `raybrook stress`";
     "cubes": "cubes", "of 12 triangles each";
-    "frames_per_s": "frames a second", "640 x 480 camera rays, kernel time";
+    "frames_per_s": "frames a second", "of the picture, or of 640 x 480 camera rays; kernel time";
     "tests_per_s": "million tests a second", "";
     "flops_a_test": "operations a test", "floating-point operations of Moller and Trumbore's test, fma counted as two";
     "flop_per_byte": "operations a byte", "arithmetic intensity: operations a test by bytes of vertices a test";
@@ -178,7 +178,7 @@ columns! {
     "feature_count": "number of features", "";
     "unused_bytes": "bytes left out", "of materials and textures that no triangle has";
     "time_of_all": "time, of kernels with all features", "one sample a pixel, with the scene's features against all";
-    "frame_of_all": "frame, of kernels with all features", "private memory of a work-item";
+    "private_of_all": "private memory, of kernels with all features", "of a work-item";
     "binary_of_all": "binary, of kernels with all features", "";
     "rays_of_every": "rays, of all", "one sample a pixel, without those that cannot change a pixel, against all";
     "rays_of_fixed": "rays at error 1, of 16 samples", "";

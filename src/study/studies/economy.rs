@@ -175,7 +175,7 @@ fn saved(scene_name: &str, scene: &Scene, options: &TraceOptions, pictures: &[Ro
     ]);
     let ratios = [
         ("time_of_all", ratio((ONE, "seconds"), (ONE_ALL, "seconds"))),
-        ("frame_of_all", of_kernels("frame_bytes")),
+        ("private_of_all", of_kernels("private_bytes")),
         ("binary_of_all", of_kernels("binary_bytes")),
         ("rays_of_every", ratio((ONE, "rays"), (ONE_EVERY, "rays"))),
         ("rays_of_fixed", ratio((error_1, "rays"), (FIXED_LABEL, "rays"))),
