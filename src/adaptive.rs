@@ -171,7 +171,11 @@ impl<'a> Sampler<'a> {
                 progress(((first / squared).ln() / (first / target).ln()).clamp(0.0, 1.0));
             }
             self.stats.estimated_error = (squared / self.sums.len() as f64).sqrt() as f32;
-            let pixels = if squared > target { self.estimates.worth_raising(squared, target) } else { Vec::new() };
+            let pixels = if squared > target {
+                self.estimates.worth_raising(squared, target, self.stats.rounds)
+            } else {
+                Vec::new()
+            };
             self.stats.decide_s += start.elapsed().as_secs_f64();
             if pixels.is_empty() {
                 return Ok(());

@@ -234,7 +234,8 @@ impl SceneBuffers {
     /// The picture's parameters for `camera`; `size` must be one that [`Samples::check`] accepts.
     ///
     /// `kill_weight`: secondary rays of less weight are not cast; `None` chooses the largest weight that cannot change an 8-bit
-    /// sRGB pixel (half a step at black, where steps are smallest) however bright the scene is.
+    /// sRGB pixel (half a step at black, where steps are smallest) however bright the scene is, and of [`Samples::Error`] the one that
+    /// cannot change it by half of that error.
     pub fn render_params(
         &self,
         camera: &Camera,
@@ -244,6 +245,10 @@ impl SceneBuffers {
         kill_weight: Option<f32>,
     ) -> RenderParams {
         const HALF_STEP_AT_BLACK: f32 = 0.5 / 255.0 / 12.92; // 12.92: slope of the sRGB curve at black
+        let steps = match samples {
+            Samples::Error(error) => error,
+            _ => 1.0,
+        };
         let eye: DVec3 = camera.eye.into();
         let forward = (DVec3::from(camera.target) - eye).normalize_or(DVec3::NEG_Z);
         let right = forward.cross(camera.up.into()).normalize_or(forward.any_orthonormal_vector());
@@ -260,7 +265,7 @@ impl SceneBuffers {
             height,
             sample_count: samples.per_pixel(),
             max_depth,
-            kill_weight: kill_weight.unwrap_or(HALF_STEP_AT_BLACK / self.brightest.max(1.0)),
+            kill_weight: kill_weight.unwrap_or(steps * HALF_STEP_AT_BLACK / self.brightest.max(1.0)).max(0.0),
             pixel_width: 2.0 / samples.intervals(width) as f32,
             pixel_height: 2.0 / samples.intervals(height) as f32,
             sample_weight: 1.0 / samples.per_pixel() as f32,

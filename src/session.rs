@@ -94,7 +94,7 @@ pub struct Picture {
     pub samples: Samples,
     /// Longest chain of rays, the camera ray counted as 1.
     pub depth: u32,
-    /// Weight below which secondary rays are not cast; `None`: where they cannot change an 8-bit pixel.
+    /// Weight below which secondary rays are not cast; `None`: where they cannot change an 8-bit pixel, or by half of the error asked for.
     pub kill_weight: Option<f32>,
 }
 
@@ -115,7 +115,10 @@ pub fn render_full(
     picture: &Picture,
     progress: Progress,
 ) -> Result<RenderResult> {
-    tracer.render(&picture.params(buffers, Samples::PerPixel(MOST_SAMPLES)), &sample_sequence(), progress)
+    let mut params = picture.params(buffers, Samples::PerPixel(MOST_SAMPLES));
+    // No more is left out than of the picture that is compared with it.
+    params.kill_weight = params.kill_weight.min(picture.params(buffers, picture.samples).kill_weight);
+    tracer.render(&params, &sample_sequence(), progress)
 }
 
 /// Renders a picture of the scene that `tracer` was opened with.

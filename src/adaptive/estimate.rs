@@ -245,14 +245,16 @@ impl Estimates {
     }
 
     /// The pixels that are to have more samples, by what they promise for each: so many that the sum of squared errors comes down to
-    /// `target`, if they keep their promises.
+    /// `target`, if they keep their promises; after many `rounds` more than that, for what little the last ones would take takes a list of
+    /// its own each time.
     ///
-    /// While some of them are interpolated, none but these: next to them the contrast of the others means little.
-    pub fn worth_raising(&self, squared: f64, target: f64) -> Vec<usize> {
+    /// While many of them are interpolated, none but these: next to them the contrast of the others means little.
+    pub fn worth_raising(&self, squared: f64, target: f64, rounds: u32) -> Vec<usize> {
         let bands: Vec<_> =
             (0..self.errors.len().div_ceil(BAND)).into_par_iter().map(|band| self.promises(band)).collect();
         let mut promises: Vec<f64> = (0..CLASSES).map(|class| bands.iter().map(|band| band[class]).sum()).collect();
-        let (mut excess, mut lowest) = (squared - target, CLASSES);
+        let late = f64::from(rounds.saturating_sub(EARLY_ROUNDS)) / f64::from(LATE_ROUNDS);
+        let (mut excess, mut lowest) = ((squared - target).max(late.min(MOST_AT_A_TIME) * squared), CLASSES);
         while lowest > 1 && excess > 0.0 {
             lowest -= 1;
             excess -= promises[lowest];
@@ -263,7 +265,8 @@ impl Estimates {
         }
         let worth = |pixel: &usize| self.class(*pixel).is_some_and(|class| class >= lowest);
         let mut pixels: Vec<_> = self.order.par_iter().map(|&pixel| pixel as usize).filter(worth).collect();
-        if pixels.iter().any(|&pixel| self.levels[pixel] == 0) {
+        let interpolated = pixels.iter().filter(|&&pixel| self.levels[pixel] == 0).count();
+        if interpolated > pixels.len() / FEW_INTERPOLATED {
             pixels.retain(|&pixel| self.levels[pixel] == 0);
         }
         pixels
@@ -293,6 +296,15 @@ impl Estimates {
 
 /// The part of a squared error that four times the samples take away, where it is a part of n^-1.5.
 const NEXT_LEVEL: f64 = 0.875;
+/// Rounds in which no more is taken than what is needed, as estimated. Pictures without a lattice are done by then; behind one new contrast
+/// shows beside every pixel that is traced, so that lists would follow edges pixel by pixel.
+const EARLY_ROUNDS: u32 = 6;
+/// So many rounds later the whole of what is left would be taken,
+const LATE_ROUNDS: u32 = 16;
+/// but no more than this part of it.
+const MOST_AT_A_TIME: f64 = 0.5;
+/// Interpolated pixels are traced by themselves while they are more than one in so many of those that are worth samples.
+const FEW_INTERPOLATED: usize = 8;
 /// What an interpolated pixel's squared error may be, as a part of the square of what was wrong with one beside it.
 const SURPRISE: f32 = 0.25;
 /// Pixels whose promises are summed together: always the same ones, so that rounding is the same on any number of cores.

@@ -303,7 +303,8 @@ struct PictureArgs {
     /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
-    /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel].
+    /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel,
+    /// or one by half of the --error that is asked for].
     #[arg(long, value_name = "W", value_parser = parse_weight)]
     kill_weight: Option<f32>,
 }
