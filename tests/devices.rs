@@ -421,7 +421,9 @@ fn every_kernel_of_the_program_has_its_work_group_limits() {
     let programs = kernel_resources(&device, &buffers, &options, 3).unwrap();
     for program in &programs {
         assert!(program.compile_options.contains("-D INTERSECT=intersect_precomputed"), "{}", program.compile_options);
-        assert!(program.compile_options.contains("-D MAX_PENDING=8"), "{}", program.compile_options);
+        // Of the pictures of this scene, which has no glass: one ray waits at a time.
+        let is_of_pictures = program.kernels.iter().any(|kernel| kernel.kernel == "render");
+        assert_eq!(program.compile_options.contains("-D MAX_PENDING=1"), is_of_pictures, "{}", program.compile_options);
         assert!(program.binary_bytes.is_none_or(|bytes| bytes > 1000), "{:?}", program.binary_bytes);
     }
     let kernels: Vec<_> = programs.iter().flat_map(|program| &program.kernels).collect();
