@@ -6,8 +6,8 @@
 //! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace batches do not
 //! shade, and are the same for all scenes.
 
-use crate::options::methods;
-use crate::scene::{Falloff, LightKind, NO_INDEX, Scene, Texture};
+use crate::options::{KernelFeatures, methods};
+use crate::scene::{Falloff, LightKind, MaterialId, NO_INDEX, Scene, Texture};
 use std::fmt;
 
 methods! {
@@ -64,9 +64,13 @@ impl Features {
 
     /// Those that `scene` needs: of its materials only those of triangles count.
     pub fn of_scene(scene: &Scene) -> Features {
+        Self::of_materials(scene, &scene.used_materials())
+    }
+
+    /// The same where the [used materials](Scene::used_materials) are known.
+    pub(crate) fn of_materials(scene: &Scene, used: &[MaterialId]) -> Features {
         let mut features = Features(0);
-        let used = scene.used_materials();
-        for &material in &used {
+        for &material in used {
             let material = &scene.materials[material as usize];
             match material.diffuse_texture.and_then(|id| scene.textures.get(id as usize)) {
                 Some(Texture::Image(_)) => features.add(Feature::ImageTextures),
@@ -94,6 +98,14 @@ impl Features {
         }
         features.add_if(scene.shining_lights().count() != 1, Feature::SeveralLights);
         features
+    }
+
+    /// Those that kernels have for a scene that needs these.
+    pub const fn in_kernels(self, choice: KernelFeatures) -> Features {
+        match choice {
+            KernelFeatures::Scene => self,
+            KernelFeatures::All => Features::ALL,
+        }
     }
 
     /// Whether `feature` is among them.

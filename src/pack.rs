@@ -170,9 +170,10 @@ impl SceneBuffers {
         };
         let build_s = start.elapsed().as_secs_f64();
 
+        let used = scene.used_materials();
         let ShadingArrays { shading, materials, lights, textures, texels, brightest } =
-            ShadingArrays::new(scene, scale)?;
-        let features = Features::of_scene(scene);
+            ShadingArrays::new(scene, &used, scale)?;
+        let features = Features::of_materials(scene, &used);
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, 0.0),

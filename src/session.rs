@@ -58,7 +58,7 @@ pub fn build_and_open(
         let ahead = device.map(|device| scope.spawn(compile(device)));
         let buffers = SceneBuffers::new(scene, options);
         // What failed is done again below, and fails there.
-        (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()?))
+        (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()))
     });
     let buffers = Arc::new(buffers?);
     let mut tracer: Box<dyn Tracer> = match device {

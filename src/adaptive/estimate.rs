@@ -245,8 +245,7 @@ impl Estimates {
     }
 
     /// The pixels that are to have more samples, by what they promise for each: so many that the sum of squared errors comes down to
-    /// `target`, if they keep their promises; after many `rounds` more than that, for what little the last ones would take takes a list of
-    /// its own each time.
+    /// `target`, if they keep their promises. After many `rounds` more than that: each is a list of its own, and the last ones would be short.
     ///
     /// While many of them are interpolated, none but these: next to them the contrast of the others means little.
     pub fn worth_raising(&self, squared: f64, target: f64, rounds: u32) -> Vec<usize> {
@@ -296,12 +295,12 @@ impl Estimates {
 
 /// The part of a squared error that four times the samples take away, where it is a part of n^-1.5.
 const NEXT_LEVEL: f64 = 0.875;
-/// Rounds in which no more is taken than what is needed, as estimated. Pictures without a lattice are done by then; behind one new contrast
-/// shows beside every pixel that is traced, so that lists would follow edges pixel by pixel.
+/// Rounds in which no more is taken than what is needed, as estimated. Pictures without a lattice are done by then; behind a lattice new
+/// contrast shows beside every pixel that is traced, so that lists would follow edges pixel by pixel.
 const EARLY_ROUNDS: u32 = 6;
-/// So many rounds later the whole of what is left would be taken,
+/// Each round after them takes at least one part in so many more of the squared error than the round before.
 const LATE_ROUNDS: u32 = 16;
-/// but no more than this part of it.
+/// The part of the squared error that late rounds need not exceed.
 const MOST_AT_A_TIME: f64 = 0.5;
 /// Interpolated pixels are traced by themselves while they are more than one in so many of those that are worth samples.
 const FEW_INTERPOLATED: usize = 8;

@@ -10,7 +10,8 @@ use raybrook::tune::{DeviceKey, TunedFile};
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
-    /// Tell on standard error what was chosen (structure, packet size, triangle test, numbers of the build, features of the kernels, work-group size) and why:
+    /// Tell on standard error what was chosen (structure, packet size, triangle test, numbers of the build, features of the kernels,
+    /// work-group size) and why:
     /// given on the command line, tuned for the device by `raybrook tune`, or by the program's model.
     #[arg(long)]
     explain: bool,

@@ -5,7 +5,7 @@ use super::passes::{Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
 use crate::features::Features;
-use crate::options::{Accel, Intersector, KernelFeatures, Kernels, Memory, PacketSize, Terminator, TraceOptions};
+use crate::options::{Accel, Intersector, Kernels, PacketSize, Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -37,17 +37,13 @@ impl Definitions {
         Self::with_shading(tracing, buffers.features, options, max_depth)
     }
 
-    /// The same of nearly all scenes of such `features`; `None` where too much depends on the scene.
-    pub fn of_features(features: Features, options: &TraceOptions, max_depth: u32) -> Option<Self> {
-        let is_known = options.memory != Memory::Constant;
-        is_known.then(|| Self::with_shading(of_tracing(options, 1), features, options, max_depth))
+    /// The same of nearly all scenes of such `features`, but for what of them is in constant memory.
+    pub fn of_features(features: Features, options: &TraceOptions, max_depth: u32) -> Self {
+        Self::with_shading(of_tracing(options, 1), features, options, max_depth)
     }
 
     fn with_shading(tracing: CompileOptions, features: Features, options: &TraceOptions, max_depth: u32) -> Self {
-        let features = match options.features {
-            KernelFeatures::Scene => features,
-            KernelFeatures::All => Features::ALL,
-        };
+        let features = features.in_kernels(options.features);
         let shading = tracing
             .clone()
             .define("FEATURES", format!("{}u", features.bits()))

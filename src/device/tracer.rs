@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Intersector, Kernels, TraceOptions, work_group_size};
+use crate::options::{Intersector, Kernels, Memory, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
@@ -94,7 +94,7 @@ pub(crate) struct CompiledAhead {
 }
 
 impl CompiledAhead {
-    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such `features`, if that can be known.
+    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such `features`.
     ///
     /// # Errors
     /// As [`OpenClTracer::new`] and [`Tracer::prepare`].
@@ -105,18 +105,18 @@ impl CompiledAhead {
         max_depth: u32,
         cache: Option<&Cache>,
         tasks: &[Task],
-    ) -> Result<Option<Self>> {
+    ) -> Result<Self> {
         check_runtime(&device.info, options)?;
         let context = DeviceContext::open(device)?;
-        let Some(definitions) = Definitions::of_features(features, options, max_depth) else { return Ok(None) };
+        let definitions = Definitions::of_features(features, options, max_depth);
         let mut passes = Passes::new(definitions, cache, context.info(), notes_on(context.info()));
-        // Split kernels are compiled when their pipeline is made.
-        if options.kernels == Kernels::Mega {
+        // What is in constant memory the scene decides; split kernels are compiled when their pipeline is made.
+        if options.memory != Memory::Constant && options.kernels == Kernels::Mega {
             for &task in tasks {
                 passes.prepare(&context, entry_of(task, options))?;
             }
         }
-        Ok(Some(CompiledAhead { context, passes }))
+        Ok(CompiledAhead { context, passes })
     }
 }
 

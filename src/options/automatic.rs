@@ -93,9 +93,9 @@ impl TraceOptions {
 
 /// What the kernels that shade are made for, where they have just the `features` that the scene needs, and why.
 pub(super) fn kernel_features(features: Features) -> (KernelFeatures, String) {
-    let reason = match (Feature::ALL.len() - features.iter().count(), features) {
-        (0, _) => "the scene needs every feature".to_owned(),
-        (left_out, _) => format!("the scene needs {features}; the other {left_out} are left out of the kernels"),
+    let reason = match Feature::ALL.len() - features.iter().count() {
+        0 => "the scene needs every feature".to_owned(),
+        left_out => format!("the scene needs {features}; the other {left_out} are left out of the kernels"),
     };
     (KernelFeatures::Scene, reason)
 }

@@ -21,10 +21,11 @@ pub(super) struct ShadingArrays {
 }
 
 impl ShadingArrays {
+    /// `used`: [`Scene::used_materials`].
+    ///
     /// # Errors
     /// [`Error::Scene`] when there are more texels than 32 bits can number, or when a light is too far away to be a point.
-    pub fn new(scene: &Scene, scale: f32) -> Result<ShadingArrays> {
-        let used = scene.used_materials();
+    pub fn new(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<ShadingArrays> {
         let mut used_textures: Vec<_> =
             used.iter().filter_map(|&id| scene.materials[id as usize].diffuse_texture).collect();
         used_textures.sort_unstable();
@@ -32,7 +33,7 @@ impl ShadingArrays {
         let (textures, texels) = pack_textures(scene, &used_textures, scale)?;
         let lights = scene.shining_lights();
         Ok(ShadingArrays {
-            shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i, &used)).collect(),
+            shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i, used)).collect(),
             materials: used
                 .iter()
                 .map(|&id| pack_material(&scene.materials[id as usize], scene.ambient, &used_textures))
@@ -40,7 +41,7 @@ impl ShadingArrays {
             lights: lights.map(|(i, light)| pack_light(i, light, scale)).collect::<Result<_>>()?,
             textures,
             texels,
-            brightest: brightest(scene, &used),
+            brightest: brightest(scene, used),
         })
     }
 }

@@ -7,20 +7,16 @@ use serde_json::Value;
 use std::fmt::Write;
 
 /// Title, claim, verdict, notes and tables of each study.
-pub fn markdown(device: &str, entries: &[&Entry]) -> String {
+pub fn markdown<'a>(device: &str, studies: impl Iterator<Item = (&'a Study, &'a Entry)>) -> String {
     let mut text = String::new();
-    for entry in entries {
-        let Some(study) = Study::all().find(|study| study.name == entry.study) else { continue };
-        let verdict = match entry.findings.holds {
-            Some(true) => "It holds here: ",
-            Some(false) => "It does not hold here: ",
-            None => "",
-        };
-        let _ = writeln!(text, "# {}\n\n{}\n\n{verdict}{}\n", study.title, study.claim, entry.findings.verdict);
-        for note in &entry.findings.notes {
+    for (study, entry) in studies {
+        let findings = &entry.findings;
+        let verdict = [findings.judgement(), &findings.verdict].concat();
+        let _ = writeln!(text, "# {}\n\n{}\n\n{verdict}\n", study.title, study.claim);
+        for note in &findings.notes {
             let _ = writeln!(text, "{note}\n");
         }
-        for table in &entry.findings.tables {
+        for table in &findings.tables {
             let _ = writeln!(text, "## {}\n", table.caption);
             text += &rows(table);
         }

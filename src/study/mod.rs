@@ -83,6 +83,15 @@ pub struct Findings {
 }
 
 impl Findings {
+    /// Whether the claim holds, as the beginning of the verdict; empty where the study cannot tell.
+    pub fn judgement(&self) -> &'static str {
+        match self.holds {
+            Some(true) => "It holds here: ",
+            Some(false) => "It does not hold here: ",
+            None => "",
+        }
+    }
+
     /// The table of this name.
     pub fn table(&self, name: &str) -> Option<&Table> {
         self.tables.iter().find(|table| table.name == name)

@@ -78,16 +78,16 @@ pub fn html(header: &Header, entries: &[Entry]) -> String {
 
 fn section(study: &Study, entry: &Entry) -> Markup {
     let findings = &entry.findings;
-    let verdict = match findings.holds {
-        Some(true) => ("holds", "It holds here: "),
-        Some(false) => ("fails", "It does not hold here: "),
-        None => ("", ""),
+    let class = match findings.holds {
+        Some(true) => "holds",
+        Some(false) => "fails",
+        None => "",
     };
     html! {
         section id=(study.name) {
             h2 { (study.title) }
             p.claim { (study.claim) }
-            p class=(verdict.0) { (verdict.1) (findings.verdict) }
+            p class=(class) { (findings.judgement()) (findings.verdict) }
             @for chart in &findings.charts {
                 @if let Some(table) = findings.table(&chart.table) { (figure(entry, chart, table)) }
             }

@@ -195,9 +195,9 @@ impl Report {
     /// # Errors
     /// [`Error::Io`] when the file cannot be written.
     pub fn write_markdown(&self, path: &Path, studies: &[&Study]) -> Result<()> {
-        let is_asked_for = |entry: &&Entry| studies.iter().any(|study| study.name == entry.study);
-        let entries: Vec<_> = self.entries.iter().filter(is_asked_for).collect();
-        write_bytes(path, markdown(&self.header.device, &entries).as_bytes())
+        let study_of = |entry: &Entry| studies.iter().copied().find(|study| study.name == entry.study);
+        let made = self.entries.iter().filter_map(|entry| Some((study_of(entry)?, entry)));
+        write_bytes(path, markdown(&self.header.device, made).as_bytes())
     }
 
     /// The page.

@@ -83,6 +83,11 @@ pub fn row<const N: usize>(values: [(&str, Value); N]) -> Row {
     values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
+/// A row of those of these values that are there.
+pub fn known<V: Into<Value>, const N: usize>(values: [(&str, Option<V>); N]) -> Row {
+    values.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?.into()))).collect()
+}
+
 /// What a value's name means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Column {

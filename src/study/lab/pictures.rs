@@ -41,9 +41,10 @@ impl PictureVariant {
         PictureVariant { label: label.into(), options, samples, depth, kill_weight: None, columns: Row::new() }
     }
 
-    /// A picture by its error, in steps of 8-bit sRGB.
-    pub fn of_error(label: impl Into<String>, options: TraceOptions, error: f32, depth: u32) -> PictureVariant {
-        PictureVariant { samples: Samples::Error(error), ..PictureVariant::new(label, options, 1, depth) }
+    /// A picture by its error, in steps of 8-bit sRGB, by which it is called.
+    pub fn of_error(options: TraceOptions, error: f32, depth: u32) -> PictureVariant {
+        let variant = PictureVariant::new(format!("error {error}"), options, 1, depth);
+        PictureVariant { samples: Samples::Error(error), ..variant }
     }
 
     /// With every ray, also those that cannot change a pixel.

@@ -1,17 +1,18 @@
 //! What scenes need, what is chosen for them, and what that saves.
 
 use super::super::lab::PictureVariant;
-use super::super::table::{Row, name, number, row};
+use super::super::table::{Row, known, name, number, row};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, scenes};
 use super::by_scene;
 use super::pareto::fast_options;
 use crate::device::kernel_resources;
 use crate::error::Result;
-use crate::features::{Feature, Features};
-use crate::options::{KernelFeatures, TraceOptions};
+use crate::features::Feature;
+use crate::options::{KernelFeatures, PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::scene::Scene;
 use crate::session::complete;
+use crate::shared::Material;
 use serde_json::json;
 
 pub const STUDY: Study = Study {
@@ -53,19 +54,21 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
     let all = TraceOptions { features: KernelFeatures::All, ..options };
     let one = |label: &str, options| PictureVariant::new(label, options, 1, DEPTH);
     let errors: &[f32] = if lab.quick { &[1.0] } else { &[1.0, 0.5, 0.25, 0.15] };
-    let of_error = |&error| PictureVariant::of_error(format!("error {error}"), options, error, DEPTH);
+    // In the order of `Pictures`.
     let mut variants = vec![
-        one(ONE, options),
-        one(ONE_ALL, all),
-        one(ONE_EVERY, options).without_killing(),
-        PictureVariant::new(FIXED_LABEL, options, FIXED, DEPTH),
+        one("1 sample", options),
+        one("1 sample, all features", all),
+        one("1 sample, every ray", options).without_killing(),
+        PictureVariant::new(format!("{FIXED} samples"), options, FIXED, DEPTH),
     ];
-    variants.extend(errors.iter().map(of_error));
+    variants.extend(errors.iter().map(|&error| PictureVariant::of_error(options, error, DEPTH)));
     let (mut pictures, mut kernels, mut summary) = (Vec::new(), Vec::new(), Vec::new());
     for (scene_name, scene) in economy_scenes(lab)? {
         let rows = lab.pictures(&scene_name, &scene, &variants, Some((if lab.quick { 64 } else { 256 }, DEPTH)))?;
-        let taken = resources(lab, &scene_name, &scene, [options, all])?;
-        summary.push(saved(&scene_name, &scene, &options, &rows, &taken)?);
+        // What kernels can do is no matter of the arrays.
+        let buffers = SceneBuffers::new(&scene, &options)?;
+        let taken = resources(lab, &scene_name, &buffers, [options, all])?;
+        summary.push(saved(&scene_name, &scene, &buffers, &options, Pictures::of(&rows), &taken));
         pictures.extend(rows);
         kernels.extend(taken);
     }
@@ -106,91 +109,113 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
     })
 }
 
-const ONE: &str = "1 sample";
-const ONE_ALL: &str = "1 sample, all features";
-const ONE_EVERY: &str = "1 sample, every ray";
-const FIXED_LABEL: &str = "16 samples";
+/// The rows of a scene's pictures.
+struct Pictures<'a> {
+    /// One sample a pixel, with the kernels for the scene.
+    one: &'a Row,
+    /// With those for all scenes.
+    one_all: &'a Row,
+    /// With the rays that cannot change a pixel.
+    one_every: &'a Row,
+    /// [`FIXED`] samples a pixel.
+    fixed: &'a Row,
+    /// By their error, the largest first, which is 1.
+    by_error: &'a [Row],
+}
 
-/// What kernels for pictures take with each of some options; of the first pass, which does nearly all of the work.
-fn resources(lab: &Lab, scene_name: &str, scene: &Scene, each: [TraceOptions; 2]) -> Result<Vec<Row>> {
+impl Pictures<'_> {
+    fn of(rows: &[Row]) -> Pictures<'_> {
+        let [one, one_all, one_every, fixed, by_error @ ..] = rows else { panic!("a row for each variant") };
+        Pictures { one, one_all, one_every, fixed, by_error }
+    }
+
+    /// The fewest rays with which a picture by its error has the FLIP of fixed samples; `None` if none has it.
+    fn fewest_rays(&self) -> Option<f64> {
+        let flip = number(self.fixed, "flip")?;
+        let as_good = self.by_error.iter().filter(|row| number(row, "flip").is_some_and(|other| other <= flip));
+        as_good.filter_map(|row| number(row, "rays")).min_by(f64::total_cmp)
+    }
+}
+
+/// A column of one row by that of another, where both have it.
+fn ratio(a: &Row, b: &Row, column: &str) -> Option<f64> {
+    Some(number(a, column)? / number(b, column)?)
+}
+
+/// What the kernel for pictures takes with each of some options; of the first pass, which does nearly all of the work.
+fn resources(lab: &Lab, scene_name: &str, buffers: &SceneBuffers, each: [TraceOptions; 2]) -> Result<Vec<Row>> {
     let Some(device) = lab.device else { return Ok(Vec::new()) };
     let mut rows = Vec::new();
     for options in each {
         (lab.progress)(&format!("{scene_name}: registers with the features of {}", options.features));
-        let buffers = SceneBuffers::new(scene, &options)?;
-        let programs = kernel_resources(device, &buffers, &options, DEPTH)?;
-        let is_picture = |name: &str| name.starts_with("render");
-        // Packets have a program of their own, behind that of single rays.
-        let programs: Vec<_> =
-            programs.iter().filter(|program| program.kernels.iter().any(|k| is_picture(&k.kernel))).collect();
-        let first_pass = if options.packet_size == crate::options::PacketSize::Sixteen { 1 } else { 0 };
-        let Some(program) = programs.get(first_pass) else { continue };
-        let Some(kernel) = program.kernels.iter().find(|kernel| is_picture(&kernel.kernel)) else { continue };
-        let features = match options.features {
-            KernelFeatures::Scene => buffers.features,
-            _ => Features::ALL,
+        let wanted = match options.packet_size {
+            PacketSize::Sixteen => "render_packets",
+            PacketSize::One => "render",
         };
+        let programs = kernel_resources(device, buffers, &options, DEPTH)?;
+        let found = programs.iter().find_map(|program| {
+            let kernel = program.kernels.iter().find(|kernel| kernel.kernel == wanted)?;
+            Some((program, kernel))
+        });
+        let Some((program, kernel)) = found else { continue };
         let mut out = row([
             ("scene", json!(scene_name)),
             ("features", json!(options.features.name())),
-            ("feature_count", json!(features.iter().count())),
+            ("feature_count", json!(buffers.features.in_kernels(options.features).iter().count())),
         ]);
-        let numbers = [
+        out.extend(known([
             ("registers", kernel.registers),
             ("frame_bytes", kernel.stack_frame_bytes),
             ("private_bytes", kernel.private_memory_bytes),
             ("binary_bytes", program.binary_bytes),
-        ];
-        out.extend(numbers.into_iter().filter_map(|(name, value)| Some((name.to_owned(), json!(value?)))));
+        ]));
         rows.push(out);
     }
     Ok(rows)
 }
 
 /// The row of a scene: what it needs, what is chosen, and ratios of what that takes to what it would take otherwise.
-fn saved(scene_name: &str, scene: &Scene, options: &TraceOptions, pictures: &[Row], kernels: &[Row]) -> Result<Row> {
-    let buffers = SceneBuffers::new(scene, options)?;
-    let of = |method: &str, column: &str| {
-        pictures.iter().find(|row| name(row, "method") == method).and_then(|row| number(row, column))
+fn saved(
+    scene_name: &str,
+    scene: &Scene,
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    pictures: Pictures,
+    kernels: &[Row],
+) -> Row {
+    let Pictures { one, one_all, one_every, fixed, by_error } = pictures;
+    let error_1 = &by_error[0];
+    let of_kernels = |column: &str| match kernels {
+        [of_scene, of_all] => ratio(of_scene, of_all, column),
+        _ => None,
     };
-    let ratio = |a: (&str, &str), b: (&str, &str)| Some(of(a.0, a.1)? / of(b.0, b.1)?);
-    let error_1 = "error 1";
-    let flip_of_fixed = of(FIXED_LABEL, "flip");
-    let as_good = pictures.iter().filter(|row| {
-        name(row, "method").starts_with("error") && number(row, "flip").is_some_and(|flip| Some(flip) <= flip_of_fixed)
-    });
-    let fewest_rays = as_good.filter_map(|row| number(row, "rays")).min_by(f64::total_cmp);
-    let of_kernels = |column: &str| {
-        let [of_scene, of_all] = [0, 1].map(|i| kernels.get(i).and_then(|row| number(row, column)));
-        Some(of_scene? / of_all?)
-    };
+    let triangle_count = scene.hittable().len();
     let mut out = row([
         ("scene", json!(scene_name)),
-        ("triangles", json!(scene.hittable().len())),
+        ("triangles", json!(triangle_count)),
         ("needs", json!(buffers.features.to_string())),
         ("feature_count", json!(format!("{} of {}", buffers.features.iter().count(), Feature::ALL.len()))),
         ("method", json!(options.accel.name())),
-        ("bytes_per_triangle", json!(buffers.size_bytes(options) as f64 / scene.hittable().len().max(1) as f64)),
-        ("unused_bytes", json!(unused_bytes(scene, &buffers))),
+        ("bytes_per_triangle", json!(buffers.size_bytes(options) as f64 / triangle_count.max(1) as f64)),
+        ("unused_bytes", json!(unused_bytes(scene, buffers))),
     ]);
-    let ratios = [
-        ("time_of_all", ratio((ONE, "seconds"), (ONE_ALL, "seconds"))),
+    out.extend(known([
+        ("time_of_all", ratio(one, one_all, "seconds")),
         ("private_of_all", of_kernels("private_bytes")),
         ("binary_of_all", of_kernels("binary_bytes")),
-        ("rays_of_every", ratio((ONE, "rays"), (ONE_EVERY, "rays"))),
-        ("rays_of_fixed", ratio((error_1, "rays"), (FIXED_LABEL, "rays"))),
-        ("time_of_fixed", ratio((error_1, "seconds"), (FIXED_LABEL, "seconds"))),
-        ("error", of(error_1, "error")),
-        ("error_of_fixed", of(FIXED_LABEL, "error")),
-        ("rays_at_flip", fewest_rays.zip(of(FIXED_LABEL, "rays")).map(|(fewest, fixed)| fewest / fixed)),
-    ];
-    out.extend(ratios.into_iter().filter_map(|(name, value)| Some((name.to_owned(), json!(value?)))));
-    Ok(out)
+        ("rays_of_every", ratio(one, one_every, "rays")),
+        ("rays_of_fixed", ratio(error_1, fixed, "rays")),
+        ("time_of_fixed", ratio(error_1, fixed, "seconds")),
+        ("error", number(error_1, "error")),
+        ("error_of_fixed", number(fixed, "error")),
+        ("rays_at_flip", pictures.fewest_rays().zip(number(fixed, "rays")).map(|(fewest, rays)| fewest / rays)),
+    ]));
+    out
 }
 
 /// Bytes of the scene's materials and textures that no triangle has, as a device would hold them.
 fn unused_bytes(scene: &Scene, buffers: &SceneBuffers) -> usize {
-    let material_bytes = size_of::<crate::shared::Material>() * (scene.materials.len() - buffers.materials.len());
+    let material_bytes = size_of::<Material>() * (scene.materials.len() - buffers.materials.len());
     let texels: usize = scene.textures.iter().filter_map(|texture| texture.image()).map(|image| image.rgba.len()).sum();
     material_bytes + size_of::<u32>() * (texels - buffers.texels.len())
 }

@@ -1,7 +1,7 @@
 //! Whole pictures: samples and depth, one kernel or several, textures.
 
 use super::super::lab::PictureVariant;
-use super::super::table::{Row, name, number, row};
+use super::super::table::{Row, known, name, number, row};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, scenes};
 use super::{by_scene, mean, scenes_of, with};
 use crate::device::kernel_resources;
@@ -128,12 +128,11 @@ fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
                 continue;
             }
             let mut out = row([("method", json!(variant.label)), ("kernels", json!(kernel.kernel))]);
-            let numbers = [
+            out.extend(known([
                 ("registers", kernel.registers),
                 ("private_bytes", kernel.private_memory_bytes),
                 ("work_group", kernel.max_work_group_size),
-            ];
-            out.extend(numbers.into_iter().filter_map(|(name, value)| Some((name.to_owned(), json!(value?)))));
+            ]));
             rows.push(out);
         }
     }
@@ -210,12 +209,11 @@ pub const SUBSAMPLING: Study = Study {
 };
 
 fn subsampling(lab: &mut Lab) -> Result<Findings> {
-    const EVERY_PIXEL: &str = "every pixel";
     let options = super::pareto::fast_options(lab);
-    let mut variants = vec![PictureVariant::new(EVERY_PIXEL, options, 1, 8)];
+    let mut variants = vec![PictureVariant::new("every pixel", options, 1, 8)];
     // From error 2, 4 and 8 on the lattice has every second, fourth and eighth pixel.
     let errors: &[f32] = if lab.quick { &[2.0, 8.0] } else { &[1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0] };
-    variants.extend(errors.iter().map(|&error| PictureVariant::of_error(format!("error {error}"), options, error, 8)));
+    variants.extend(errors.iter().map(|&error| PictureVariant::of_error(options, error, 8)));
     let (mut rows, mut parts, mut holds) = (Vec::new(), Vec::new(), true);
     for (scene_name, scene) in picture_scenes(lab)? {
         let found = lab.pictures(&scene_name, &scene, &variants, Some((if lab.quick { 64 } else { 256 }, 8)))?;
