@@ -3,8 +3,8 @@
 
 use raybrook::Error;
 use raybrook::device::{
-    Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceKind, KernelArg, ProgramSource, Selection, build,
-    devices_json, devices_report, kernel_resources, list_devices, select,
+    Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceKind, Kernel, KernelArg, Limits, ProgramSource,
+    Selection, build, devices_json, devices_report, kernel_resources, list_devices, select,
 };
 use raybrook::options::{Intersector, TraceOptions};
 use raybrook::pack::SceneBuffers;
@@ -439,4 +439,56 @@ fn every_kernel_of_the_program_has_its_work_group_limits() {
         assert_eq!(kernel.stack_frame_bytes.is_some(), kernel.registers.is_some(), "{kernel:?}");
         assert_eq!(kernel.spill_load_bytes.is_some(), kernel.registers.is_some(), "{kernel:?}");
     }
+}
+
+#[test]
+fn kernels_that_measure_limits_do_the_work_that_is_counted() {
+    let Some(context) = open_device() else { return };
+    let program = build(&context, &ProgramSource::limits(), &CompileOptions::new(), None).unwrap().program;
+    let launch = |kernel: &Kernel, items: usize| kernel.launch(&[items], None).unwrap().wait().unwrap();
+
+    let sums = Buffer::<[f32; 16]>::empty(&context, "sums", 3).unwrap();
+    let mut arithmetic = program.kernel("arithmetic").unwrap();
+    arithmetic.set_arg(0, 5_u32).unwrap();
+    arithmetic.set_arg(1, 0.5_f32).unwrap();
+    arithmetic.set_arg(2, 1.0_f32).unwrap();
+    arithmetic.set_arg(3, &sums).unwrap();
+    launch(&arithmetic, 3);
+    let expected = |i: usize| {
+        let [a, b, c, d] = [0.0, 1.0, 2.0, 3.0].map(|first| (0..5).fold(i as f32 + first, |x, _| x * 0.5 + 1.0));
+        [(a + b) + (c + d); 16]
+    };
+    assert_eq!(sums.read().unwrap(), [0, 1, 2].map(expected));
+
+    let elements: Vec<f32> = (0..32).map(|i| i as f32).collect();
+    let elements = Buffer::from_slice(&context, "elements", &elements).unwrap();
+    let sums = Buffer::<[f32; 4]>::empty(&context, "sums", 2).unwrap();
+    let mut reads = program.kernel("cached_reads").unwrap();
+    reads.set_arg(0, 3_u32).unwrap();
+    reads.set_arg(1, 8_u32).unwrap();
+    reads.set_arg(2, &elements).unwrap();
+    reads.set_arg(3, &sums).unwrap();
+    launch(&reads, 2);
+    // Of eight elements 0, 1, 2, 3; 4, 5, 6, 7; ... three times.
+    assert_eq!(sums.read().unwrap(), [[336.0, 360.0, 384.0, 408.0]; 2]);
+
+    let copied = Buffer::<f32>::empty(&context, "the copy", 32).unwrap();
+    let mut copy = program.kernel("copy").unwrap();
+    copy.set_arg(0, &elements).unwrap();
+    copy.set_arg(1, &copied).unwrap();
+    launch(&copy, 8);
+    assert_eq!(copied.read().unwrap(), elements.read().unwrap());
+}
+
+#[test]
+fn limits_are_measured() {
+    let Some(_one_at_a_time) = open_device() else { return };
+    let wanted = std::env::var("RAYBROOK_DEVICE").ok();
+    let Ok(Selection::OpenCl(handle)) = select(wanted.as_deref()) else { panic!("it was there") };
+    let Limits { flops, cached_bytes, memory_bytes } = Limits::measure(&handle, None).unwrap();
+    // Any device since 2000, and none before 2100.
+    for rate in [flops, cached_bytes, memory_bytes] {
+        assert!((1e8..1e18).contains(&rate), "{rate}");
+    }
+    assert!(cached_bytes > memory_bytes, "{cached_bytes}, {memory_bytes}");
 }

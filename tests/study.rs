@@ -64,11 +64,15 @@ fn every_study_is_made_on_the_reference() {
 fn studies_are_made_on_a_device() {
     let Some(device) = common::device() else { return };
     let mut lab = lab(Some(&device), &[]);
-    for name in ["leaf-size", "transfer"] {
+    for name in ["leaf-size", "transfer", "intersection"] {
         let study = Study::find(name).unwrap();
         let findings = study.run(&mut lab).unwrap();
         assert_whole(study, &findings);
         assert!(findings.tables[0].rows.iter().all(|row| row["wrong"] == 0), "{findings:?}");
+        let limits = findings.table("limits").map_or(&[][..], |table| &table.rows);
+        assert_eq!(limits.len(), if name == "intersection" { 3 } else { 0 });
+        // Within what the limits' own kernels miss of them.
+        assert!(limits.iter().all(|row| (0.0..1.2).contains(&row["limit_share"].as_f64().unwrap())), "{limits:?}");
     }
 }
 

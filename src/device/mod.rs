@@ -31,6 +31,7 @@ mod handle;
 mod image;
 mod kernel;
 mod launch;
+mod limits;
 mod list;
 mod passes;
 mod program;
@@ -50,6 +51,7 @@ pub use diagnosis::{Diagnosis, Problem};
 pub use errors::{cl_error, code_hint, code_name};
 pub use image::{IMAGE_WIDTH, Image, ImageShape};
 pub use kernel::{Event, Kernel, KernelArg};
+pub use limits::Limits;
 #[cfg(test)]
 pub(crate) use list::sample_info;
 pub use list::{DeviceHandle, DeviceInfo, DeviceKind, DeviceList, list_devices};

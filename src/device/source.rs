@@ -91,6 +91,9 @@ const FIRST_FILE: &[(&str, &str)] = kernel_files!["cl/shared/compiler.cl"];
 /// A program to try options with.
 const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 
+/// A program that measures the device.
+const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];
+
 /// How compilers that ignore `#line` (NVIDIA's, Oclgrind's) name the source in their logs; the line is then counted through the
 /// whole source.
 const WHOLE_SOURCE_NAMES: [&str; 3] = ["<kernel>", "<source>", "input.cl"];
@@ -113,6 +116,11 @@ impl ProgramSource {
     /// A program whose only kernel does nothing.
     pub fn empty() -> Self {
         Self::new(EMPTY_FILE.iter().copied())
+    }
+
+    /// The kernels that measure what the device can do at most.
+    pub fn limits() -> Self {
+        Self::new(LIMITS_FILE.iter().copied())
     }
 
     /// A program of the given files: path as logs shall name it, text. Before them comes `cl/shared/compiler.cl`.

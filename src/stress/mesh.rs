@@ -65,6 +65,13 @@ impl Mesh {
         self
     }
 
+    /// With the back of every triangle as its front.
+    #[must_use]
+    pub fn turned_around(mut self) -> Mesh {
+        self.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        self
+    }
+
     // ---- shapes ------------------------------------------------------------------------------------------------------
 
     /// A closed unit sphere of 8 * 4^`levels` triangles: an octahedron whose triangles are divided.

@@ -162,7 +162,7 @@ impl<'a> Lab<'a> {
     fn compare_by_turns(&mut self, subject: &Subject, variants: &[Variant], kinds: &[usize]) -> Result<Vec<Row>> {
         let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options, v.columns])).collect();
         let batches: Vec<_> = subject.batches.iter().map(|batch| json!([batch.name, batch.rays.len()])).collect();
-        let key = json!(["compare", subject.name, subject.triangle_count, batches, settings, kinds]);
+        let key = json!(["compare", subject.name, subject.fingerprint, batches, settings, kinds]);
         if let Some(rows) = self.journal.find(&key) {
             return Ok(rows);
         }

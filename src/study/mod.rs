@@ -10,6 +10,7 @@
 mod cases;
 mod chart;
 mod draw;
+mod fingerprint;
 mod journal;
 mod lab;
 mod markdown;
@@ -22,7 +23,7 @@ mod table;
 pub use chart::{Chart, ChartKind};
 pub use draw::{Format, pixels, svg};
 pub use lab::{Lab, PictureVariant, Subject, Variant};
-pub use report::{Entry, Header, Report, State};
+pub use report::{Entry, Header, Report, State, StudiedScene};
 pub use table::{COLUMNS, Column, Row, Table};
 
 use crate::error::{Error, Result};

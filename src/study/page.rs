@@ -55,8 +55,8 @@ pub fn html(header: &Header, entries: &[Entry]) -> String {
                     @if header.scenes.is_empty() { "Scenes made by the program." }
                     @else {
                         "Scenes: "
-                        @for (i, (name, triangles)) in header.scenes.iter().enumerate() {
-                            @if i > 0 { ", " } code { (name) } " (" (triangles) " triangles)"
+                        @for (i, scene) in header.scenes.iter().enumerate() {
+                            @if i > 0 { ", " } code { (scene.name) } " (" (scene.triangles) " triangles)"
                         }
                         "."
                     }

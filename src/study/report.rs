@@ -1,6 +1,7 @@
 //! A folder with what studies found: `index.html`, and for each study its data as JSON and CSV and its charts as SVG and PNG.
 
 use super::draw::{Format, pixels, svg};
+use super::fingerprint::fingerprint;
 use super::journal::Journal;
 use super::markdown::markdown;
 use super::page;
@@ -8,6 +9,7 @@ use super::{Findings, Lab, Study};
 use crate::device::{DeviceHandle, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::output::{write_atomically, write_json};
+use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fs;
@@ -22,12 +24,23 @@ pub struct Header {
     pub device: String,
     /// Its kind, driver, units and clock.
     pub device_details: String,
-    /// The user's scenes and how many triangles each has; empty: the program's own.
-    pub scenes: Vec<(String, usize)>,
+    /// The user's scenes; empty: the program's own.
+    pub scenes: Vec<StudiedScene>,
     /// Of random numbers.
     pub seed: u64,
     /// Whether it was done in a hurry.
     pub quick: bool,
+}
+
+/// A scene of the user's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StudiedScene {
+    /// Its file's name.
+    pub name: String,
+    /// Triangles that can be hit.
+    pub triangles: usize,
+    /// A checksum of all that a picture of it shows.
+    pub fingerprint: String,
 }
 
 impl Header {
@@ -39,10 +52,16 @@ impl Header {
                 .device
                 .map_or_else(|| "the reference, on this computer's processor".to_owned(), |d| d.info.name.clone()),
             device_details: lab.device.map_or_else(String::new, details),
-            scenes: lab.scenes.iter().map(|(name, scene)| (name.clone(), scene.hittable().len())).collect(),
+            scenes: lab.scenes.iter().map(StudiedScene::new).collect(),
             seed: lab.seed,
             quick: lab.quick,
         }
+    }
+}
+
+impl StudiedScene {
+    fn new((name, scene): &(String, Scene)) -> StudiedScene {
+        StudiedScene { name: name.clone(), triangles: scene.hittable().len(), fingerprint: fingerprint(scene) }
     }
 }
 

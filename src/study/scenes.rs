@@ -108,6 +108,19 @@ pub fn on_plane(is_boulder: bool, has_plane: bool) -> Result<Scene> {
     builder.finish()
 }
 
+/// A closed boulder of mirrors of 2,048 triangles that face inwards, where the camera is: paths in it have no end.
+///
+/// # Errors
+/// None that a caller could cause.
+pub fn mirror_room() -> Result<Scene> {
+    let mut builder = Builder::new();
+    builder.material(Material { mirror: Vec3::ONE, ..Material::matt(Vec3::ZERO) });
+    add_mesh(&mut builder, &boulder_mesh(4).turned_around());
+    let (eye, target) = (Vec3::new(0.1, 0.2, 0.3), Vec3::new(-1.0, 0.3, -0.2));
+    builder.camera(Camera { eye, target, up: Vec3::Y, fov_degrees: 90.0 });
+    builder.finish()
+}
+
 /// A still life for pictures: a boulder, a mirror ball of `detail` segments around and a floor, plain or of marble and wood.
 ///
 /// # Errors

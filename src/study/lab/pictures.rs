@@ -10,6 +10,7 @@ use crate::pack::SceneBuffers;
 use crate::scene::{Samples, Scene};
 use crate::session::{Picture, complete, open_tracer, render};
 use crate::stats::median;
+use crate::study::fingerprint::fingerprint;
 use crate::study::table::{Row, row};
 use crate::tracer::{RenderResult, Tracer};
 use serde_json::{Value, json};
@@ -66,7 +67,9 @@ struct Run {
     picture: Picture,
     buffers: Arc<SceneBuffers>,
     tracer: Box<dyn Tracer>,
+    /// Of each pass: device and host together, and the host's part.
     seconds: Vec<f64>,
+    decide_s: Vec<f64>,
 }
 
 impl Run {
@@ -93,7 +96,7 @@ impl Lab<'_> {
             .map(|v| json!([v.label, v.options, format!("{:?}", v.samples), v.depth, v.kill_weight, v.columns]))
             .collect();
         let triangle_count = scene.hittable().len();
-        let key = json!(["pictures", scene_name, triangle_count, self.side(), settings, converged]);
+        let key = json!(["pictures", scene_name, fingerprint(scene), self.side(), settings, converged]);
         if let Some(rows) = self.journal.find(&key) {
             return Ok(rows);
         }
@@ -137,11 +140,14 @@ impl Lab<'_> {
         for round in 0..self.passes() as usize {
             for turn in 0..runs.len() {
                 let next = (turn + round) % runs.len();
-                let seconds = runs[next].render()?.kernel_s;
-                runs[next].seconds.push(seconds);
+                let result = runs[next].render()?;
+                // Between the rounds of a picture by its error the host decides what is traced next, and the device waits.
+                let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
+                runs[next].seconds.push(result.kernel_s + decide_s);
+                runs[next].decide_s.push(decide_s);
             }
         }
-        for (out, Run { seconds, .. }) in rows.iter_mut().zip(&runs) {
+        for (out, Run { seconds, decide_s, .. }) in rows.iter_mut().zip(&runs) {
             let Some(middle) = median(seconds).filter(|&seconds| seconds > 0.0) else { continue };
             let [low, high] = spread_of(seconds);
             out.extend(row([
@@ -151,6 +157,7 @@ impl Lab<'_> {
                 ("seconds_high", json!(high)),
                 ("frames_per_s", json!(1.0 / middle)),
             ]));
+            out.extend(median(decide_s).filter(|&s| s > 0.0).map(|s| ("decide_s".to_owned(), json!(s))));
         }
         self.journal.keep(&key, &rows)?;
         Ok(rows)
@@ -166,7 +173,7 @@ impl Lab<'_> {
             depth: variant.depth,
             kill_weight: variant.kill_weight,
         };
-        Ok(Run { picture, buffers, tracer, seconds: Vec::new() })
+        Ok(Run { picture, buffers, tracer, seconds: Vec::new(), decide_s: Vec::new() })
     }
 
     /// How far a picture is from the reference's and from the converged one.

@@ -8,6 +8,7 @@ use crate::reference::oracle::{Oracle, OracleHit, OracleRay};
 use crate::scene::Scene;
 use crate::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use crate::stress::{ExactTracer, Interval, Mesh, Random};
+use crate::study::fingerprint::fingerprint;
 use crate::tracer::is_hit;
 use crate::tune::{Batch, LIFT, batches};
 use glam::Vec3;
@@ -27,6 +28,8 @@ pub struct Subject {
     pub triangle_count: usize,
     /// Camera, shadow and diffuse rays.
     pub batches: [Batch; 3],
+    /// A checksum of the scene.
+    pub(super) fingerprint: String,
     scale: f32,
     truths: [OnceLock<Vec<Option<OracleHit>>>; 3],
     judges: Arc<Judges>,
@@ -48,11 +51,13 @@ impl Subject {
         let batches = batches(&scene, side, seed)?;
         let scale = scale_of(&scene);
         let triangle_count = scene.hittable().len();
+        let fingerprint = fingerprint(&scene);
         Ok(Subject {
             name: name.to_owned(),
             scene: Arc::new(scene),
             triangle_count,
             batches,
+            fingerprint,
             scale,
             truths: Default::default(),
             judges: Arc::default(),
@@ -93,6 +98,7 @@ impl Subject {
             scene: self.scene.clone(),
             triangle_count: self.triangle_count,
             batches: [batch("reflected", reflected), batch("refracted", refracted), batch("shuffled", shuffled)],
+            fingerprint: self.fingerprint.clone(),
             scale: self.scale,
             truths: Default::default(),
             judges: self.judges.clone(),

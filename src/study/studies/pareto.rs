@@ -80,13 +80,16 @@ fn run(lab: &mut Lab) -> Result<Findings> {
     let (holds, verdict) = match (best, fastest) {
         (Some(best), Some(fastest)) => {
             let ratio = number(best, "relative").unwrap_or(0.0) / number(fastest, "relative").unwrap_or(1.0);
-            let verdict = format!(
-                "{} had no wrong answer of {} stress rays and has {ratio:.2} of the speed of the fastest, {} ({} wrong per million stress rays).",
-                name(best, "method"),
-                name(best, "tested"),
-                name(fastest, "method"),
-                number(fastest, "wrong_per_million").unwrap_or(0.0).round()
-            );
+            let mut verdict =
+                format!("{} had no wrong answer of {} stress rays and ", name(best, "method"), name(best, "tested"));
+            verdict += &match ratio < 1.0 {
+                true => format!(
+                    "has {ratio:.2} of the speed of the fastest, {} ({} wrong per million stress rays).",
+                    name(fastest, "method"),
+                    number(fastest, "wrong_per_million").unwrap_or(0.0).round()
+                ),
+                false => "is the fastest of all.".to_owned(),
+            };
             (Some(ratio >= 0.5), verdict)
         }
         _ => (None, "No method was without a wrong answer.".to_owned()),

@@ -45,6 +45,8 @@ pub(super) fn tradeoff(lab: &mut Lab) -> Result<(Table, Vec<Chart>)> {
         let label = format!("{many} sample{}, depth {depth}", if many == 1 { "" } else { "s" });
         PictureVariant::new(label, options, many, depth)
     }));
+    let errors: &[f32] = if lab.quick { &[4.0] } else { &[4.0, 2.0, 1.0, 0.5] };
+    variants.extend(errors.iter().map(|&error| PictureVariant::of_error(options, error, most_depth)));
     let mut rows = Vec::new();
     for (scene_name, scene) in picture_scenes(lab)? {
         rows.extend(lab.pictures(&scene_name, &scene, &variants, Some((converged, most_depth)))?);
@@ -58,7 +60,8 @@ pub(super) fn tradeoff(lab: &mut Lab) -> Result<(Table, Vec<Chart>)> {
         ["flip", "frames_per_s"],
         |chart| {
             chart.log(true, true).caption(format!(
-                "Exact hits. The error is FLIP to a picture of {converged} samples a pixel and chains of {most_depth} rays. Left and high is better."
+                "Exact hits. FLIP to a picture of {converged} samples a pixel and chains of {most_depth} rays; \"error E\" asks for so many 8-bit steps, and \
+                 the host's decisions count. Left and high is better."
             ))
         },
     );
@@ -236,13 +239,14 @@ fn subsampling(lab: &mut Lab) -> Result<Findings> {
     }
     let table = Table::new("pictures", "Pictures by their error, beside one sample in every pixel", rows);
     let charts = by_scene(ChartKind::Front, &table, "rays", "error against rays", ["error", "frames_per_s"], |chart| {
-        chart.log(true, true).caption("Exact hits; kernel time. Left and high is better.")
+        chart.log(true, true).caption("Exact hits; the time of device and host. Left and high is better.")
     });
     Ok(Findings {
         holds: (!lab.quick).then_some(holds),
         verdict: parts.join("; ") + ".",
         notes: vec![
-            "The time is the device's: the host decides between the rounds what is traced next, which takes further time.".to_owned(),
+            "Counted is the device's time and what the host takes between the rounds to decide what is traced next."
+                .to_owned(),
         ],
         tables: vec![table],
         charts,

@@ -4,8 +4,10 @@ use super::super::table::{Row, name, number, row};
 use super::super::{Chart, ChartKind, Findings, Lab, Study, Subject, Table, Variant, scenes};
 use super::pareto::fast_options;
 use super::{ALL_KINDS, CAMERA, SPREAD, by_scene, error_note, mean, with};
+use crate::device::Limits;
 use crate::error::{Error, Result};
 use crate::options::{Accel, Intersector, TraceOptions};
+use crate::shared::{Hit, TraceRay};
 use serde_json::json;
 
 pub const INTERSECTION: Study = Study {
@@ -13,7 +15,7 @@ pub const INTERSECTION: Study = Study {
     title: "Triangle tests a second",
     claim: "Thesis, table 5.1 (section 5.4.3): brute force on 5 to 30 cubes makes 442 to 406 million tests a second, 9 % fewer at the end; it is \
             bound by arithmetic, not by memory. Changing clocks showed that there; here tests a second must stay alike while the triangles grow \
-            sixfold.",
+            sixfold, and come nearer to the device's limit of arithmetic than to those of reading.",
     run: intersection,
 };
 
@@ -49,27 +51,77 @@ fn intersection(lab: &mut Lab) -> Result<Findings> {
     let tests: Vec<f64> = rows.iter().filter_map(|row| number(row, "tests_per_s")).collect();
     let (low, high) = tests.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), &t| (low.min(t), high.max(t)));
     let spread = low / high;
+    let shares = match (lab.device, rows.last()) {
+        (Some(device), Some(last)) if high > 0.0 => {
+            (lab.progress)("limits of the device");
+            shares_of_limits(&Limits::measure(device, lab.cache)?, last)
+        }
+        _ => Vec::new(),
+    };
+    let share = |i: usize| shares.get(i).and_then(|row: &Row| number(row, "limit_share")).unwrap_or(0.0);
+    let is_arithmetic = shares.is_empty() || share(0) > share(1).max(share(2));
+    let of_limits = shares
+        .iter()
+        .map(|row| format!("{:.0} % of {}", 100.0 * number(row, "limit_share").unwrap_or(0.0), name(row, "limit")));
+    let of_limits = of_limits.collect::<Vec<_>>().join(", ");
     let table = Table::new("rays", "Brute force on cubes", rows);
     let note = error_note(&table.rows);
     let chart = |name: &str, title: &str, y: &str| Chart::new(ChartKind::Lines, &table, name, title, ["cubes", y]);
-    let charts = vec![
+    let mut charts = vec![
         chart("tests", "Triangle tests a second by the number of cubes", "tests_per_s").caption(format!(
             "Camera rays, every triangle tested for every ray; {:.2} operations a byte of vertices, all of which fit into the smallest cache. {note}",
             FLOPS_A_TEST / BYTES_A_TEST
         )),
         chart("frames", "Frames of 640 x 480 a second", "frames_per_s").caption("The same measurements; the table has the operations a second."),
     ];
+    let mut tables = vec![table];
+    if !shares.is_empty() {
+        let caption = format!("With {} cubes; limits by kernels that do nothing else", counts[counts.len() - 1]);
+        let limits = Table::new("limits", caption, shares);
+        charts.push(
+            Chart::new(ChartKind::Bars, &limits, "limits", "Triangle tests by the device's limits", ["limit", "limit_share"])
+                .caption("What of each limit the tests take, all measured on this device. No operation is fused, neither in the tests nor in the limit."),
+        );
+        tables.push(limits);
+    }
+    let mut verdict = format!(
+        "From {} to {} cubes tests a second are within {spread:.2} of each other, at {low:.0} to {high:.0} million.",
+        counts[0],
+        counts[counts.len() - 1]
+    );
+    if !of_limits.is_empty() {
+        verdict += &format!(" They take {of_limits}.");
+    }
     Ok(Findings {
-        holds: (tests.len() > 1).then_some(spread > 0.8),
-        verdict: format!(
-            "From {} to {} cubes tests a second are within {spread:.2} of each other, at {low:.0} to {high:.0} million.",
-            counts[0],
-            counts[counts.len() - 1]
-        ),
+        holds: (tests.len() > 1).then_some(spread > 0.8 && is_arithmetic),
+        verdict,
         notes: Vec::new(),
-        tables: vec![table],
+        tables,
         charts,
     })
+}
+
+/// How near the measurement of a row comes to each limit of the device.
+fn shares_of_limits(limits: &Limits, measured: &Row) -> Vec<Row> {
+    const BYTES_A_RAY: usize = size_of::<TraceRay>() + size_of::<Hit>();
+    let tests_per_s = 1e6 * number(measured, "tests_per_s").unwrap_or(0.0);
+    let rays_per_s = 1e6 * number(measured, "mrays_per_s").unwrap_or(0.0);
+    let share = |limit: &str, unit: &str, reached: f64, most: f64| {
+        let mut out = row([
+            ("limit", json!(limit)),
+            ("unit", json!(unit)),
+            ("reached", json!(reached / 1e9)),
+            ("limit_value", json!(most / 1e9)),
+            ("limit_share", json!(reached / most)),
+        ]);
+        out.extend(["wrong", "tested"].map(|column| (column.to_owned(), measured[column].clone())));
+        out
+    };
+    vec![
+        share("arithmetic", "Gflop/s", tests_per_s * FLOPS_A_TEST, limits.flops),
+        share("reads of a cache", "GB/s", tests_per_s * BYTES_A_TEST, limits.cached_bytes),
+        share("memory", "GB/s", rays_per_s * BYTES_A_RAY as f64, limits.memory_bytes),
+    ]
 }
 
 pub const RAY_KIND: Study = Study {
