@@ -22,6 +22,7 @@ use crate::tracer::{Progress, RenderResult, SplitStats, Tracer};
 use crate::work::PixelWork;
 use estimate::{Estimates, display_steps, variance_of_mean};
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// How a picture is sampled whose error is bounded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +55,8 @@ const AIM: f64 = 0.85;
 
 /// Rays of one list: few enough for the memory of any device, enough to keep it busy.
 const LIST_RAYS: usize = 1 << 21;
+/// Pixels whose positions one thread makes at a time.
+const PIXELS_AT_A_TIME: usize = 1 << 12;
 
 /// What an adaptive picture took.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
@@ -66,7 +69,7 @@ pub struct AdaptiveStats {
     pub pixels: [u64; LEVEL_SAMPLES.len()],
     /// Lists of rays that were traced, one after the other.
     pub rounds: u32,
-    /// Seconds that the host took to decide what to trace.
+    /// Seconds that the host took between the lists: to take note of what was traced, and to decide what is traced next.
     pub decide_s: f64,
 }
 
@@ -153,8 +156,11 @@ impl<'a> Sampler<'a> {
 
     /// Traces the first sample of the pixels of the lattice.
     fn trace_lattice(&mut self) -> Result<()> {
-        self.raise(&self.estimates.pixels_of_lattice())?;
-        self.estimates.interpolate(&mut self.result.film.pixels);
+        let start = Instant::now();
+        let pixels = self.estimates.pixels_of_lattice();
+        self.stats.decide_s += start.elapsed().as_secs_f64();
+        self.raise(&pixels)?;
+        self.interpolate();
         Ok(())
     }
 
@@ -163,7 +169,7 @@ impl<'a> Sampler<'a> {
         let target = (AIM * f64::from(self.stats.error)).powi(2) * self.sums.len() as f64;
         let mut first = None;
         loop {
-            let start = std::time::Instant::now();
+            let start = Instant::now();
             let squared = self.estimates.update();
             let first = *first.get_or_insert(squared.max(f64::MIN_POSITIVE));
             if squared > target && target > 0.0 {
@@ -184,64 +190,79 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Takes the samples that bring each of these pixels to the next level.
+    /// Takes the samples that bring each of these pixels, in the order in which pixels are traced, to the next level.
     fn raise(&mut self, pixels: &[usize]) -> Result<()> {
         self.stats.rounds += 1;
         let mut rest = pixels;
         while !rest.is_empty() {
-            let (mut positions, mut taken) = (Vec::new(), 0);
+            let start = Instant::now();
+            // Where the samples of each pixel begin in the list, and where the last ones end.
+            let mut firsts = vec![0];
             for &pixel in rest {
-                let (x, y) = ((pixel % self.size.0) as f32, (pixel / self.size.0) as f32);
-                let new = self.new_samples(pixel);
-                if taken > 0 && positions.len() + new.len() > LIST_RAYS {
+                let end = firsts[firsts.len() - 1] + self.estimates.new_samples(pixel).len();
+                if firsts.len() > 1 && end > LIST_RAYS {
                     break;
                 }
-                positions.extend(self.sequence[new].iter().map(|[dx, dy]| [x + dx, y + dy]));
-                taken += 1;
+                firsts.push(end);
             }
-            let (now, later) = rest.split_at(taken);
-            self.trace(now, &positions)?;
+            let (now, later) = rest.split_at(firsts.len() - 1);
+            let (sequence, estimates, width) = (&self.sequence, &self.estimates, self.size.0);
+            let positions_of = |&pixel: &usize| {
+                let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
+                sequence[estimates.new_samples(pixel)].iter().map(move |[dx, dy]| [x + dx, y + dy])
+            };
+            let parts = now.par_chunks(PIXELS_AT_A_TIME).map(|part| part.iter().flat_map(positions_of).collect());
+            let positions = parts.collect::<Vec<Vec<_>>>().concat();
+            self.stats.decide_s += start.elapsed().as_secs_f64();
+
+            let traced = self.tracer.render(&self.params.of_list(positions.len() as u32), &positions, &|_| ())?;
+            let start = Instant::now();
+            self.add(&traced);
+            self.take(now, &firsts, &traced);
+            self.stats.decide_s += start.elapsed().as_secs_f64();
             rest = later;
         }
         Ok(())
     }
 
-    /// Traces a list: the new samples of each of the pixels.
-    fn trace(&mut self, pixels: &[usize], positions: &[[f32; 2]]) -> Result<()> {
-        let traced = self.tracer.render(&self.params.of_list(positions.len() as u32), positions, &|_| ())?;
-        self.add(&traced);
-        let mut first = 0;
-        let ranges: Vec<_> = pixels
-            .iter()
-            .map(|&pixel| {
-                let start = first;
-                first += self.new_samples(pixel).len();
-                start..first
+    /// Takes note of what was traced: the new samples of each of the pixels, which begin at `firsts`.
+    fn take(&mut self, pixels: &[usize], firsts: &[usize], traced: &RenderResult) {
+        let samples = |index: usize| firsts[index]..firsts[index + 1];
+        // Pixels are listed by rows of tiles: what one thread writes is apart from what others do.
+        let in_row = TILE_SIDE as usize * self.size.0;
+        let mut end = 0;
+        let rows: Vec<_> = (0..self.sums.len().div_ceil(in_row))
+            .map(|row| {
+                let start = end;
+                end += pixels[start..].partition_point(|&pixel| pixel / in_row <= row);
+                start..end
             })
             .collect();
-        let raised: Vec<_> = pixels
-            .par_iter()
-            .zip(&ranges)
-            .map(|(&pixel, range)| raise_pixel(self.sums[pixel], &traced.film.pixels[range.clone()]))
-            .collect();
-        for (&pixel, raised) in pixels.iter().zip(&raised) {
-            self.sums[pixel] = raised.sum;
-            self.result.film.pixels[pixel] = raised.mean;
-            self.estimates.raise(pixel, raised.shown, raised.variance);
-        }
+        let was_interpolated = self.estimates.is_interpolated();
+        let sums = self.sums.par_chunks_mut(in_row);
+        let shown = self.result.film.pixels.par_chunks_mut(in_row);
+        let estimates = self.estimates.chunks_mut(in_row);
+        let news =
+            sums.zip(shown).zip(estimates).zip(rows).enumerate().map(|(row, (((sums, shown), estimates), list))| {
+                let mut news = Vec::new();
+                for index in list {
+                    let (pixel, at) = (pixels[index], pixels[index] - row * in_row);
+                    let raised = raise_pixel(sums[at], &traced.film.pixels[samples(index)]);
+                    sums[at] = raised.sum;
+                    shown[at] = raised.mean;
+                    let change = estimates[at].raise(raised.shown, raised.variance);
+                    news.extend(change.filter(|_| was_interpolated).map(|change| (pixel, change)));
+                }
+                news
+            });
+        let news: Vec<Vec<_>> = news.collect();
+        self.estimates.tell_neighbours(news.into_iter().flatten());
         if let Some(work) = &traced.work {
             let all = self.result.work.get_or_insert_with(|| vec![PixelWork::default(); self.sums.len()]);
-            for (&pixel, range) in pixels.iter().zip(ranges) {
-                work[range].iter().for_each(|one| all[pixel].add(one));
+            for (index, &pixel) in pixels.iter().enumerate() {
+                work[samples(index)].iter().for_each(|one| all[pixel].add(one));
             }
         }
-        Ok(())
-    }
-
-    /// The samples that bring a pixel to the next level.
-    fn new_samples(&self, pixel: usize) -> std::ops::Range<usize> {
-        let level = usize::from(self.estimates.level(pixel));
-        LEVEL_SAMPLES[level] as usize..LEVEL_SAMPLES[level + 1] as usize
     }
 
     /// Adds what a list took to what the picture took.
@@ -258,8 +279,14 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    fn finish(mut self) -> RenderResult {
+    fn interpolate(&mut self) {
+        let start = Instant::now();
         self.estimates.interpolate(&mut self.result.film.pixels);
+        self.stats.decide_s += start.elapsed().as_secs_f64();
+    }
+
+    fn finish(mut self) -> RenderResult {
+        self.interpolate();
         self.stats.pixels = self.estimates.pixels_of_levels();
         self.result.adaptive = Some(self.stats);
         self.result

@@ -49,17 +49,32 @@ fn squared([r, g, b]: [f32; 3]) -> f32 {
     (r * r + g * g + b * b) / 3.0
 }
 
+/// What is known of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Estimate {
+    /// As [`display_steps`].
+    shown: [f32; 3],
+    /// Squared error: of a mean of samples by what parts of them differ; of an interpolated pixel by what its neighbours turned out to be.
+    own: f32,
+    level: u8,
+    /// Whether it has new samples since the last estimate of errors.
+    is_new: bool,
+}
+
+impl Estimate {
+    /// Takes note of the samples that raised the pixel by a level: what it shows now, and the variance of that. Returns the square of how
+    /// much these are not what was there, if they are the first.
+    pub fn raise(&mut self, shown: [f32; 3], variance: f32) -> Option<f32> {
+        let before = std::mem::replace(self, Estimate { shown, own: variance, level: self.level + 1, is_new: true });
+        (before.level == 0).then(|| squared(std::array::from_fn(|c| shown[c] - before.shown[c])))
+    }
+}
+
 /// The estimates of a picture.
 pub struct Estimates {
     size: (usize, usize),
     lattice: usize,
-    levels: Vec<u8>,
-    /// As [`display_steps`].
-    shown: Vec<[f32; 3]>,
-    /// Squared errors: of a mean of samples by what parts of them differ; of an interpolated pixel by what its neighbours turned out to be.
-    own: Vec<f32>,
-    /// What has new samples since the last estimate.
-    changed: Vec<bool>,
+    pixels: Vec<Estimate>,
     /// All pixels, in the order in which they are traced.
     order: Vec<u32>,
     /// Squared errors of the pixels.
@@ -74,10 +89,7 @@ impl Estimates {
         Estimates {
             size,
             lattice,
-            levels: vec![0; count],
-            shown: vec![[0.0; 3]; count],
-            own: vec![0.0; count],
-            changed: vec![true; count],
+            pixels: vec![Estimate { shown: [0.0; 3], own: 0.0, level: 0, is_new: true }; count],
             order: pixels_in_tiles(size).map(|(x, y)| (y * size.0 + x) as u32).collect(),
             errors: vec![0.0; count],
             cells: Vec::new(),
@@ -85,12 +97,23 @@ impl Estimates {
     }
 
     pub fn level(&self, pixel: usize) -> u8 {
-        self.levels[pixel]
+        self.pixels[pixel].level
+    }
+
+    /// The samples that bring a pixel to the next level.
+    pub fn new_samples(&self, pixel: usize) -> std::ops::Range<usize> {
+        let level = usize::from(self.level(pixel));
+        LEVEL_SAMPLES[level] as usize..LEVEL_SAMPLES[level + 1] as usize
+    }
+
+    /// So many pixels at a time, row by row.
+    pub fn chunks_mut(&mut self, count: usize) -> rayon::slice::ChunksMut<'_, Estimate> {
+        self.pixels.par_chunks_mut(count)
     }
 
     pub fn pixels_of_levels(&self) -> [u64; LEVEL_SAMPLES.len()] {
         let mut pixels = [0; LEVEL_SAMPLES.len()];
-        self.levels.iter().for_each(|&level| pixels[usize::from(level)] += 1);
+        self.pixels.iter().for_each(|pixel| pixels[usize::from(pixel.level)] += 1);
         pixels
     }
 
@@ -102,20 +125,22 @@ impl Estimates {
         pixels.filter(|pixel| on_lattice(pixel % width, width) && on_lattice(pixel / width, height)).collect()
     }
 
-    /// Takes note of the samples that raised a pixel by a level: what it shows now, and the variance of that.
-    pub fn raise(&mut self, pixel: usize, shown: [f32; 3], variance: f32) {
-        let before = std::mem::replace(&mut self.shown[pixel], shown);
-        self.levels[pixel] += 1;
-        self.own[pixel] = variance;
-        self.changed[pixel] = true;
-        if self.levels[pixel] == 1 && !self.cells.is_empty() {
-            let surprise = SURPRISE * squared(std::array::from_fn(|c| shown[c] - before[c]));
+    /// Interpolated pixels that have their first samples, and what [`Estimate::raise`] said of them: where one was wrong, those beside it may
+    /// be.
+    pub fn tell_neighbours(&mut self, news: impl Iterator<Item = (usize, f32)>) {
+        for (pixel, change) in news {
             for neighbour in neighbours(pixel, self.size) {
-                if self.levels[neighbour] == 0 {
-                    self.own[neighbour] = self.own[neighbour].max(surprise);
+                let estimate = &mut self.pixels[neighbour];
+                if estimate.level == 0 {
+                    estimate.own = estimate.own.max(SURPRISE * change);
                 }
             }
         }
+    }
+
+    /// Whether pixels without samples have been interpolated.
+    pub fn is_interpolated(&self) -> bool {
+        !self.cells.is_empty()
     }
 
     /// Gives the pixels without samples what lies between those of the lattice.
@@ -123,25 +148,32 @@ impl Estimates {
         if self.lattice == 1 {
             return;
         }
-        let (width, height) = self.size;
-        for y in 0..height {
-            let (y0, y1, across_y) = between(y, self.lattice, height);
-            for x in 0..width {
-                if self.levels[y * width + x] > 0 {
-                    continue;
-                }
-                let (x0, x1, across_x) = between(x, self.lattice, width);
-                let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| pixels[y * width + x]);
-                let value = std::array::from_fn(|i| {
-                    let upper = (b[i] - a[i]).mul_add(across_x, a[i]);
-                    let lower = (d[i] - c[i]).mul_add(across_x, c[i]);
-                    (lower - upper).mul_add(across_y, upper)
-                });
-                pixels[y * width + x] = value;
-                self.shown[y * width + x] = display_steps(value);
-            }
-        }
-        if self.cells.is_empty() {
+        let ((width, height), lattice) = (self.size, self.lattice);
+        // The corners have samples: nobody writes them.
+        let value = |pixels: &[[f32; 3]], x: usize, y: usize| {
+            let ((x0, x1, across_x), (y0, y1, across_y)) = (between(x, lattice, width), between(y, lattice, height));
+            let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| pixels[y * width + x]);
+            std::array::from_fn(|i| {
+                let upper = (b[i] - a[i]).mul_add(across_x, a[i]);
+                let lower = (d[i] - c[i]).mul_add(across_x, c[i]);
+                (lower - upper).mul_add(across_y, upper)
+            })
+        };
+        let rows = self.pixels.par_chunks_mut(width).enumerate().map(|(y, estimates)| {
+            let without = estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.level == 0);
+            without
+                .map(|(x, estimate)| {
+                    let value = value(pixels, x, y);
+                    estimate.shown = display_steps(value);
+                    (x, value)
+                })
+                .collect()
+        });
+        let rows: Vec<Vec<_>> = rows.collect();
+        pixels.par_chunks_mut(width).zip(rows).for_each(|(row, values)| {
+            values.into_iter().for_each(|(x, value)| row[x] = value);
+        });
+        if !self.is_interpolated() {
             self.estimate_cells();
         }
     }
@@ -160,7 +192,7 @@ impl Estimates {
                 return None;
             }
             let (x, y) = ((column as usize * step).min(width - 1), (row as usize * step).min(height - 1));
-            Some(self.shown[y * width + x])
+            Some(self.pixels[y * width + x].shown)
         };
         let bend = |column: isize, row: isize, dx: isize, dy: isize| -> f32 {
             let ends = at(column - dx, row - dy).zip(at(column + dx, row + dy));
@@ -168,6 +200,7 @@ impl Estimates {
             squared(std::array::from_fn(|i| a[i] - 2.0 * b[i] + c[i]))
         };
         self.cells = (0..rows * columns)
+            .into_par_iter()
             .map(|cell| {
                 let (column, row) = ((cell % columns) as isize, (cell / columns) as isize);
                 let corners = [(0, 0), (1, 0), (0, 1), (1, 1)];
@@ -187,7 +220,7 @@ impl Estimates {
             .map(|(y, row)| {
                 // What has changed has changed what is said of its neighbours.
                 let rows = y.saturating_sub(1)..self.size.1.min(y + 2);
-                let changed = |x: usize| rows.clone().any(|row| self.changed[row * width + x]);
+                let changed = |x: usize| rows.clone().any(|row| self.pixels[row * width + x].is_new);
                 let mut near = [false, changed(0)];
                 for (x, error) in row.iter_mut().enumerate() {
                     let next = x + 1 < width && changed(x + 1);
@@ -200,30 +233,33 @@ impl Estimates {
             })
             .collect();
         self.errors = errors;
-        self.changed.fill(false);
+        self.pixels.par_iter_mut().for_each(|pixel| pixel.is_new = false);
         sums.into_iter().sum() // in the order of the rows, whoever summed them
     }
 
     /// The squared error of a pixel.
     fn estimate(&self, x: usize, y: usize) -> f32 {
         let pixel = y * self.size.0 + x;
-        let level = self.levels[pixel];
+        let Estimate { level, own, .. } = self.pixels[pixel];
         if level == 0 {
             let cell = y / self.lattice * self.cells_per_row() + x / self.lattice;
-            return self.own[pixel].max(self.cells[cell]);
+            return own.max(self.cells[cell]);
         }
         let [of_quarters, of_contrast, of_neighbours] = PARTS[usize::from(level)];
         let of_one = (of_contrast * self.contrast(pixel)).max(of_neighbours * self.around(pixel));
-        (of_quarters * self.own[pixel]).max(of_one / edge_samples(level))
+        (of_quarters * own).max(of_one / edge_samples(level))
     }
 
     /// The largest squared second difference in the four directions around a pixel.
     fn contrast(&self, pixel: usize) -> f32 {
         let (width, height) = self.size;
         let (x, y) = (pixel % width, pixel / width);
-        let here = self.shown[pixel];
-        let bend =
-            |a: usize, b: usize| squared(std::array::from_fn(|c| self.shown[a][c] - 2.0 * here[c] + self.shown[b][c]));
+        let shown = |pixel: usize| self.pixels[pixel].shown;
+        let here = shown(pixel);
+        let bend = |a, b| {
+            let (a, b) = (shown(a), shown(b));
+            squared(std::array::from_fn(|c| a[c] - 2.0 * here[c] + b[c]))
+        };
         let (inner_x, inner_y) = (x > 0 && x + 1 < width, y > 0 && y + 1 < height);
         let across = if inner_x { bend(pixel - 1, pixel + 1) } else { 0.0 };
         let upwards = if inner_y { bend(pixel - width, pixel + width) } else { 0.0 };
@@ -238,8 +274,9 @@ impl Estimates {
     /// What the pixels around one turned out to be: the mean squared error that one sample of them would have.
     fn around(&self, pixel: usize) -> f32 {
         neighbours(pixel, self.size)
-            .filter(|&near| self.levels[near] > 1)
-            .map(|near| self.own[near] * edge_samples(self.levels[near]))
+            .map(|near| &self.pixels[near])
+            .filter(|near| near.level > 1)
+            .map(|near| near.own * edge_samples(near.level))
             .sum::<f32>()
             / 8.0
     }
@@ -264,9 +301,9 @@ impl Estimates {
         }
         let worth = |pixel: &usize| self.class(*pixel).is_some_and(|class| class >= lowest);
         let mut pixels: Vec<_> = self.order.par_iter().map(|&pixel| pixel as usize).filter(worth).collect();
-        let interpolated = pixels.iter().filter(|&&pixel| self.levels[pixel] == 0).count();
+        let interpolated = pixels.iter().filter(|&&pixel| self.level(pixel) == 0).count();
         if interpolated > pixels.len() / FEW_INTERPOLATED {
-            pixels.retain(|&pixel| self.levels[pixel] == 0);
+            pixels.retain(|&pixel| self.level(pixel) == 0);
         }
         pixels
     }
@@ -284,12 +321,11 @@ impl Estimates {
 
     /// The class of what each new sample of a pixel promises to take away of the squared error: four to a factor of 2.
     fn class(&self, pixel: usize) -> Option<usize> {
-        let level = self.levels[pixel];
+        let level = self.level(pixel);
         if level == LAST_LEVEL || self.errors[pixel] <= 0.0 {
             return None;
         }
-        let new = LEVEL_SAMPLES[usize::from(level) + 1] - LEVEL_SAMPLES[usize::from(level)];
-        Some((self.errors[pixel] / new as f32).to_bits() as usize >> CLASS_SHIFT)
+        Some((self.errors[pixel] / self.new_samples(pixel).len() as f32).to_bits() as usize >> CLASS_SHIFT)
     }
 }
 
@@ -307,16 +343,16 @@ const FEW_INTERPOLATED: usize = 8;
 /// What an interpolated pixel's squared error may be, as a part of the square of what was wrong with one beside it.
 const SURPRISE: f32 = 0.25;
 /// Pixels whose promises are summed together: always the same ones, so that rounding is the same on any number of cores.
-const BAND: usize = 1 << 16;
+const BAND: usize = 1 << 14;
 /// Bits of a float below those that name its class.
 const CLASS_SHIFT: u32 = 21;
 /// From one level to the next a squared error goes down to an eighth, and each of four times the samples takes a part of that away.
 const CLASSES_OF_LEVEL: usize = 4 * 5;
 const CLASSES: usize = 1 << (31 - CLASS_SHIFT);
 
-/// n^1.5 of the samples n of a level.
+/// n^1.5 of the samples n = 4^(level - 1) of a level that has some.
 fn edge_samples(level: u8) -> f32 {
-    (LEVEL_SAMPLES[usize::from(level)] as f32).powf(1.5)
+    (1 << (3 * (level - 1))) as f32
 }
 
 /// The points of the lattice around `i`, and how far it is from the first to the second.

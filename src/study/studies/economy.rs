@@ -98,7 +98,7 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
         holds: (!lab.quick).then(|| shares.iter().all(|(_, share)| share.is_some_and(|share| share <= MOST_RAYS))),
         verdict,
         notes: vec![
-            "Seconds are the device's; of pictures by their error the host decides between the rounds, which takes further time.".to_owned(),
+            "Seconds are the device's and, of pictures by their error, what the host takes between the rounds to decide what is traced next.".to_owned(),
         ],
         tables: vec![
             Table::new("saved", "Scenes: what they need, and what that saves", summary),
