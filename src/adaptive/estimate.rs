@@ -121,7 +121,7 @@ impl Estimates {
     pub fn pixels_of_lattice(&self) -> Vec<usize> {
         let (width, height) = self.size;
         let on_lattice = |i: usize, end: usize| i.is_multiple_of(self.lattice) || i + 1 == end;
-        let pixels = self.order.iter().map(|&pixel| pixel as usize);
+        let pixels = self.order.par_iter().map(|&pixel| pixel as usize);
         pixels.filter(|pixel| on_lattice(pixel % width, width) && on_lattice(pixel / width, height)).collect()
     }
 

@@ -46,7 +46,7 @@ use surface::{leave_surface, surface_hit, surface_point};
 use traverse::{NO_HIT, closest_hit, finish, traverse};
 
 /// Rays that one task traces: long enough to hide the scheduler, short enough to share out evenly.
-const CHUNK: usize = 4096;
+const CHUNK: usize = 256;
 
 /// The reference tracer over one scene, on all cores.
 pub struct ReferenceTracer {
