@@ -156,9 +156,7 @@ impl<'a> Sampler<'a> {
 
     /// Traces the first sample of the pixels of the lattice.
     fn trace_lattice(&mut self) -> Result<()> {
-        let start = Instant::now();
-        let pixels = self.estimates.pixels_of_lattice();
-        self.stats.decide_s += start.elapsed().as_secs_f64();
+        let pixels = self.on_host(|sampler| sampler.estimates.pixels_of_lattice());
         self.raise(&pixels)?;
         self.interpolate();
         Ok(())
@@ -169,20 +167,19 @@ impl<'a> Sampler<'a> {
         let target = (AIM * f64::from(self.stats.error)).powi(2) * self.sums.len() as f64;
         let mut first = None;
         loop {
-            let start = Instant::now();
-            let squared = self.estimates.update();
-            let first = *first.get_or_insert(squared.max(f64::MIN_POSITIVE));
-            if squared > target && target > 0.0 {
-                // What is left goes down by about the same factor in each round.
-                progress(((first / squared).ln() / (first / target).ln()).clamp(0.0, 1.0));
-            }
-            self.stats.estimated_error = (squared / self.sums.len() as f64).sqrt() as f32;
-            let pixels = if squared > target {
-                self.estimates.worth_raising(squared, target, self.stats.rounds)
-            } else {
-                Vec::new()
-            };
-            self.stats.decide_s += start.elapsed().as_secs_f64();
+            let pixels = self.on_host(|sampler| {
+                let squared = sampler.estimates.update();
+                let first = *first.get_or_insert(squared.max(f64::MIN_POSITIVE));
+                if squared > target && target > 0.0 {
+                    // What is left goes down by about the same factor in each round.
+                    progress(((first / squared).ln() / (first / target).ln()).clamp(0.0, 1.0));
+                }
+                sampler.stats.estimated_error = (squared / sampler.sums.len() as f64).sqrt() as f32;
+                match squared > target {
+                    true => sampler.estimates.worth_raising(squared, target, sampler.stats.rounds),
+                    false => Vec::new(),
+                }
+            });
             if pixels.is_empty() {
                 return Ok(());
             }
@@ -190,39 +187,50 @@ impl<'a> Sampler<'a> {
         }
     }
 
+    /// Counts the time of what the host does.
+    fn on_host<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        let start = Instant::now();
+        let done = work(self);
+        self.stats.decide_s += start.elapsed().as_secs_f64();
+        done
+    }
+
     /// Takes the samples that bring each of these pixels, in the order in which pixels are traced, to the next level.
     fn raise(&mut self, pixels: &[usize]) -> Result<()> {
         self.stats.rounds += 1;
         let mut rest = pixels;
         while !rest.is_empty() {
-            let start = Instant::now();
-            // Where the samples of each pixel begin in the list, and where the last ones end.
-            let mut firsts = vec![0];
-            for &pixel in rest {
-                let end = firsts[firsts.len() - 1] + self.estimates.new_samples(pixel).len();
-                if firsts.len() > 1 && end > LIST_RAYS {
-                    break;
-                }
-                firsts.push(end);
-            }
+            let (firsts, positions) = self.on_host(|sampler| sampler.list(rest));
             let (now, later) = rest.split_at(firsts.len() - 1);
-            let (sequence, estimates, width) = (&self.sequence, &self.estimates, self.size.0);
-            let positions_of = |&pixel: &usize| {
-                let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
-                sequence[estimates.new_samples(pixel)].iter().map(move |[dx, dy]| [x + dx, y + dy])
-            };
-            let parts = now.par_chunks(PIXELS_AT_A_TIME).map(|part| part.iter().flat_map(positions_of).collect());
-            let positions = parts.collect::<Vec<Vec<_>>>().concat();
-            self.stats.decide_s += start.elapsed().as_secs_f64();
-
             let traced = self.tracer.render(&self.params.of_list(positions.len() as u32), &positions, &|_| ())?;
-            let start = Instant::now();
-            self.add(&traced);
-            self.take(now, &firsts, &traced);
-            self.stats.decide_s += start.elapsed().as_secs_f64();
+            self.on_host(|sampler| {
+                sampler.add(&traced);
+                sampler.take(now, &firsts, &traced);
+            });
             rest = later;
         }
         Ok(())
+    }
+
+    /// The new samples of the first of some pixels, of as many as a list has room for: where those of each begin and the last ones end, and
+    /// their positions.
+    fn list(&self, pixels: &[usize]) -> (Vec<usize>, Vec<[f32; 2]>) {
+        let (sequence, estimates, width) = (&self.sequence, &self.estimates, self.size.0);
+        let mut firsts = vec![0];
+        for &pixel in pixels {
+            let end = firsts[firsts.len() - 1] + estimates.new_samples(pixel).len();
+            if firsts.len() > 1 && end > LIST_RAYS {
+                break;
+            }
+            firsts.push(end);
+        }
+        let positions_of = |&pixel: &usize| {
+            let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
+            sequence[estimates.new_samples(pixel)].iter().map(move |[dx, dy]| [x + dx, y + dy])
+        };
+        let parts = pixels[..firsts.len() - 1].par_chunks(PIXELS_AT_A_TIME);
+        let positions: Vec<Vec<_>> = parts.map(|part| part.iter().flat_map(positions_of).collect()).collect();
+        (firsts, positions.concat())
     }
 
     /// Takes note of what was traced: the new samples of each of the pixels, which begin at `firsts`.
@@ -280,9 +288,7 @@ impl<'a> Sampler<'a> {
     }
 
     fn interpolate(&mut self) {
-        let start = Instant::now();
-        self.estimates.interpolate(&mut self.result.film.pixels);
-        self.stats.decide_s += start.elapsed().as_secs_f64();
+        self.on_host(|sampler| sampler.estimates.interpolate(&mut sampler.result.film.pixels));
     }
 
     fn finish(mut self) -> RenderResult {

@@ -169,11 +169,13 @@ fn wrong_names_and_places_are_told() {
         (&["study", "all", "nothing"], 2, "no study 'nothing'"),
         (&["study", "--scene", "missing.obj", "--device", "reference"], 3, "missing.obj"),
         (&["study", "layout", "--quick", "--device", "reference", "-o", "file"], 5, "file"),
+        (&["study", "layout", "--device", "reference", "--markdown", "nowhere/a.md"], 5, "no folder 'nowhere'"),
     ] {
         let output = run(at, arguments);
         let said = text(&output.stderr);
         assert!(said.contains(word) && !said.contains("panicked"), "{arguments:?}: {said}");
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+        assert!(!at.join("raybrook-study").exists(), "{arguments:?}: a study was begun");
     }
     let list = run(at, &["study", "--list"]);
     assert_eq!(text(&list.stdout).lines().count(), Study::all().count());

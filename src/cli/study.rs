@@ -2,6 +2,7 @@
 
 use super::{DeviceArgs, Talk, open};
 use raybrook::Result;
+use raybrook::output::check_writable;
 use raybrook::study::{Header, Lab, Report, State, Study};
 use std::path::PathBuf;
 
@@ -43,6 +44,8 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         return Ok(());
     }
     let studies = chosen(&args.names)?;
+    // Before an hour of studies, not after it.
+    args.markdown.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let cache = args.device.cache()?;
     let load = |path: &PathBuf| Ok((path.display().to_string(), open::load(path, None, talk)?.scene));

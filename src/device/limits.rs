@@ -42,11 +42,11 @@ impl Limits {
         arithmetic.set_arg(1, 0.5_f32)?;
         arithmetic.set_arg(2, 1.0_f32)?;
         arithmetic.set_arg(3, &sums)?;
-        let rounds_a_second = rounds_a_second(|rounds| {
+        let rate = rounds_a_second(|rounds| {
             arithmetic.set_arg(0, rounds)?;
             arithmetic.launch(&[items], None)
         })?;
-        let flops = rounds_a_second * FLOPS_A_ROUND * items as f64;
+        let flops = rate * FLOPS_A_ROUND * items as f64;
 
         let elements = [Float4::default(); CACHED_ELEMENTS];
         let elements = Buffer::from_slice(&context, "elements", &elements)?;
@@ -55,11 +55,11 @@ impl Limits {
         reads.set_arg(1, CACHED_ELEMENTS as u32)?;
         reads.set_arg(2, &elements)?;
         reads.set_arg(3, &sums)?;
-        let rounds_a_second = self::rounds_a_second(|rounds| {
+        let rate = rounds_a_second(|rounds| {
             reads.set_arg(0, rounds)?;
             reads.launch(&[items], None)
         })?;
-        let cached_bytes = rounds_a_second * (CACHED_ELEMENTS * size_of::<Float4>() * items) as f64;
+        let cached_bytes = rate * (CACHED_ELEMENTS * size_of::<Float4>() * items) as f64;
 
         // A limit of 0 is unknown.
         let room = [device.info.max_alloc_bytes, device.info.global_memory_bytes / 4];

@@ -1,6 +1,6 @@
 //! Measures of whole pictures.
 
-use super::{Lab, spread_of};
+use super::{Lab, Variant, errors, spread_of};
 use crate::compare::compare_films;
 use crate::device::DeviceHandle;
 use crate::error::Result;
@@ -9,8 +9,9 @@ use crate::options::{PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::scene::{Samples, Scene};
 use crate::session::{Picture, complete, open_tracer, render};
-use crate::stats::median;
+use crate::stats::{RayCounts, median};
 use crate::study::fingerprint::fingerprint;
+use crate::study::scenes::mirror_room;
 use crate::study::table::{Row, row};
 use crate::tracer::{RenderResult, Tracer};
 use serde_json::{Value, json};
@@ -158,6 +159,33 @@ impl Lab<'_> {
                 ("frames_per_s", json!(1.0 / middle)),
             ]));
             out.extend(median(decide_s).filter(|&s| s > 0.0).map(|s| ("decide_s".to_owned(), json!(s))));
+        }
+        self.journal.keep(&key, &rows)?;
+        Ok(rows)
+    }
+
+    /// Renders a closed room of mirrors from inside with all `variants` and chains of `depth` rays, and tells of each how many chains
+    /// escaped: one row each.
+    ///
+    /// # Errors
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::render`].
+    pub fn lost_paths(&mut self, variants: &[Variant], depth: u32) -> Result<Vec<Row>> {
+        let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options])).collect();
+        let key = json!(["lost paths", depth, self.side(), settings]);
+        if let Some(rows) = self.journal.find(&key) {
+            return Ok(rows);
+        }
+        (self.progress)(&format!("chains of {depth} rays"));
+        let scene = mirror_room()?;
+        let mut rows = Vec::new();
+        for Variant { label, options, .. } in variants {
+            let variant = PictureVariant::new(label, *options, 1, depth).without_killing();
+            let result = self.start_picture(self.device, &scene, &variant)?.render()?;
+            let RayCounts { camera, reflected, .. } = RayCounts::from_counters(&result.counts);
+            let lost = camera.cast + reflected.cast - camera.hit - reflected.hit;
+            let mut out = row([("method", json!(label)), ("depth", json!(depth))]);
+            out.extend(errors(lost as usize, camera.cast as usize));
+            rows.push(out);
         }
         self.journal.keep(&key, &rows)?;
         Ok(rows)
