@@ -1,4 +1,4 @@
-//! Makes what in `scenes/` is made by program: two models, two textures and the sphere flake.
+//! Makes what in `scenes/` is made by program: two models, two textures and the sphere flakes.
 //!
 //! `cargo run --example make_scenes` writes them again; `tests/scene_file.rs` checks that the files are what this makes.
 //! Numbers are written with few digits, so that the libraries of different systems agree on them.
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 /// The files of text, by their names in `scenes/`.
 pub fn texts() -> Vec<(&'static str, String)> {
-    vec![("vase.obj", vase()), ("knot.obj", knot()), ("spheres.toml", sphere_flake())]
+    vec![("vase.obj", vase()), ("knot.obj", knot()), ("spheres.toml", sphere_flake()), ("flake.toml", large_flake())]
 }
 
 /// The textures, by their names in `scenes/`.
@@ -202,22 +202,51 @@ fn unit(a: Point) -> Point {
 /// `spheres.toml`: a sphere with nine spheres of a third of its radius on it, and nine on each of these (after E. Haines,
 /// "A Proposal for Standard Graphics Environments", IEEE CG&A 1987, whose flake it is not: arrangement and colours are ours).
 fn sphere_flake() -> String {
+    const SEGMENTS: [u32; 3] = [64, 32, 20];
     let mut text = String::from(SPHERES_HEAD);
-    add_sphere(&mut text, [0.0, 1.0, 0.0], 1.0, [0.0, 1.0, 0.0], 0);
+    add_spheres(FIRST_SPHERE, SEGMENTS.len(), &mut |sphere: &Sphere| {
+        let [x, y, z] = sphere.center.map(|c| short(c, 4));
+        let (r, level) = (short(sphere.radius, 4), sphere.level);
+        let segments = SEGMENTS[level];
+        _ = writeln!(
+            text,
+            "    {{ solid = \"sphere\", radius = {r}, segments = {segments}, translate = [{x}, {y}, {z}], material = \"level{level}\" }},"
+        );
+    });
     text += "]\n";
     text += SPHERES_TAIL;
     text
 }
 
-fn add_sphere(text: &mut String, center: Point, radius: f64, axis: Point, level: usize) {
-    const SEGMENTS: [u32; 3] = [64, 32, 20];
-    let [x, y, z] = center.map(|c| short(c, 4));
-    let (r, segments) = (short(radius, 4), SEGMENTS[level]);
-    _ = writeln!(
-        text,
-        "    {{ solid = \"sphere\", radius = {r}, segments = {segments}, translate = [{x}, {y}, {z}], material = \"level{level}\" }},"
-    );
-    if level + 1 == SEGMENTS.len() {
+/// `flake.toml`: the same with two levels more, as instances of one sphere.
+fn large_flake() -> String {
+    const LEVELS: usize = 5;
+    let mut text = String::from(FLAKE_HEAD);
+    add_spheres(FIRST_SPHERE, LEVELS, &mut |sphere: &Sphere| {
+        let [x, y, z] = sphere.center.map(|c| short(c, 5));
+        let (r, material) = (short(sphere.radius, 5), sphere.level.min(2));
+        _ = writeln!(text, "    {{ scale = {r}, translate = [{x}, {y}, {z}], material = \"level{material}\" }},");
+    });
+    text += "]\n";
+    text += SPHERES_TAIL;
+    text
+}
+
+struct Sphere {
+    center: Point,
+    radius: f64,
+    /// Away from its parent.
+    axis: Point,
+    level: usize,
+}
+
+const FIRST_SPHERE: Sphere = Sphere { center: [0.0, 1.0, 0.0], radius: 1.0, axis: [0.0, 1.0, 0.0], level: 0 };
+
+/// Shows a sphere and those that stand on it, up to so many levels.
+fn add_spheres(sphere: Sphere, levels: usize, show: &mut impl FnMut(&Sphere)) {
+    show(&sphere);
+    let Sphere { center, radius, axis, level } = sphere;
+    if level + 1 == levels {
         return;
     }
     // A frame around the axis that points away from the parent.
@@ -233,7 +262,8 @@ fn add_sphere(text: &mut String, center: Point, radius: f64, axis: Point, level:
         };
         let across = add(scaled(side, turn.cos()), scaled(other, turn.sin()));
         let away = add(scaled(axis, tilt.cos()), scaled(across, tilt.sin()));
-        add_sphere(text, add(center, scaled(away, radius * 4.0 / 3.0)), radius / 3.0, away, level + 1);
+        let center = add(center, scaled(away, radius * 4.0 / 3.0));
+        add_spheres(Sphere { center, radius: radius / 3.0, axis: away, level: level + 1 }, levels, show);
     }
 }
 
@@ -242,6 +272,21 @@ const SPHERES_HEAD: &str = "\
 
 object = [
     { solid = \"disc\", radius = 9, segments = 96, material = \"floor\" },
+";
+
+const FLAKE_HEAD: &str = "\
+# 7381 spheres: each has nine of a third of its size. Made by examples/make_scenes.rs. MIT OR Apache-2.0.
+
+[[object]]
+solid = \"disc\"
+radius = 9
+segments = 96
+material = \"floor\"
+
+# One sphere in the memory, wherever it stands.
+[[object]]
+solid = \"sphere\"
+instances = [
 ";
 
 const SPHERES_TAIL: &str = "

@@ -84,8 +84,10 @@ impl Features {
             features.add_if(material.toon.is_some(), Feature::Toon);
         }
         features.add_if(used.len() > 1, Feature::SeveralMaterials);
+        let objects = scene.instances.objects().iter().map(|object| &object.triangles);
+        let triangle_lists: Vec<_> = std::iter::once(&scene.triangles).chain(objects).collect();
         features.add_if(
-            scene.triangles.iter().any(|triangle| !triangle.normals.contains(&NO_INDEX)),
+            triangle_lists.into_iter().flatten().any(|triangle| !triangle.normals.contains(&NO_INDEX)),
             Feature::SmoothNormals,
         );
         for (_, light) in scene.shining_lights() {
@@ -123,6 +125,11 @@ impl Features {
     #[must_use]
     pub const fn without(self, feature: Feature) -> Features {
         Features(self.0 & !feature.bit())
+    }
+
+    /// Whether kernels with these read normals and texture coordinates of triangles; else a triangle has no shading data but its material.
+    pub const fn need_shading_data(self) -> bool {
+        self.has(Feature::SmoothNormals) || self.has(Feature::ImageTextures) || self.has(Feature::ProceduralTextures)
     }
 
     /// One bit for each, see [`Feature::bit`].

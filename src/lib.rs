@@ -19,10 +19,10 @@
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`scene`] | scenes in world units: containers, [`scene::Builder`], OBJ/MTL, PLY, STL, NFF and TOML loaders; usable alone |
+//! | [`scene`] | scenes in world units: containers, instances of objects (`instances.rs`), [`scene::Builder`], OBJ/MTL, PLY, STL, NFF and TOML loaders; usable alone |
 //! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), hierarchies of boxes (`bvh.rs`, with splits of space in `bvh/spatial.rs`, improved in `bvh/reinsert.rs`; packed in `bvh2.rs` and `bvh8.rs`; triangles by eights in `leaf_packets.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
-//! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike |
+//! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike; objects that instances share in their own coordinates (`pack/instances.rs`) |
 //! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `split.rs`, several a picture |
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`features`] | what a scene needs of the kernels that shade; `device/definitions.rs` leaves out the rest |
@@ -36,7 +36,7 @@
 //! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
 //! | [`study`] | studies: methods timed by turns and judged, charts of speed against accuracy, the thesis's tables and graphs, and the report (`study/studies/` one question each, `lab.rs` measures, `draw.rs` and `page.rs` show) |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file, `packets/` sixteen rays at a time, through the kd-tree or the wide hierarchy, there also four times sixteen, `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file (triangles of instances are placed in `shared/instances.cl`), `packets/` sixteen rays at a time, through the kd-tree or the wide hierarchy, there also four times sixteen, `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
 //!
 //! # Invariants
 //!

@@ -92,6 +92,9 @@ methods! {
         Bvh2 = "bvh2",
         /// A hierarchy of boxes with eight children a node, tested at once (Dammertz, Hanika and Keller 2008); for CPUs.
         Bvh8 = "bvh8",
+        /// A binary hierarchy of boxes for each object, in its own coordinates, and one of the objects' instances (Rubin and Whitted 1980):
+        /// memory for one copy of what stands in a scene many times.
+        Instances = "instances",
         /// A uniform grid (Amanatides and Woo 1987).
         Grid = "grid",
         /// Every cell divided at its centre into eight (Glassner 1984).
@@ -461,7 +464,7 @@ impl TraceOptions {
         self.stack_size.unwrap_or(Self::SHORT_STACK)
     }
 
-    /// The most triangles in a leaf of [`Accel::Bvh2`]: what a link has room for.
+    /// The most triangles in a leaf of [`Accel::Bvh2`] and [`Accel::Instances`]: what a link has room for.
     pub const BVH2_MAX_LEAF: u32 = (BVH_LEAF >> BVH_COUNT_SHIFT) - 1;
 
     /// The most triangles in a leaf of [`Accel::Bvh8`]: those that are looked at together.
@@ -485,6 +488,7 @@ impl TraceOptions {
             (Accel::Kd, Traversal::ThesisRestart) => "traverse_thesis_restart",
             (Accel::Bvh2, _) => "traverse_bvh2",
             (Accel::Bvh8, _) => "traverse_bvh8",
+            (Accel::Instances, _) => "traverse_instances",
             (Accel::Grid, _) => "traverse_grid",
             (Accel::Octree, _) => "traverse_octree",
             (Accel::Boxes, _) => "traverse_boxes",
@@ -512,7 +516,7 @@ impl TraceOptions {
             return Err(Error::option("--leaf-size", "must be at least 1"));
         }
         let most_in_leaf = match self.accel {
-            Accel::Bvh2 => Self::BVH2_MAX_LEAF,
+            Accel::Bvh2 | Accel::Instances => Self::BVH2_MAX_LEAF,
             Accel::Bvh8 => Self::BVH8_MAX_LEAF,
             _ => u32::MAX,
         };
@@ -550,7 +554,21 @@ impl TraceOptions {
             return Err(Error::option("--triangles", reason));
         }
         self.check_packets()?;
+        self.check_instances()?;
         self.check_split()
+    }
+
+    /// Checks what is not there for triangles that are placed when a ray comes near.
+    fn check_instances(&self) -> Result<()> {
+        if self.accel != Accel::Instances || !self.intersector.needs_transforms() {
+            return Ok(());
+        }
+        let reason = format!(
+            "{} reads data that is computed of every triangle beforehand, and instances have none; nearest: --intersector exact, or \
+             --accel bvh2",
+            self.intersector
+        );
+        Err(Error::option(Intersector::OPTION, reason))
     }
 
     /// Checks what packets of rays cannot do.

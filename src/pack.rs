@@ -1,6 +1,7 @@
 //! Packs a scene and its tree into the flat arrays that the kernels and the scalar twin read: one packing for both.
 
 mod arrangement;
+mod instances;
 mod shading;
 mod textures;
 mod transforms;
@@ -21,7 +22,9 @@ use crate::shared::{
     BVH_NODE_RECORDS, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
-use shading::ShadingArrays;
+use instances::pack_instances;
+use shading::{ShadingArrays, shading_of};
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
@@ -34,13 +37,14 @@ pub struct SceneBuffers {
     pub nodes: Vec<KdNode>,
     /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
     pub references: Vec<u32>,
-    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit.
+    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit. With [`Accel::Instances`] those of the objects, each of
+    /// which is there once, in its own coordinates.
     pub vertices: Vec<Float4>,
-    /// Boxes, spheres, links or packets of triangles of the structure; empty for those that need none.
+    /// Boxes, spheres, links, packets of triangles or instances of the structure; empty for those that need none.
     pub bounds: Vec<Float4>,
     /// Precomputed data of triangles, for the triangle tests that want it; else empty.
     pub transforms: Vec<Float4>,
-    /// One for each triangle.
+    /// One for each triangle, of each object once like `vertices`.
     pub shading: Vec<Shading>,
     /// The materials that triangles have.
     pub materials: Vec<Material>,
@@ -105,7 +109,7 @@ fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
 
 /// The power of two that takes a scene to tracing space.
 pub(crate) fn scale_of(scene: &Scene) -> f32 {
-    let (low, high) = scene.bounds_of(&scene.hittable()).unwrap_or_default();
+    let (low, high) = scene.bounds().unwrap_or_default();
     tracing_scale(low, high)
 }
 
@@ -118,24 +122,43 @@ impl SceneBuffers {
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
-        let primitives = scene.hittable();
+        let flat = match options.accel {
+            Accel::Instances => Cow::Borrowed(scene),
+            _ => scene.flattened()?,
+        };
+        let scene = flat.as_ref();
+        let is_flat = options.accel != Accel::Instances;
+        let primitives = if is_flat { scene.hittable() } else { Vec::new() };
         // Without a triangle that can be hit every ray misses; any box will do.
-        let (low, high) = scene.bounds_of(&primitives).unwrap_or_default();
+        let bounds = if is_flat { scene.bounds_of(&primitives) } else { scene.bounds() };
+        let (low, high) = bounds.unwrap_or_default();
         let scale = tracing_scale(low, high);
-        let mut triangles = vec![[Vec3::ZERO; 3]; scene.triangles.len()];
-        for &i in &primitives {
-            triangles[i as usize] = scene.vertices(i as usize).map(|p| p * scale);
+        let used = scene.used_materials();
+        let mut triangles = Vec::new();
+        if is_flat {
+            triangles.resize(scene.triangles.len(), [Vec3::ZERO; 3]);
+            // No coordinate is a negative zero: the sum of one and zero is not.
+            primitives
+                .iter()
+                .for_each(|&i| triangles[i as usize] = scene.vertices(i as usize).map(|p| p * scale + 0.0));
         }
 
         let start = Instant::now();
-        let build_options = BuildOptions::of(options, primitives.len());
+        let build_options = BuildOptions::of(options, if is_flat { primitives.len() } else { scene.triangle_count() });
         let mut stack_entries = match (options.accel, options.traversal) {
             (Accel::Octree, _) | (Accel::Kd, Traversal::Stack) => build_options.max_depth.max(1),
             _ => 1,
         };
         let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
+        let mut instances = None;
         let Structure { nodes, references, bounds } = match options.accel {
+            Accel::Instances => {
+                let packed = pack_instances(scene, &used, scale, &build_options)?;
+                stack_entries = packed.stack_entries;
+                instances = Some((packed.vertices, packed.shading, packed.instance_count));
+                packed.structure
+            }
             Accel::Brute => {
                 let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
                 Structure { nodes: vec![leaf], references: primitives, bounds: Vec::new() }
@@ -170,9 +193,11 @@ impl SceneBuffers {
         };
         let build_s = start.elapsed().as_secs_f64();
 
-        let used = scene.used_materials();
-        let ShadingArrays { shading, materials, lights, textures, texels, brightest } =
-            ShadingArrays::new(scene, &used, scale)?;
+        let (vertices, shading, reference_count) = instances.unwrap_or_else(|| {
+            let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
+            (vertices, shading_of(scene, &used), references.len() as u32)
+        });
+        let ShadingArrays { materials, lights, textures, texels, brightest } = ShadingArrays::new(scene, &used, scale)?;
         let features = Features::of_materials(scene, &used);
         Ok(SceneBuffers {
             params: SceneParams {
@@ -180,14 +205,14 @@ impl SceneBuffers {
                 high: Float4::new(high * scale, 0.0),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),
-                reference_count: references.len() as u32,
+                reference_count,
                 light_count: lights.len() as u32,
                 has_transparent: u32::from(features.has(Feature::Transparency)),
                 scale,
             },
             nodes,
             references,
-            vertices: triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
+            vertices,
             bounds,
             transforms: match options.intersector.needs_transforms() {
                 true => triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
@@ -208,6 +233,11 @@ impl SceneBuffers {
             build_s,
             made_for: MadeFor::of(options),
         })
+    }
+
+    /// Whether vertices and shading data are those of objects, to be placed by instances.
+    pub(crate) fn has_instances(&self) -> bool {
+        self.made_for.accel == Accel::Instances
     }
 
     /// Checks that `options` can be traced with: that they ask for the structure that was built, and for no array that it was built

@@ -33,6 +33,24 @@ pub const BVH_COUNT_SHIFT: u32 = 27;
 /// Where there is no more: the link of a leaf that no tree has.
 pub const BVH_END: u32 = u32::MAX;
 
+/// Where an instance ends: the link that leads a traversal back out of it.
+pub const BVH_LEAVE: u32 = u32::MAX - 1;
+
+/// Records of `bounds` that an instance takes; what they are, `src/pack/instances.rs` says.
+pub const INSTANCE_RECORDS: u32 = 11;
+/// The first of these with the transform to the world.
+pub const INSTANCE_TO_WORLD: u32 = 0;
+/// The first with the transform from tracing space.
+pub const INSTANCE_TO_OBJECT: u32 = 3;
+/// The one with how far differences of tracing space reach in the object.
+pub const INSTANCE_REACH: u32 = 6;
+/// The one with what the pads of its boxes need whatever the ray.
+pub const INSTANCE_BLUR: u32 = 7;
+/// The first with the transform of normals.
+pub const INSTANCE_NORMALS: u32 = 8;
+/// The material of an instance whose triangles have their own.
+pub const NO_MATERIAL: u32 = u32::MAX;
+
 /// Records of `nodes` that a node of a hierarchy of eight children takes.
 pub const BVH8_NODE_RECORDS: u32 = 16;
 /// The first of these with links.
@@ -336,7 +354,7 @@ device_struct! {
         pub background_bottom: Float4,
         /// Background straight up; w unused.
         pub background_top: Float4,
-        /// Length of the reference list; with brute force the number of triangles that can be hit.
+        /// Length of the reference list; with brute force the number of triangles that can be hit; with instances their number.
         pub reference_count: u32,
         /// Number of lights that shine.
         pub light_count: u32,
@@ -442,6 +460,14 @@ pub fn types_cl() -> String {
         ("BVH_FIRST_MASK", BVH_FIRST_MASK),
         ("BVH_COUNT_SHIFT", BVH_COUNT_SHIFT),
         ("BVH_END", BVH_END),
+        ("BVH_LEAVE", BVH_LEAVE),
+        ("INSTANCE_RECORDS", INSTANCE_RECORDS),
+        ("INSTANCE_TO_WORLD", INSTANCE_TO_WORLD),
+        ("INSTANCE_TO_OBJECT", INSTANCE_TO_OBJECT),
+        ("INSTANCE_REACH", INSTANCE_REACH),
+        ("INSTANCE_BLUR", INSTANCE_BLUR),
+        ("INSTANCE_NORMALS", INSTANCE_NORMALS),
+        ("NO_MATERIAL", NO_MATERIAL),
         ("BVH8_NODE_RECORDS", BVH8_NODE_RECORDS),
         ("BVH8_LINKS", BVH8_LINKS),
         ("BVH8_PACKET_RECORDS", BVH8_PACKET_RECORDS),

@@ -311,6 +311,49 @@ fn objects_have_their_material_and_texture_scale() {
 }
 
 #[test]
+fn objects_stand_where_their_instances_say() {
+    let text = r#"
+        [material.red]
+        diffuse = [1, 0, 0]
+        [material.blue]
+        diffuse = [0, 0, 1]
+        [[object]]
+        solid = "box"
+        material = "red"
+        translate = [1, 0, 0]
+        instances = [{}, { translate = [0, 5, 0], rotate = [0, 0, 90] }, { scale = [-2, 1, 1], material = "blue" }]
+        [[object]]
+        solid = "sphere"
+        segments = 4
+    "#;
+    let scene = scene(text);
+    assert_eq!((scene.instances.placed().len(), scene.instances.shared_triangle_count()), (3, 12));
+    // The object's own transform comes first.
+    let boxes = [([0.5, -0.5], [1.5, 0.5]), ([-0.5, 5.5], [0.5, 6.5]), ([-3.0, -0.5], [-1.0, 0.5])];
+    for (index, (low, high)) in boxes.into_iter().enumerate() {
+        let corners = scene.instances.range(index).flat_map(|i| scene.instances.vertices(i as usize));
+        let (found_low, found_high) = corners.fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(p), b.max(p)));
+        let (low, high) = (Vec3::new(low[0], low[1], -0.5), Vec3::new(high[0], high[1], 0.5));
+        assert!(found_low.abs_diff_eq(low, 1e-6) && found_high.abs_diff_eq(high, 1e-6), "{found_low} {found_high}");
+    }
+    // Own triangles come first, those of instances behind them.
+    let flat = scene.flattened().unwrap();
+    let colour = |i: usize| scene.materials[flat.triangles[i].material as usize].diffuse;
+    let first = scene.triangles.len();
+    assert_eq!([first, first + 12, first + 24].map(colour), [Vec3::X, Vec3::X, Vec3::Z]);
+
+    assert_fault("[[object]]\nsolid = \"box\"\ninstances = 3", 3, &["instances", "an array of tables"]);
+    assert_fault("[[object]]\nsolid = \"box\"\ninstances = [\n{ move = [1, 2, 3] }]", 4, &["move"]);
+    assert_fault("[[object]]\nsolid = \"box\"\ninstances = [\n{ scale = [1, 0, 1] }]", 4, &["scale", "flattens"]);
+    assert_fault(
+        "[[object]]\nsolid = \"box\"\ninstances = [\n{},\n{ translate = [3e38, 0, 0] }]",
+        5,
+        &["cannot be placed", "float32's range"],
+    );
+    assert_fault("[[object]]\nsolid = \"box\"\ninstances = [{ material = \"gold\" }]", 3, &["'gold' is not defined"]);
+}
+
+#[test]
 fn obj_files_keep_their_materials_unless_the_object_has_one() {
     let folder = Folder::new(
         "[material.gold]\n[[object]]\nfile = \"models/t.obj\"\ntranslate = [0, 0, 4]\n\
@@ -609,9 +652,9 @@ fn our_scenes_load_without_a_warning_and_as_documented() {
         let name = path.file_name().and_then(|n| n.to_str()).expect("a name").to_owned();
         let scene = load(&path).unwrap_or_else(|e| panic!("{e}"));
         assert!(scene.warnings.is_empty(), "{name}: {:?}", scene.warnings);
-        assert_eq!(scene.hittable().len(), scene.triangles.len(), "{name} has triangles that cannot be hit");
+        assert_eq!(scene.hittable().len(), scene.triangle_count(), "{name} has triangles that cannot be hit");
         assert!(scene.camera.is_some() && !scene.lights.is_empty() && scene.picture.size.is_some(), "{name}");
-        let row = format!("| `{name}` | {} |", scene.triangles.len());
+        let row = format!("| `{name}` | {} |", scene.triangle_count());
         assert!(readme.contains(&row), "scenes/README.md should say: {row}");
         loaded += 1;
     }

@@ -9,6 +9,7 @@ use raybrook::accel::{BuildOptions, StructureStats, build_boxes, build_octree, b
 use raybrook::options::{Accel, Build, Intersector, PacketSize, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
+use raybrook::scene::Scene;
 use raybrook::session::open_tracer;
 use raybrook::shared::{Hit, KD_LEAF, TraceRay};
 use raybrook::tracer::{TraceJob, Tracer, is_hit};
@@ -91,7 +92,7 @@ fn all_options() -> Vec<TraceOptions> {
     let with = |accel| TraceOptions { accel, ..TraceOptions::default() };
     let grids = [[1, 1, 1], [4, 4, 4], [7, 3, 1], [2, 1, 90], [33, 34, 35]];
     let grids = grids.map(|size| TraceOptions { grid_size: Some(size), ..with(Accel::Grid) });
-    let others = [Accel::Bvh2, Accel::Bvh8, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
+    let others = [Accel::Bvh2, Accel::Bvh8, Accel::Instances, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
     let mut all: Vec<_> = std::iter::once(Accel::Brute).chain(others).map(with).collect();
     all.extend(grids);
     for accel in [Accel::Bvh2, Accel::Bvh8, Accel::Octree, Accel::Boxes, Accel::Spheres] {
@@ -102,6 +103,7 @@ fn all_options() -> Vec<TraceOptions> {
         all.push(TraceOptions { leaf_size: Some(1), reinsert: Some(100), ..with(accel) });
         all.extend(cut(accel));
     }
+    all.push(TraceOptions { leaf_size: Some(1), ..with(Accel::Instances) });
     all.push(TraceOptions { max_depth: Some(0), ..with(Accel::Octree) });
     all.push(TraceOptions { leaf_size: Some(1), max_depth: Some(60), ..with(Accel::Octree) });
     all
@@ -180,6 +182,10 @@ fn queries(buffers: &SceneBuffers, count: usize) -> Vec<TraceRay> {
         .collect()
 }
 
+fn queries_of(scene: &Scene, count: usize) -> Vec<TraceRay> {
+    queries(&SceneBuffers::new(scene, &all_options()[0]).unwrap(), count)
+}
+
 fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
@@ -198,9 +204,9 @@ fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
         let mut expected = Vec::new();
+        let rays = queries_of(&scene, RAYS);
         for options in all_options() {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-            let rays = queries(&buffers, RAYS);
             let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let mut tracer = ReferenceTracer::new(buffers, options);
             let hits = tracer.trace(&job, &|_| ()).unwrap().hits;
@@ -223,9 +229,9 @@ fn the_device_agrees_on_them_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
-        for options in all_options().into_iter().skip(1).take(6).chain(cut(Accel::Bvh2)).chain(cut(Accel::Bvh8)) {
+        let rays = queries_of(&scene, 1400);
+        for options in all_options().into_iter().skip(1).take(7).chain(cut(Accel::Bvh2)).chain(cut(Accel::Bvh8)) {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-            let rays = queries(&buffers, 1400);
             let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let expected = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let got =

@@ -25,7 +25,10 @@ fn all_options() -> Vec<TraceOptions> {
     let mut all = Vec::new();
     for &intersector in Intersector::ALL {
         for &accel in Accel::ALL.iter().filter(|&&accel| accel != Accel::Kd) {
-            all.push(TraceOptions { accel, intersector, ..TraceOptions::default() });
+            // Instances have no data that is computed of every triangle.
+            if accel != Accel::Instances || intersector != Intersector::Precomputed {
+                all.push(TraceOptions { accel, intersector, ..TraceOptions::default() });
+            }
         }
         for &build in Build::ALL {
             for &traversal in Traversal::ALL.iter().filter(|t| t.is_exact()) {

@@ -212,6 +212,8 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
         (TraceOptions { accel: Accel::Octree, ..COUNTED }, [0, 1, 1, 16, 0], 0),
         // The root with its two boxes.
         (TraceOptions { accel: Accel::Bvh2, ..COUNTED }, [1, 1, 1, 64, 0], 64),
+        // The roots of the instances and of the object, and the instance; the way back waits on the stack.
+        (TraceOptions { accel: Accel::Instances, ..COUNTED }, [2, 1, 1, 64 + 176 + 64, 1], 64),
         // The root's planes and the one link.
         (TraceOptions { accel: Accel::Bvh8, ..COUNTED }, [1, 1, 1, 192 + 4, 0], 192),
         // The list, one volume, the leaf.
@@ -246,7 +248,8 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
             }
         }
         let brute = options.accel == Accel::Brute;
-        let volumes = matches!(options.accel, Accel::Bvh2 | Accel::Bvh8 | Accel::Boxes | Accel::Spheres);
+        let volumes =
+            matches!(options.accel, Accel::Bvh2 | Accel::Bvh8 | Accel::Instances | Accel::Boxes | Accel::Spheres);
         assert_eq!(work[2].get(WorkCounter::Tests), u32::from(brute), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Steps), u32::from(volumes), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Leaves), 0, "{options:?}");
@@ -300,6 +303,10 @@ fn counters_agree_with_each_other() {
                     // The root, and after each leaf or dead end one from the stack; a node has two children.
                     assert!(count(WorkCounter::Leaves) <= count(WorkCounter::Steps) + 1, "{options:?}");
                 }
+                (Accel::Instances, _) => {
+                    let instances = count(WorkCounter::NodeBytes) - 64 * count(WorkCounter::Steps);
+                    assert!(instances <= 176 && instances % 176 == 0, "{options:?}");
+                }
                 (Accel::Bvh8, _) => {
                     let links = count(WorkCounter::NodeBytes) - 192 * count(WorkCounter::Steps);
                     assert!(links % 4 == 0 && links <= 32 * count(WorkCounter::Steps), "{options:?}");
@@ -316,7 +323,7 @@ fn counters_agree_with_each_other() {
         assert!(seen.get(WorkCounter::Tests) > 0 && seen.saturated == 0, "{options:?}");
         let walks = options.accel != Accel::Brute;
         assert_eq!(seen.get(WorkCounter::Steps) > 0, walks, "{options:?}");
-        let stacks = matches!(options.accel, Accel::Octree | Accel::Bvh2 | Accel::Bvh8)
+        let stacks = matches!(options.accel, Accel::Octree | Accel::Bvh2 | Accel::Bvh8 | Accel::Instances)
             || options.accel == Accel::Kd && matches!(options.traversal, Traversal::Stack | Traversal::ShortStack);
         assert_eq!(seen.get(WorkCounter::DeepestStack) > 0, stacks, "{options:?}");
     }

@@ -75,7 +75,7 @@ impl Place {
     /// What is fastest here, with `accel` if it is given.
     pub fn options(&self, accel: Option<Accel>) -> TraceOptions {
         let device = self.device.as_ref().map(|device| &device.info);
-        let workload = Workload { device, triangle_count: None, features: None };
+        let workload = Workload { device, triangle_count: None, features: None, shared_triangles: 0 };
         Request { accel, ..Request::default() }.choose(&workload, None).expect("valid options").options
     }
 

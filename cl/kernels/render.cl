@@ -57,7 +57,7 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint2 pixel = pixel_of_item(render, item);
     if (!is_in_film(render, pixel)) return;
 
-    UNDECIDED
+    TRAVERSAL_STATE
     WORK_SUMS(work)
     WORK_SUMS(camera_work)
     const Scene scene = MAKE_SCENE;

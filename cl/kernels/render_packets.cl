@@ -162,7 +162,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
                              DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first, const uint end) {
     const uint item = first + 16u * (uint)get_global_id(0);
     if (item >= end) return;
-    UNDECIDED
+    TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     Path paths[16];
     ulong inside = 0ul, in_doubt = 0ul;

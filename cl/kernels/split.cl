@@ -143,7 +143,7 @@ void clear_lists(const Scene* scene, volatile __global uint* lengths) {
 
 __kernel void split_trace(SPLIT_ARGUMENTS) {
     const uint number = first + (uint)get_global_id(0);
-    UNDECIDED
+    TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     if (number == 0u) {
         if (IS_SECOND_PASS) lengths[QUEUE_RESOLVED] += doubts[0];
@@ -167,7 +167,7 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
 __kernel void split_request(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    UNDECIDED
+    TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     bool wants_colour = false;
     uint slot = 0u;
@@ -195,7 +195,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
 __kernel void split_shade(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    UNDECIDED
+    TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     if (index == 0u) lengths[QUEUE_ACTIVE] = 0u; // for the next wave
     bool is_hit = false;
@@ -244,7 +244,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
 __kernel void split_light(SPLIT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    UNDECIDED
+    TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     if (index == 0u) doubts[0] = 0u; // for split_shadow
     bool adds = false;
@@ -274,7 +274,7 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     if (IS_SECOND_PASS && number == 0u) lengths[QUEUE_RESOLVED] += doubts[0];
     if (number >= traced_end(min(end, lengths[QUEUE_SHADOWS + light]), doubts)) return;
     const uint index = ITEM_OF(number);
-    UNDECIDED
+    TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     const float4 to_light_t_far = shadows[index].to_light_t_far;
     const int4 reflected_slot = shadows[index].reflected_slot;

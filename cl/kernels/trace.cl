@@ -6,7 +6,7 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = RAY_OF(item);
-    UNDECIDED
+    TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false);
@@ -20,7 +20,7 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = RAY_OF(item);
-    UNDECIDED
+    TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true);
@@ -36,7 +36,7 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = ITEM_OF(item);
-    UNDECIDED
+    TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
     const Hit from = hits[index];

@@ -123,7 +123,7 @@ __kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay*
                                     DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
-    UNDECIDED
+    TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     trace_item(GEOMETRY_AT(&geometry), rays, hits, doubts, row, in_bands, item, end, false);
 }
@@ -133,7 +133,7 @@ __kernel void trace_any_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* res
                                 DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
-    UNDECIDED
+    TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     trace_item(GEOMETRY_AT(&geometry), rays, hits, doubts, row, in_bands, item, end, true);
 }

@@ -10,6 +10,7 @@
 //   DEFER_DOUBTS         what only whole numbers can decide is left to a second pass over the rays or pixels that met it, so that
 //                        their many registers are not in the kernels that all others run: see doubts below
 //   RESOLVE_DOUBTS       the kernels are that second pass
+//   INSTANCES            vertices and shading data are those of objects, which are placed when they are read: instances.cl
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in the Geometry: see COUNT below
 //
 // Images cannot be members of a struct (OpenCL C 1.2, section 6.9 b), so they are parameters of their own. Every function that
@@ -51,11 +52,22 @@ typedef struct {
 } Undecided;
 #endif
 
+#ifdef INSTANCES
+// The instance that was read last, and the one that a traversal is in.
+typedef struct {
+    uint first, count; // its triangles; none at first
+    uint to_slot;      // a triangle's place in the arrays is its number and this
+    uint instance;
+    float4 row0, row1, row2; // to the world
+    uint to_primitive;       // of the traversal's instance: a triangle's number is its place and this
+} Placed;
+#endif
+
 // The arrays:
 //   nodes             KdNode records
 //   references        leaf lists; for brute force: every triangle that can be hit
 //   vertices          VERTEX_STRIDE for each triangle or, with LEAF_ORDER, reference
-//   bounds            boxes, spheres or links of the structure; what they are its own file says
+//   bounds            boxes, spheres, links or instances of the structure; what they are its own file says
 //   transforms        precomputed data of triangles (or references), for the triangle tests that want it
 //   surface_vertices  with LEAF_ORDER: three for each triangle, for who knows a triangle and not where it is listed
 typedef struct {
@@ -73,13 +85,16 @@ typedef struct {
     __global const float4* surface_vertices;
 #endif
     float3 low, high;     // box around all triangles
-    uint reference_count; // for brute force
+    uint reference_count; // for brute force; with INSTANCES how many there are
     float scale;          // tracing space = world units times this
 #ifdef COUNT_WORK
     uint* work; // WORK_COUNTERS sums
 #endif
 #ifdef DEFER_DOUBTS
     Undecided* undecided;
+#endif
+#ifdef INSTANCES
+    Placed* placed;
 #endif
 } Geometry;
 
@@ -108,6 +123,13 @@ typedef struct {
 #else
 #define DOUBT_VALUE
 #endif
+#ifdef INSTANCES
+#define PLACED Placed placed = {0u, 0u, 0u, 0u, (float4)(0.0f), (float4)(0.0f), (float4)(0.0f), 0u};
+#define PLACED_VALUE , &placed
+#else
+#define PLACED
+#define PLACED_VALUE
+#endif
 #define SCENE_VALUES                                                                                                     \
     CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->reference_count, \
         scene_params->scale
@@ -116,7 +138,7 @@ typedef struct {
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS                                                                                              \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #define NODE_FROM_BUFFER(geometry, index) read_imagei(nodes, IMAGE_AT(index))
@@ -131,7 +153,7 @@ typedef struct {
         __global const float4* restrict transforms,                                                                     \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) \
-    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE }
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #define NODE_FROM_BUFFER(geometry, index) ((geometry)->nodes[index])
@@ -141,6 +163,8 @@ typedef struct {
 #define TRANSFORM_RECORD(geometry, index) ((geometry)->transforms[index])
 #endif
 
+// What kernels declare before they make a Geometry: what traversals and readers of triangles keep in it.
+#define TRAVERSAL_STATE UNDECIDED PLACED
 #define MAKE_GEOMETRY MAKE_GEOMETRY_COUNTING(work)
 #define GEOMETRY_PARAMETERS const Geometry* geometry IMAGE_PARAMETERS
 #define GEOMETRY_AT(pointer) pointer IMAGE_VALUES
@@ -158,7 +182,6 @@ int4 load_node(const Geometry* geometry, uint index) {
 #endif
 
 // Doubts. Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
-//   UNDECIDED          declares what MAKE_GEOMETRY takes
 //   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
 //   DECIDE_WHOLE       what `call`, in whole numbers, decides; or false, and the item is in doubt
 //   NOTE_DOUBT         puts an item on the list if it is in doubt
@@ -276,9 +299,36 @@ uint word_of(int4 record, uint i) { return (uint)(i == 0u ? record.x : i == 1u ?
 #define SLOT_OF(index, primitive) (primitive)
 #define LOAD_SURFACE_VERTEX(geometry, triangle, corner) TRIANGLE_VERTEX(geometry, triangle, corner)
 #endif
+#ifdef INSTANCES
+#define TRIANGLE_VERTEX(geometry, slot, corner) placed_vertex(GEOMETRY_AT(geometry), slot, corner)
+float3 placed_vertex(GEOMETRY_PARAMETERS, uint primitive, uint corner);
+#else
 #define TRIANGLE_VERTEX(geometry, slot, corner) (VERTEX_RECORD(geometry, VERTEX_STRIDE * (slot) + (corner)).xyz)
+#endif
 
-// Shading data of a triangle, and of these its material alone. `shading` is the array of those, which WHOLE_TRIANGLES leaves empty.
+// The triangle that a reference stands for.
+#ifdef INSTANCES
+#define PRIMITIVE_OF(geometry, reference) ((reference) + (geometry)->placed->to_primitive)
+#else
+#define PRIMITIVE_OF(geometry, reference) (reference)
+#endif
+
+// Shading data of a triangle, and of these its material alone. `shading` is the array of those, which WHOLE_TRIANGLES leaves empty. Where
+// kernels need no normals and texture coordinates, it has numbers of materials alone, or nothing if there is one material
+// (Features::need_shading_data in src/features.rs).
+//   SHADING_RECORD, MATERIAL_RECORD  by the triangle's place in the array
+#if FEATURES & (FEATURE_SMOOTH_NORMALS | FEATURE_IMAGE_TEXTURES | FEATURE_PROCEDURAL_TEXTURES)
+#define SHADING_RECORD(shading, slot) ((shading)[slot])
+#define MATERIAL_RECORD(shading, slot) ((shading)[slot].material)
+#else
+#define SHADING_RECORD(shading, slot) shading_of_material(shading, slot)
+#define MATERIAL_RECORD(shading, slot) ((__global const uint*)(shading))[slot]
+Shading shading_of_material(__global const Shading* shading, uint slot) {
+    const float4 none = (float4)(0.0f);
+    const Shading at = {none, none, none, 0.0f, 0.0f, 0.0f, HAS(FEATURE_SEVERAL_MATERIALS) ? MATERIAL_RECORD(shading, slot) : 0u};
+    return at;
+}
+#endif
 #ifdef WHOLE_TRIANGLES
 #define LOAD_SHADING(shading, triangle) whole_shading(GEOMETRY, triangle)
 #define LOAD_MATERIAL(shading, triangle) as_uint(VERTEX_RECORD(geometry, VERTEX_STRIDE * (triangle) + 6u).w)
@@ -294,7 +344,10 @@ Shading whole_shading(GEOMETRY_PARAMETERS, uint triangle) {
     shading.material = as_uint(rest.w);
     return shading;
 }
+#elif defined(INSTANCES)
+#define LOAD_SHADING(shading, triangle) placed_shading(GEOMETRY, shading, triangle)
+#define LOAD_MATERIAL(shading, triangle) placed_material(GEOMETRY, shading, triangle)
 #else
-#define LOAD_SHADING(shading, triangle) ((shading)[triangle])
-#define LOAD_MATERIAL(shading, triangle) ((shading)[triangle].material)
+#define LOAD_SHADING(shading, triangle) SHADING_RECORD(shading, triangle)
+#define LOAD_MATERIAL(shading, triangle) MATERIAL_RECORD(shading, triangle)
 #endif

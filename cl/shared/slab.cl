@@ -39,16 +39,17 @@ float slab_inverse(float direction, float inv_direction) {
     return fabs(direction) >= LEAST_SLAB_DIRECTION ? inv_direction : direction < 0.0f ? -largest : largest;
 }
 
+// Those of a ray that meets every box.
+Slabs all_slabs(void) {
+    const Slabs slabs = {(float3)(0.0f), (float3)(-INFINITY), (float3)(INFINITY)};
+    return slabs;
+}
+
 // For boxes within low..high.
 Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
     const float distance = farthest_distance(ray, low, high);
+    if (!(distance < FARTHEST_START)) return all_slabs();
     Slabs slabs;
-    if (!(distance < FARTHEST_START)) {
-        slabs.inv = (float3)(0.0f);
-        slabs.enter = (float3)(-INFINITY);
-        slabs.leave = (float3)(INFINITY);
-        return slabs;
-    }
     slabs.inv = (float3)(slab_inverse(ray->direction.x, ray->inv_direction.x),
                          slab_inverse(ray->direction.y, ray->inv_direction.y),
                          slab_inverse(ray->direction.z, ray->inv_direction.z));
@@ -59,6 +60,46 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
     slabs.leave = at_origin + pad;
     return slabs;
 }
+
+#ifdef INSTANCES
+// For boxes within an object: of the ray as the rows of an instance take it to the object's coordinates. There t is the same. `reach` is
+// what these rows make of a difference at most, R on an axis, with a quarter to spare; o' and d' are the origin and direction in the
+// object. The pad in the object's units, where the hit's point as computed from o' and d' is off the object's triangle, in EPSILON:
+//   - by what it is off in tracing space, HIT_ERROR D, as far as R takes it;
+//   - by the rounding of the triangle's vertices when they were placed, 3 R Q for coordinates up to Q;
+//   - by the rounding of o', 4 R |o| + 4 R Q, because the rows' summands are no larger than R Q, and by what it leaves out, R |o|;
+//   - by the rounding of d' times t, 4 R D, and by its least value, R D / 4;
+//   - by the slab's own arithmetic as above: 6 (|o'| + X) for boxes that reach to X, and 3 |o'|.
+// So R ((HIT_ERROR + 4.25) D + 5 |o| + 7 Q) + 9 |o'| + 6 X: below R (SLACK / EPSILON D + 8 |o|) + 12 |o'| + blur, where blur is what does
+// not depend on the ray, R (8 Q + LEAST_PAD) + 7 X, with a quarter to spare.
+//
+// From THICKEST on pads may overflow: such a ray meets every box.
+#define TRANSFORM_ERROR (8.0f * EPSILON)
+#define OBJECT_ORIGIN_ERROR (12.0f * EPSILON)
+#define THICKEST 0x1p126f
+
+float instance_inverse(float direction, float least) {
+    return 1.0f / (fabs(direction) >= least ? direction : direction < 0.0f ? -least : least);
+}
+
+Slabs make_instance_slabs(const Ray* ray, float3 low, float3 high, float4 row0, float4 row1, float4 row2, float3 reach, float3 blur) {
+    const float distance = farthest_distance(ray, low, high);
+    const float3 o = ray->origin, d = ray->direction;
+    const float3 origin = (float3)(row_times_point(row0, o), row_times_point(row1, o), row_times_point(row2, o));
+    const float from_ray = fma(SLACK, distance, TRANSFORM_ERROR * max_component(abs3(o)));
+    const float3 thickness = fma3(reach, from_ray, fma3(abs3(origin), OBJECT_ORIGIN_ERROR, blur));
+    if (!(distance < FARTHEST_START && max_component(thickness) < THICKEST)) return all_slabs();
+    Slabs slabs;
+    slabs.inv = (float3)(instance_inverse(row_times_direction(row0, d), reach.x * LEAST_SLAB_DIRECTION),
+                         instance_inverse(row_times_direction(row1, d), reach.y * LEAST_SLAB_DIRECTION),
+                         instance_inverse(row_times_direction(row2, d), reach.z * LEAST_SLAB_DIRECTION));
+    const float3 pad = thickness * abs3(slabs.inv);
+    const float3 at_origin = -(origin * slabs.inv);
+    slabs.enter = at_origin - pad;
+    slabs.leave = at_origin + pad;
+    return slabs;
+}
+#endif
 
 // The same for two boxes at a time, in vectors of four for what has such registers. An interval is written {t_enter, -t_leave}, so that
 // both bounds narrow by fmax(): no number here is NaN.

@@ -9,6 +9,14 @@
 #define BVH_FIRST_MASK 134217727u
 #define BVH_COUNT_SHIFT 27u
 #define BVH_END 4294967295u
+#define BVH_LEAVE 4294967294u
+#define INSTANCE_RECORDS 11u
+#define INSTANCE_TO_WORLD 0u
+#define INSTANCE_TO_OBJECT 3u
+#define INSTANCE_REACH 6u
+#define INSTANCE_BLUR 7u
+#define INSTANCE_NORMALS 8u
+#define NO_MATERIAL 4294967295u
 #define BVH8_NODE_RECORDS 16u
 #define BVH8_LINKS 12u
 #define BVH8_PACKET_RECORDS 18u
@@ -158,7 +166,7 @@ typedef struct {
     float4 high; // High corner of that box; w unused.
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.
-    uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit.
+    uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit; with instances their number.
     uint light_count; // Number of lights that shine.
     uint has_transparent; // 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.
     float scale; // Tracing space = world units times this power of two.

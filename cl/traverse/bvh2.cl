@@ -28,6 +28,33 @@ uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
     return stack[top].link;
 }
 
+// Descends to a leaf, nearer children first, and remembers the far ones. The link of the leaf, or the end.
+uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit, FarChild* stack, uint* stacked,
+                     uint link) {
+    while ((link & BVH_LEAF) == 0u) {
+        COUNT(geometry, STEPS, 1);
+        const float4 xy0 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link));
+        const float4 xy1 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 1u));
+        const float4 zz = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 2u));
+        const int4 links = LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 3u);
+        const float4 limits = (float4)(t_near, -t_limit, t_near, -t_limit);
+        const float4 t = clip_to_pair(pair, limits, xy0, xy1, zz);
+        const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
+        if (meets0 || meets1) {
+            const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
+            link = (uint)(goes_to1 ? links.y : links.x);
+            if (meets0 && meets1) {
+                const FarChild far = {(uint)(goes_to1 ? links.x : links.y), goes_to1 ? t.x : t.z};
+                stack[++*stacked] = far;
+                COUNT_DEEPEST(geometry, *stacked);
+            }
+        } else {
+            link = next_on_stack(stack, stacked, t_limit);
+        }
+    }
+    return link;
+}
+
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
@@ -40,28 +67,7 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        // Descend to a leaf, nearer children first, and remember the far ones.
-        while ((link & BVH_LEAF) == 0u) {
-            COUNT(geometry, STEPS, 1);
-            const float4 xy0 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link));
-            const float4 xy1 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 1u));
-            const float4 zz = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 2u));
-            const int4 links = LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 3u);
-            const float4 limits = (float4)(ray->t_near, -t_limit, ray->t_near, -t_limit);
-            const float4 t = clip_to_pair(&pair, limits, xy0, xy1, zz);
-            const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
-            if (meets0 || meets1) {
-                const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
-                link = (uint)(goes_to1 ? links.y : links.x);
-                if (meets0 && meets1) {
-                    const FarChild far = {(uint)(goes_to1 ? links.x : links.y), goes_to1 ? t.x : t.z};
-                    stack[++stacked] = far;
-                    COUNT_DEEPEST(geometry, stacked);
-                }
-            } else {
-                link = next_on_stack(stack, &stacked, t_limit);
-            }
-        }
+        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;

@@ -44,7 +44,7 @@ float error_rounded(float3 p0, float3 p1, float3 p2) { return point_error(p0, p1
 
 // Tests the triangle of one reference.
 void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
-    const uint primitive = LOAD_REFERENCE(geometry, reference);
+    const uint primitive = PRIMITIVE_OF(geometry, LOAD_REFERENCE(geometry, reference));
     if (primitive == ray->skip) return;
     COUNT(geometry, TESTS, 1);
     TEST(GEOMETRY, ray, primitive, SLOT_OF(reference, primitive), hit);

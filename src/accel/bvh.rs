@@ -110,10 +110,10 @@ impl Bvh {
 }
 
 /// The most triangles: their places in `order` leave room for a count in a packed link.
-pub(super) const MAX_TRIANGLES: usize = (1 << 27) - 16;
+pub(crate) const MAX_TRIANGLES: usize = (1 << 27) - 16;
 
 /// Checks that links can number `count` triangles when they can number `limit`.
-pub(super) fn check_triangle_count(count: usize, limit: usize) -> Result<()> {
+pub(crate) fn check_triangle_count(count: usize, limit: usize) -> Result<()> {
     if count > limit {
         let reason = format!("it has {count} triangles, and a hierarchy of boxes can number {limit}; take --accel kd");
         return Err(Error::Scene(reason));

@@ -9,19 +9,21 @@
 //! link0   link1    0       0
 //!
 //! link:  bit 31 clear   an inner node's number; its first record is four times that
-//!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are
+//!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are; with instances a leaf of none is the
+//!                       instance whose number is one less
 //! ```
 //!
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
 //! ray enters.
 
 use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
-use super::link::{self, NO_CHILD, leaf_link};
+use super::link::{self, NO_CHILD, leaf_link, leaf_range};
 use super::{Aabb, Structure};
 use crate::error::Result;
 use crate::options::{Accel, TraceOptions};
 use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
+use std::ops::Range;
 
 const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
 
@@ -89,6 +91,14 @@ fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NOD
         planes([box0.low.z, box0.high.z, box1.low.z, box1.high.z]),
         KdNode { flags: link0, left: link1, right: 0, split: 0.0 },
     ]
+}
+
+/// Renumbers what links lead to: nodes are `first_node` further on, and leaves have the links that `leaf` makes of their references.
+pub fn move_links(nodes: &mut [KdNode], leaf: impl Fn(Range<usize>) -> u32, first_node: u32) {
+    let links = nodes.chunks_exact_mut(BVH_NODE_RECORDS as usize).map(|records| &mut records[3]);
+    for link in links.flat_map(|record| [&mut record.flags, &mut record.left]).filter(|link| **link != NO_CHILD) {
+        *link = leaf_range(*link).map_or(*link + first_node, &leaf);
+    }
 }
 
 /// How many triangles each leaf has.

@@ -26,7 +26,7 @@ mod validate;
 mod volumes;
 
 pub use bvh::{Bvh, BvhNode, build_bvh};
-pub use bvh2::pack_bvh2;
+pub use bvh2::{move_links, pack_bvh2};
 pub use bvh8::{Bvh8, pack_bvh8};
 pub use cost::Measure;
 pub use grid::build_grid;
@@ -39,7 +39,8 @@ pub use structure::{Structure, StructureStats};
 pub use validate::check_tree;
 pub use volumes::{build_boxes, build_spheres};
 
-pub(crate) use link::leaf_range;
+pub(crate) use bvh::{MAX_TRIANGLES, check_triangle_count};
+pub(crate) use link::{instance_link, instance_of, leaf_link, leaf_range};
 
 use crate::options::{Accel, Build, KdOptions, PacketSize, SplitAxis, Stop, TraceOptions};
 use crate::shared::KdNode;
@@ -113,7 +114,7 @@ impl BuildOptions {
     pub fn of(options: &TraceOptions, triangle_count: usize) -> Self {
         match options.accel {
             Accel::Octree => Self::octree(triangle_count, options.leaf_size, options.max_depth),
-            Accel::Bvh2 | Accel::Bvh8 => Self::bvh(options, triangle_count),
+            Accel::Bvh2 | Accel::Bvh8 | Accel::Instances => Self::bvh(options, triangle_count),
             Accel::Boxes | Accel::Spheres => BuildOptions {
                 leaf_size: options.leaf_size.unwrap_or_else(|| volumes::cluster_size(triangle_count)),
                 ..Self::new(options, triangle_count)

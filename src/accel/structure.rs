@@ -50,7 +50,7 @@ impl StructureStats {
         triangle_count: usize,
     ) -> StructureStats {
         let counts: Vec<u32> = match accel {
-            Accel::Bvh2 => bvh2::leaf_counts(nodes).collect(),
+            Accel::Bvh2 | Accel::Instances => bvh2::leaf_counts(nodes).collect(),
             Accel::Bvh8 => bvh8::leaf_counts(nodes).collect(),
             _ => nodes.iter().filter(|node| node.flags == KD_LEAF).map(|node| node.right).collect(),
         };

@@ -53,6 +53,7 @@ impl Chooser<'_> {
             device,
             triangle_count: Some(triangle_count),
             features: self.pictures.then(|| Features::of_scene(scene)),
+            shared_triangles: scene.instances.triangle_count() - scene.instances.shared_triangle_count(),
         };
         let tuned = self.tuned(triangle_count);
         let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;

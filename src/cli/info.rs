@@ -26,6 +26,8 @@ pub struct InfoArgs {
 #[derive(Serialize)]
 struct SceneInfo {
     triangles: usize,
+    instances: usize,
+    stored_triangles: usize,
     dropped_not_finite: usize,
     dropped_zero_area: usize,
     vertices: usize,
@@ -51,12 +53,14 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     let loaded = open::load(&args.scene.scene, None, talk)?;
     let scene = &loaded.scene;
     let buffers = SceneBuffers::new(scene, &options)?;
-    let reasons: Vec<_> = (0..scene.triangles.len()).filter_map(|i| scene.drop_reason(i)).collect();
+    let reasons: Vec<_> = (0..scene.triangle_count()).filter_map(|i| scene.drop_reason(i)).collect();
     let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
     let (low, high) = scene.bounds().unwrap_or_default();
-    args.explain(&options, scene.triangles.len() - reasons.len(), talk);
+    args.explain(&options, scene.triangle_count() - reasons.len(), talk);
     let info = SceneInfo {
-        triangles: scene.triangles.len(),
+        triangles: scene.triangle_count(),
+        instances: scene.instances.placed().len(),
+        stored_triangles: buffers.shading.len(),
         dropped_not_finite: dropped(DropReason::NotFinite),
         dropped_zero_area: dropped(DropReason::ZeroArea),
         vertices: scene.positions.len(),
@@ -72,7 +76,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         build_s: buffers.build_s,
         device_bytes: buffers.size_bytes(&options),
         structure: (!matches!(options.accel, Accel::Kd | Accel::Brute)).then(|| {
-            let triangle_count = scene.triangles.len() - reasons.len();
+            let triangle_count = scene.triangle_count() - reasons.len();
             StructureStats::new(options.accel, &buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)
         }),
         tree: (options.accel == Accel::Kd).then(|| {

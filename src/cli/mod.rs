@@ -95,7 +95,7 @@ enum Command {
 /// What to trace with.
 #[derive(Args)]
 struct MethodArgs {
-    #[arg(long, help = format!("Structure: {}, or auto: what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU, on the reference kd for 100 to 299999 triangles and bvh2 for fewer or more, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
+    #[arg(long, help = format!("Structure: {}, or auto: what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU, on the reference kd for 100 to 299999 triangles and bvh2 for fewer or more, instances where these share a million triangles, on a GPU 65536, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
     accel: AccelChoice,
     #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
     build: Build,
@@ -243,7 +243,7 @@ impl MethodArgs {
 
 /// Batches of rays on `device` through whatever scene.
 fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
-    Workload { device: device.map(|device| &device.info), triangle_count: None, features: None }
+    Workload { device: device.map(|device| &device.info), triangle_count: None, features: None, shared_triangles: 0 }
 }
 
 /// Where to trace.

@@ -94,7 +94,7 @@ pub fn open(
         eprintln!(
             "{}: {} triangles in {}, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",
             tracer.device_name(),
-            loaded.scene.triangles.len(),
+            loaded.scene.triangle_count(),
             options.accel,
             loaded.load_s,
             buffers.build_s,
@@ -112,7 +112,7 @@ pub fn open(
         build_s: Some(buffers.build_s),
         compile_s: Some(tracer.compile_s()),
         upload_s: Some(tracer.upload_s()),
-        triangle_count: loaded.scene.triangles.len() as u64,
+        triangle_count: loaded.scene.triangle_count() as u64,
         ..RunStats::default()
     };
     Ok(Opened { buffers, tracer, stats })

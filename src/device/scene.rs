@@ -5,9 +5,9 @@ use super::launch::Arguments;
 use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, Kernel, KernelArg};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
+use crate::options::{Accel, Layout, Memory, TraceOptions, TriangleOrder};
 use crate::pack::{CONSTANT_BYTES, CONSTANT_NODES, SceneBuffers};
-use crate::shared::{KdNode, Light, Material, SceneParams, Shading, TextureInfo};
+use crate::shared::{KdNode, Light, Material, SceneParams, TextureInfo};
 use bytemuck::Pod;
 
 /// An array that traversal reads.
@@ -45,7 +45,7 @@ pub(super) struct DeviceScene {
     pub constant_nodes: Option<Buffer<KdNode>>,
     pub surface_vertices: Option<Buffer<Float4>>,
     pub params: Buffer<SceneParams>,
-    pub shading: Buffer<Shading>,
+    pub shading: Buffer<u32>,
     pub materials: Buffer<Material>,
     pub lights: Buffer<Light>,
     pub textures: Buffer<TextureInfo>,
@@ -83,7 +83,7 @@ impl DeviceScene {
             constant_nodes,
             surface_vertices,
             params: Buffer::from_slice(context, "scene parameters", &[buffers.params])?,
-            shading: Buffer::from_slice(context, "shading data", arranged.shading)?,
+            shading: Buffer::from_slice(context, "shading data", &arranged.shading)?,
             materials: Buffer::from_slice(context, "materials", &buffers.materials)?,
             lights: Buffer::from_slice(context, "lights", &buffers.lights)?,
             textures: Buffer::from_slice(context, "textures", &buffers.textures)?,
@@ -129,6 +129,9 @@ impl DeviceScene {
         }
         if options.triangles == TriangleOrder::LeafOrder {
             compile = compile.define("LEAF_ORDER", 1);
+        }
+        if options.accel == Accel::Instances {
+            compile = compile.define("INSTANCES", 1);
         }
         if options.counters {
             compile = compile.define("COUNT_WORK", 1);

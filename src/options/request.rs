@@ -64,7 +64,7 @@ impl fmt::Display for Decision {
 /// use raybrook::options::{Accel, Origin, Request, Workload};
 ///
 /// # fn main() -> raybrook::Result<()> {
-/// let workload = Workload { device: None, triangle_count: Some(5000), features: None };
+/// let workload = Workload { device: None, triangle_count: Some(5000), features: None, shared_triangles: 0 };
 /// let chosen = Request::default().choose(&workload, None)?;
 /// assert_eq!(chosen.options.accel, Accel::Kd); // the reference is fastest so in scenes of this size
 /// assert!(chosen.decisions.iter().all(|decision| decision.origin == Origin::Model));
@@ -137,7 +137,7 @@ impl Request {
     /// [`Error::Option`] as [`TraceOptions::validate`].
     pub fn choose(&self, workload: &Workload, tuned: Option<&TunedChoice>) -> Result<Chosen> {
         let base = self.base();
-        let tuned = tuned.filter(|tuned| self.accepts(tuned));
+        let tuned = tuned.filter(|tuned| self.accepts(tuned) && !workload.is_worth_sharing());
         let mut limit = None;
         let structure = match (self.accel, tuned) {
             (Some(accel), _) => given(accel),
@@ -319,7 +319,7 @@ mod tests {
     const DEFAULT: TraceOptions = TraceOptions::DEFAULT;
 
     fn on(device: Option<&DeviceInfo>) -> Workload<'_> {
-        Workload { device, triangle_count: Some(1000), features: None }
+        Workload { device, triangle_count: Some(1000), features: None, shared_triangles: 0 }
     }
 
     fn cpu() -> DeviceInfo {
@@ -419,7 +419,7 @@ mod tests {
             let names: Vec<_> = decisions.iter().map(|decision| decision.option).collect();
             let expected: &[&str] = match accel {
                 Accel::Kd => &["--leaf-size", "--max-depth", "--cost-traverse", "--cost-intersect", "--empty-bonus"],
-                Accel::Bvh2 | Accel::Bvh8 => {
+                Accel::Bvh2 | Accel::Bvh8 | Accel::Instances => {
                     &["--leaf-size", "--cost-traverse", "--cost-intersect", "--reinsert", "--spatial-splits"]
                 }
                 Accel::Octree => &["--leaf-size", "--max-depth"],

@@ -66,6 +66,10 @@ macro_rules! number {
     };
 }
 
+/// Structures in which every triangle has a place of its own.
+const OWN_TRIANGLES: &[Accel] =
+    &[Accel::Brute, Accel::Kd, Accel::Bvh2, Accel::Bvh8, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
+
 /// Every option of methods.
 pub static OPTIONS: &[MethodOption] = &[
     names!(Accel, accel, Accel::ALL),
@@ -79,23 +83,23 @@ pub static OPTIONS: &[MethodOption] = &[
     number!(
         "--leaf-size",
         leaf_size,
-        &[Accel::Kd, Accel::Bvh2, Accel::Bvh8, Accel::Octree, Accel::Boxes, Accel::Spheres],
+        &[Accel::Kd, Accel::Bvh2, Accel::Bvh8, Accel::Instances, Accel::Octree, Accel::Boxes, Accel::Spheres],
         1
     ),
     number!("--max-depth", max_depth, &[Accel::Kd, Accel::Octree], 1),
-    number!("--reinsert", reinsert, &[Accel::Bvh2, Accel::Bvh8], 1),
-    number!("--spatial-splits", spatial_splits, &[Accel::Bvh2, Accel::Bvh8], 1.0),
+    number!("--reinsert", reinsert, &[Accel::Bvh2, Accel::Bvh8, Accel::Instances], 1),
+    number!("--spatial-splits", spatial_splits, &[Accel::Bvh2, Accel::Bvh8, Accel::Instances], 1.0),
     names!(SplitAxis, kd.split_axis, &[Accel::Kd]),
     number!("--sample-size", kd.sample_size, &[Accel::Kd], 1),
     names!(Stop, kd.stop, &[Accel::Kd]),
-    number!("--cost-traverse", kd.cost_traverse, &[Accel::Kd, Accel::Bvh2, Accel::Bvh8], 1.0),
-    number!("--cost-intersect", kd.cost_intersect, &[Accel::Kd, Accel::Bvh2, Accel::Bvh8], 1.0),
+    number!("--cost-traverse", kd.cost_traverse, &[Accel::Kd, Accel::Bvh2, Accel::Bvh8, Accel::Instances], 1.0),
+    number!("--cost-intersect", kd.cost_intersect, &[Accel::Kd, Accel::Bvh2, Accel::Bvh8, Accel::Instances], 1.0),
     number!("--empty-bonus", kd.empty_bonus, &[Accel::Kd], 1.0),
     number!("--similar-children", kd.similar_children, &[Accel::Kd], 1.0),
     names!(Memory, memory, Accel::ALL),
-    names!(Layout, layout, Accel::ALL),
+    names!(Layout, layout, OWN_TRIANGLES),
     names!(NodeOrder, node_order, &[Accel::Kd]),
-    names!(TriangleOrder, triangles, Accel::ALL),
+    names!(TriangleOrder, triangles, OWN_TRIANGLES),
     names!(Kernels, kernels, Accel::ALL),
     names!(TexturePass, textures, Accel::ALL),
     names!(KernelFeatures, features, Accel::ALL),

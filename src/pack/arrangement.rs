@@ -2,6 +2,7 @@
 //! reads the same numbers from [`SceneBuffers`] itself.
 
 use super::SceneBuffers;
+use crate::features::Feature;
 use crate::layout::Float4;
 use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
 use crate::shared::{KdNode, Shading};
@@ -23,8 +24,9 @@ pub struct Arrangement<'a> {
     pub transforms: Cow<'a, [Float4]>,
     /// In leaf order: three of each triangle, for shading; else empty.
     pub surface_vertices: &'a [Float4],
-    /// One of each triangle; empty with whole triangles.
-    pub shading: &'a [Shading],
+    /// Words of one [`Shading`] of each triangle; or its material alone, where kernels read no more; or none with whole triangles, and where
+    /// there is one material.
+    pub shading: Cow<'a, [u32]>,
     /// The nodes that lie in constant memory: the first of all.
     pub constant_nodes: &'a [KdNode],
     /// Whether the references do.
@@ -66,10 +68,20 @@ impl SceneBuffers {
             vertices,
             transforms,
             surface_vertices: if leaf_order { &self.vertices } else { &[] },
-            shading: if whole { &[] } else { &self.shading },
+            shading: if whole { Cow::Borrowed(&[]) } else { self.shading_words(options) },
             constant_nodes,
             constant_references,
             constant_vertices,
+        }
+    }
+
+    /// What kernels read of the shading data.
+    fn shading_words(&self, options: &TraceOptions) -> Cow<'_, [u32]> {
+        let features = self.features.in_kernels(options.features);
+        match (features.need_shading_data(), features.has(Feature::SeveralMaterials)) {
+            (true, _) => Cow::Borrowed(bytemuck::cast_slice(&self.shading)),
+            (false, true) => self.shading.iter().map(|shading| shading.material).collect(),
+            (false, false) => Cow::Borrowed(&[]),
         }
     }
 
@@ -92,7 +104,7 @@ impl SceneBuffers {
             + size_of_val(arranged.surface_vertices)
             + size_of_val(&self.bounds[..])
             + size_of_val(&arranged.transforms[..])
-            + size_of_val(arranged.shading)
+            + size_of_val(&arranged.shading[..])
             + size_of_val(arranged.constant_nodes)
             + size_of_val(&self.materials[..])
             + size_of_val(&self.lights[..])
@@ -104,6 +116,7 @@ impl SceneBuffers {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::KernelFeatures;
     use crate::scene::{Builder, Material};
 
     fn sphere(fineness: u32, options: &TraceOptions) -> SceneBuffers {
@@ -111,6 +124,27 @@ mod tests {
         builder.material(Material::matt([0.5; 3].into()));
         builder.sphere(1.0, fineness);
         SceneBuffers::new(&builder.finish().unwrap(), options).unwrap()
+    }
+
+    #[test]
+    fn triangles_have_the_shading_data_that_kernels_read() {
+        let options = TraceOptions::DEFAULT;
+        let words = |options: &TraceOptions, build: fn(&mut Builder)| {
+            let mut builder = Builder::new();
+            build(builder.material(Material::matt([0.5; 3].into())).cuboid([1.0; 3].into()));
+            let buffers = SceneBuffers::new(&builder.finish().unwrap(), options).unwrap();
+            let shading = buffers.arrange(options).shading.into_owned();
+            (shading.len() as f32 / buffers.shading.len() as f32, shading.last().copied())
+        };
+        let two: fn(&mut Builder) = |builder| {
+            builder.material(Material::matt([0.1; 3].into())).cuboid([2.0; 3].into());
+        };
+        assert_eq!(words(&options, |_| ()), (0.0, None));
+        assert_eq!(words(&options, two), (1.0, Some(1)));
+        let whole_words = (size_of::<Shading>() / size_of::<u32>()) as f32;
+        assert_eq!(words(&options, |builder| _ = builder.sphere(1.0, 8)).0, whole_words);
+        let all = TraceOptions { features: KernelFeatures::All, ..options };
+        assert_eq!(words(&all, |_| ()).0, whole_words);
     }
 
     #[test]

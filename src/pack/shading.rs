@@ -3,15 +3,15 @@
 use super::textures::pack_textures;
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::scene::{self, Falloff, LightKind, MaterialId, Scene, TextureId};
+use crate::reference::instances::unit_normals;
+use crate::scene::{self, Falloff, LightKind, MaterialId, Scene, TextureId, Triangle};
 use crate::shared::{
     LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material, NO_TEXTURE, Shading, TextureInfo,
 };
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 pub(super) struct ShadingArrays {
-    /// One for each triangle.
-    pub shading: Vec<Shading>,
     pub materials: Vec<Material>,
     pub lights: Vec<Light>,
     pub textures: Vec<TextureInfo>,
@@ -33,7 +33,6 @@ impl ShadingArrays {
         let (textures, texels) = pack_textures(scene, &used_textures, scale)?;
         let lights = scene.shining_lights();
         Ok(ShadingArrays {
-            shading: (0..scene.triangles.len()).map(|i| pack_shading(scene, i, used)).collect(),
             materials: used
                 .iter()
                 .map(|&id| pack_material(&scene.materials[id as usize], scene.ambient, &used_textures))
@@ -51,19 +50,26 @@ fn place_of(id: u32, used: &[u32]) -> u32 {
     used.binary_search(&id).expect("the list has all that are used") as u32
 }
 
-fn pack_shading(scene: &Scene, primitive: usize, used: &[MaterialId]) -> Shading {
-    let triangle = &scene.triangles[primitive];
-    let normal = |corner: usize| {
-        let n = scene.normals.get(triangle.normals[corner] as usize).copied().unwrap_or(Vec3::ZERO);
-        // Unit length, so that interpolation weighs the corners alike; f64 because a float's square may leave float's range.
-        DVec3::from(n).try_normalize().map_or(Vec3::ZERO, DVec3::as_vec3)
-    };
-    let uv = |corner: usize| scene.uvs.get(triangle.uvs[corner] as usize).copied().unwrap_or_default();
-    let mut normals = [normal(0), normal(1), normal(2)];
-    if normals.contains(&Vec3::ZERO) {
-        normals = [Vec3::ZERO; 3]; // a corner without a normal: the whole triangle is flat
-    }
-    let uvs = [uv(0), uv(1), uv(2)];
+/// One for each triangle of a scene without instances. `used`: [`Scene::used_materials`].
+pub(super) fn shading_of(scene: &Scene, used: &[MaterialId]) -> Vec<Shading> {
+    let of = |material| ShadingOf { normals: &scene.normals, uvs: &scene.uvs, material };
+    let pack = |t: &Triangle| pack_shading(t, &of(place_of(t.material, used) as usize), unit_normals);
+    scene.triangles.par_iter().map(pack).collect()
+}
+
+/// What the shading data of a triangle is made of, beside its indices.
+pub(super) struct ShadingOf<'a> {
+    pub normals: &'a [Vec3],
+    pub uvs: &'a [Vec2],
+    /// Place of the material among those that are used.
+    pub material: usize,
+}
+
+/// `normals` makes of the corners' normals as they are given, zero without one, those that are packed.
+pub(super) fn pack_shading(triangle: &Triangle, of: &ShadingOf, normals: impl Fn([Vec3; 3]) -> [Vec3; 3]) -> Shading {
+    let normal = |i: u32| of.normals.get(i as usize).copied().unwrap_or(Vec3::ZERO);
+    let normals = normals(triangle.normals.map(normal));
+    let uvs = triangle.uvs.map(|i| of.uvs.get(i as usize).copied().unwrap_or_default());
     Shading {
         normal0_u0: Float4::new(normals[0], uvs[0].x),
         normal1_u1: Float4::new(normals[1], uvs[1].x),
@@ -71,7 +77,7 @@ fn pack_shading(scene: &Scene, primitive: usize, used: &[MaterialId]) -> Shading
         v0: uvs[0].y,
         v1: uvs[1].y,
         v2: uvs[2].y,
-        material: place_of(triangle.material, used),
+        material: of.material as u32,
     }
 }
 

@@ -1,8 +1,9 @@
 //! Twin of `cl/shared/memory.cl`: what traversals read of the scene, and how that and their work is counted. The rest is there.
 
+use super::instances::{placed_shading, placed_vertices};
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
-use crate::shared::{BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode, WorkCounter};
+use crate::shared::{BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode, Shading, WorkCounter};
 use crate::work::RayWork;
 use glam::Vec3;
 
@@ -68,8 +69,21 @@ pub fn load_reference(buffers: &SceneBuffers, index: usize, work: &mut impl Work
 /// The vertices of a triangle, tracing space, for a test.
 #[inline(always)]
 pub fn load_vertices(buffers: &SceneBuffers, primitive: u32, work: &mut impl Work) -> [Vec3; 3] {
+    if buffers.has_instances() {
+        work.count(WorkCounter::TriangleBytes, 3 * size_of::<Float4>() as u32);
+        return placed_vertices(buffers, primitive);
+    }
     let first = 3 * primitive as usize;
     [0, 1, 2].map(|corner| read(&buffers.vertices, first + corner, WorkCounter::TriangleBytes, work).xyz())
+}
+
+/// The shading data of a triangle.
+#[inline(always)]
+pub fn load_shading(buffers: &SceneBuffers, primitive: u32) -> Shading {
+    match buffers.has_instances() {
+        true => placed_shading(buffers, primitive),
+        false => buffers.shading[primitive as usize],
+    }
 }
 
 /// The precomputed data of a triangle.

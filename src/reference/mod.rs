@@ -7,6 +7,7 @@
 pub mod edges;
 pub mod exact;
 pub mod exact_whole;
+pub mod instances;
 pub mod integer;
 pub mod intersect;
 pub mod light;

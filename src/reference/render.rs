@@ -2,7 +2,7 @@
 
 use super::light::{LightSample, blinn_phong, limit_radiance, sample_light};
 use super::math::{clamp01, fma3, max_component, normalize3};
-use super::memory::Work;
+use super::memory::{Work, load_shading};
 use super::procedural::solid_position;
 use super::ray::Ray;
 use super::surface::{Surface, SurfacePoint, leave_surface, lift_point, surface_at, surface_hit, surface_point};
@@ -48,7 +48,7 @@ impl<W: Work> Pixel<'_, W> {
                 self.count(RayKind::Shadow, false);
                 return tint;
             }
-            let material = &self.buffers.materials[self.buffers.shading[hit.primitive as usize].material as usize];
+            let material = &self.buffers.materials[load_shading(self.buffers, hit.primitive).material as usize];
             if material.transparent == 0 {
                 break;
             }

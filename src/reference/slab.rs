@@ -2,14 +2,21 @@
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x < limit)` is also true for NaN, and that is meant
 
-use super::math::{abs3, fma3, max_or};
+use super::instances::{transform_direction, transform_point};
+use super::math::{abs3, fma3, max_component, max_or};
 use super::ray::{EPSILON, Ray, SLACK};
+use crate::layout::Float4;
+use crate::shared::{INSTANCE_BLUR, INSTANCE_REACH, INSTANCE_TO_OBJECT};
 use glam::Vec3;
 
 const LEAST_SLAB_DIRECTION: f32 = 1.0 / (1u64 << 26) as f32;
 const ORIGIN_ERROR: f32 = 4.0 * EPSILON;
-const LEAST_PAD: f32 = 1.0 / (1u128 << 120) as f32;
+/// A pad at least this thick stays in float32's range.
+pub const LEAST_PAD: f32 = 1.0 / (1u128 << 120) as f32;
 const FARTHEST_START: f32 = (1u128 << 64) as f32;
+const TRANSFORM_ERROR: f32 = 8.0 * EPSILON;
+const OBJECT_ORIGIN_ERROR: f32 = 12.0 * EPSILON;
+const THICKEST: f32 = (1u128 << 126) as f32;
 
 /// Of a ray. The near plane of a slab is the upper one where `inv` < 0.
 #[derive(Debug, Clone, Copy)]
@@ -35,17 +42,48 @@ fn slab_inverse(direction: f32, inv_direction: f32) -> f32 {
 }
 
 impl Slabs {
+    /// Those of a ray that meets every box.
+    const ALL: Slabs = Slabs { inv: Vec3::ZERO, enter: Vec3::NEG_INFINITY, leave: Vec3::INFINITY };
+
     /// For boxes within `low..high`.
     #[inline(always)]
     pub fn new(ray: &Ray, low: Vec3, high: Vec3) -> Slabs {
         let distance = ray.farthest_distance(low, high);
         if !(distance < FARTHEST_START) {
-            return Slabs { inv: Vec3::ZERO, enter: Vec3::NEG_INFINITY, leave: Vec3::INFINITY };
+            return Slabs::ALL;
         }
         let inv = Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], ray.inv_direction[k])));
         let thickness = SLACK.mul_add(distance, LEAST_PAD);
         let pad = fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)) * abs3(inv);
         let at_origin = -(ray.origin * inv);
+        Slabs { inv, enter: at_origin - pad, leave: at_origin + pad }
+    }
+
+    /// For boxes within an object, of whose instance these are the `records`.
+    #[inline(always)]
+    pub fn of_instance(ray: &Ray, low: Vec3, high: Vec3, records: &[Float4]) -> Slabs {
+        let rows = &records[INSTANCE_TO_OBJECT as usize..];
+        let (reach, blur) = (records[INSTANCE_REACH as usize].xyz(), records[INSTANCE_BLUR as usize].xyz());
+        let distance = ray.farthest_distance(low, high);
+        let (origin, direction) = (transform_point(rows, ray.origin), transform_direction(rows, ray.direction));
+        let from_ray = SLACK.mul_add(distance, TRANSFORM_ERROR * max_component(abs3(ray.origin)));
+        let thickness = fma3(reach, from_ray, fma3(abs3(origin), OBJECT_ORIGIN_ERROR, blur));
+        if !(distance < FARTHEST_START && max_component(thickness) < THICKEST) {
+            return Slabs::ALL;
+        }
+        let inv = Vec3::from_array(std::array::from_fn(|k| {
+            let least = reach[k] * LEAST_SLAB_DIRECTION;
+            let d = direction[k];
+            1.0 / if d.abs() >= least {
+                d
+            } else if d < 0.0 {
+                -least
+            } else {
+                least
+            }
+        }));
+        let pad = thickness * abs3(inv);
+        let at_origin = -(origin * inv);
         Slabs { inv, enter: at_origin - pad, leave: at_origin + pad }
     }
 }

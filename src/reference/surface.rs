@@ -2,6 +2,7 @@
 
 use super::exact::weight0_exactly;
 use super::math::{abs3, dot3, max_component, max_or, normalize3};
+use super::memory::load_shading;
 use super::normal::{interpolated_normal, smooth_lift, triangle_normal};
 use super::ray::{Ray, TrianglePoint, point_error, start_on_triangle};
 use super::traverse::vertices;
@@ -90,7 +91,7 @@ pub fn surface_point(buffers: &SceneBuffers, options: &TraceOptions, hit: &Surfa
 /// What a hit is.
 #[inline(always)]
 pub fn surface_at(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &SurfaceHit) -> Surface {
-    let at = &buffers.shading[hit.primitive as usize];
+    let at = load_shading(buffers, hit.primitive);
     let w = (1.0 - hit.u) - hit.v;
     let towards_ray = normalize3(-ray.direction, Vec3::Z);
     let [p0, p1, p2] = vertices(buffers, hit.primitive);

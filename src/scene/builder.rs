@@ -6,8 +6,8 @@
 use super::check::{none_of, value_faults};
 use super::mesh::{Corner, Mesh, sin_cos_degrees};
 use super::{
-    Background, Camera, Light, LightKind, Material, MaterialId, NO_INDEX, PictureDefaults, Scene, Texture, TextureId,
-    Triangle,
+    Background, Camera, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectId, PictureDefaults,
+    Scene, Texture, TextureId, Transform, Triangle,
 };
 use crate::error::Result;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
@@ -63,7 +63,16 @@ pub struct Builder {
     stack: Vec<DAffine3>,
     uv_scale: Option<Vec2>,
     pending: Option<Pending>,
+    outside: Option<Outside>,
     faults: Vec<String>,
+}
+
+/// What waits until an object is ended.
+#[derive(Debug, Clone)]
+struct Outside {
+    transform: DAffine3,
+    /// Lengths of the scene's positions, normals, texture coordinates and triangles before it.
+    lengths: [usize; 4],
 }
 
 /// The vertices since `begin`.
@@ -325,11 +334,15 @@ impl Builder {
     }
 
     /// Adds the triangles of `other` with the current transform and with `material`, or their own materials without one.
-    /// Materials, textures and warnings come along; lights, camera, background and ambient light do not.
+    /// Materials, textures and warnings come along; lights, camera, background and ambient light do not. Instances become triangles.
     pub fn add_scene(&mut self, other: &Scene, material: Option<MaterialId>) -> &mut Self {
         if let Some(id) = material.filter(|&id| id as usize >= self.scene.materials.len()) {
             return self.fail(format!("add_scene: there is no material number {id}"));
         }
+        let other = match other.flattened() {
+            Ok(flat) => flat,
+            Err(error) => return self.fail(error.to_string()),
+        };
         self.scene.warnings.extend_from_slice(&other.warnings);
         let mut own_material: Vec<MaterialId> = Vec::new();
         if material.is_none() {
@@ -348,6 +361,65 @@ impl Builder {
             triangles: other.triangles.iter().map(corners).collect(),
         };
         self.add_geometry(&mesh, |i| material.unwrap_or_else(|| own_material[other.triangles[i].material as usize]))
+    }
+
+    /// Starts an object: what is added up to [`Builder::end_object`] is in its coordinates, and nowhere in the scene before
+    /// [`Builder::instance`] puts it there. Lights that are added meanwhile are the scene's.
+    pub fn begin_object(&mut self) -> &mut Self {
+        if self.outside.is_some() {
+            return self.fail("begin_object: the last one was not ended");
+        }
+        let scene = &self.scene;
+        let lengths = [scene.positions.len(), scene.normals.len(), scene.uvs.len(), scene.triangles.len()];
+        let transform = std::mem::replace(&mut self.transform, DAffine3::IDENTITY);
+        self.outside = Some(Outside { transform, lengths });
+        self
+    }
+
+    /// Ends an object and tells its number. The transform is that of before [`Builder::begin_object`] again.
+    pub fn end_object(&mut self) -> ObjectId {
+        let Some(Outside { transform, lengths: [positions, normals, uvs, triangles] }) = self.outside.take() else {
+            self.fail("end_object: nothing was begun");
+            return 0;
+        };
+        self.transform = transform;
+        let scene = &mut self.scene;
+        let mut object = Object {
+            positions: scene.positions.split_off(positions),
+            normals: scene.normals.split_off(normals),
+            uvs: scene.uvs.split_off(uvs),
+            triangles: scene.triangles.split_off(triangles),
+        };
+        for triangle in &mut object.triangles {
+            let lists =
+                [(&mut triangle.positions, positions), (&mut triangle.normals, normals), (&mut triangle.uvs, uvs)];
+            for (indices, first) in lists {
+                indices.iter_mut().filter(|index| **index != NO_INDEX).for_each(|index| *index -= first as u32);
+            }
+        }
+        scene.instances.add_object(object)
+    }
+
+    /// Puts an object where the current transform says, of one material or, without, of its own ones. The transform is rounded to
+    /// float32 there, and so is every vertex: see [`Transform::point`].
+    pub fn instance(&mut self, object: ObjectId, material: Option<MaterialId>) -> &mut Self {
+        if self.outside.is_some() {
+            return self.fail("instance: an object has no instances");
+        }
+        if let Some(id) = material.filter(|&id| id as usize >= self.scene.materials.len()) {
+            return self.fail(format!("instance: there is no material number {id}"));
+        }
+        let Some(transform) = Transform::new(self.transform) else {
+            return self.fail("instance: the transform flattens space or is not finite in float32");
+        };
+        if let Err(error) = self.scene.instances.add(Instance { object, transform, material }) {
+            let fault = match error {
+                crate::Error::Scene(fault) => fault,
+                other => other.to_string(),
+            };
+            return self.fail(fault);
+        }
+        self
     }
 
     fn current_material(&mut self) -> MaterialId {
@@ -450,6 +522,9 @@ impl Builder {
     pub fn finish(mut self) -> Result<Scene> {
         if self.pending.is_some() {
             self.fail("begin: not ended");
+        }
+        if self.outside.is_some() {
+            self.fail("begin_object: not ended");
         }
         self.faults.extend(value_faults(&self.scene));
         none_of(self.faults).map(|()| self.scene)

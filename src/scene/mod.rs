@@ -8,6 +8,7 @@ mod camera;
 mod check;
 mod file;
 mod height;
+mod instances;
 mod light;
 mod load;
 mod material;
@@ -26,6 +27,8 @@ mod triangulate;
 
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
+pub(crate) use instances::turned;
+pub use instances::{Instance, Instances, Object, ObjectId, Transform};
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
 pub use material::{Material, MaterialId, Toon};
@@ -37,6 +40,7 @@ pub use texture::{Image, Texture, TextureId};
 use crate::error::Result;
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Marks a triangle corner without its own normal or texture coordinates.
 pub const NO_INDEX: u32 = u32::MAX;
@@ -91,8 +95,9 @@ impl PictureDefaults {
 
 /// A scene in world units.
 ///
-/// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated. Triangles that cannot
-/// be hit (NaN, infinite, zero area) stay in the list and keep their number; [`Scene::drop_reason`] tells them.
+/// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated; those of `instances` come behind
+/// them. Triangles that cannot be hit (NaN, infinite, zero area) stay in the list and keep their number; [`Scene::drop_reason`] tells
+/// them.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     /// Vertex positions, world units.
@@ -103,6 +108,8 @@ pub struct Scene {
     pub uvs: Vec<Vec2>,
     /// The triangles, in primitive order.
     pub triangles: Vec<Triangle>,
+    /// Objects that stand in the scene many times.
+    pub instances: Instances,
     /// The materials; triangles refer to them by index.
     pub materials: Vec<Material>,
     /// The textures; materials refer to them by index.
@@ -121,6 +128,12 @@ pub struct Scene {
     pub warnings: Vec<String>,
 }
 
+/// The smallest box around some triangles.
+fn bounds_of_all(triangles: impl ParallelIterator<Item = [Vec3; 3]>) -> Option<(Vec3, Vec3)> {
+    let of_triangle = |[a, b, c]: [Vec3; 3]| (a.min(b).min(c), a.max(b).max(c));
+    triangles.map(of_triangle).reduce_with(|(low, high), other| (low.min(other.0), high.max(other.1)))
+}
+
 /// Why a triangle cannot be hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DropReason {
@@ -130,10 +143,24 @@ pub enum DropReason {
     ZeroArea,
 }
 
+impl DropReason {
+    /// Why a triangle with these vertices can never be hit; see [`Scene::drop_reason`].
+    pub(crate) fn of([a, b, c]: [Vec3; 3]) -> Option<DropReason> {
+        if !(a.is_finite() && b.is_finite() && c.is_finite()) {
+            return Some(DropReason::NotFinite);
+        }
+        let (a, b, c): (DVec3, DVec3, DVec3) = (a.into(), b.into(), c.into());
+        ((b - a).cross(c - a) == DVec3::ZERO).then_some(DropReason::ZeroArea)
+    }
+}
+
 impl Scene {
     /// The three vertices of primitive `primitive`.
     pub fn vertices(&self, primitive: usize) -> [Vec3; 3] {
-        self.triangles[primitive].positions.map(|i| self.positions[i as usize])
+        match self.triangles.get(primitive) {
+            Some(triangle) => triangle.positions.map(|i| self.positions[i as usize]),
+            None => self.instances.vertices(primitive - self.triangles.len()),
+        }
     }
 
     /// Why primitive `primitive` can never be hit, or `None` for a proper triangle.
@@ -141,12 +168,7 @@ impl Scene {
     /// The area is judged in f64, where the products of float32 differences are exact for vertices within 2^28 of each
     /// other in magnitude, so that a thin but proper triangle is not lost.
     pub fn drop_reason(&self, primitive: usize) -> Option<DropReason> {
-        let [a, b, c] = self.vertices(primitive);
-        if !(a.is_finite() && b.is_finite() && c.is_finite()) {
-            return Some(DropReason::NotFinite);
-        }
-        let (a, b, c): (DVec3, DVec3, DVec3) = (a.into(), b.into(), c.into());
-        ((b - a).cross(c - a) == DVec3::ZERO).then_some(DropReason::ZeroArea)
+        DropReason::of(self.vertices(primitive))
     }
 
     /// Checks what a scene may hold: camera, lights, materials, textures, ambient light and background. Loaders and [`Builder`] have
@@ -160,17 +182,30 @@ impl Scene {
 
     /// The primitives that can be hit, in order.
     pub fn hittable(&self) -> Vec<u32> {
-        (0..self.triangles.len()).filter(|&i| self.drop_reason(i).is_none()).map(|i| i as u32).collect()
+        let first = self.triangles.len() as u32;
+        let own = (0..first).into_par_iter().filter(|&i| self.drop_reason(i as usize).is_none());
+        own.chain(self.instances.hittable().map(|(i, _)| first + i)).collect()
     }
 
     /// The materials that triangles have, in order; of others nothing reaches a picture.
     pub fn used_materials(&self) -> Vec<MaterialId> {
         let mut is_used = vec![false; self.materials.len()];
-        for triangle in &self.triangles {
+        let mut uses = |material: MaterialId| {
             // A scene that was not checked may name materials that it has not.
-            if let Some(is_used) = is_used.get_mut(triangle.material as usize) {
+            if let Some(is_used) = is_used.get_mut(material as usize) {
                 *is_used = true;
             }
+        };
+        self.triangles.iter().for_each(|triangle| uses(triangle.material));
+        let mut uses_own = vec![false; self.instances.objects().len()];
+        for instance in self.instances.placed() {
+            match instance.material {
+                Some(material) => uses(material),
+                None => uses_own[instance.object as usize] = true,
+            }
+        }
+        for (object, _) in self.instances.objects().iter().zip(uses_own).filter(|(_, uses_own)| *uses_own) {
+            object.triangles.iter().for_each(|triangle| uses(triangle.material));
         }
         (0..).zip(is_used).filter_map(|(id, is_used)| is_used.then_some(id)).collect()
     }
@@ -182,14 +217,15 @@ impl Scene {
 
     /// The smallest box around all triangles that can be hit: (min, max), or `None` when there is no such triangle.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        self.bounds_of(&self.hittable())
+        let first = self.triangles.len() as u32;
+        let own =
+            (0..first).into_par_iter().map(|i| self.vertices(i as usize)).filter(|&t| DropReason::of(t).is_none());
+        bounds_of_all(own.chain(self.instances.hittable().map(|(_, vertices)| vertices)))
     }
 
     /// The smallest box around `primitives`: (min, max), or `None` when there are none.
     pub fn bounds_of(&self, primitives: &[u32]) -> Option<(Vec3, Vec3)> {
-        let mut corners = primitives.iter().flat_map(|&i| self.vertices(i as usize));
-        let first = corners.next()?;
-        Some(corners.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
+        bounds_of_all(primitives.par_iter().map(|&i| self.vertices(i as usize)))
     }
 
     /// The light of a scene that has none: directional, from above the camera's left shoulder.

@@ -1,7 +1,7 @@
 //! Meshes that the generators of hard cases are made of.
 
 use super::random::Random;
-use crate::scene::{Material, NO_INDEX, Scene, Triangle};
+use crate::scene::{Material, NO_INDEX, Scene, Triangle, turned};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -225,8 +225,19 @@ impl Mesh {
 
 impl From<&Scene> for Mesh {
     fn from(scene: &Scene) -> Mesh {
-        let triangles = scene.triangles.iter().map(|triangle| triangle.positions).collect();
-        Mesh { positions: scene.positions.clone(), triangles }
+        let mut mesh = Mesh {
+            positions: scene.positions.clone(),
+            triangles: scene.triangles.iter().map(|triangle| triangle.positions).collect(),
+        };
+        for instance in scene.instances.placed() {
+            let object = &scene.instances.objects()[instance.object as usize];
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(object.positions.iter().map(|&p| instance.transform.point(p)));
+            let corners =
+                |triangle: &Triangle| turned(triangle.positions, instance.transform.is_mirrored).map(|i| i + first);
+            mesh.triangles.extend(object.triangles.iter().map(corners));
+        }
+        mesh
     }
 }
 

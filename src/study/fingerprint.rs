@@ -1,7 +1,8 @@
 //! Whether a scene is the one that was measured: names and numbers of triangles stay when a model is edited.
 
-use crate::scene::{Scene, Texture};
+use crate::scene::{Scene, Texture, Triangle};
 use crc32fast::Hasher;
+use glam::{Vec2, Vec3};
 use std::fmt::{self, Debug, Write};
 
 /// A checksum of all that a picture of the scene shows.
@@ -9,15 +10,12 @@ pub fn fingerprint(scene: &Scene) -> String {
     let Scene { positions, normals, uvs, triangles, materials, textures, lights, camera, background, ambient, .. } =
         scene;
     let mut sum = Checksum(Hasher::new());
-    for p in positions.iter().chain(normals) {
-        sum.words(p.to_array().map(f32::to_bits));
-    }
-    uvs.iter().for_each(|uv| sum.words(uv.to_array().map(f32::to_bits)));
-    for triangle in triangles {
-        sum.words(triangle.positions);
-        sum.words(triangle.normals);
-        sum.words(triangle.uvs);
-        sum.words([triangle.material]);
+    sum.geometry(positions, normals, uvs, triangles);
+    if !scene.instances.is_empty() {
+        for object in scene.instances.objects() {
+            sum.geometry(&object.positions, &object.normals, &object.uvs, &object.triangles);
+        }
+        sum.text(&scene.instances.placed());
     }
     for texture in textures {
         match texture {
@@ -34,6 +32,19 @@ pub fn fingerprint(scene: &Scene) -> String {
 struct Checksum(Hasher);
 
 impl Checksum {
+    fn geometry(&mut self, positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], triangles: &[Triangle]) {
+        for p in positions.iter().chain(normals) {
+            self.words(p.to_array().map(f32::to_bits));
+        }
+        uvs.iter().for_each(|uv| self.words(uv.to_array().map(f32::to_bits)));
+        for triangle in triangles {
+            self.words(triangle.positions);
+            self.words(triangle.normals);
+            self.words(triangle.uvs);
+            self.words([triangle.material]);
+        }
+    }
+
     fn words<const N: usize>(&mut self, words: [u32; N]) {
         words.iter().for_each(|word| self.0.update(&word.to_le_bytes()));
     }

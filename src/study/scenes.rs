@@ -162,6 +162,33 @@ pub fn glass_still_life(detail: u32) -> Result<Scene> {
     Ok(scene)
 }
 
+/// `count` boulders of 8 * 4^`levels` triangles as instances of one on a floor, turned and between 0.5 and 1.2 of its size.
+///
+/// # Errors
+/// [`Error::Scene`](crate::Error::Scene) for more triangles than a scene holds.
+pub fn boulder_field(levels: u32, count: u32) -> Result<Scene> {
+    let mut random = Random(1980);
+    let mut builder = Builder::new();
+    let side = (f64::from(count).sqrt().ceil() as u32).max(1);
+    let width = 2.2 * side as f32;
+    builder.material(Material::matt(Vec3::new(0.4, 0.45, 0.35)));
+    builder.quad(Vec3::new(-width, -0.9, width), Vec3::X * 2.0 * width, Vec3::NEG_Z * 2.0 * width, 1);
+    let stones = [[0.7, 0.6, 0.5], [0.5, 0.5, 0.55], [0.65, 0.4, 0.3]].map(Vec3::from);
+    let stones = stones.map(|colour| builder.add_material(Material::matt(colour)));
+    builder.begin_object();
+    add_mesh(&mut builder, &boulder_mesh(levels));
+    let boulder = builder.end_object();
+    for i in 0..count {
+        let at = Vec3::new((i % side) as f32, 0.0, (i / side) as f32) - Vec3::new(0.5, 0.0, 0.5) * (side - 1) as f32;
+        builder.push().translate(at * 2.2).rotate(random.direction(), 360.0 * random.unit());
+        builder.scale(Vec3::splat(0.5 + 0.7 * random.unit()));
+        builder.instance(boulder, Some(stones[i as usize % stones.len()])).pop();
+    }
+    let eye = Vec3::new(0.2, 0.35, 0.6) * 2.2 * side as f32 + Vec3::Y * 2.0;
+    builder.camera(Camera { eye, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 });
+    builder.finish()
+}
+
 fn procedural(pattern: Pattern) -> Procedural {
     Procedural {
         pattern,
@@ -186,6 +213,7 @@ mod tests {
     fn scenes_have_as_many_triangles_as_they_say() {
         let count = |scene: Result<Scene>| scene.unwrap().hittable().len();
         assert_eq!([boulder(0), boulder(3), cubes(5), hall(3)].map(count), [8, 512, 60, 868]);
+        assert_eq!(count(boulder_field(2, 10)), 10 * 128 + 2);
         for is_boulder in [false, true] {
             let [without, with] = [false, true].map(|has_plane| count(on_plane(is_boulder, has_plane)));
             assert!((600..800).contains(&without) && with == without + 2, "{without}, {with}");

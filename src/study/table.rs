@@ -149,6 +149,7 @@ columns! {
     "kernel_s": "kernel (s)", "device time of one pass, median";
     "device_bytes": "bytes on the device", "";
     "bytes_per_triangle": "bytes a triangle", "of everything on the device";
+    "stored_triangles": "triangles stored", "of instances one copy of each object, where they stay shared";
     "leaf_size": "most triangles in a leaf", "";
     "max_depth": "deepest leaf", "limit of the tree's depth";
     "stack_size": "entries of the short stack", "";
@@ -187,7 +188,7 @@ columns! {
     "needs": "needs", "the features that its materials, normals and lamps use";
     "features": "features", "of the kernels: the scene's, or all";
     "feature_count": "number of features", "";
-    "unused_bytes": "bytes left out", "of materials and textures that no triangle has";
+    "unused_bytes": "bytes left out", "of materials and textures that no triangle has, and of normals and texture coordinates that nothing reads";
     "time_of_all": "time, of kernels with all features", "one sample a pixel, with the scene's features against all";
     "private_of_all": "private memory, of kernels with all features", "of a work-item";
     "binary_of_all": "binary, of kernels with all features", "";

@@ -8,7 +8,8 @@ use raybrook::options::{Request, Workload};
 fn the_structure_follows_device_and_options() {
     let Some(device) = common::device() else { return };
     let folder = folder();
-    let workload = Workload { device: Some(&device.info), triangle_count: Some(1), features: None };
+    let workload =
+        Workload { device: Some(&device.info), triangle_count: Some(1), features: None, shared_triangles: 0 };
     let fastest = Request::default().choose(&workload, None).unwrap().options.accel.name();
     let index = device.info.index.to_string();
     for (device, arguments, expected) in [

@@ -35,29 +35,7 @@ pub fn traverse_bvh2(
     let mut stacked = 0;
     let mut link = 0;
     loop {
-        while link & BVH_LEAF == 0 {
-            work.count(WorkCounter::Steps, 1);
-            let first = (BVH_NODE_RECORDS * link) as usize;
-            let mut planes = |record: usize| bytemuck::cast(load_node(buffers, first + record, work));
-            let (xy0, xy1, zz) = (planes(0), planes(1), planes(2));
-            let links = load_node(buffers, first + 3, work);
-            let limits = [ray.t_near, -t_limit, ray.t_near, -t_limit];
-            let t = pair.clip(limits, xy0, xy1, zz);
-            let (meets0, meets1) = (t[0] <= -t[1], t[2] <= -t[3]);
-            let (link0, link1) = (links.flags, links.left);
-            if meets0 || meets1 {
-                let goes_to1 = meets1 && (!meets0 || t[2] < t[0]);
-                link = if goes_to1 { link1 } else { link0 };
-                stack[stacked + 1] = match goes_to1 {
-                    true => FarChild { link: link0, t_enter: t[0] },
-                    false => FarChild { link: link1, t_enter: t[2] },
-                };
-                stacked += usize::from(meets0 && meets1);
-                work.count(WorkCounter::DeepestStack, stacked as u32);
-            } else {
-                link = pop(&stack, &mut stacked, t_limit);
-            }
-        }
+        link = descend_to_leaf(buffers, &pair, [ray.t_near, t_limit], &mut stack, &mut stacked, link, work);
         if link == BVH_END {
             return hit;
         }
@@ -70,6 +48,43 @@ pub fn traverse_bvh2(
         t_limit = min_or(hit.t, ray.t_far);
         link = pop(&stack, &mut stacked, t_limit);
     }
+}
+
+/// Descends to a leaf, nearer children first, and remembers the far ones. The link of the leaf, or the end.
+#[inline(always)]
+pub(super) fn descend_to_leaf(
+    buffers: &SceneBuffers,
+    pair: &PairSlabs,
+    [t_near, t_limit]: [f32; 2],
+    stack: &mut [FarChild],
+    stacked: &mut usize,
+    mut link: u32,
+    work: &mut impl Work,
+) -> u32 {
+    let limits = [t_near, -t_limit, t_near, -t_limit];
+    while link & BVH_LEAF == 0 {
+        work.count(WorkCounter::Steps, 1);
+        let first = (BVH_NODE_RECORDS * link) as usize;
+        let mut planes = |record: usize| bytemuck::cast(load_node(buffers, first + record, work));
+        let (xy0, xy1, zz) = (planes(0), planes(1), planes(2));
+        let links = load_node(buffers, first + 3, work);
+        let t = pair.clip(limits, xy0, xy1, zz);
+        let (meets0, meets1) = (t[0] <= -t[1], t[2] <= -t[3]);
+        let (link0, link1) = (links.flags, links.left);
+        if meets0 || meets1 {
+            let goes_to1 = meets1 && (!meets0 || t[2] < t[0]);
+            link = if goes_to1 { link1 } else { link0 };
+            stack[*stacked + 1] = match goes_to1 {
+                true => FarChild { link: link0, t_enter: t[0] },
+                false => FarChild { link: link1, t_enter: t[2] },
+            };
+            *stacked += usize::from(meets0 && meets1);
+            work.count(WorkCounter::DeepestStack, *stacked as u32);
+        } else {
+            link = pop(stack, stacked, t_limit);
+        }
+    }
+    link
 }
 
 /// The next child that is not entered behind the hit, or the end, which is entered before everything.

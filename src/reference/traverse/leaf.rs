@@ -25,17 +25,18 @@ fn test_rounded(
     }
 }
 
-/// Tests the triangle of one reference.
+/// Tests the triangle of one reference, whose number is `to_primitive` further on in the scene.
 #[inline(always)]
 fn test_triangle(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     ray: &Ray,
     reference: usize,
+    to_primitive: u32,
     hit: &mut Hit,
     work: &mut impl Work,
 ) {
-    let primitive = load_reference(buffers, reference, work);
+    let primitive = load_reference(buffers, reference, work).wrapping_add(to_primitive);
     if primitive == ray.skip {
         return;
     }
@@ -57,8 +58,24 @@ pub fn test_triangles(
     hit: &mut Hit,
     work: &mut impl Work,
 ) -> bool {
+    test_triangles_of_instance(buffers, options, ray, references, 0, any_hit, hit, work)
+}
+
+/// The same for references of an object, whose triangles have numbers that are `to_primitive` further on.
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+pub fn test_triangles_of_instance(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    references: Range<usize>,
+    to_primitive: u32,
+    any_hit: bool,
+    hit: &mut Hit,
+    work: &mut impl Work,
+) -> bool {
     for reference in references {
-        test_triangle(buffers, options, ray, reference, hit, work);
+        test_triangle(buffers, options, ray, reference, to_primitive, hit, work);
         if any_hit && hit.primitive != NO_PRIMITIVE {
             return true;
         }

@@ -4,6 +4,7 @@ mod brute_force;
 mod bvh2;
 mod bvh8;
 mod grid;
+mod instances;
 mod kd_push_down;
 mod kd_restart;
 mod kd_ropes;
@@ -16,6 +17,7 @@ mod thesis_restart;
 pub mod volumes;
 
 use super::exact::finish_exactly;
+use super::instances::placed_vertices;
 use super::memory::Work;
 use super::ray::Ray;
 use crate::options::{Accel, Intersector, TraceOptions, Traversal};
@@ -32,6 +34,9 @@ pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PR
 /// The vertices of a triangle, tracing space.
 #[inline(always)]
 pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
+    if buffers.has_instances() {
+        return placed_vertices(buffers, primitive);
+    }
     let first = 3 * primitive as usize;
     [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
 }
@@ -59,6 +64,7 @@ pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_h
     match (options.accel, options.traversal) {
         (Accel::Bvh2, _) => bvh2::traverse_bvh2(buffers, options, ray, any_hit, work),
         (Accel::Bvh8, _) => bvh8::traverse_bvh8(buffers, options, ray, any_hit, work),
+        (Accel::Instances, _) => instances::traverse_instances(buffers, options, ray, any_hit, work),
         (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
         (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
         (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),

@@ -6,13 +6,16 @@ use crate::error::Result;
 use crate::scene::load::{MODELS, ending, load};
 use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::texture::load_texture;
-use crate::scene::{Builder, MAX_SEGMENTS, MaterialId, height};
+use crate::scene::{Builder, MAX_SEGMENTS, MaterialId, ObjectId, height};
 use glam::{Vec2, Vec3};
 use std::collections::hash_map::Entry;
 use toml::de::DeValue;
 
 /// The keys that every object has.
-const COMMON_KEYS: [&str; 6] = ["file", "solid", "material", "translate", "rotate", "scale"];
+const COMMON_KEYS: [&str; 7] = ["file", "solid", "material", "translate", "rotate", "scale", "instances"];
+
+/// The keys of an instance.
+const INSTANCE_KEYS: [&str; 4] = ["material", "translate", "rotate", "scale"];
 
 /// The solids and the keys of each.
 const SOLIDS: [(&str, &[&str]); 8] = [
@@ -37,6 +40,10 @@ impl<'a> Reader<'a> {
         for value in self.array_of_tables(root, "object")? {
             let table = Table::of(self.source, "[[object]]", value)?;
             self.builder.push();
+            let is_shared = table.has("instances");
+            if is_shared {
+                self.builder.begin_object();
+            }
             match (table.text("file")?, table.choice("solid", &SOLIDS.map(|(name, _)| name))?) {
                 (Some(file), None) => {
                     let table = table.allow("an object from a file", &COMMON_KEYS)?;
@@ -61,6 +68,32 @@ impl<'a> Reader<'a> {
             }
             if let Some(fault) = self.builder.take_fault() {
                 return Err(table.error_here(format!("cannot be built: {fault}")));
+            }
+            if is_shared {
+                let object = self.builder.end_object();
+                self.read_instances(&table, object)?;
+            }
+            self.builder.pop();
+        }
+        Ok(())
+    }
+
+    /// Puts an object where `instances` of its table says.
+    fn read_instances(&mut self, table: &Table<'a>, object: ObjectId) -> Result<()> {
+        let Some(value) = table.get("instances") else { return Ok(()) };
+        let name = table.name_of("instances");
+        let entries = value
+            .get_ref()
+            .as_array()
+            .ok_or_else(|| table.wrong_type("instances", "an array of tables", value.get_ref()))?;
+        for entry in entries {
+            let entry = Table::of(self.source, &name, entry)?.allow("an instance", &INSTANCE_KEYS)?;
+            let material = self.object_material(&entry)?;
+            self.builder.push();
+            place(&entry, &mut self.builder)?;
+            self.builder.instance(object, material);
+            if let Some(fault) = self.builder.take_fault() {
+                return Err(entry.error_here(format!("cannot be placed: {fault}")));
             }
             self.builder.pop();
         }

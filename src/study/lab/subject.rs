@@ -158,7 +158,7 @@ impl Subject {
 /// The scene's triangles with their numbers; those that cannot be hit have corners that are no numbers.
 fn mesh_of(scene: &Scene) -> Mesh {
     let mut mesh = Mesh::default();
-    for i in 0..scene.triangles.len() {
+    for i in 0..scene.triangle_count() {
         let corners = scene.vertices(i);
         let can_be_hit = scene.drop_reason(i).is_none();
         mesh.triangle(if can_be_hit { corners } else { [Vec3::NAN; 3] });

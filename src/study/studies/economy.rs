@@ -8,7 +8,7 @@ use super::pareto::fast_options;
 use crate::device::kernel_resources;
 use crate::error::Result;
 use crate::features::Feature;
-use crate::options::{KernelFeatures, PacketSize, TraceOptions};
+use crate::options::{Accel, KernelFeatures, PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::scene::Scene;
 use crate::session::complete;
@@ -72,6 +72,7 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
         pictures.extend(rows);
         kernels.extend(taken);
     }
+    let instances = instances(lab, options)?;
     let shares: Vec<_> = summary.iter().map(|row| (name(row, "scene"), number(row, "rays_at_flip"))).collect();
     let told = shares.iter().map(|(scene, share)| match share {
         Some(share) => format!("{scene}: {:.0} %", 100.0 * share),
@@ -104,9 +105,45 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
             Table::new("saved", "Scenes: what they need, and what that saves", summary),
             table,
             Table::new("kernels", "What the kernel of pictures takes, with the scene's features and with all", kernels),
+            Table::new("instances", "Instances: triangles of their own, or one copy of each object", instances),
         ],
         charts,
     })
+}
+
+/// What it takes to make the triangles of all instances, and to leave them shared: scenes with instances as the structure that is fastest
+/// without them, and as two levels. One sample a pixel; both have the same bits.
+fn instances(lab: &mut Lab, options: TraceOptions) -> Result<Vec<Row>> {
+    let scenes: Vec<_> = match (lab.scenes.is_empty(), lab.quick) {
+        (false, _) => lab.scenes.iter().filter(|(_, scene)| !scene.instances.is_empty()).cloned().collect(),
+        (true, true) => vec![("20 boulders".to_owned(), scenes::boulder_field(2, 20)?)],
+        (true, false) => vec![
+            ("100 boulders".to_owned(), scenes::boulder_field(4, 100)?),
+            ("1000 boulders".to_owned(), scenes::boulder_field(4, 1000)?),
+        ],
+    };
+    let one_by_one = TraceOptions { accel: Accel::Bvh2, packet_size: PacketSize::One, ..options };
+    let shared = TraceOptions { accel: Accel::Instances, ..one_by_one };
+    let mut all = vec![options];
+    all.extend((one_by_one != options).then_some(one_by_one));
+    all.push(shared);
+    let variants: Vec<_> =
+        all.iter().map(|options| PictureVariant::new(options.accel.name(), *options, 1, DEPTH)).collect();
+    let mut rows = Vec::new();
+    for (scene_name, mut scene) in scenes {
+        complete(&mut scene, 1.0);
+        let pictures = lab.pictures(&scene_name, &scene, &variants, None)?;
+        for (mut out, options) in pictures.into_iter().zip(&all) {
+            let buffers = SceneBuffers::new(&scene, options)?;
+            out.extend(row([
+                ("stored_triangles", json!(buffers.shading.len())),
+                ("device_bytes", json!(buffers.size_bytes(options))),
+                ("build_s", json!(buffers.build_s)),
+            ]));
+            rows.push(out);
+        }
+    }
+    Ok(rows)
 }
 
 /// The rows of a scene's pictures.
@@ -197,7 +234,7 @@ fn saved(
         ("feature_count", json!(format!("{} of {}", buffers.features.iter().count(), Feature::ALL.len()))),
         ("method", json!(options.accel.name())),
         ("bytes_per_triangle", json!(buffers.size_bytes(options) as f64 / triangle_count.max(1) as f64)),
-        ("unused_bytes", json!(unused_bytes(scene, buffers))),
+        ("unused_bytes", json!(unused_bytes(scene, buffers, options))),
     ]);
     out.extend(known([
         ("time_of_all", ratio(one, one_all, "seconds")),
@@ -213,9 +250,10 @@ fn saved(
     out
 }
 
-/// Bytes of the scene's materials and textures that no triangle has, as a device would hold them.
-fn unused_bytes(scene: &Scene, buffers: &SceneBuffers) -> usize {
+/// Bytes of the scene's materials and textures that no triangle has, and of shading data that nothing reads, as a device would hold them.
+fn unused_bytes(scene: &Scene, buffers: &SceneBuffers, options: &TraceOptions) -> usize {
     let material_bytes = size_of::<Material>() * (scene.materials.len() - buffers.materials.len());
     let texels: usize = scene.textures.iter().filter_map(|texture| texture.image()).map(|image| image.rgba.len()).sum();
-    material_bytes + size_of::<u32>() * (texels - buffers.texels.len())
+    let shading_bytes = size_of_val(&buffers.shading[..]) - size_of_val(&buffers.arrange(options).shading[..]);
+    material_bytes + size_of::<u32>() * (texels - buffers.texels.len()) + shading_bytes
 }

@@ -1,0 +1,64 @@
+//! Twin of `cl/traverse/instances.cl`. The reasons are there.
+
+use super::NO_HIT;
+use super::bvh2::{FarChild, descend_to_leaf, pop};
+use super::leaf::test_triangles_of_instance;
+use crate::accel::{instance_of, leaf_range};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::reference::instances::{instance_records, to_primitive};
+use crate::reference::math::min_or;
+use crate::reference::memory::Work;
+use crate::reference::ray::Ray;
+use crate::reference::slab::{PairSlabs, Slabs};
+use crate::shared::{BVH_END, BVH_LEAVE, Hit, INSTANCE_REACH, INSTANCE_RECORDS, WorkCounter};
+
+#[inline(always)]
+pub fn traverse_instances(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    any_hit: bool,
+    work: &mut impl Work,
+) -> Hit {
+    let mut hit = NO_HIT;
+    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let outside = PairSlabs::new(&Slabs::new(ray, low, high));
+    let mut pair = outside;
+    let mut inside = 0;
+    let mut t_limit = ray.t_far;
+
+    let mut stack = [FarChild::default(); 2 * TraceOptions::MAX_DEPTH as usize + 2];
+    stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
+    let mut stacked = 0;
+    let mut link = 0;
+    loop {
+        link = descend_to_leaf(buffers, &pair, [ray.t_near, t_limit], &mut stack, &mut stacked, link, work);
+        if link == BVH_END {
+            return hit;
+        }
+        if let Some(instance) = instance_of(link) {
+            stacked += 1;
+            stack[stacked] = FarChild { link: BVH_LEAVE, t_enter: f32::NEG_INFINITY };
+            work.count(WorkCounter::DeepestStack, stacked as u32);
+            work.count(WorkCounter::NodeBytes, INSTANCE_RECORDS * size_of::<crate::layout::Float4>() as u32);
+            let records = instance_records(buffers, instance);
+            pair = PairSlabs::new(&Slabs::of_instance(ray, low, high, records));
+            inside = to_primitive(records);
+            link = records[INSTANCE_REACH as usize].w.to_bits();
+            continue;
+        }
+        if link == BVH_LEAVE {
+            pair = outside;
+        } else {
+            let references = leaf_range(link).expect("the descent ends at a leaf");
+            work.count(WorkCounter::Leaves, 1);
+            work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
+            if test_triangles_of_instance(buffers, options, ray, references, inside, any_hit, &mut hit, work) {
+                return hit;
+            }
+            t_limit = min_or(hit.t, ray.t_far);
+        }
+        link = pop(&stack, &mut stacked, t_limit);
+    }
+}
