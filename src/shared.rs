@@ -123,6 +123,7 @@ methods! {
     /// |---|---|---|---|
     /// | kd-tree | an inner node visited | a leaf visited | far children (`stack`, `short-stack`); else none |
     /// | hierarchy of boxes | an inner node visited, and its children's boxes tested | a leaf visited | far children |
+    /// | instances | the same, of either level | a leaf of an object visited | far children, and for each ray in an instance the way back |
     /// | octree | a child cell tested against the ray | a leaf visited | open nodes |
     /// | grid | a move to the next cell | a cell visited, so with the first one a leaf more than steps | none |
     /// | boxes, spheres | a volume tested | a cluster whose volume was met | none |

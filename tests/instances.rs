@@ -92,12 +92,13 @@ fn rays(scene: &Scene, buffers: &SceneBuffers, count: usize, random: &mut Random
             };
             let origin = match i % 7 {
                 0 => target + Vec3::new(0.0, 3.0, 0.0),
-                1 => random.vec3() * [3e4, 1e30][i / 7 % 2],
+                // Few from so far away that they meet every box.
+                1 => random.vec3() * if i % 448 == 1 { 1e30 } else { 3e4 },
                 2 => target - random.vec3() * 1e-3,
                 _ => random.vec3() * 8.0,
             };
             let direction = if i % 11 == 0 { random.vec3() } else { target - origin };
-            buffers.trace_ray(origin, direction, 0.0, f32::INFINITY)
+            buffers.trace_ray(origin, direction, [0.0, 0.9][i / 3 % 2], f32::INFINITY)
         })
         .collect()
 }
@@ -129,7 +130,7 @@ fn hits_are_those_of_the_flattened_scene() {
     let mut random = Random(SEED);
     let scene = scene(&mut random);
     let flat = scene.flattened().unwrap().into_owned();
-    let made = |buffers: &SceneBuffers| rays(&scene, buffers, 40_000, &mut Random(SEED + 1));
+    let made = |buffers: &SceneBuffers| rays(&scene, buffers, 30_000, &mut Random(SEED + 1));
     for intersector in [
         Intersector::Exact,
         Intersector::Watertight,
@@ -140,7 +141,7 @@ fn hits_are_those_of_the_flattened_scene() {
         let with = |options: TraceOptions| TraceOptions { intersector, ..options };
         let expected = trace(&flat, &with(FLAT), None, &made);
         let hits = expected.0.iter().filter(|hit| hit[3] != u32::MAX).count();
-        assert!((20_000..39_000).contains(&hits), "{hits} hits");
+        assert!((15_000..29_000).contains(&hits), "{hits} hits");
         // Rounded tests hit or miss by the order in which they meet nothing: they agree, too.
         assert_eq!(trace(&scene, &with(INSTANCES), None, &made), expected, "{intersector}, seed {SEED}");
         assert_eq!(trace(&scene, &with(FLAT), None, &made), expected, "{intersector}, flattened by the packer");
@@ -203,7 +204,13 @@ fn sizes_and_odd_transforms_lose_no_hit() {
                 let [a, b, c] = scene.vertices((random.bits() % scene.triangle_count() as u64) as usize);
                 let origin = random.vec3() * 200.0 * unit;
                 let target = a + (b - a) * random.unit() * 0.5 + (c - a) * random.unit() * 0.5;
-                buffers.trace_ray(origin, (target - origin) / unit, 0.0, f32::INFINITY)
+                let t_min = [0.0, 0.5 * unit][random.bits() as usize % 2];
+                if random.bits().is_multiple_of(16) {
+                    // So slightly askew that the direction is lifted, see make_ray().
+                    let along = Vec3::new(1.0, 1e-42, 0.0);
+                    return buffers.trace_ray(target - Vec3::X * unit * 3.0, along * 3.0, t_min, f32::INFINITY);
+                }
+                buffers.trace_ray(origin, (target - origin) / unit, t_min, f32::INFINITY)
             };
             (0..20_000).map(aim).collect()
         };
@@ -211,6 +218,32 @@ fn sizes_and_odd_transforms_lose_no_hit() {
         let hits = expected.0.iter().filter(|hit| hit[3] != u32::MAX).count();
         assert!(hits > 15_000, "objects of {size}, scene of {unit}: {hits} hits");
         assert_eq!(trace(&scene, &INSTANCES, None, &made), expected, "objects of {size}, scene of {unit}, seed {SEED}");
+    }
+}
+
+/// Without normals and textures triangles have no shading data but their materials, or none at all.
+#[test]
+fn flat_instances_have_their_materials() {
+    let Some(device) = device() else { return };
+    for several in [false, true] {
+        let mut builder = Builder::new();
+        let [red, mirror] = [0.0, 0.6].map(|mirror| {
+            builder.add_material(Material { mirror: Vec3::splat(mirror), ..Material::matt(Vec3::new(0.8, 0.3, 0.2)) })
+        });
+        let other = if several { mirror } else { red };
+        let object = builder.use_material(red).begin_object().cuboid(Vec3::ONE).end_object();
+        builder.push().translate(Vec3::Y * -1.5).cuboid(Vec3::new(12.0, 1.0, 12.0)).pop();
+        for (i, material) in [None, Some(other), None, Some(red)].into_iter().enumerate() {
+            builder.push().translate(Vec3::X * (1.5 * i as f32 - 2.0)).rotate(Vec3::ONE, 40.0 * i as f32);
+            builder.instance(object, material).pop();
+        }
+        builder.light(Light::point(Vec3::new(4.0, 12.0, 9.0), Vec3::ONE));
+        builder.camera(Camera { eye: Vec3::new(1.0, 4.0, 9.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 });
+        let scene = builder.finish().unwrap();
+        let expected = picture(&scene.flattened().unwrap(), &FLAT, None);
+        assert_eq!(expected.1[4] > 0, several, "mirrors are seen: {:?}", expected.1);
+        assert_eq!(picture(&scene, &FLAT, Some(&device)), expected);
+        assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected);
     }
 }
 
@@ -241,5 +274,7 @@ fn nothing_and_objects_without_triangles_are_traced() {
         let scene = builder.finish().unwrap();
         let made = |buffers: &SceneBuffers| vec![buffers.trace_ray(Vec3::ZERO, Vec3::X, 0.0, 1.0)];
         assert_eq!(trace(&scene, &INSTANCES, None, &made).2, [false]);
+        let Some(device) = device() else { continue };
+        assert_eq!(trace(&scene, &INSTANCES, Some(&device), &made).2, [false]);
     }
 }

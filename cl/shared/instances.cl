@@ -39,17 +39,19 @@ void place(GEOMETRY_PARAMETERS, uint primitive) {
     placed->row2 = BOUNDS_RECORD(geometry, INSTANCE_RECORDS * instance + INSTANCE_TO_WORLD + 2u);
 }
 
+// No coordinate is a negative zero.
+float3 positive_zeros(float3 v) { return (float3)(positive_zero(v.x), positive_zero(v.y), positive_zero(v.z)); }
+
 float3 placed_vertex(GEOMETRY_PARAMETERS, uint primitive, uint corner) {
     place(GEOMETRY, primitive);
     const Placed* placed = geometry->placed;
     const float3 p = VERTEX_RECORD(geometry, VERTEX_STRIDE * (primitive + placed->to_slot) + corner).xyz;
     const float3 world =
         (float3)(row_times_point(placed->row0, p), row_times_point(placed->row1, p), row_times_point(placed->row2, p));
-    // No coordinate is a negative zero.
-    return fma3(world, geometry->scale, (float3)(0.0f));
+    return positive_zeros(world * geometry->scale);
 }
 
-float3 unit_normal(float3 n) { return normalize3(n, (float3)(0.0f)) + 0.0f; }
+float3 unit_normal(float3 n) { return positive_zeros(normalize3(n, (float3)(0.0f))); }
 bool is_zero3(float3 v) { return v.x == 0.0f && v.y == 0.0f && v.z == 0.0f; }
 
 // A normal of an object as the rows of an instance have it.

@@ -73,10 +73,14 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
 // So R ((HIT_ERROR + 4.25) D + 5 |o| + 7 Q) + 9 |o'| + 6 X: below R (SLACK / EPSILON D + 8 |o|) + 12 |o'| + blur, where blur is what does
 // not depend on the ray, R (8 Q + LEAST_PAD) + 7 X, with a quarter to spare.
 //
-// From THICKEST on pads may overflow: such a ray meets every box.
+// From THICKEST on pads may overflow, and directions, whose components may be 2^60 times as large as those of others (make_ray): such a
+// ray meets every box, and so does one that is no number in the object.
 #define TRANSFORM_ERROR (8.0f * EPSILON)
 #define OBJECT_ORIGIN_ERROR (12.0f * EPSILON)
 #define THICKEST 0x1p126f
+
+// False for NaN.
+bool is_below3(float3 v, float limit) { return v.x < limit && v.y < limit && v.z < limit; }
 
 float instance_inverse(float direction, float least) {
     return 1.0f / (fabs(direction) >= least ? direction : direction < 0.0f ? -least : least);
@@ -86,13 +90,15 @@ Slabs make_instance_slabs(const Ray* ray, float3 low, float3 high, float4 row0, 
     const float distance = farthest_distance(ray, low, high);
     const float3 o = ray->origin, d = ray->direction;
     const float3 origin = (float3)(row_times_point(row0, o), row_times_point(row1, o), row_times_point(row2, o));
+    const float3 direction =
+        (float3)(row_times_direction(row0, d), row_times_direction(row1, d), row_times_direction(row2, d));
     const float from_ray = fma(SLACK, distance, TRANSFORM_ERROR * max_component(abs3(o)));
     const float3 thickness = fma3(reach, from_ray, fma3(abs3(origin), OBJECT_ORIGIN_ERROR, blur));
-    if (!(distance < FARTHEST_START && max_component(thickness) < THICKEST)) return all_slabs();
+    if (!(distance < FARTHEST_START && is_below3(abs3(direction), THICKEST) && is_below3(thickness, THICKEST))) return all_slabs();
     Slabs slabs;
-    slabs.inv = (float3)(instance_inverse(row_times_direction(row0, d), reach.x * LEAST_SLAB_DIRECTION),
-                         instance_inverse(row_times_direction(row1, d), reach.y * LEAST_SLAB_DIRECTION),
-                         instance_inverse(row_times_direction(row2, d), reach.z * LEAST_SLAB_DIRECTION));
+    slabs.inv = (float3)(instance_inverse(direction.x, reach.x * LEAST_SLAB_DIRECTION),
+                         instance_inverse(direction.y, reach.y * LEAST_SLAB_DIRECTION),
+                         instance_inverse(direction.z, reach.z * LEAST_SLAB_DIRECTION));
     const float3 pad = thickness * abs3(slabs.inv);
     const float3 at_origin = -(origin * slabs.inv);
     slabs.enter = at_origin - pad;

@@ -6,7 +6,7 @@ use raybrook::Result;
 use raybrook::accel::{KdTree, StructureStats, TreeStats};
 use raybrook::options::{Accel, Decision, Origin, TraceOptions};
 use raybrook::pack::SceneBuffers;
-use raybrook::scene::DropReason;
+use raybrook::scene::{DropReason, Object};
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -57,15 +57,17 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
     let (low, high) = scene.bounds().unwrap_or_default();
     args.explain(&options, scene.triangle_count() - reasons.len(), talk);
+    let of_objects =
+        |count: fn(&Object) -> usize| -> usize { scene.instances.objects().iter().map(|object| count(object)).sum() };
     let info = SceneInfo {
         triangles: scene.triangle_count(),
         instances: scene.instances.placed().len(),
         stored_triangles: buffers.shading.len(),
         dropped_not_finite: dropped(DropReason::NotFinite),
         dropped_zero_area: dropped(DropReason::ZeroArea),
-        vertices: scene.positions.len(),
-        normals: scene.normals.len(),
-        texture_coordinates: scene.uvs.len(),
+        vertices: scene.positions.len() + of_objects(|object| object.positions.len()),
+        normals: scene.normals.len() + of_objects(|object| object.normals.len()),
+        texture_coordinates: scene.uvs.len() + of_objects(|object| object.uvs.len()),
         materials: scene.materials.len(),
         textures: scene.textures.len(),
         texels: buffers.texels.len(),

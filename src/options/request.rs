@@ -137,7 +137,11 @@ impl Request {
     /// [`Error::Option`] as [`TraceOptions::validate`].
     pub fn choose(&self, workload: &Workload, tuned: Option<&TunedChoice>) -> Result<Chosen> {
         let base = self.base();
-        let tuned = tuned.filter(|tuned| self.accepts(tuned) && !workload.is_worth_sharing());
+        // What else is set may mean nothing to the structure that leaves instances shared.
+        let shares = workload.is_worth_sharing() && base.structure_for(Accel::Instances) == Accel::Instances;
+        let shared_triangles = if shares { workload.shared_triangles } else { 0 };
+        let workload = &Workload { shared_triangles, ..*workload };
+        let tuned = tuned.filter(|tuned| self.accepts(tuned) && (self.accel.is_some() || !shares));
         let mut limit = None;
         let structure = match (self.accel, tuned) {
             (Some(accel), _) => given(accel),
@@ -314,7 +318,7 @@ impl TraceOptions {
 mod tests {
     use super::*;
     use crate::device::{DeviceInfo, DeviceKind, sample_info};
-    use crate::options::{Build, Memory, Traversal};
+    use crate::options::{Build, Memory, Traversal, TriangleOrder};
 
     const DEFAULT: TraceOptions = TraceOptions::DEFAULT;
 
@@ -407,6 +411,29 @@ mod tests {
         assert_eq!(with(sixteen), (Accel::Bvh8, model, given));
         let chosen = default.choose(&on(Some(&cpu)), Some(&tuned)).unwrap();
         assert_eq!(about(&chosen, "--accel").to_string(), "--accel kd: tuned for this device: twice as fast");
+    }
+
+    #[test]
+    fn shared_instances_are_flattened_where_what_is_set_asks_for_it() {
+        let cpu = cpu();
+        let workload = Workload { shared_triangles: 1 << 24, ..on(Some(&cpu)) };
+        let tuned = TunedChoice { accel: Accel::Kd, packet_size: PacketSize::One, reason: "twice as fast".into() };
+        let sixteen = Request { packet_size: Some(PacketSize::Sixteen), ..Request::default() };
+        let leaf_order = rest(TraceOptions { triangles: TriangleOrder::LeafOrder, ..DEFAULT });
+        let kd = Request { accel: Some(Accel::Kd), ..Request::default() };
+        for (request, tuned, expected) in [
+            (Request::default(), None, Accel::Instances),
+            (Request::default(), Some(&tuned), Accel::Instances),
+            (sixteen, None, Accel::Bvh8),
+            (leaf_order, None, Accel::Bvh8),
+            (leaf_order, Some(&tuned), Accel::Kd),
+            (kd, Some(&tuned), Accel::Kd),
+        ] {
+            let chosen = request.choose(&workload, tuned).unwrap();
+            assert_eq!(chosen.options.accel, expected, "{request:?}");
+            let packets = chosen.decisions.iter().find(|decision| decision.option == PacketSize::OPTION).unwrap();
+            assert_eq!(packets.origin == Origin::Tuned, expected == Accel::Kd, "{request:?}");
+        }
     }
 
     /// Every number that a structure reads has a line with the value that its build takes.

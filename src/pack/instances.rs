@@ -50,22 +50,20 @@ struct Mesh {
     triangles: Vec<[Vec3; 3]>,
     /// Normals as they are given, not of unit length.
     shading: Vec<Shading>,
-    /// Those that can be hit.
+    /// Those that can be hit, ascending.
     listed: Vec<u32>,
+    /// The largest coordinates of these.
+    extent: Vec3,
 }
 
 impl Mesh {
-    /// The largest coordinates of what can be hit.
-    fn extent(&self) -> Vec3 {
-        let corners = self.listed.iter().flat_map(|&i| self.triangles[i as usize]);
-        corners.fold(Vec3::ZERO, |extent, p| extent.max(p.abs()))
-    }
-
     /// Whether the same triangles can be hit when `transform` has placed them.
     fn keeps_listed(&self, transform: &Transform) -> bool {
-        let is_hittable = |i: usize| DropReason::of(self.triangles[i].map(|p| transform.point(p))).is_none();
-        let is_listed = |i: usize| self.listed.binary_search(&(i as u32)).is_ok();
-        (0..self.triangles.len()).into_par_iter().all(|i| is_hittable(i) == is_listed(i))
+        let mut listed = self.listed.iter().copied().peekable();
+        (0..).zip(&self.triangles).all(|(i, triangle)| {
+            let is_hittable = DropReason::of(triangle.map(|p| transform.point(p))).is_none();
+            is_hittable == listed.next_if_eq(&i).is_some()
+        })
     }
 }
 
@@ -107,8 +105,11 @@ impl Source<'_> {
             };
             pack_shading(&turned, &of, |normals| normals.map(normal))
         };
-        let listed = (0..triangles.len()).filter(|&i| DropReason::of(triangles[i]).is_none()).map(|i| i as u32);
-        Mesh { shading: self.triangles.par_iter().map(shading).collect(), listed: listed.collect(), triangles }
+        let is_hittable = |&i: &u32| DropReason::of(triangles[i as usize]).is_none();
+        let listed: Vec<u32> = (0..triangles.len() as u32).into_par_iter().filter(is_hittable).collect();
+        let corners = listed.iter().flat_map(|&i| triangles[i as usize]);
+        let extent = corners.fold(Vec3::ZERO, |extent, p| extent.max(p.abs()));
+        Mesh { shading: self.triangles.par_iter().map(shading).collect(), listed, extent, triangles }
     }
 }
 
@@ -156,7 +157,9 @@ impl Inverse {
             rows[k] = [x, y, z, offset[k]].map(|value| value as f32);
             let (epsilon, widest) = (f64::from(EPSILON), REACH_MARGIN * sums[k]);
             reach[k] = (widest as f32).next_up();
-            let needed = widest * (8.0 * epsilon * magnitude + f64::from(LEAST_PAD)) + 7.0 * epsilon * extent[k];
+            // Vertices of the least scenes are placed among subnormal numbers.
+            let least = f64::from(LEAST_PAD) + 4.0 * f64::from(f32::from_bits(1)) * scale;
+            let needed = widest * (8.0 * epsilon * magnitude + least) + 7.0 * epsilon * extent[k];
             blur[k] = (REACH_MARGIN * needed) as f32;
         }
         (rows.as_flattened().iter().all(|x| x.is_finite()) && blur.is_finite()).then_some(Inverse { rows, reach, blur })
@@ -214,7 +217,8 @@ pub(super) fn pack_instances(
         first_primitive += count;
     }
     // One more for what leads back out of an instance, one for the end.
-    let stack_entries = top.depth() + trees.iter().map(Bvh::depth).max().unwrap_or(0) + 2;
+    let deepest = trees.iter().map(Bvh::depth).max().unwrap_or(0);
+    let stack_entries = top.depth().max(1) + deepest.max(1) + 2;
     let corners = meshes.iter().flat_map(|mesh| mesh.triangles.iter().flatten());
     Ok(PackedInstances {
         structure,
@@ -230,7 +234,7 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
     let (mut meshes, mut places) = (Vec::<Mesh>::new(), Vec::new());
     // What is placed beforehand always has an inverse: scenes are never larger than the limits.
     let in_place = |mesh: &Mesh| {
-        Inverse::new(&Transform::IDENTITY, mesh.extent(), scale)
+        Inverse::new(&Transform::IDENTITY, mesh.extent, scale)
             .ok_or_else(|| Error::Scene("it is too large or too small for instances; take another --accel".into()))
     };
     if !scene.triangles.is_empty() {
@@ -239,31 +243,53 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
         places.push(Place { mesh: 0, transform: Transform::IDENTITY, material: None, inverse: in_place(&mesh)? });
         meshes.push(mesh);
     }
-    let mut known = HashMap::new();
-    for &Instance { object: id, transform, material } in scene.instances.placed() {
-        let object = &scene.instances.objects()[id as usize];
-        let source = Source {
+    let source = |instance: &Instance| {
+        let object = &scene.instances.objects()[instance.object as usize];
+        Source {
             positions: &object.positions,
             normals: &object.normals,
             uvs: &object.uvs,
             triangles: &object.triangles,
-        };
-        let shared = *known.entry((id, transform.is_mirrored)).or_insert_with(|| {
-            meshes.push(source.mesh(used, transform.is_mirrored, None));
+        }
+    };
+    let mut known = HashMap::new();
+    let mut shared_mesh = |instance: &Instance| {
+        *known.entry((instance.object, instance.transform.is_mirrored)).or_insert_with(|| {
+            meshes.push(source(instance).mesh(used, instance.transform.is_mirrored, None));
             meshes.len() - 1
-        });
-        let inverse = Inverse::new(&transform, meshes[shared].extent(), scale);
-        let place = match inverse.filter(|_| meshes[shared].keeps_listed(&transform)) {
-            Some(inverse) => Place { mesh: shared, transform, material, inverse },
-            None => {
-                let mesh = source.mesh(used, transform.is_mirrored, Some(&transform));
-                let inverse = in_place(&mesh)?;
-                meshes.push(mesh);
-                Place { mesh: meshes.len() - 1, transform: Transform::IDENTITY, material, inverse }
-            }
-        };
+        })
+    };
+    let placed = scene.instances.placed();
+    let shared: Vec<usize> = placed.iter().map(&mut shared_mesh).collect();
+    // With a mesh of its own where it cannot be shared.
+    let place = |(instance, &mesh): (&Instance, &usize)| {
+        let &Instance { transform, material, .. } = instance;
+        let inverse = Inverse::new(&transform, meshes[mesh].extent, scale);
+        if let Some(inverse) = inverse.filter(|_| meshes[mesh].keeps_listed(&transform)) {
+            return Ok((Place { mesh, transform, material, inverse }, None));
+        }
+        let own = source(instance).mesh(used, transform.is_mirrored, Some(&transform));
+        Ok((Place { mesh, transform: Transform::IDENTITY, material, inverse: in_place(&own)? }, Some(own)))
+    };
+    let each: Vec<(Place, Option<Mesh>)> = placed.par_iter().zip(&shared).map(place).collect::<Result<_>>()?;
+    for (mut place, own) in each {
+        if let Some(own) = own {
+            place.mesh = meshes.len();
+            meshes.push(own);
+        }
         places.push(place);
     }
+    // Not what all instances have a mesh of their own for.
+    let mut is_used = vec![false; meshes.len()];
+    places.iter().for_each(|place| is_used[place.mesh] = true);
+    let mut count = 0;
+    let mut next_number = |&is_used: &bool| {
+        count += usize::from(is_used);
+        count.saturating_sub(1)
+    };
+    let numbers: Vec<usize> = is_used.iter().map(&mut next_number).collect();
+    places.iter_mut().for_each(|place| place.mesh = numbers[place.mesh]);
+    let meshes = meshes.into_iter().zip(is_used).filter_map(|(mesh, is_used)| is_used.then_some(mesh)).collect();
     Ok((meshes, places))
 }
 

@@ -1,6 +1,6 @@
 //! Twin of `cl/shared/instances.cl`: triangles of objects, placed when they are read. The reasons are there.
 
-use super::math::{fma3, normalize3};
+use super::math::normalize3;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
 use crate::shared::{INSTANCE_BLUR, INSTANCE_NORMALS, INSTANCE_RECORDS, INSTANCE_TO_WORLD, NO_MATERIAL, Shading};
@@ -63,8 +63,8 @@ pub fn placed_vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
     let (records, place) = placed_at(buffers, primitive);
     let rows = &records[INSTANCE_TO_WORLD as usize..];
     [0, 1, 2].map(|corner| {
-        let p = transform_point(rows, buffers.vertices[3 * place + corner].xyz());
-        fma3(p, buffers.params.scale, Vec3::ZERO)
+        // No coordinate is a negative zero: the sum of one and zero is not.
+        transform_point(rows, buffers.vertices[3 * place + corner].xyz()) * buffers.params.scale + 0.0
     })
 }
 

@@ -68,7 +68,8 @@ impl Slabs {
         let (origin, direction) = (transform_point(rows, ray.origin), transform_direction(rows, ray.direction));
         let from_ray = SLACK.mul_add(distance, TRANSFORM_ERROR * max_component(abs3(ray.origin)));
         let thickness = fma3(reach, from_ray, fma3(abs3(origin), OBJECT_ORIGIN_ERROR, blur));
-        if !(distance < FARTHEST_START && max_component(thickness) < THICKEST) {
+        let is_below = |v: Vec3| v.x < THICKEST && v.y < THICKEST && v.z < THICKEST;
+        if !(distance < FARTHEST_START && is_below(abs3(direction)) && is_below(thickness)) {
             return Slabs::ALL;
         }
         let inv = Vec3::from_array(std::array::from_fn(|k| {

@@ -71,6 +71,7 @@ pub struct Builder {
 #[derive(Debug, Clone)]
 struct Outside {
     transform: DAffine3,
+    stack: Vec<DAffine3>,
     /// Lengths of the scene's positions, normals, texture coordinates and triangles before it.
     lengths: [usize; 4],
 }
@@ -372,16 +373,20 @@ impl Builder {
         let scene = &self.scene;
         let lengths = [scene.positions.len(), scene.normals.len(), scene.uvs.len(), scene.triangles.len()];
         let transform = std::mem::replace(&mut self.transform, DAffine3::IDENTITY);
-        self.outside = Some(Outside { transform, lengths });
+        self.outside = Some(Outside { transform, stack: std::mem::take(&mut self.stack), lengths });
         self
     }
 
     /// Ends an object and tells its number. The transform is that of before [`Builder::begin_object`] again.
     pub fn end_object(&mut self) -> ObjectId {
-        let Some(Outside { transform, lengths: [positions, normals, uvs, triangles] }) = self.outside.take() else {
+        let Some(Outside { transform, stack, lengths: [positions, normals, uvs, triangles] }) = self.outside.take()
+        else {
             self.fail("end_object: nothing was begun");
             return 0;
         };
+        if !std::mem::replace(&mut self.stack, stack).is_empty() {
+            self.fail("end_object: more pushes than pops in it");
+        }
         self.transform = transform;
         let scene = &mut self.scene;
         let mut object = Object {
@@ -397,7 +402,10 @@ impl Builder {
                 indices.iter_mut().filter(|index| **index != NO_INDEX).for_each(|index| *index -= first as u32);
             }
         }
-        scene.instances.add_object(object)
+        scene.instances.add_object(object).unwrap_or_else(|error| {
+            self.fail(error.to_string());
+            0
+        })
     }
 
     /// Puts an object where the current transform says, of one material or, without, of its own ones. The transform is rounded to

@@ -4,6 +4,7 @@
 
 use super::{Camera, Light, LightKind, Material, Procedural, Scene, Texture, Toon};
 use crate::error::{Error, Result};
+use crate::shared::NO_PRIMITIVE;
 use glam::{DVec3, Vec3};
 
 /// What is wrong with which value.
@@ -27,6 +28,14 @@ pub(super) fn value_faults(scene: &Scene) -> Vec<String> {
         if let Some(t) = m.diffuse_texture.filter(|&t| t as usize >= scene.textures.len()) {
             faults.push(format!("material '{}': there is no texture number {t}", m.name));
         }
+    }
+    if scene.triangle_count() >= NO_PRIMITIVE as usize {
+        faults.push("it has more triangles, of instances and its own, than 32-bit numbers can tell apart".into());
+    }
+    let objects = scene.instances.objects().iter().flat_map(|object| object.triangles.iter().map(|t| t.material));
+    let materials = scene.instances.placed().iter().filter_map(|instance| instance.material).chain(objects);
+    if let Some(id) = materials.into_iter().find(|&id| id as usize >= scene.materials.len()) {
+        faults.push(format!("an instance: there is no material number {id}"));
     }
     for (i, texture) in scene.textures.iter().enumerate() {
         if let Texture::Procedural(procedural) = texture {

@@ -130,9 +130,24 @@ impl Instances {
     }
 
     /// Adds an object, which is nowhere yet.
-    pub fn add_object(&mut self, object: Object) -> ObjectId {
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when a triangle has an index beyond the end of its list.
+    pub fn add_object(&mut self, object: Object) -> Result<ObjectId> {
+        let Object { positions, normals, uvs, triangles } = &object;
+        let is_in = |indices: [u32; 3], list: usize| indices.iter().all(|&i| (i as usize) < list);
+        let is_in_or_none =
+            |indices: [u32; 3], list: usize| indices.iter().all(|&i| i == NO_INDEX || (i as usize) < list);
+        let is_whole = |t: &Triangle| {
+            is_in(t.positions, positions.len())
+                && is_in_or_none(t.normals, normals.len())
+                && is_in_or_none(t.uvs, uvs.len())
+        };
+        if let Some(i) = triangles.iter().position(|triangle| !is_whole(triangle)) {
+            return Err(Error::Scene(format!("object: triangle {i} has an index beyond the end of its list")));
+        }
         self.objects.push(Arc::new(object));
-        (self.objects.len() - 1) as ObjectId
+        Ok((self.objects.len() - 1) as ObjectId)
     }
 
     /// Puts an object somewhere.
@@ -334,8 +349,17 @@ mod tests {
         let place = |object| Instance { object, transform: Transform::IDENTITY, material: None };
         assert!(instances.add(place(0)).unwrap_err().to_string().contains("no object number 0"));
         let positions = vec![Vec3::splat(3e38), Vec3::ZERO, Vec3::X];
-        let id = instances.add_object(Object { positions, ..Object::default() });
+        let id = instances.add_object(Object { positions, ..Object::default() }).unwrap();
         assert!(instances.add(place(id)).unwrap_err().to_string().contains("float32's range"));
         assert!(instances.is_empty());
+        let triangles =
+            vec![Triangle { positions: [0, 1, 2], normals: [NO_INDEX; 3], uvs: [NO_INDEX; 3], material: 0 }];
+        for positions in [vec![Vec3::ZERO; 2], vec![]] {
+            let object = Object { positions, triangles: triangles.clone(), ..Object::default() };
+            assert!(instances.add_object(object).unwrap_err().to_string().contains("triangle 0 has an index"));
+        }
+        let mut scene = two_boxes();
+        scene.materials.truncate(1);
+        assert!(scene.check_values().unwrap_err().to_string().contains("no material number"));
     }
 }
