@@ -84,12 +84,9 @@ impl Features {
             features.add_if(material.toon.is_some(), Feature::Toon);
         }
         features.add_if(used.len() > 1, Feature::SeveralMaterials);
-        let objects = scene.instances.objects().iter().map(|object| &object.triangles);
-        let triangle_lists: Vec<_> = std::iter::once(&scene.triangles).chain(objects).collect();
-        features.add_if(
-            triangle_lists.into_iter().flatten().any(|triangle| !triangle.normals.contains(&NO_INDEX)),
-            Feature::SmoothNormals,
-        );
+        let of_objects = scene.instances.objects().iter().flat_map(|object| &object.triangles);
+        let mut triangles = scene.triangles.iter().chain(of_objects);
+        features.add_if(triangles.any(|triangle| !triangle.normals.contains(&NO_INDEX)), Feature::SmoothNormals);
         for (_, light) in scene.shining_lights() {
             features.add(match light.kind {
                 LightKind::Directional { .. } => Feature::DirectionalLights,

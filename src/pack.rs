@@ -122,12 +122,9 @@ impl SceneBuffers {
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
-        let flat = match options.accel {
-            Accel::Instances => Cow::Borrowed(scene),
-            _ => scene.flattened()?,
-        };
-        let scene = flat.as_ref();
         let is_flat = options.accel != Accel::Instances;
+        let flat = if is_flat { scene.flattened()? } else { Cow::Borrowed(scene) };
+        let scene = flat.as_ref();
         let primitives = if is_flat { scene.hittable() } else { Vec::new() };
         // Without a triangle that can be hit every ray misses; any box will do.
         let bounds = if is_flat { scene.bounds_of(&primitives) } else { scene.bounds() };

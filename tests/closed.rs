@@ -27,7 +27,7 @@ fn meshes() -> Vec<(&'static str, ClosedMesh)> {
     let meshes = [
         ("sphere", Mesh::sphere(3)),
         ("cubes", Mesh::cubes(2)),
-        ("torus", Mesh::from(&torus.finish().unwrap())),
+        ("torus", Mesh::try_from(&torus.finish().unwrap()).unwrap()),
         ("double fan", Mesh::double_fan(6, 0.01)),
         ("tetrahedron", tetrahedron),
         ("offset", Mesh::sphere(2).mapped(|p| p + 1000.0)),
@@ -161,7 +161,9 @@ fn a_ray_that_slipped_through_does_so_again() {
 #[test]
 fn shared_models_are_closed_or_counted() {
     let Some(scenes) = shared("scenes") else { return };
-    let of = |file: &str| ClosedMesh::new(Mesh::from(&load(scenes.join(file)).unwrap())).map(|mesh| mesh.edge_count());
+    let of = |file: &str| {
+        ClosedMesh::new(Mesh::try_from(&load(scenes.join(file)).unwrap()).unwrap()).map(|mesh| mesh.edge_count())
+    };
     for file in ["ply/cube.ply", "ply/sphere.ply", "ply/fuze.ply", "spot/spot.obj", "objects/fandisk.obj"] {
         let triangles = load(scenes.join(file)).unwrap().triangles.len();
         assert_eq!(of(file), Ok(triangles * 3 / 2), "{file}");

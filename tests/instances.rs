@@ -142,7 +142,7 @@ fn hits_are_those_of_the_flattened_scene() {
         let expected = trace(&flat, &with(FLAT), None, &made);
         let hits = expected.0.iter().filter(|hit| hit[3] != u32::MAX).count();
         assert!((15_000..29_000).contains(&hits), "{hits} hits");
-        // Rounded tests hit or miss by the order in which they meet nothing: they agree, too.
+        // Rounded tests see the same vertices, too.
         assert_eq!(trace(&scene, &with(INSTANCES), None, &made), expected, "{intersector}, seed {SEED}");
         assert_eq!(trace(&scene, &with(FLAT), None, &made), expected, "{intersector}, flattened by the packer");
         let Some(device) = device().filter(|_| intersector == Intersector::Exact) else { continue };

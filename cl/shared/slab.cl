@@ -45,20 +45,23 @@ Slabs all_slabs(void) {
     return slabs;
 }
 
+// Those whose planes are `thickness` away from where they are, on both sides.
+Slabs thick_slabs(float3 origin, float3 inv, float3 thickness) {
+    const float3 pad = thickness * abs3(inv);
+    const float3 at_origin = -(origin * inv);
+    const Slabs slabs = {inv, at_origin - pad, at_origin + pad};
+    return slabs;
+}
+
 // For boxes within low..high.
 Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
     const float distance = farthest_distance(ray, low, high);
     if (!(distance < FARTHEST_START)) return all_slabs();
-    Slabs slabs;
-    slabs.inv = (float3)(slab_inverse(ray->direction.x, ray->inv_direction.x),
-                         slab_inverse(ray->direction.y, ray->inv_direction.y),
-                         slab_inverse(ray->direction.z, ray->inv_direction.z));
+    const float3 inv = (float3)(slab_inverse(ray->direction.x, ray->inv_direction.x),
+                                slab_inverse(ray->direction.y, ray->inv_direction.y),
+                                slab_inverse(ray->direction.z, ray->inv_direction.z));
     const float thickness = fma(SLACK, distance, LEAST_PAD);
-    const float3 pad = fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)) * abs3(slabs.inv);
-    const float3 at_origin = -(ray->origin * slabs.inv);
-    slabs.enter = at_origin - pad;
-    slabs.leave = at_origin + pad;
-    return slabs;
+    return thick_slabs(ray->origin, inv, fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)));
 }
 
 #ifdef INSTANCES
@@ -95,15 +98,10 @@ Slabs make_instance_slabs(const Ray* ray, float3 low, float3 high, float4 row0, 
     const float from_ray = fma(SLACK, distance, TRANSFORM_ERROR * max_component(abs3(o)));
     const float3 thickness = fma3(reach, from_ray, fma3(abs3(origin), OBJECT_ORIGIN_ERROR, blur));
     if (!(distance < FARTHEST_START && is_below3(abs3(direction), THICKEST) && is_below3(thickness, THICKEST))) return all_slabs();
-    Slabs slabs;
-    slabs.inv = (float3)(instance_inverse(direction.x, reach.x * LEAST_SLAB_DIRECTION),
-                         instance_inverse(direction.y, reach.y * LEAST_SLAB_DIRECTION),
-                         instance_inverse(direction.z, reach.z * LEAST_SLAB_DIRECTION));
-    const float3 pad = thickness * abs3(slabs.inv);
-    const float3 at_origin = -(origin * slabs.inv);
-    slabs.enter = at_origin - pad;
-    slabs.leave = at_origin + pad;
-    return slabs;
+    const float3 inv = (float3)(instance_inverse(direction.x, reach.x * LEAST_SLAB_DIRECTION),
+                                instance_inverse(direction.y, reach.y * LEAST_SLAB_DIRECTION),
+                                instance_inverse(direction.z, reach.z * LEAST_SLAB_DIRECTION));
+    return thick_slabs(origin, inv, thickness);
 }
 #endif
 

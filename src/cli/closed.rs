@@ -65,7 +65,7 @@ pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode
     let cache = args.device.cache()?;
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
     for path in models {
-        match ClosedMesh::new(Mesh::from(&scene::load(path)?)) {
+        match ClosedMesh::new(Mesh::try_from(&scene::load(path)?)?) {
             Ok(mesh) => closed.push((name_of(path), mesh)),
             Err(why) => not_closed.push((path, why)),
         }

@@ -1,7 +1,7 @@
 //! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the choice together
 //! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
-use super::{Accel, KernelFeatures, PacketSize, SceneSize, TraceOptions};
+use super::{Accel, KernelFeatures, Layout, PacketSize, SceneSize, TraceOptions};
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::features::{Feature, Features};
 use crate::shared::Shading;
@@ -118,8 +118,9 @@ impl TraceOptions {
 const SHADING_BYTES: usize = size_of::<Shading>();
 
 /// What the kernels that shade are made for, where they have just the `features` that the scene needs, and why.
-pub(super) fn kernel_features(features: Features) -> (KernelFeatures, String) {
-    let stays = match (features.need_shading_data(), features.has(Feature::SeveralMaterials)) {
+pub(super) fn kernel_features(features: Features, layout: Layout) -> (KernelFeatures, String) {
+    let has_all = features.need_shading_data() || layout == Layout::Whole;
+    let stays = match (has_all, features.has(Feature::SeveralMaterials)) {
         (true, _) => String::new(),
         (false, true) => format!(", and of {SHADING_BYTES} bytes a triangle for shading all but its material's number"),
         (false, false) => format!(", and {SHADING_BYTES} bytes a triangle for shading"),

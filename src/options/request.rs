@@ -174,7 +174,7 @@ impl Request {
         // The reference has no kernels.
         decisions.extend(workload.features.filter(|_| workload.device.is_some()).map(|features| {
             let features = match options.features {
-                KernelFeatures::Scene => by_model(kernel_features(features)),
+                KernelFeatures::Scene => by_model(kernel_features(features, options.layout)),
                 all => given(all),
             };
             decision(KernelFeatures::OPTION, features)

@@ -279,18 +279,16 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
         }
         places.push(place);
     }
-    // Not what all instances have a mesh of their own for.
-    let mut is_used = vec![false; meshes.len()];
-    places.iter().for_each(|place| is_used[place.mesh] = true);
-    let mut count = 0;
-    let mut next_number = |&is_used: &bool| {
-        count += usize::from(is_used);
-        count.saturating_sub(1)
-    };
-    let numbers: Vec<usize> = is_used.iter().map(&mut next_number).collect();
-    places.iter_mut().for_each(|place| place.mesh = numbers[place.mesh]);
-    let meshes = meshes.into_iter().zip(is_used).filter_map(|(mesh, is_used)| is_used.then_some(mesh)).collect();
-    Ok((meshes, places))
+    Ok((used_meshes(meshes, &mut places), places))
+}
+
+/// The meshes that are somewhere: not what all instances have one of their own in place of.
+fn used_meshes(meshes: Vec<Mesh>, places: &mut [Place]) -> Vec<Mesh> {
+    let mut numbers = vec![None; meshes.len()];
+    places.iter().for_each(|place| numbers[place.mesh] = Some(0));
+    (0..).zip(numbers.iter_mut().flatten()).for_each(|(next, number)| *number = next);
+    places.iter_mut().for_each(|place| place.mesh = numbers[place.mesh].expect("a place has its mesh"));
+    meshes.into_iter().zip(numbers).filter_map(|(mesh, number)| number.map(|_| mesh)).collect()
 }
 
 /// The box around what can be hit of an instance, tracing space, as a triangle.

@@ -3,6 +3,7 @@
 use super::math::normalize3;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
+use crate::scene::{row_times_direction, row_times_point};
 use crate::shared::{INSTANCE_BLUR, INSTANCE_NORMALS, INSTANCE_RECORDS, INSTANCE_TO_WORLD, NO_MATERIAL, Shading};
 use glam::Vec3;
 
@@ -40,22 +41,16 @@ fn placed_at(buffers: &SceneBuffers, primitive: u32) -> (&[Float4], usize) {
     (records, primitive.wrapping_add(number(records, INSTANCE_NORMALS + 2)) as usize)
 }
 
-#[inline(always)]
-fn row_times(row: Float4, v: Vec3) -> f32 {
-    row.x.mul_add(v.x, row.y.mul_add(v.y, row.z.mul_add(v.z, row.w)))
-}
-
 /// Three rows of a transform, applied to a point.
 #[inline(always)]
 pub fn transform_point(rows: &[Float4], p: Vec3) -> Vec3 {
-    Vec3::new(row_times(rows[0], p), row_times(rows[1], p), row_times(rows[2], p))
+    Vec3::from_array([0, 1, 2].map(|k| row_times_point([rows[k].x, rows[k].y, rows[k].z, rows[k].w], p)))
 }
 
 /// The same without the summands.
 #[inline(always)]
 pub fn transform_direction(rows: &[Float4], d: Vec3) -> Vec3 {
-    let times = |row: Float4| row.x.mul_add(d.x, row.y.mul_add(d.y, row.z * d.z));
-    Vec3::new(times(rows[0]), times(rows[1]), times(rows[2]))
+    Vec3::from_array([0, 1, 2].map(|k| row_times_direction([rows[k].x, rows[k].y, rows[k].z], d)))
 }
 
 /// The vertices of a triangle, tracing space.

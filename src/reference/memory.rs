@@ -1,6 +1,6 @@
 //! Twin of `cl/shared/memory.cl`: what traversals read of the scene, and how that and their work is counted. The rest is there.
 
-use super::instances::{placed_shading, placed_vertices};
+use super::instances::{instance_records, placed_shading, placed_vertices};
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
 use crate::shared::{BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode, Shading, WorkCounter};
@@ -52,6 +52,14 @@ pub fn load_bounds(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -
 pub fn load_wide_node<'a>(buffers: &'a SceneBuffers, first: usize, work: &mut impl Work) -> &'a [u32] {
     work.count(WorkCounter::NodeBytes, BVH8_LINKS * size_of::<KdNode>() as u32);
     bytemuck::cast_slice(&buffers.nodes[first..first + BVH8_NODE_RECORDS as usize])
+}
+
+/// The records of the instance that a ray enters, whose box it meets.
+#[inline(always)]
+pub fn load_instance<'a>(buffers: &'a SceneBuffers, instance: u32, work: &mut impl Work) -> &'a [Float4] {
+    let records = instance_records(buffers, instance);
+    work.count(WorkCounter::NodeBytes, size_of_val(records) as u32);
+    records
 }
 
 /// Counts a packet of eight triangles, whose numbers the twin reads elsewhere.

@@ -41,6 +41,12 @@ fn slab_inverse(direction: f32, inv_direction: f32) -> f32 {
     }
 }
 
+#[inline(always)]
+fn instance_inverse(direction: f32, least: f32) -> f32 {
+    let limited = if direction < 0.0 { -least } else { least };
+    1.0 / if direction.abs() >= least { direction } else { limited }
+}
+
 impl Slabs {
     /// Those of a ray that meets every box.
     const ALL: Slabs = Slabs { inv: Vec3::ZERO, enter: Vec3::NEG_INFINITY, leave: Vec3::INFINITY };
@@ -54,8 +60,14 @@ impl Slabs {
         }
         let inv = Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], ray.inv_direction[k])));
         let thickness = SLACK.mul_add(distance, LEAST_PAD);
-        let pad = fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)) * abs3(inv);
-        let at_origin = -(ray.origin * inv);
+        Slabs::thick(ray.origin, inv, fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)))
+    }
+
+    /// Those whose planes are `thickness` away from where they are, on both sides.
+    #[inline(always)]
+    fn thick(origin: Vec3, inv: Vec3, thickness: Vec3) -> Slabs {
+        let pad = thickness * abs3(inv);
+        let at_origin = -(origin * inv);
         Slabs { inv, enter: at_origin - pad, leave: at_origin + pad }
     }
 
@@ -72,20 +84,8 @@ impl Slabs {
         if !(distance < FARTHEST_START && is_below(abs3(direction)) && is_below(thickness)) {
             return Slabs::ALL;
         }
-        let inv = Vec3::from_array(std::array::from_fn(|k| {
-            let least = reach[k] * LEAST_SLAB_DIRECTION;
-            let d = direction[k];
-            1.0 / if d.abs() >= least {
-                d
-            } else if d < 0.0 {
-                -least
-            } else {
-                least
-            }
-        }));
-        let pad = thickness * abs3(inv);
-        let at_origin = -(origin * inv);
-        Slabs { inv, enter: at_origin - pad, leave: at_origin + pad }
+        let inverse = |k: usize| instance_inverse(direction[k], reach[k] * LEAST_SLAB_DIRECTION);
+        Slabs::thick(origin, Vec3::from_array([0, 1, 2].map(inverse)), thickness)
     }
 }
 

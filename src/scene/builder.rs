@@ -9,7 +9,7 @@ use super::{
     Background, Camera, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectId, PictureDefaults,
     Scene, Texture, TextureId, Transform, Triangle,
 };
-use crate::error::Result;
+use crate::error::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
 
 /// How the vertices between [`Builder::begin`] and [`Builder::end`] make triangles.
@@ -96,6 +96,14 @@ impl Builder {
     pub(super) fn fail(&mut self, fault: impl Into<String>) -> &mut Self {
         self.faults.push(fault.into());
         self
+    }
+
+    /// Remembers what is wrong with the scene.
+    fn fail_with(&mut self, error: Error) -> &mut Self {
+        match error {
+            Error::Scene(fault) => self.fail(fault),
+            other => self.fail(other.to_string()),
+        }
     }
 
     /// Takes back the first fault so far, for a caller that can tell where it comes from.
@@ -342,7 +350,7 @@ impl Builder {
         }
         let other = match other.flattened() {
             Ok(flat) => flat,
-            Err(error) => return self.fail(error.to_string()),
+            Err(error) => return self.fail_with(error),
         };
         self.scene.warnings.extend_from_slice(&other.warnings);
         let mut own_material: Vec<MaterialId> = Vec::new();
@@ -403,7 +411,7 @@ impl Builder {
             }
         }
         scene.instances.add_object(object).unwrap_or_else(|error| {
-            self.fail(error.to_string());
+            self.fail_with(error);
             0
         })
     }
@@ -420,14 +428,10 @@ impl Builder {
         let Some(transform) = Transform::new(self.transform) else {
             return self.fail("instance: the transform flattens space or is not finite in float32");
         };
-        if let Err(error) = self.scene.instances.add(Instance { object, transform, material }) {
-            let fault = match error {
-                crate::Error::Scene(fault) => fault,
-                other => other.to_string(),
-            };
-            return self.fail(fault);
+        match self.scene.instances.add(Instance { object, transform, material }) {
+            Ok(()) => self,
+            Err(error) => self.fail_with(error),
         }
-        self
     }
 
     fn current_material(&mut self) -> MaterialId {

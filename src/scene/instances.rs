@@ -74,13 +74,13 @@ impl Transform {
     /// Where a point of the object is in the world.
     #[inline(always)]
     pub fn point(&self, p: Vec3) -> Vec3 {
-        Vec3::from_array(self.rows.map(|[x, y, z, w]| x.mul_add(p.x, y.mul_add(p.y, z.mul_add(p.z, w)))))
+        Vec3::from_array(self.rows.map(|row| row_times_point(row, p)))
     }
 
     /// The direction of a normal in the world.
     #[inline(always)]
     pub fn normal(&self, n: Vec3) -> Vec3 {
-        Vec3::from_array(self.normal_rows.map(|[x, y, z]| x.mul_add(n.x, y.mul_add(n.y, z * n.z))))
+        Vec3::from_array(self.normal_rows.map(|row| row_times_direction(row, n)))
     }
 
     /// The rows without the summands, in f64.
@@ -96,6 +96,18 @@ impl Transform {
         let offset = DVec3::from_array(self.rows.map(|row| f64::from(row[3])));
         (rows, -(inverse * offset))
     }
+}
+
+/// A row of a transform with a summand, applied to a point. Kernels have the same operations: `cl/shared/instances.cl`.
+#[inline(always)]
+pub(crate) fn row_times_point([x, y, z, w]: [f32; 4], p: Vec3) -> f32 {
+    x.mul_add(p.x, y.mul_add(p.y, z.mul_add(p.z, w)))
+}
+
+/// A row without one, applied to a direction.
+#[inline(always)]
+pub(crate) fn row_times_direction([x, y, z]: [f32; 3], d: Vec3) -> f32 {
+    x.mul_add(d.x, y.mul_add(d.y, z * d.z))
 }
 
 fn linear_rows(rows: &[[f32; 4]; 3]) -> [DVec3; 3] {

@@ -27,8 +27,8 @@ mod triangulate;
 
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
-pub(crate) use instances::turned;
 pub use instances::{Instance, Instances, Object, ObjectId, Transform};
+pub(crate) use instances::{row_times_direction, row_times_point, turned};
 pub use light::{Falloff, Light, LightKind};
 pub use load::load;
 pub use material::{Material, MaterialId, Toon};

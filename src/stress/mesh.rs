@@ -1,7 +1,8 @@
 //! Meshes that the generators of hard cases are made of.
 
 use super::random::Random;
-use crate::scene::{Material, NO_INDEX, Scene, Triangle, turned};
+use crate::error::{Error, Result};
+use crate::scene::{Material, NO_INDEX, Scene, Triangle};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -223,21 +224,15 @@ impl Mesh {
     }
 }
 
-impl From<&Scene> for Mesh {
-    fn from(scene: &Scene) -> Mesh {
-        let mut mesh = Mesh {
-            positions: scene.positions.clone(),
-            triangles: scene.triangles.iter().map(|triangle| triangle.positions).collect(),
-        };
-        for instance in scene.instances.placed() {
-            let object = &scene.instances.objects()[instance.object as usize];
-            let first = mesh.positions.len() as u32;
-            mesh.positions.extend(object.positions.iter().map(|&p| instance.transform.point(p)));
-            let corners =
-                |triangle: &Triangle| turned(triangle.positions, instance.transform.is_mirrored).map(|i| i + first);
-            mesh.triangles.extend(object.triangles.iter().map(corners));
-        }
-        mesh
+impl TryFrom<&Scene> for Mesh {
+    type Error = Error;
+
+    /// # Errors
+    /// As [`Scene::flattened`].
+    fn try_from(scene: &Scene) -> Result<Mesh> {
+        let flat = scene.flattened()?;
+        let triangles = flat.triangles.iter().map(|triangle| triangle.positions).collect();
+        Ok(Mesh { positions: flat.positions.clone(), triangles })
     }
 }
 
@@ -276,7 +271,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("mesh.obj");
         std::fs::write(&path, mesh.to_obj()).unwrap();
-        let read = Mesh::from(&crate::scene::load(&path).unwrap());
+        let read = Mesh::try_from(&crate::scene::load(&path).unwrap()).unwrap();
         let bits = |mesh: &Mesh| -> Vec<u32> {
             let corners = (0..mesh.triangles.len()).flat_map(|i| mesh.corners(i));
             corners.flat_map(|p| p.to_array()).map(|x| if x.is_nan() { 0x7fc0_0000 } else { x.to_bits() }).collect()

@@ -37,6 +37,6 @@ impl Replay {
     /// The files cannot be read, or do not hold what they should.
     pub fn read(&self) -> Result<Case> {
         let batch = RayBatch::read(&self.rays)?;
-        Ok(Case::from_batch(Mesh::from(&scene::load(&self.mesh)?), &batch))
+        Ok(Case::from_batch(Mesh::try_from(&scene::load(&self.mesh)?)?, &batch))
     }
 }

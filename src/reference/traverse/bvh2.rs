@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/bvh2.cl`. The reasons are there.
 
 use super::NO_HIT;
-use super::leaf::test_triangles;
+use super::leaf::test_listed;
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -40,9 +40,7 @@ pub fn traverse_bvh2(
             return hit;
         }
         let references = leaf_range(link).expect("the descent ends at a leaf");
-        work.count(WorkCounter::Leaves, 1);
-        work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
-        if test_triangles(buffers, options, ray, references, any_hit, &mut hit, work) {
+        if test_listed(buffers, options, ray, references, 0, any_hit, &mut hit, work) {
             return hit;
         }
         t_limit = min_or(hit.t, ray.t_far);

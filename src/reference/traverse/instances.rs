@@ -2,16 +2,16 @@
 
 use super::NO_HIT;
 use super::bvh2::{FarChild, descend_to_leaf, pop};
-use super::leaf::test_triangles_of_instance;
+use super::leaf::test_listed;
 use crate::accel::{instance_of, leaf_range};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::instances::{instance_records, to_primitive};
+use crate::reference::instances::to_primitive;
 use crate::reference::math::min_or;
-use crate::reference::memory::Work;
+use crate::reference::memory::{Work, load_instance};
 use crate::reference::ray::Ray;
 use crate::reference::slab::{PairSlabs, Slabs};
-use crate::shared::{BVH_END, BVH_LEAVE, Hit, INSTANCE_REACH, INSTANCE_RECORDS, WorkCounter};
+use crate::shared::{BVH_END, BVH_LEAVE, Hit, INSTANCE_REACH, WorkCounter};
 
 #[inline(always)]
 pub fn traverse_instances(
@@ -41,8 +41,7 @@ pub fn traverse_instances(
             stacked += 1;
             stack[stacked] = FarChild { link: BVH_LEAVE, t_enter: f32::NEG_INFINITY };
             work.count(WorkCounter::DeepestStack, stacked as u32);
-            work.count(WorkCounter::NodeBytes, INSTANCE_RECORDS * size_of::<crate::layout::Float4>() as u32);
-            let records = instance_records(buffers, instance);
+            let records = load_instance(buffers, instance, work);
             pair = PairSlabs::new(&Slabs::of_instance(ray, low, high, records));
             inside = to_primitive(records);
             link = records[INSTANCE_REACH as usize].w.to_bits();
@@ -52,9 +51,7 @@ pub fn traverse_instances(
             pair = outside;
         } else {
             let references = leaf_range(link).expect("the descent ends at a leaf");
-            work.count(WorkCounter::Leaves, 1);
-            work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
-            if test_triangles_of_instance(buffers, options, ray, references, inside, any_hit, &mut hit, work) {
+            if test_listed(buffers, options, ray, references, inside, any_hit, &mut hit, work) {
                 return hit;
             }
             t_limit = min_or(hit.t, ray.t_far);

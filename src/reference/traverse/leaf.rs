@@ -47,24 +47,10 @@ fn test_triangle(
     }
 }
 
-/// Tests the triangles of some references. True when that answers the query.
-#[inline(always)]
-pub fn test_triangles(
-    buffers: &SceneBuffers,
-    options: &TraceOptions,
-    ray: &Ray,
-    references: Range<usize>,
-    any_hit: bool,
-    hit: &mut Hit,
-    work: &mut impl Work,
-) -> bool {
-    test_triangles_of_instance(buffers, options, ray, references, 0, any_hit, hit, work)
-}
-
-/// The same for references of an object, whose triangles have numbers that are `to_primitive` further on.
+/// Tests the triangles of some references, whose numbers are `to_primitive` further on. True when that answers the query.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
-pub fn test_triangles_of_instance(
+fn test_references(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     ray: &Ray,
@@ -83,6 +69,38 @@ pub fn test_triangles_of_instance(
     false
 }
 
+/// Tests the triangles of some references. True when that answers the query.
+#[inline(always)]
+pub fn test_triangles(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    references: Range<usize>,
+    any_hit: bool,
+    hit: &mut Hit,
+    work: &mut impl Work,
+) -> bool {
+    test_references(buffers, options, ray, references, 0, any_hit, hit, work)
+}
+
+/// The same for the references of a leaf, of a tree of an object whose triangles have numbers that are `to_primitive` further on.
+#[inline(always)]
+#[expect(clippy::too_many_arguments)]
+pub fn test_listed(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    references: Range<usize>,
+    to_primitive: u32,
+    any_hit: bool,
+    hit: &mut Hit,
+    work: &mut impl Work,
+) -> bool {
+    work.count(WorkCounter::Leaves, 1);
+    work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
+    test_references(buffers, options, ray, references, to_primitive, any_hit, hit, work)
+}
+
 /// The same for the references of a leaf record.
 #[inline(always)]
 pub fn test_leaf(
@@ -94,8 +112,6 @@ pub fn test_leaf(
     hit: &mut Hit,
     work: &mut impl Work,
 ) -> bool {
-    work.count(WorkCounter::Leaves, 1);
-    work.count(WorkCounter::EmptyLeaves, u32::from(leaf.right == 0));
     let references = leaf.left as usize..(leaf.left + leaf.right) as usize;
-    test_triangles(buffers, options, ray, references, any_hit, hit, work)
+    test_listed(buffers, options, ray, references, 0, any_hit, hit, work)
 }
