@@ -12,6 +12,7 @@ macro_rules! kernel_files {
 /// The kernel files of every program, one path a line such as `"cl/shared/types.cl"`, in the order in which they are compiled: a file
 /// uses only what stands above it.
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
+    "cl/shared/internal_begin.cl",
     "cl/shared/types.cl",
     "cl/shared/features.cl",
     "cl/shared/math.cl",
@@ -76,6 +77,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shade/scene.cl",
     "cl/shade/local_light.cl",
     "cl/shade/camera.cl",
+    "cl/shared/internal_end.cl",
 ];
 
 /// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation of the others.
