@@ -283,6 +283,17 @@ methods! {
     }
 }
 
+methods! {
+    /// What colour a ray takes from a texture that is a picture. The same where texels are larger than pixels.
+    pub enum TextureFilter ("--texture-filter") {
+        /// The mean over what the ray stands for, from levels of the texture (Williams 1983; ray cones: Akenine-Möller et al. 2021): does
+        /// not flicker.
+        Footprint = "footprint",
+        /// The colour of a point, between its four texels.
+        Bilinear = "bilinear",
+    }
+}
+
 impl Traversal {
     /// Whether it finds every hit. Only [`Traversal::ThesisRestart`] does not.
     pub fn is_exact(self) -> bool {
@@ -400,6 +411,9 @@ pub struct TraceOptions {
     /// Who evaluates textures; [`TexturePass::HostPass`] only with [`Kernels::Split`].
     #[serde(serialize_with = "as_name")]
     pub textures: TexturePass,
+    /// What colour a ray takes from a texture that is a picture.
+    #[serde(serialize_with = "as_name")]
+    pub texture_filter: TextureFilter,
     /// What the kernels that shade can do.
     #[serde(serialize_with = "as_name")]
     pub features: KernelFeatures,
@@ -450,6 +464,7 @@ impl TraceOptions {
         triangles: TriangleOrder::Indexed,
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
+        texture_filter: TextureFilter::Footprint,
         features: KernelFeatures::Scene,
         terminator: Terminator::Smooth,
         paths_in_flight: None,

@@ -3,6 +3,7 @@
 mod arrangement;
 mod instances;
 mod shading;
+mod texture_levels;
 mod textures;
 mod transforms;
 
@@ -16,10 +17,10 @@ use crate::accel::{
 use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TraceOptions, Traversal};
+use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
-    BVH_NODE_RECORDS, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
+    BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use instances::pack_instances;
@@ -76,6 +77,7 @@ struct MadeFor {
     has_ropes: bool,
     has_packets: bool,
     has_transforms: bool,
+    has_texture_levels: bool,
 }
 
 impl MadeFor {
@@ -86,6 +88,7 @@ impl MadeFor {
             has_ropes: is_kd && options.traversal == Traversal::Ropes,
             has_packets: is_kd && options.packet_size != PacketSize::One,
             has_transforms: options.intersector.needs_transforms(),
+            has_texture_levels: options.texture_filter == TextureFilter::Footprint,
         }
     }
 }
@@ -194,7 +197,8 @@ impl SceneBuffers {
             let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
             (vertices, shading_of(scene, &used), references.len() as u32)
         });
-        let ShadingArrays { materials, lights, textures, texels, brightest } = ShadingArrays::new(scene, &used, scale)?;
+        let ShadingArrays { materials, lights, textures, texels, brightest } =
+            ShadingArrays::new(scene, &used, scale, options.texture_filter)?;
         let features = Features::of_materials(scene, &used);
         Ok(SceneBuffers {
             params: SceneParams {
@@ -249,6 +253,11 @@ impl SceneBuffers {
             (Traversal::OPTION, made.has_ropes || !asked.has_ropes, options.traversal.name()),
             (PacketSize::OPTION, made.has_packets || !asked.has_packets, options.packet_size.name()),
             (Intersector::OPTION, made.has_transforms || !asked.has_transforms, options.intersector.name()),
+            (
+                TextureFilter::OPTION,
+                made.has_texture_levels || !asked.has_texture_levels,
+                options.texture_filter.name(),
+            ),
         ];
         match missing.into_iter().find(|(_, is_there, _)| !is_there) {
             None => Ok(()),
@@ -298,25 +307,29 @@ impl SceneBuffers {
             pixel_height: 2.0 / samples.intervals(height) as f32,
             sample_weight: 1.0 / samples.per_pixel() as f32,
             ray_count: 0,
+            pixel_size: {
+                let side = |half: f64, pixels| 2.0 * half / f64::from(samples.intervals(pixels));
+                (side(half_width, width) * side(half_height, height)).sqrt() as f32
+            },
             pad0: 0,
             pad1: 0,
-            pad2: 0,
         }
     }
 }
 
 /// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre; or
 /// the pixel's upper left corner. Of [`Samples::Error`] the centre.
-pub fn sample_positions(samples: Samples) -> Vec<[f32; 2]> {
+pub fn sample_positions(samples: Samples) -> Vec<CameraSample> {
     if samples == Samples::Corners {
-        return vec![[0.0; 2]];
+        return vec![CameraSample { x: 0.0, y: 0.0, footprint: 1.0 }];
     }
     let count = samples.per_pixel();
+    let footprint = 1.0 / (count as f32).sqrt();
     (0..count)
         .map(|i| {
             let x = (f64::from(i) + 0.5) / f64::from(count);
             let y = f64::from(i.reverse_bits()) / 2f64.powi(32) + 0.5 / f64::from(count.next_power_of_two());
-            [x as f32, y as f32]
+            CameraSample { x: x as f32, y: y as f32, footprint }
         })
         .collect()
 }

@@ -323,8 +323,20 @@ device_struct! {
         pub seed: u32,
         /// Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
         pub in_uv: u32,
-        /// Unused.
-        pub pad: u32,
+        /// Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a ray may want it.
+        pub levels: u32,
+    }
+}
+
+device_struct! {
+    /// A place in a picture through which a camera ray passes.
+    pub struct CameraSample {
+        /// Pixels to the right of its pixel's upper left corner; in a list of rays, of the picture's.
+        pub x: f32,
+        /// Pixels down from there.
+        pub y: f32,
+        /// Side in pixels of the square that the sample stands for.
+        pub footprint: f32,
     }
 }
 
@@ -333,10 +345,10 @@ device_struct! {
     pub struct WaitingRay {
         /// Origin in x, y, z and t_near in w.
         pub origin_t_near: Float4,
-        /// What that leaves out of the origin in x, y, z; w unused.
-        pub origin_low: Float4,
-        /// Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
-        pub start_weights: Float4,
+        /// What that leaves out of the origin in x, y, z and the width of the ray's cone there in w.
+        pub origin_low_width: Float4,
+        /// Where it lies on the triangle, as weights of the vertices, in x, y, z and by how much the cone widens in w.
+        pub start_weights_spread: Float4,
         /// Bits of the direction in x, y, z and the triangle that it starts on in w.
         pub direction_skip: Int4,
         /// Bits of the weight in x, y, z and depth << RAY_KIND_BITS | kind in w.
@@ -396,12 +408,12 @@ device_struct! {
         /// 0, or of a list of camera rays in place of a picture how many there are.
         /// Number i, at `x + width * y` of the film, passes through the position `samples[i]`, in pixels of the picture.
         pub ray_count: u32,
+        /// Side of a pixel at distance 1 in the middle of the picture.
+        pub pixel_size: f32,
         /// Unused.
         pub pad0: u32,
         /// Unused.
         pub pad1: u32,
-        /// Unused.
-        pub pad2: u32,
     }
 }
 
@@ -427,7 +439,7 @@ impl RenderParams {
 }
 
 /// Every shared struct, in the order in which `cl/shared/types.cl` defines them.
-pub const SHARED_STRUCTS: [StructLayout; 16] = [
+pub const SHARED_STRUCTS: [StructLayout; 17] = [
     TraceRay::LAYOUT,
     Hit::LAYOUT,
     SurfaceHit::LAYOUT,
@@ -436,6 +448,7 @@ pub const SHARED_STRUCTS: [StructLayout; 16] = [
     Material::LAYOUT,
     Light::LAYOUT,
     TextureInfo::LAYOUT,
+    CameraSample::LAYOUT,
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
     SplitSlot::LAYOUT,

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
-use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
 
@@ -142,7 +142,7 @@ pub trait Tracer {
     ///
     /// # Errors
     /// The device failed or cannot hold the picture.
-    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult>;
+    fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult>;
 }
 
 impl SceneBuffers {

@@ -11,6 +11,7 @@ use raybrook::options::{Accel, Kernels, PacketSize, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Camera, Samples, Scene, load};
 use raybrook::session::{Picture, complete, open_tracer, render, render_full};
+use raybrook::shared::CameraSample;
 use raybrook::tracer::{RenderResult, Tracer};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -69,9 +70,15 @@ fn error_in_steps(truth: &Film, film: &Film) -> f64 {
 fn samples_cover_a_pixel_evenly_from_any_power_of_four_on() {
     let samples = sample_sequence();
     assert_eq!(samples.len(), MOST_SAMPLES as usize);
-    assert!(samples.iter().flatten().all(|c| (0.0..1.0).contains(c)));
+    assert!(samples.iter().flat_map(|s| [s.x, s.y]).all(|c| (0.0..1.0).contains(&c)));
     let near_middle = |c: f32| (c - 0.5).abs() < 0.02;
-    assert!(samples[0].into_iter().all(near_middle), "{:?}", samples[0]);
+    assert!(near_middle(samples[0].x) && near_middle(samples[0].y), "{:?}", samples[0]);
+    // The first one stands for the pixel, those up to a power of four together for half of it.
+    for (area, new) in
+        [(1.0, 0..1), (0.5 / 4.0, 1..4), (0.5 / 16.0, 4..16), (0.5 / 64.0, 16..64), (0.5 / 256.0, 64..256)]
+    {
+        assert!(samples[new].iter().all(|s| (s.footprint.powi(2) / area - 1.0).abs() < 1e-6));
+    }
     for side in [2, 4, 8, 16] {
         for block in samples.chunks(side * side) {
             // One in each of the rectangles that are side^2 to a pixel, whatever their shape.
@@ -79,7 +86,7 @@ fn samples_cover_a_pixel_evenly_from_any_power_of_four_on() {
                 let rows = side * side / columns;
                 let mut cells: Vec<_> = block
                     .iter()
-                    .map(|[x, y]| (*x * columns as f32) as usize * rows + (*y * rows as f32) as usize)
+                    .map(|s| (s.x * columns as f32) as usize * rows + (s.y * rows as f32) as usize)
                     .collect();
                 cells.sort_unstable();
                 assert_eq!(cells, (0..side * side).collect::<Vec<_>>(), "{columns} x {rows}");
@@ -103,11 +110,12 @@ fn a_list_of_rays_is_what_pictures_are_made_of() {
     let samples = Samples::PerPixel(1);
     let params = ready.buffers.render_params(&ready.picture.camera, ready.picture.size, samples, DEPTH, None);
     for tracer in &mut devices {
-        let at = [0.25, 0.625];
+        let at = CameraSample { x: 0.25, y: 0.625, footprint: 1.0 };
         let picture = tracer.render(&params, &[at], &|_| ()).unwrap();
         // Some pixels in any order, some twice, and no whole number of rows.
         let places: Vec<_> = (0..131).map(|_| (random.below(21), random.below(21))).collect();
-        let positions: Vec<_> = places.iter().map(|&(x, y)| [x as f32 + at[0], y as f32 + at[1]]).collect();
+        let positions: Vec<_> =
+            places.iter().map(|&(x, y)| CameraSample { x: x as f32 + at.x, y: y as f32 + at.y, ..at }).collect();
         let list = tracer.render(&params.of_list(131), &positions, &|_| ()).unwrap();
         assert_eq!((list.film.width, list.film.height), (131, 1));
         assert_eq!(list.counts[0], 131);

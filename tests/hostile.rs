@@ -7,7 +7,7 @@ use common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::device::DeviceHandle;
-use raybrook::options::{Kernels, TraceOptions};
+use raybrook::options::{KernelFeatures, Kernels, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Normals, Pattern, Procedural, Samples,
@@ -200,7 +200,9 @@ fn pixels_are_numbers(renders: u64, device: Option<&DeviceHandle>) {
         let random = &mut Random(SEED + seed);
         let scene = scene(random);
         let kernels = random.pick(Kernels::ALL);
-        let options = TraceOptions { kernels, ..TraceOptions::DEFAULT };
+        // Every scene needs other features, which are compiled for a few.
+        let features = if seed.is_multiple_of(8) { KernelFeatures::Scene } else { KernelFeatures::All };
+        let options = TraceOptions { kernels, features, ..TraceOptions::DEFAULT };
         let buffers = match SceneBuffers::new(&scene, &options) {
             Ok(buffers) => Arc::new(buffers),
             Err(Error::Scene(message)) if message.contains("light ") => continue,

@@ -391,7 +391,8 @@ fn intersector_equals_its_twin(intersector: Intersector) {
 #[test]
 fn procedural_textures_equal_their_twins() {
     let Some(device) = device() else { return };
-    let body = "vstore3(surface_colour((__global const TextureInfo*)in, 0, 0, 0u, in[31], in[32], vload3(0, in + 28)), 0, out);";
+    let body = "const TextureInfo info = *(__global const TextureInfo*)in;
+                vstore3(procedural_colour(&info, in[31], in[32], vload3(0, in + 28)), 0, out);";
     const INPUTS: usize = 36; // a texture, a position, texture coordinates, and three to align the next
     let kinds = [TEXTURE_CHECKER, TEXTURE_NOISE, TEXTURE_MARBLE, TEXTURE_WOOD];
     let mut random = Random(SEED);

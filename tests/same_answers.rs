@@ -40,7 +40,9 @@ use combinations::{go_together, is_robust_enough, kernel_key, product, spread};
 use common::device;
 use models::{Answers, Model, Questions, brute_force, models};
 use raybrook::device::{Cache, DeviceHandle};
-use raybrook::options::{Choice, Intersector, Kernels, Terminator, TraceOptions, Traversal, choices, never_together};
+use raybrook::options::{
+    Choice, Intersector, Kernels, Terminator, TextureFilter, TraceOptions, Traversal, choices, never_together,
+};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZero;
@@ -68,7 +70,7 @@ struct Job {
 struct Comparison {
     models: Vec<Model>,
     /// By model and by what answers may depend on.
-    expected: HashMap<(usize, Intersector, Terminator), Answers>,
+    expected: HashMap<(usize, Intersector, Terminator, TextureFilter), Answers>,
     tally: Mutex<Tally>,
 }
 
@@ -88,19 +90,25 @@ impl Comparison {
     fn new(size: (u32, u32)) -> Comparison {
         let models = models(size);
         let with = |model| {
-            let both = move |test| Terminator::ALL.iter().map(move |&terminator| (model, test, terminator));
-            robust_tests().flat_map(both)
+            let pairs =
+                robust_tests().flat_map(|test| Terminator::ALL.iter().map(move |&terminator| (test, terminator)));
+            pairs.flat_map(move |(test, terminator)| {
+                TextureFilter::ALL.iter().map(move |&f| (model, test, terminator, f))
+            })
         };
-        let keys: Vec<_> = (0..models.len()).flat_map(with).collect();
-        let expected =
-            keys.into_par_iter().map(|key| (key, models[key.0].expected(&brute_force(key.1, key.2)))).collect();
+        // Without textures all filters are one.
+        let is_other = |key: &(usize, _, _, TextureFilter)| key.3 == models[key.0].filter(key.3);
+        let keys: Vec<_> = (0..models.len()).flat_map(with).filter(is_other).collect();
+        let of_key = |key: (usize, _, _, _)| (key, models[key.0].expected(&brute_force(key.1, key.2, key.3)));
+        let expected = keys.into_par_iter().map(of_key).collect();
         Comparison { models, expected, tally: Mutex::default() }
     }
 
     /// Runs a job on a device, or by the twin.
     fn run(&self, job: &Job, device: Option<&DeviceHandle>, cache: Option<&Cache>) {
         let Job { options, model, questions } = *job;
-        let expected = &self.expected[&(model, options.intersector, options.terminator)];
+        let filter = self.models[model].filter(options.texture_filter);
+        let expected = &self.expected[&(model, options.intersector, options.terminator, filter)];
         let model = &self.models[model];
         let (rays, (count, texts)) = match model.answers(device, &options, questions, cache) {
             Ok(got) => (got.rays(), model.compare(expected, &got, questions)),
@@ -253,8 +261,8 @@ fn a_traversal_that_loses_hits_is_seen() {
     let options = TraceOptions { traversal: Traversal::ThesisRestart, ..TraceOptions::DEFAULT };
     let questions = Questions { batches: true, picture: true };
     let got = room.answers(None, &options, questions, None).unwrap();
-    let (count, texts) =
-        room.compare(&room.expected(&brute_force(options.intersector, options.terminator)), &got, questions);
+    let same = brute_force(options.intersector, options.terminator, options.texture_filter);
+    let (count, texts) = room.compare(&room.expected(&same), &got, questions);
     // It loses none from where all planes are ahead: those of the camera.
     let is_seen = |what: &str| texts.iter().any(|text| text.contains(what));
     assert!(

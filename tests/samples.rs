@@ -9,6 +9,7 @@ use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::render::camera_direction;
 use raybrook::scene::{Builder, Camera, Material, Samples, Scene, load};
 use raybrook::session::{Picture, complete, open_tracer, render};
+use raybrook::shared::CameraSample;
 use raybrook::tracer::RenderResult;
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ fn ball() -> Scene {
 fn corner_rays_pass_exactly_through_the_rim() {
     let scene = ball();
     let buffers = SceneBuffers::new(&scene, &TraceOptions::DEFAULT).unwrap();
-    assert_eq!(sample_positions(Samples::Corners), [[0.0, 0.0]]);
+    assert_eq!(sample_positions(Samples::Corners), [CameraSample { x: 0.0, y: 0.0, footprint: 1.0 }]);
     // Towards -z at 90 degrees: x and y of the direction are the place in the picture, within the rounding of tan(45°).
     let params = buffers.render_params(&scene.camera.unwrap(), (513, 513), Samples::Corners, 1, None);
     assert_eq!((params.right.xyz(), params.up.xyz()), (Vec3::X, Vec3::Y));

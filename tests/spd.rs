@@ -13,7 +13,7 @@ use common::{device, shared};
 use glam::{DVec3, Vec3};
 use raybrook::accel::StructureStats;
 use raybrook::device::DeviceHandle;
-use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::options::{Accel, Build, Intersector, KernelFeatures, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::oracle::{Oracle, OracleRay};
 use raybrook::scene::{Samples, Scene, load};
@@ -91,6 +91,8 @@ fn the_eye_sees_what_was_published_with_every_structure() {
             let plain = TraceOptions { accel: options.accel, ..TraceOptions::DEFAULT };
             let device = device.as_ref().filter(|_| options == plain);
             for device in std::iter::once(None).chain(device.map(Some)) {
+                // One kernel for all databases.
+                let options = TraceOptions { features: KernelFeatures::All, ..options };
                 let counts = counts(&scene, &options, device, 1);
                 let place = device.map_or("the twin", |_| "the device");
                 assert_eq!(counts[..2], [u64::from(SIDE * SIDE), eye_hits], "{name} on {place}, {options:?}");
@@ -109,7 +111,10 @@ fn device_and_twin_count_the_same_rays() {
         let count = |scene: &Scene, depth: u32| {
             let twin = counts(scene, &TraceOptions::DEFAULT, None, depth);
             if let Some(device) = &device {
-                assert_eq!(counts(scene, &TraceOptions::DEFAULT, Some(device), depth), twin, "{name}, depth {depth}");
+                // Kernels of their own only for the databases as they are.
+                let features = if depth == DEPTH { KernelFeatures::Scene } else { KernelFeatures::All };
+                let options = TraceOptions { features, ..TraceOptions::DEFAULT };
+                assert_eq!(counts(scene, &options, Some(device), depth), twin, "{name}, depth {depth}");
             }
             RayCounts::from_counters(&twin)
         };

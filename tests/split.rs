@@ -5,7 +5,9 @@ mod common;
 
 use common::{Random, SEED, device};
 use glam::Vec3;
-use raybrook::options::{Accel, Intersector, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder};
+use raybrook::options::{
+    Accel, Intersector, KernelFeatures, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder,
+};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::ray::Ray;
 use raybrook::scene::{
@@ -20,7 +22,9 @@ use std::sync::Arc;
 /// The longest chain of rays of these tests; what tracers are opened for.
 const DEPTH: u32 = 8;
 
-const SPLIT: TraceOptions = TraceOptions { kernels: Kernels::Split, ..TraceOptions::DEFAULT };
+/// With all features, so that all scenes have the same kernels: what is left out of others is the business of `tests/features.rs`.
+const SPLIT: TraceOptions =
+    TraceOptions { kernels: Kernels::Split, features: KernelFeatures::All, ..TraceOptions::DEFAULT };
 
 /// Everything that renders one scene.
 struct Tracers {

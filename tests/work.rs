@@ -182,7 +182,7 @@ fn camera_rays_count_apart_from_all_others() {
     let params = buffers.render_params(&scene.camera.unwrap(), (61, 45), Samples::PerPixel(3), 1, None);
     let samples = raybrook::pack::sample_positions(Samples::PerPixel(3));
     let batch: Vec<_> = (0..61 * 45)
-        .flat_map(|i| samples.iter().map(move |&[x, y]| ((i % 61) as f32 + x, (i / 61) as f32 + y)))
+        .flat_map(|i| samples.iter().map(move |s| ((i % 61) as f32 + s.x, (i / 61) as f32 + s.y)))
         .map(|(x, y)| TraceRay {
             origin_t_min: params.eye,
             direction_t_max: Float4::new(camera_direction(&params, x, y), f32::INFINITY),

@@ -4,9 +4,9 @@
 // so that depth D needs room for D; where nothing is transparent by at most one, so that there is never more than one.
 
 // The light of all lights that the surface sends back along the ray, and what it gives off itself.
-float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* material, float3 view_direction,
-                   uint* counts) {
-    LocalLight light = light_without_lamps(scene, surface, material);
+float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* material, const PendingRay* pending,
+                   float3 view_direction, uint* counts) {
+    LocalLight light = light_without_lamps(SCENE, surface, material, pending, view_direction);
     SurfacePoint start = surface->point;
     lift_point(&start, surface->lift);
     for (uint i = 0; i < light_count(scene); i++) {
@@ -19,11 +19,10 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
 }
 
 // The radiance along one camera ray.
-float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray camera_ray, uint* counts) {
+float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, PendingRay pending, uint* counts) {
     const Geometry* geometry = &scene->geometry;
     WaitingRay stack[MAX_PENDING];
     uint stacked = 0;
-    PendingRay pending = first_of_path(camera_ray);
     float3 radiance = (float3)(0.0f);
     for (;;) {
         const float3 direction = normalize3(pending.ray.direction, (float3)(0.0f));
@@ -33,7 +32,7 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
             SURFACE_HIT(GEOMETRY, &pending.ray, &hit, &at);
             const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
             const Material material = scene->materials[surface.material];
-            radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, direction, counts));
+            radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, &pending, direction, counts));
             if (pending.depth < render->max_depth)
                 stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
         } else {
@@ -47,7 +46,7 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Ray
 // Adds the samples from first_sample to end_sample to the pixels, in the order of their numbers whatever the host does in one launch.
 // Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first; sums until the last sample is there.
 // Work records: two a pixel, of its camera rays and of all others.
-__kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
+__kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,
                      __global float4* restrict film, volatile __global uint* restrict counters,
                      WORK_ARGUMENT DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first,
                      const uint end) {
@@ -65,7 +64,7 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint place = pixel.y * render->width + pixel.x;
     float3 sum = first_sample == 0u ? (float3)(0.0f) : film[place].xyz;
     for (uint s = first_sample; s < end_sample; s++) {
-        sum += radiance_along(SCENE_AT(&scene), render, sample_ray(render, samples, pixel, s), counts);
+        sum += radiance_along(SCENE_AT(&scene), render, first_of_path(render, samples, pixel, s), counts);
     }
     NOTE_DOUBT(item);
     if (IN_DOUBT) return;

@@ -142,7 +142,7 @@ void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* p
         if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
         path->surface = surface_at(GEOMETRY, scene->shading, &path->pending.ray, &at);
         path->material = scene->materials[path->surface.material];
-        path->light = light_without_lamps(scene, &path->surface, &path->material);
+        path->light = light_without_lamps(SCENE, &path->surface, &path->material, &path->pending, path->direction);
         path->start = path->surface.point;
         lift_point(&path->start, path->surface.lift);
     }
@@ -157,7 +157,7 @@ void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* p
 }
 
 // As `render`, for the sixteen items from `first` + 16 times the work-item's number on.
-__kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,
+__kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,
                              __global float4* restrict film, volatile __global uint* restrict counters,
                              DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first, const uint end) {
     const uint item = first + 16u * (uint)get_global_id(0);
@@ -179,7 +179,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
             Path* path = &paths[lane];
             const uint2 pixel = pixel_of_item(render, item + lane);
             path->radiance = (float3)(0.0f);
-            path->pending = first_of_path(sample_ray(render, samples, pixel, s));
+            path->pending = first_of_path(render, samples, pixel, s);
             path->stacked = 0u;
         }
         for (ulong open = inside; open != 0ul;) {

@@ -33,7 +33,7 @@
 // `queue`: slots of this wave. `other_queue`: written by split_camera for the next wave, by split_shade with the hits; the host
 // exchanges the two after split_camera.
 #define SPLIT_ARGUMENTS                                                                                                 \
-    SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const float2* restrict samples,             \
+    SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,             \
         __global float4* restrict film, volatile __global uint* restrict counters, __global SplitSlot* restrict slots,  \
         __global WaitingRay* restrict rays, __global SurfaceHit* restrict hits, __global SplitSurface* restrict surfaces,        \
         __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
@@ -118,7 +118,7 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     if (wants_path && path < batch_pixels * render->sample_count) {
         const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
         const uint2 at = (uint2)(pixel % render->width, pixel / render->width);
-        const PendingRay pending = first_of_path(sample_ray(render, samples, at, path / batch_pixels));
+        const PendingRay pending = first_of_path(render, samples, at, path / batch_pixels);
         WaitingRay waiting;
         store_pending(&pending, &waiting);
         rays[slot] = waiting;
@@ -184,8 +184,11 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
     const uint place = take_place(wants_colour, &lengths[QUEUE_TEXTURED], places);
     if (!wants_colour) return;
     slots[slot].request = place;
-    const int4 direction_skip = rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot].direction_skip;
-    requests[place].direction = (float4)(as_float3(direction_skip.xyz), 0.0f);
+    const WaitingRay waiting = rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot];
+    const PendingRay pending = load_pending(&waiting);
+    const SurfacePoint point = surface_point(GEOMETRY_AT(&scene.geometry), &hit);
+    const RayCone cone = cone_at(pending.cone, pending.ray.origin, point.position);
+    requests[place].direction_width = (float4)(pending.ray.direction, cone.width);
     requests[place].weight0 = hit.weight0;
     requests[place].u = hit.u;
     requests[place].v = hit.v;
@@ -215,7 +218,7 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             const Material material = materials[surface.material];
             float3 colour = (float3)(1.0f);
             if (is_textured(&material))
-                colour = HOST_TEXTURES ? colours[slots[slot].request].xyz : texture_colour(&scene, &surface, &material);
+                colour = HOST_TEXTURES ? colours[slots[slot].request].xyz : texture_colour(SCENE_AT(&scene), &surface, &material, &pending, direction);
             const LocalLight without_lamps = begin_local_light(&material, colour);
             radiance = without_lamps.radiance;
             surfaces[slot].position_error = (float4)(surface.point.position, surface.point.error);

@@ -1,20 +1,27 @@
 // Where the rays of a picture begin, and where they are counted.
 
-// Camera ray through the point (x, y) of the picture, in pixels from its upper left corner.
-Ray camera_ray(__global const RenderParams* render, float x, float y) {
+// Direction of the camera ray through the point (x, y) of the picture, in pixels from its upper left corner. Its component along the view
+// is 1.
+float3 camera_direction(__global const RenderParams* render, float x, float y) {
     const float right = fma(x, render->pixel_width, -1.0f);
     const float up = fma(-y, render->pixel_height, 1.0f);
-    const float3 direction = fma3(render->right.xyz, right, fma3(render->up.xyz, up, render->forward.xyz));
-    return make_ray(render->eye.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
+    return fma3(render->right.xyz, right, fma3(render->up.xyz, up, render->forward.xyz));
 }
 
 // The camera ray of sample number `s` of a pixel, or that of a list which has this place in the film.
-Ray sample_ray(__global const RenderParams* render, __global const float2* samples, uint2 pixel, uint s) {
-    if (render->ray_count != 0u) {
-        const float2 at = samples[pixel.y * render->width + pixel.x];
-        return camera_ray(render, at.x, at.y);
-    }
-    return camera_ray(render, (float)pixel.x + samples[s].x, (float)pixel.y + samples[s].y);
+PendingRay first_of_path(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel, uint s) {
+    const bool is_listed = render->ray_count != 0u;
+    const CameraSample at = samples[is_listed ? pixel.y * render->width + pixel.x : s];
+    const float3 direction = camera_direction(render, is_listed ? at.x : (float)pixel.x + at.x, is_listed ? at.y : (float)pixel.y + at.y);
+    PendingRay first;
+    first.ray = make_ray(render->eye.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
+    first.weight = (float3)(1.0f);
+    first.depth = 1u;
+    first.kind = COUNT_CAMERA_CAST;
+    // A pixel away from the middle is farther off and seen at a slant: across its longer way by the square of the cosine narrower.
+    first.cone.width = 0.0f;
+    first.cone.spread = HAS_CONES ? at.footprint * render->pixel_size / dot3(direction, direction) : 0.0f;
+    return first;
 }
 
 // What the film keeps of the sum of a pixel's samples before number `end`: after the last one their mean.

@@ -10,10 +10,17 @@ bool is_textured(const Material* material) {
     return (HAS(FEATURE_IMAGE_TEXTURES) || HAS(FEATURE_PROCEDURAL_TEXTURES)) && material->texture != NO_TEXTURE;
 }
 
-// The colour that the material's texture, which it must have, gives the surface.
-float3 texture_colour(const Scene* scene, const Surface* surface, const Material* material) {
+// The colour that the material's texture, which it must have, gives the surface to a ray along unit `direction`.
+float3 texture_colour(SCENE_PARAMETERS, const Surface* surface, const Material* material, const PendingRay* pending,
+                      float3 direction) {
+    const Geometry* geometry = &scene->geometry;
+    Footprint footprint = {(float2)(0.0f), (float2)(0.0f)};
+    if (HAS_CONES && scene->textures[material->texture].kind == TEXTURE_IMAGE) {
+        const RayCone cone = cone_at(pending->cone, pending->ray.origin, surface->point.position);
+        footprint = footprint_at(GEOMETRY, scene->shading, surface, direction, cone.width);
+    }
     return surface_colour(scene->textures, scene->texels, scene->srgb_to_linear, material->texture, surface->texture_u,
-                          surface->texture_v, solid_position(surface));
+                          surface->texture_v, &footprint, solid_position(surface));
 }
 
 // The light without any lamp: ambient light and what the surface gives off. `colour` is that of the material's texture, and means
@@ -30,10 +37,11 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
     return light;
 }
 
-// The same of a surface, textured.
-LocalLight light_without_lamps(const Scene* scene, const Surface* surface, const Material* material) {
+// The same of a surface, textured, to a ray along unit `direction`.
+LocalLight light_without_lamps(SCENE_PARAMETERS, const Surface* surface, const Material* material, const PendingRay* pending,
+                               float3 direction) {
     float3 colour = (float3)(1.0f);
-    if (is_textured(material)) colour = texture_colour(scene, surface, material);
+    if (is_textured(material)) colour = texture_colour(SCENE, surface, material, pending, direction);
     return begin_local_light(material, colour);
 }
 

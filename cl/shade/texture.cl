@@ -1,4 +1,4 @@
-// Textures: pictures of 8-bit sRGB texels, repeated, bilinear in linear light; or procedural ones.
+// Textures: pictures of 8-bit sRGB texels, repeated, filtered in linear light; or procedural ones.
 
 // Texel coordinate of wrapped texture coordinate `t` on a side of `size` texels: *low and *high are the two texels around it,
 // the result is the weight of *high. Coordinates without a number, as NaN and infinite ones in a file or huge ones between which no
@@ -19,13 +19,25 @@ float3 texel(__global const uint* texels, __global const float* srgb_to_linear, 
     return (float3)(srgb_to_linear[rgba & 255u], srgb_to_linear[(rgba >> 8) & 255u], srgb_to_linear[(rgba >> 16) & 255u]);
 }
 
-float3 sample_texture(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear, float u,
-                      float v) {
+// A level of a texture; each is half as wide and as high as the one before, rounded down.
+typedef struct {
+    uint first;
+    uint width;
+    uint height;
+} TextureLevel;
+
+TextureLevel next_level(TextureLevel level) {
+    const TextureLevel next = {level.first + level.width * level.height, max(level.width >> 1, 1u), max(level.height >> 1, 1u)};
+    return next;
+}
+
+// Bilinear.
+float3 sample_level(const TextureLevel* level, __global const uint* texels, __global const float* srgb_to_linear, float u, float v) {
     uint left, right, top, bottom;
-    const float weight_x = wrap_texel(u, info->width, &left, &right);
-    const float weight_y = wrap_texel(-v, info->height, &top, &bottom); // v runs upwards, rows downwards
-    const uint row0 = info->first + top * info->width;
-    const uint row1 = info->first + bottom * info->width;
+    const float weight_x = wrap_texel(u, level->width, &left, &right);
+    const float weight_y = wrap_texel(-v, level->height, &top, &bottom); // v runs upwards, rows downwards
+    const uint row0 = level->first + top * level->width;
+    const uint row1 = level->first + bottom * level->width;
     const float3 c00 = texel(texels, srgb_to_linear, row0 + left), c01 = texel(texels, srgb_to_linear, row0 + right);
     const float3 c10 = texel(texels, srgb_to_linear, row1 + left), c11 = texel(texels, srgb_to_linear, row1 + right);
     const float3 upper = fma3(c01 - c00, weight_x, c00);
@@ -33,12 +45,55 @@ float3 sample_texture(const TextureInfo* info, __global const uint* texels, __gl
     return fma3(lower - upper, weight_y, upper);
 }
 
+// Mean of `taps` places, evenly spread over `way` about (u, v).
+float3 sample_along(const TextureLevel* level, __global const uint* texels, __global const float* srgb_to_linear, float u, float v,
+                    float2 way, uint taps) {
+    const float share = 1.0f / (float)taps;
+    float3 sum = (float3)(0.0f);
+    for (uint i = 0; i < taps; i++) {
+        const float at = fma((float)i + 0.5f, share, -0.5f);
+        sum += sample_level(level, texels, srgb_to_linear, fma(way.x, at, u), fma(way.y, at, v));
+    }
+    return sum * share;
+}
+
+// How far an axis of a footprint reaches, in texels of the finest level.
+float texels_along(float2 way, const TextureInfo* info) {
+    const float x = way.x * (float)info->width, y = way.y * (float)info->height;
+    return sqrt(fma(x, x, y * y));
+}
+
+// Mean over a footprint: along its longer axis as many places as the shorter one fits into it, at most so many, at a level whose
+// texels are as large as the shorter axis, or between two levels. A footprint of less than a texel: bilinear.
+#define MOST_TAPS 8u
+float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear, float u, float v,
+                        const Footprint* footprint) {
+    const float along = texels_along(footprint->along, info), across = texels_along(footprint->across, info);
+    const bool is_known = is_finite(along) && is_finite(across); // of a triangle without area nothing is
+    const float2 way = !is_known ? (float2)(0.0f) : along >= across ? footprint->along : footprint->across;
+    const float longer = is_known ? max_or(along, across) : 0.0f, shorter = is_known ? min_or(along, across) : 0.0f;
+    const uint taps = max(1u, (uint)ceil(min_or(longer / max_or(shorter, 1.0f), (float)MOST_TAPS)));
+    const float width = max_or(max_or(longer / (float)taps, shorter), 1.0f); // of what one place stands for, in texels
+    // Its logarithm, with straight lines between powers of two.
+    const uint level_number = (as_uint(width) >> 23) - 127u;
+    const float beyond = as_float((as_uint(width) & 0x7fffffu) | 0x3f800000u) - 1.0f;
+    const bool is_last = level_number + 1u >= info->levels;
+    TextureLevel level = {info->first, info->width, info->height};
+    for (uint i = is_last ? info->levels - 1u : level_number; i > 0u; i--) level = next_level(level);
+    const float3 colour = sample_along(&level, texels, srgb_to_linear, u, v, way, taps);
+    if (is_last || beyond == 0.0f) return colour;
+    level = next_level(level);
+    return fma3(sample_along(&level, texels, srgb_to_linear, u, v, way, taps) - colour, beyond, colour);
+}
+
 // The colour of a texture on a surface: at texture coordinates u, v for a picture, at `position` (see solid_position()) for a
 // procedural texture. Everything that a texture's colour depends on is an argument.
-float3 surface_colour(__global const TextureInfo* textures, __global const uint* texels,
-                      __global const float* srgb_to_linear, uint texture, float u, float v, float3 position) {
+float3 surface_colour(__global const TextureInfo* textures, __global const uint* texels, __global const float* srgb_to_linear,
+                      uint texture, float u, float v, const Footprint* footprint, float3 position) {
     const TextureInfo info = textures[texture];
     if (HAS(FEATURE_PROCEDURAL_TEXTURES) && (!HAS(FEATURE_IMAGE_TEXTURES) || info.kind != TEXTURE_IMAGE))
         return procedural_colour(&info, u, v, position);
-    return sample_texture(&info, texels, srgb_to_linear, u, v);
+    if (HAS_CONES) return sample_footprint(&info, texels, srgb_to_linear, u, v, footprint);
+    const TextureLevel finest = {info.first, info.width, info.height};
+    return sample_level(&finest, texels, srgb_to_linear, u, v);
 }

@@ -58,12 +58,8 @@ typedef struct {
     float3 weight;
     uint depth; // 1 for a camera ray
     uint kind;  // COUNT_CAMERA_CAST, COUNT_REFLECTED_CAST or COUNT_REFRACTED_CAST
+    RayCone cone;
 } PendingRay;
-
-PendingRay first_of_path(Ray camera_ray) {
-    const PendingRay first = {camera_ray, (float3)(1.0f), 1u, COUNT_CAMERA_CAST};
-    return first;
-}
 
 // Records that hold numbers beside floats hold the bits of the floats: moving a float may change bits that mean a whole number.
 int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
@@ -71,8 +67,8 @@ int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
 // Half of a PendingRay's bytes, for the time that it waits.
 void store_pending(const PendingRay* pending, WaitingRay* to) {
     to->origin_t_near = (float4)(pending->ray.origin, pending->ray.t_near);
-    to->origin_low = (float4)(pending->ray.origin_low, 0.0f);
-    to->start_weights = (float4)(pending->ray.start_weights, 0.0f);
+    to->origin_low_width = (float4)(pending->ray.origin_low, pending->cone.width);
+    to->start_weights_spread = (float4)(pending->ray.start_weights, pending->cone.spread);
     to->direction_skip = pack_bits(pending->ray.direction, pending->ray.skip);
     to->weight_kind_depth = pack_bits(pending->weight, pending->depth << RAY_KIND_BITS | pending->kind);
 }
@@ -84,8 +80,10 @@ PendingRay load_pending(const WaitingRay* from) {
     PendingRay pending;
     pending.ray = make_ray(from->origin_t_near.xyz, as_float3(from->direction_skip.xyz), from->origin_t_near.w, INFINITY,
                            as_uint(from->direction_skip.w));
-    pending.ray.origin_low = from->origin_low.xyz;
-    pending.ray.start_weights = from->start_weights.xyz;
+    pending.ray.origin_low = from->origin_low_width.xyz;
+    pending.ray.start_weights = from->start_weights_spread.xyz;
+    pending.cone.width = from->origin_low_width.w;
+    pending.cone.spread = from->start_weights_spread.w;
     pending.weight = as_float3(from->weight_kind_depth.xyz);
     pending.kind = kind_depth & ((1u << RAY_KIND_BITS) - 1u);
     pending.depth = kind_depth >> RAY_KIND_BITS;
@@ -94,7 +92,8 @@ PendingRay load_pending(const WaitingRay* from) {
 
 // Lets a ray that leaves the surface along `direction` wait.
 void push_ray(const Surface* surface, const PendingRay* from, float3 direction, float3 weight, uint kind, WaitingRay* to) {
-    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind};
+    const RayCone cone = cone_at(from->cone, from->ray.origin, surface->point.position);
+    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind, cone};
     store_pending(&pending, to);
 }
 

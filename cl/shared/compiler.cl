@@ -26,6 +26,16 @@
 #endif
 #pragma OPENCL FP_CONTRACT OFF
 
+// PoCL tells the user's terminal how many warnings there were; these two are about nothing.
+#if defined(__clang__) && defined(__has_warning)
+#if __has_warning("-Wpsabi") // sixteen lanes are passed in two registers without AVX-512: no other compiler calls these functions
+#pragma clang diagnostic ignored "-Wpsabi"
+#endif
+#if __has_warning("-Wconstant-logical-operand") // HAS(...) is a constant, which is what it is for
+#pragma clang diagnostic ignored "-Wconstant-logical-operand"
+#endif
+#endif
+
 // Intel's runtime for CPUs (2026.22) runs several work-items in the lanes of a vector. A function that is not inlined and takes a
 // float3, by value or in a struct, then sees the argument of the first lane in all of them. A hint of one lane per vector switches
 // that off; only this runtime has the extension. The attribute belongs to every kernel, so it comes with the keyword.

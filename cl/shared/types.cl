@@ -157,8 +157,15 @@ typedef struct {
     uint octaves; // Procedural: octaves of the noise.
     uint seed; // Procedural: which noise.
     uint in_uv; // Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
-    uint pad; // Unused.
+    uint levels; // Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a ray may want it.
 } TextureInfo;
+
+// A place in a picture through which a camera ray passes.
+typedef struct {
+    float x; // Pixels to the right of its pixel's upper left corner; in a list of rays, of the picture's.
+    float y; // Pixels down from there.
+    float footprint; // Side in pixels of the square that the sample stands for.
+} CameraSample;
 
 // What the kernels need to know of the scene as a whole.
 typedef struct {
@@ -187,9 +194,9 @@ typedef struct {
     float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
     uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are.
+    float pixel_size; // Side of a pixel at distance 1 in the middle of the picture.
     uint pad0; // Unused.
     uint pad1; // Unused.
-    uint pad2; // Unused.
 } RenderParams;
 
 // A slot follows one path after the other: a sample of a pixel and all the rays that come of it.
@@ -204,8 +211,8 @@ typedef struct {
 // A ray that waits to be traced. It ends nowhere.
 typedef struct {
     float4 origin_t_near; // Origin in x, y, z and t_near in w.
-    float4 origin_low; // What that leaves out of the origin in x, y, z; w unused.
-    float4 start_weights; // Where it lies on the triangle, as weights of the vertices, in x, y, z; w unused.
+    float4 origin_low_width; // What that leaves out of the origin in x, y, z and the width of the ray's cone there in w.
+    float4 start_weights_spread; // Where it lies on the triangle, as weights of the vertices, in x, y, z and by how much the cone widens in w.
     int4 direction_skip; // Bits of the direction in x, y, z and the triangle that it starts on in w.
     int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << RAY_KIND_BITS | kind in w.
 } WaitingRay;
@@ -235,7 +242,7 @@ typedef struct {
 
 // A hit whose colour the host shall compute.
 typedef struct {
-    float4 direction; // Direction of the ray in x, y, z; w unused.
+    float4 direction_width; // Direction of the ray in x, y, z and the width of its cone where it hits in w.
     float weight0; // Weight of vertex 0.
     float u; // Weight of vertex 1.
     float v; // Weight of vertex 2.

@@ -131,9 +131,9 @@ fn camera_rays(buffers: &SceneBuffers, picture: &Picture) -> Vec<TraceRay> {
         other => other,
     };
     let params = buffers.render_params(&picture.camera, picture.size, samples, 1, None);
-    let [x_in_pixel, y_in_pixel] = sample_positions(samples)[0];
+    let in_pixel = sample_positions(samples)[0];
     let pixels =
-        (0..params.height).flat_map(|y| (0..params.width).map(move |x| (x as f32 + x_in_pixel, y as f32 + y_in_pixel)));
+        (0..params.height).flat_map(|y| (0..params.width).map(move |x| (x as f32 + in_pixel.x, y as f32 + in_pixel.y)));
     pixels
         .map(|(x, y)| TraceRay {
             origin_t_min: params.eye,

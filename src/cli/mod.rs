@@ -32,7 +32,7 @@ use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
     Accel, Build, Chosen, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder,
-    Request, Terminator, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
+    Request, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -147,6 +147,8 @@ struct MethodArgs {
     kernels: Kernels,
     #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
     textures: TexturePass,
+    #[arg(long, help = format!("What colour a ray takes from a picture on a surface: {}", TextureFilter::names()), value_name = "NAME", default_value_t = TraceOptions::default().texture_filter)]
+    texture_filter: TextureFilter,
     #[arg(long, help = format!("What the kernels of pictures can do: {}", KernelFeatures::names()), value_name = "NAME", default_value_t = TraceOptions::default().features)]
     features: KernelFeatures,
     #[arg(long, help = format!("Shadow rays start at the height that smooth normals claim, or on the triangle, where coarse meshes show stairs: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
@@ -228,6 +230,7 @@ impl MethodArgs {
             kernels: self.kernels,
             textures: self.textures,
             features: self.features,
+            texture_filter: self.texture_filter,
             terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters,

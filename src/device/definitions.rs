@@ -5,7 +5,7 @@ use super::passes::{Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
 use crate::features::Features;
-use crate::options::{Accel, Intersector, Kernels, PacketSize, Terminator, TraceOptions};
+use crate::options::{Accel, Intersector, Kernels, PacketSize, Terminator, TextureFilter, TraceOptions};
 use crate::pack::SceneBuffers;
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -47,7 +47,8 @@ impl Definitions {
         let shading = tracing
             .clone()
             .define("FEATURES", format!("{}u", features.bits()))
-            .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth));
+            .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
+            .define("TEXTURE_FOOTPRINTS", u32::from(options.texture_filter == TextureFilter::Footprint));
         let shading = match (options.kernels, features.pending_rays(max_depth)) {
             (Kernels::Split, _) => SplitPipeline::define(shading, options),
             (Kernels::Mega, 1) => shading.define("MAX_PENDING", 1),

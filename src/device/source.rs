@@ -70,6 +70,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/traverse/batch.cl",
     "cl/shade/normal.cl",
     "cl/shade/surface.cl",
+    "cl/shade/footprint.cl",
     "cl/shade/procedural.cl",
     "cl/shade/texture.cl",
     "cl/shade/light.cl",

@@ -35,8 +35,8 @@ pub(super) struct SplitPipeline {
     /// What traces the rays that the first pass leaves in doubt, if it leaves any.
     second: Option<SecondPass>,
     setup: Setup,
-    /// The scene, where the host evaluates its textures.
-    host_textures: Option<Arc<SceneBuffers>>,
+    /// The scene, where the host evaluates its textures, and how.
+    host_textures: Option<(Arc<SceneBuffers>, TraceOptions)>,
 }
 
 /// Tracing again.
@@ -110,7 +110,7 @@ impl SplitPipeline {
                 defers: passes.defers(),
                 paths_in_flight: options.paths_in_flight,
             },
-            host_textures: host_textures.then(|| buffers.clone()),
+            host_textures: host_textures.then(|| (buffers.clone(), *options)),
         })
     }
 
@@ -232,14 +232,14 @@ impl SplitPipeline {
     /// The host's pass between tracing and shading (thesis, section 5.2.2), where there is one: fetches the hits on textured surfaces,
     /// evaluates the textures as the twin does, and sends the colours.
     fn evaluate_textures(&mut self, run: &mut Run, active: usize) -> Result<()> {
-        let Some(buffers) = &self.host_textures else { return Ok(()) };
+        let Some((buffers, options)) = &self.host_textures else { return Ok(()) };
         self.request.launch(&run.plan, active, run.work_group)?;
         let mut lengths = [0; QUEUE_TEXTURED as usize + 1];
         run.state.lengths.read_into(0, &mut lengths)?;
         let start = Instant::now(); // the kernels before are done
         let mut requests = vec![TextureRequest::default(); lengths[QUEUE_TEXTURED as usize] as usize];
         run.state.requests.read_into(0, &mut requests)?;
-        run.state.colours.write(&texture_colours(buffers, &requests))?;
+        run.state.colours.write(&texture_colours(buffers, options, &requests))?;
         run.stats.host_colours += requests.len() as u64;
         run.stats.host_pass_s += start.elapsed().as_secs_f64();
         Ok(())

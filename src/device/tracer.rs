@@ -14,7 +14,7 @@ use crate::layout::Float4;
 use crate::options::{Intersector, Kernels, Memory, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTER_SLOTS, COUNTERS, Hit, RenderParams, TILE_SIDE};
+use crate::shared::{COUNTER_SLOTS, COUNTERS, CameraSample, Hit, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
@@ -24,13 +24,13 @@ use std::time::Instant;
 /// What every rendering kernel takes beside the scene.
 pub(super) struct PictureBuffers {
     params: Buffer<RenderParams>,
-    samples: Buffer<[f32; 2]>,
+    samples: Buffer<CameraSample>,
     film: Buffer<Float4>,
     counters: Buffer<u32>,
 }
 
 impl PictureBuffers {
-    fn new(context: &DeviceContext, params: &RenderParams, samples: &[[f32; 2]]) -> Result<Self> {
+    fn new(context: &DeviceContext, params: &RenderParams, samples: &[CameraSample]) -> Result<Self> {
         Ok(PictureBuffers {
             params: Buffer::from_slice(context, "picture parameters", &[*params])?,
             samples: Buffer::from_slice(context, "samples", samples)?,
@@ -248,7 +248,7 @@ impl Tracer for OpenClTracer {
         trace_in_order(job, &options, Some(kind), &buffers, |job| self.trace_batch(job, progress))
     }
 
-    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+    fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         self.prepare(Task::Picture)?;
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.film_len())?;

@@ -5,7 +5,7 @@
 
 use super::{
     Accel, Build, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, SplitAxis,
-    Stop, Terminator, TexturePass, TraceOptions, Traversal, TriangleOrder,
+    Stop, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder,
 };
 use std::fmt;
 
@@ -102,6 +102,7 @@ pub static OPTIONS: &[MethodOption] = &[
     names!(TriangleOrder, triangles, OWN_TRIANGLES),
     names!(Kernels, kernels, Accel::ALL),
     names!(TexturePass, textures, Accel::ALL),
+    names!(TextureFilter, texture_filter, Accel::ALL),
     names!(KernelFeatures, features, Accel::ALL),
     names!(Terminator, terminator, Accel::ALL),
     number!("--paths-in-flight", paths_in_flight, Accel::ALL, 1),

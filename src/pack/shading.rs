@@ -3,6 +3,7 @@
 use super::textures::pack_textures;
 use crate::error::{Error, Result};
 use crate::layout::Float4;
+use crate::options::TextureFilter;
 use crate::reference::instances::unit_normals;
 use crate::scene::{self, Falloff, LightKind, MaterialId, Scene, TextureId, Triangle};
 use crate::shared::{
@@ -25,12 +26,12 @@ impl ShadingArrays {
     ///
     /// # Errors
     /// [`Error::Scene`] when there are more texels than 32 bits can number, or when a light is too far away to be a point.
-    pub fn new(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<ShadingArrays> {
+    pub fn new(scene: &Scene, used: &[MaterialId], scale: f32, filter: TextureFilter) -> Result<ShadingArrays> {
         let mut used_textures: Vec<_> =
             used.iter().filter_map(|&id| scene.materials[id as usize].diffuse_texture).collect();
         used_textures.sort_unstable();
         used_textures.dedup();
-        let (textures, texels) = pack_textures(scene, &used_textures, scale)?;
+        let (textures, texels) = pack_textures(scene, &used_textures, scale, filter)?;
         let lights = scene.shining_lights();
         Ok(ShadingArrays {
             materials: used

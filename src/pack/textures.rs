@@ -1,7 +1,9 @@
 //! Packs textures for `cl/shade/texture.cl` and `cl/shade/procedural.cl`.
 
+use super::texture_levels::push_levels;
 use crate::error::{Error, Result};
 use crate::layout::Float4;
+use crate::options::TextureFilter;
 use crate::scene::{Pattern, Procedural, Scene, Texture, TextureId, TextureSpace};
 use crate::shared::{TEXTURE_CHECKER, TEXTURE_IMAGE, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo};
 use glam::DVec3;
@@ -10,7 +12,12 @@ use glam::DVec3;
 ///
 /// # Errors
 /// [`Error::Scene`] when there are more texels than 32 bits can number.
-pub(super) fn pack_textures(scene: &Scene, used: &[TextureId], scale: f32) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
+pub(super) fn pack_textures(
+    scene: &Scene,
+    used: &[TextureId],
+    scale: f32,
+    filter: TextureFilter,
+) -> Result<(Vec<TextureInfo>, Vec<u32>)> {
     let mut texels = Vec::new();
     let mut textures = Vec::new();
     for &id in used {
@@ -24,8 +31,12 @@ pub(super) fn pack_textures(scene: &Scene, used: &[TextureId], scale: f32) -> Re
         let first = u32::try_from(texels.len())
             .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", image.name)))?;
         let (width, height) = (image.width, image.height);
-        textures.push(TextureInfo { kind: TEXTURE_IMAGE, first, width, height, ..TextureInfo::default() });
         texels.extend(image.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
+        let levels = match filter {
+            TextureFilter::Footprint => push_levels(image, &mut texels),
+            TextureFilter::Bilinear => 1,
+        };
+        textures.push(TextureInfo { kind: TEXTURE_IMAGE, first, width, height, levels, ..TextureInfo::default() });
     }
     Ok((textures, texels))
 }

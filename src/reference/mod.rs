@@ -7,6 +7,7 @@
 pub mod edges;
 pub mod exact;
 pub mod exact_whole;
+pub mod footprint;
 pub mod instances;
 pub mod integer;
 pub mod intersect;
@@ -30,7 +31,7 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTERS, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
+use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
@@ -92,7 +93,7 @@ with_fma! {
     fn render_row(
         tracer: &ReferenceTracer,
         params: &RenderParams,
-        samples: &[[f32; 2]],
+        samples: &[CameraSample],
         y: usize,
         row: &mut [[f32; 3]],
         counts: &mut [u64; COUNTERS],
@@ -192,7 +193,7 @@ impl ReferenceTracer {
     fn render_row<W: Work>(
         &self,
         params: &RenderParams,
-        samples: &[[f32; 2]],
+        samples: &[CameraSample],
         y: usize,
         row: &mut [[f32; 3]],
         counts: &mut [u64; COUNTERS],
@@ -256,19 +257,19 @@ fn work_of_parts<T: Send>(
 
 with_fma! {
     /// Evaluates the textures of some hits.
-    fn texture_chunk(buffers: &SceneBuffers, requests: &[TextureRequest], colours: &mut [Float4]) {
+    fn texture_chunk(buffers: &SceneBuffers, options: &TraceOptions, requests: &[TextureRequest], colours: &mut [Float4]) {
         for (request, colour) in requests.iter().zip(colours) {
-            *colour = Float4::new(render::requested_colour(buffers, request), 0.0);
+            *colour = Float4::new(render::requested_colour(buffers, options, request), 0.0);
         }
     }
 }
 
 /// The colours that textures give hits of a device, on all cores: the host's part of
 /// [`TexturePass::HostPass`](crate::options::TexturePass::HostPass).
-pub fn texture_colours(buffers: &SceneBuffers, requests: &[TextureRequest]) -> Vec<Float4> {
+pub fn texture_colours(buffers: &SceneBuffers, options: &TraceOptions, requests: &[TextureRequest]) -> Vec<Float4> {
     let mut colours = vec![Float4::default(); requests.len()];
     let chunks = colours.par_chunks_mut(CHUNK).zip(requests.par_chunks(CHUNK));
-    chunks.for_each(|(colours, requests)| texture_chunk(buffers, requests, colours));
+    chunks.for_each(|(colours, requests)| texture_chunk(buffers, options, requests, colours));
     colours
 }
 
@@ -289,7 +290,7 @@ impl Tracer for ReferenceTracer {
         trace_in_order(job, &self.options, None, &self.buffers, |job| Ok(self.trace_batch(job, progress)))
     }
 
-    fn render(&mut self, params: &RenderParams, samples: &[[f32; 2]], progress: Progress) -> Result<RenderResult> {
+    fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         let start = Instant::now();
         let width = params.width as usize;
         let mut pixels = vec![[0.0; 3]; params.film_len()];

@@ -1,7 +1,8 @@
 //! Twin of `cl/kernels/render.cl` and of `cl/shade/{scene,local_light,camera}.cl`: the colour of one pixel. The reasons are there.
 
+use super::footprint::{RayCone, footprint_at};
 use super::light::{LightSample, blinn_phong, limit_radiance, sample_light};
-use super::math::{clamp01, fma3, max_component, normalize3};
+use super::math::{clamp01, dot3, fma3, max_component, normalize3};
 use super::memory::{Work, load_shading};
 use super::procedural::solid_position;
 use super::ray::Ray;
@@ -9,10 +10,11 @@ use super::surface::{Surface, SurfacePoint, leave_surface, lift_point, surface_a
 use super::texture::surface_colour;
 use super::traverse::{closest_hit, traverse};
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
-use crate::options::{Terminator, TraceOptions};
+use crate::options::{Terminator, TextureFilter, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{
-    COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, SurfaceHit, TextureRequest,
+    COUNTERS, CameraSample, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, SurfaceHit,
+    TextureRequest,
 };
 use glam::Vec3;
 
@@ -64,11 +66,18 @@ impl<W: Work> Pixel<'_, W> {
     }
 
     #[inline(always)]
-    fn local_light(&mut self, surface: &Surface, material: &Material, view_direction: Vec3) -> Vec3 {
+    fn local_light(
+        &mut self,
+        surface: &Surface,
+        material: &Material,
+        pending: &PendingRay,
+        view_direction: Vec3,
+    ) -> Vec3 {
         let mut diffuse = material.diffuse.xyz();
         let mut radiance = material.ambient.xyz();
         if material.texture != NO_TEXTURE {
-            let colour = texture_colour(self.buffers, surface, material);
+            let width = pending.cone.at(pending.ray.origin, surface.point.position).width;
+            let colour = texture_colour(self.buffers, self.options, surface, material, view_direction, width);
             diffuse *= colour;
             radiance *= colour;
         }
@@ -89,10 +98,10 @@ impl<W: Work> Pixel<'_, W> {
     }
 
     #[inline(always)]
-    fn radiance_along(&mut self, camera_ray: Ray) -> Vec3 {
+    fn radiance_along(&mut self, first: PendingRay) -> Vec3 {
         let mut radiance = Vec3::ZERO;
         self.stack.clear();
-        self.stack.push(PendingRay { ray: camera_ray, weight: Vec3::ONE, depth: 1, kind: RayKind::Camera });
+        self.stack.push(first);
         while let Some(pending) = self.stack.pop() {
             let direction = normalize3(pending.ray.direction, Vec3::ZERO);
             let work = match pending.kind {
@@ -108,7 +117,7 @@ impl<W: Work> Pixel<'_, W> {
             let at = surface_hit(self.buffers, self.options, &pending.ray, &hit);
             let surface = surface_at(self.buffers, self.options, &pending.ray, &at);
             let material = &self.buffers.materials[surface.material as usize];
-            radiance += pending.weight * limit_radiance(self.local_light(&surface, material, direction));
+            radiance += pending.weight * limit_radiance(self.local_light(&surface, material, &pending, direction));
             if pending.depth < self.params.max_depth {
                 let kill_weight = self.params.kill_weight;
                 push_secondary_rays(&surface, material, &pending, direction, kill_weight, &mut self.stack);
@@ -118,21 +127,36 @@ impl<W: Work> Pixel<'_, W> {
     }
 }
 
-/// The colour that the material's texture, which it must have, gives the surface.
+/// The colour that the material's texture, which it must have, gives the surface to a ray along unit `direction` whose cone has this width
+/// there.
 #[inline(always)]
-pub fn texture_colour(buffers: &SceneBuffers, surface: &Surface, material: &Material) -> Vec3 {
-    surface_colour(buffers, material.texture, surface.texture_uv, solid_position(surface))
+fn texture_colour(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    surface: &Surface,
+    material: &Material,
+    direction: Vec3,
+    width: f32,
+) -> Vec3 {
+    let footprint = match options.texture_filter {
+        TextureFilter::Footprint => Some(footprint_at(buffers, surface, direction, width)),
+        TextureFilter::Bilinear => None,
+    };
+    surface_colour(buffers, material.texture, surface.texture_uv, footprint.as_ref(), solid_position(surface))
 }
 
 /// The same for a hit of a device that asks for it.
 #[inline(always)]
-pub fn requested_colour(buffers: &SceneBuffers, request: &TextureRequest) -> Vec3 {
+pub fn requested_colour(buffers: &SceneBuffers, options: &TraceOptions, request: &TextureRequest) -> Vec3 {
     // Of the ray only the direction matters here.
-    let ray = Ray::new(Vec3::ZERO, request.direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
-    let TextureRequest { weight0, u, v, primitive, .. } = *request;
-    let options = TraceOptions { terminator: Terminator::Hard, ..TraceOptions::DEFAULT };
+    let TextureRequest { direction_width, weight0, u, v, primitive } = *request;
+    let ray = Ray::new(Vec3::ZERO, direction_width.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
+    let options =
+        TraceOptions { terminator: Terminator::Hard, texture_filter: options.texture_filter, ..TraceOptions::DEFAULT };
     let surface = surface_at(buffers, &options, &ray, &SurfaceHit { weight0, u, v, primitive });
-    texture_colour(buffers, &surface, &buffers.materials[surface.material as usize])
+    let material = &buffers.materials[surface.material as usize];
+    let direction = normalize3(ray.direction, Vec3::ZERO);
+    texture_colour(buffers, &options, &surface, material, direction, direction_width.w)
 }
 
 #[inline(always)]
@@ -158,12 +182,19 @@ pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
 
 /// The camera ray of a pixel's sample, or that of a list which has this place in the film.
 #[inline(always)]
-fn sample_ray(params: &RenderParams, samples: &[[f32; 2]], (x, y): (usize, usize), sample: usize) -> Ray {
-    if params.ray_count != 0 {
-        let [x, y] = samples[y * params.width as usize + x];
-        return camera_ray(params, x, y);
+fn first_of_path(params: &RenderParams, samples: &[CameraSample], (x, y): (usize, usize), sample: usize) -> PendingRay {
+    let (CameraSample { x, y, footprint }, from) = match params.ray_count {
+        0 => (samples[sample], (x as f32, y as f32)),
+        _ => (samples[y * params.width as usize + x], (0.0, 0.0)),
+    };
+    let direction = camera_direction(params, from.0 + x, from.1 + y);
+    PendingRay {
+        ray: Ray::new(params.eye.xyz(), direction, 0.0, f32::INFINITY, NO_PRIMITIVE),
+        weight: Vec3::ONE,
+        depth: 1,
+        kind: RayKind::Camera,
+        cone: RayCone { width: 0.0, spread: footprint * params.pixel_size / dot3(direction, direction) },
     }
-    camera_ray(params, x as f32 + samples[sample][0], y as f32 + samples[sample][1])
 }
 
 /// A rendered pixel and what it took.
@@ -185,14 +216,14 @@ pub fn render_pixel<W: Work>(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     params: &RenderParams,
-    samples: &[[f32; 2]],
+    samples: &[CameraSample],
     x: usize,
     y: usize,
 ) -> RenderedPixel<W> {
     let mut pixel = Pixel { buffers, options, params, rendered: RenderedPixel::default(), stack: Vec::new() };
     let mut sum = Vec3::ZERO;
     for sample in 0..params.sample_count as usize {
-        sum += pixel.radiance_along(sample_ray(params, samples, (x, y), sample));
+        sum += pixel.radiance_along(first_of_path(params, samples, (x, y), sample));
     }
     RenderedPixel { radiance: sum * params.sample_weight, ..pixel.rendered }
 }

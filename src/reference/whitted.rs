@@ -2,6 +2,7 @@
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x < 1)` is also true for NaN, and that is meant
 
+use super::footprint::RayCone;
 use super::math::{clamp01, dot3, fma3, max_component};
 use super::ray::Ray;
 use super::surface::{Surface, leave_surface};
@@ -77,6 +78,8 @@ pub struct PendingRay {
     pub depth: u32,
     /// What it is for.
     pub kind: RayKind,
+    /// What it stands for.
+    pub cone: RayCone,
 }
 
 /// Puts the rays that leave the surface on the stack of pending ones.
@@ -89,9 +92,10 @@ pub fn push_secondary_rays(
     kill_weight: f32,
     stack: &mut Vec<PendingRay>,
 ) {
+    let cone = pending.cone.at(pending.ray.origin, surface.point.position);
     let mut push = |weight: Vec3, direction: Vec3, kind: RayKind| {
         let ray = leave_surface(&surface.point, direction, f32::INFINITY);
-        stack.push(PendingRay { ray, weight, depth: pending.depth + 1, kind });
+        stack.push(PendingRay { ray, weight, depth: pending.depth + 1, kind, cone });
     };
     let mut reflected_weight = pending.weight * material.mirror.xyz();
     if material.transparent != 0 {

@@ -76,8 +76,8 @@ device_struct! {
 device_struct! {
     /// A hit whose colour the host shall compute.
     pub struct TextureRequest {
-        /// Direction of the ray in x, y, z; w unused.
-        pub direction: Float4,
+        /// Direction of the ray in x, y, z and the width of its cone where it hits in w.
+        pub direction_width: Float4,
         /// Weight of vertex 0.
         pub weight0: f32,
         /// Weight of vertex 1.

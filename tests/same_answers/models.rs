@@ -4,7 +4,7 @@ use super::common::{Random, SEED, shared};
 use glam::Vec3;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::layout::Float4;
-use raybrook::options::{Accel, Intersector, Terminator, TraceOptions};
+use raybrook::options::{Accel, Intersector, Terminator, TextureFilter, TraceOptions};
 use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::light::sample_light;
 use raybrook::reference::ray::Ray;
@@ -105,22 +105,27 @@ pub fn models(size: (u32, u32)) -> Vec<Model> {
     models
 }
 
-/// What all combinations with a triangle test and a treatment of the shadows' terminator are to agree with.
-pub fn brute_force(intersector: Intersector, terminator: Terminator) -> TraceOptions {
-    TraceOptions { accel: Accel::Brute, intersector, terminator, ..TraceOptions::DEFAULT }
+/// What all combinations with a triangle test, a treatment of the shadows' terminator and a filter of textures are to agree with.
+pub fn brute_force(intersector: Intersector, terminator: Terminator, texture_filter: TextureFilter) -> TraceOptions {
+    TraceOptions { accel: Accel::Brute, intersector, terminator, texture_filter, ..TraceOptions::DEFAULT }
 }
 
 impl Model {
+    /// The filter that stands for `filter`: without textures the default does for all.
+    pub fn filter(&self, filter: TextureFilter) -> TextureFilter {
+        if self.scene.textures.is_empty() { TraceOptions::DEFAULT.texture_filter } else { filter }
+    }
+
     fn new(name: &'static str, mut scene: Scene, size: (u32, u32)) -> Model {
         let samples = Samples::PerPixel(1);
         complete(&mut scene, samples.aspect(size) as f32);
         let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: DEPTH, kill_weight: Some(0.0) };
-        let options = brute_force(Intersector::Exact, Terminator::Smooth);
+        let options = brute_force(Intersector::Exact, Terminator::Smooth, TextureFilter::Footprint);
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let params = buffers.render_params(&picture.camera, size, samples, DEPTH, picture.kill_weight);
-        let [offset_x, offset_y] = sample_positions(samples)[0];
+        let in_pixel = sample_positions(samples)[0];
         let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x as f32, y as f32)));
-        let camera_rays: Vec<Ray> = pixels.map(|(x, y)| camera_ray(&params, x + offset_x, y + offset_y)).collect();
+        let camera_rays: Vec<Ray> = pixels.map(|(x, y)| camera_ray(&params, x + in_pixel.x, y + in_pixel.y)).collect();
         let rays: Vec<_> = camera_rays
             .iter()
             .map(|ray| TraceRay {
