@@ -101,10 +101,9 @@ pub fn sample_sequence() -> Vec<CameraSample> {
         }
         bits
     };
-    let footprint = |index: u32| match LEVEL_SAMPLES.iter().find(|&&samples| samples > index) {
-        Some(1) => 1.0,
-        Some(&samples) => (0.5 / samples as f32).sqrt(),
-        None => 0.0,
+    let footprint = |index: u32| match LEVEL_SAMPLES[LEVEL_SAMPLES.partition_point(|&samples| samples <= index)] {
+        1 => 1.0,
+        samples => (0.5 / samples as f32).sqrt(),
     };
     (0..MOST_SAMPLES)
         .map(|i| CameraSample {

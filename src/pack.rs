@@ -200,6 +200,8 @@ impl SceneBuffers {
         let ShadingArrays { materials, lights, textures, texels, brightest } =
             ShadingArrays::new(scene, &used, scale, options.texture_filter)?;
         let features = Features::of_materials(scene, &used);
+        let mut made_for = MadeFor::of(options);
+        made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, 0.0),
@@ -232,7 +234,7 @@ impl SceneBuffers {
             stack_entries,
             build_options,
             build_s,
-            made_for: MadeFor::of(options),
+            made_for,
         })
     }
 

@@ -88,6 +88,10 @@ pub const COUNTER_SLOTS: u32 = 256;
 /// Transparent surfaces that one shadow ray passes before it counts as blocked.
 pub const MAX_SHADOW_LAYERS: u32 = 256;
 
+/// The most places at which a texture is read along a footprint. Of a floor out to the horizon one sample erred by 1.3 times as much with 4
+/// as with 8, by 0.93 of it with 16.
+pub const MOST_TAPS: u32 = 8;
+
 /// The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
 pub const RAY_KIND_BITS: u32 = 8;
 
@@ -498,6 +502,7 @@ pub fn types_cl() -> String {
         ("TILE_SIDE", TILE_SIDE),
         ("COUNTER_SLOTS", COUNTER_SLOTS),
         ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
+        ("MOST_TAPS", MOST_TAPS),
         ("NO_PATH", NO_PATH),
         ("RAY_KIND_BITS", RAY_KIND_BITS),
         ("QUEUE_ACTIVE", QUEUE_ACTIVE),

@@ -137,8 +137,8 @@ pub trait Tracer {
     /// The device failed or cannot hold the batch.
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult>;
 
-    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them. Of a list of rays
-    /// ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its upper left corner, and the film is one row.
+    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them, and what each stands for. Of a list
+    /// of rays ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its upper left corner, and the film is one row.
     ///
     /// # Errors
     /// The device failed or cannot hold the picture.

@@ -26,8 +26,8 @@ fn positions(triangles: &[[Vec3; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 /// away, and some that cannot be shared because their inverse is not sure.
 fn scene(random: &mut Random) -> Scene {
     let mut builder = Builder::new();
-    let texture =
-        builder.add_texture(Image { name: "cloth".into(), width: 2, height: 2, rgba: vec![[200, 40, 90, 255]; 4] });
+    let dots = (0..16 * 8).map(|_| [(); 4].map(|()| (random.bits() % 256) as u8)).collect();
+    let texture = builder.add_texture(Image { name: "cloth".into(), width: 16, height: 8, rgba: dots });
     let plain = builder.add_material(Material::matt(Vec3::new(0.8, 0.3, 0.2)));
     let glass = builder.add_material(Material {
         transmission: Vec3::splat(0.9),

@@ -194,8 +194,10 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
         for &options in list {
             let is_exact = options.intersector == Intersector::Exact;
             let is_mega = options.kernels == Kernels::Mega;
-            for model in (0..models).filter(|&model| is_exact && is_mega || model == own) {
-                let picture = model == own && (!is_mega || !is_exact && i % PICTURES == 0);
+            let is_other = options.texture_filter != TraceOptions::DEFAULT.texture_filter;
+            for model in (0..models).filter(|&model| is_exact && is_mega || model == own || model == 0 && is_other) {
+                // Only the room has textures.
+                let picture = model == 0 && is_other || model == own && (!is_mega || !is_exact && i % PICTURES == 0);
                 jobs.push(Job { options, model, questions: Questions { batches: is_mega, picture } });
             }
         }

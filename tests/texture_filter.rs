@@ -8,7 +8,7 @@ use common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::film::{Film, srgb_from_linear};
-use raybrook::options::{Accel, Kernels, PacketSize, TextureFilter, TexturePass, TraceOptions};
+use raybrook::options::{Accel, Kernels, Layout, PacketSize, TextureFilter, TexturePass, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene, Texture};
 use raybrook::session::{Picture, open_tracer, render};
@@ -103,6 +103,9 @@ fn where_a_texel_is_larger_than_a_pixel_nothing_changes() {
 
 #[test]
 fn device_and_twin_filter_alike_in_every_kernel() {
+    if device().is_none() {
+        return;
+    }
     let scene = floor(dots(37, 64), 20.0);
     for options in [
         FOOTPRINT,
@@ -110,6 +113,8 @@ fn device_and_twin_filter_alike_in_every_kernel() {
         TraceOptions { kernels: Kernels::Split, ..FOOTPRINT },
         TraceOptions { kernels: Kernels::Split, textures: TexturePass::HostPass, ..FOOTPRINT },
         TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..FOOTPRINT },
+        TraceOptions { layout: Layout::Whole, ..FOOTPRINT },
+        TraceOptions { accel: Accel::Instances, ..FOOTPRINT },
     ] {
         for samples in [Samples::PerPixel(3), Samples::Error(2.0)] {
             let [ours, twins] = [true, false].map(|on_device| bits(&picture(&scene, &options, on_device, samples)));
@@ -132,6 +137,7 @@ fn one_colour_stays_one() {
 
 #[test]
 fn coordinates_and_triangles_without_sense_have_colours() {
+    let on_devices = if device().is_some() { vec![true, false] } else { vec![false] };
     let mut random = Random(SEED);
     let odd = [0.0, -0.0, 1e-45, -1e30, 3e38, 1e8, 0.5];
     for scale in [1.0, 1e-25, 1e25] {
@@ -149,9 +155,11 @@ fn coordinates_and_triangles_without_sense_have_colours() {
         builder.light(Light::directional(Vec3::NEG_Z, Vec3::ONE)).ambient(Vec3::splat(0.2));
         builder.camera(Camera { eye: Vec3::Z * 9.0 * scale, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 });
         let scene = builder.finish().unwrap();
-        let [ours, twins] = [true, false].map(|on_device| picture(&scene, &FOOTPRINT, on_device, Samples::PerPixel(1)));
-        assert_eq!(bits(&ours), bits(&twins), "scale {scale}");
-        assert!(ours.pixels.as_flattened().iter().all(|&c| (0.0..1.3).contains(&c)), "scale {scale}");
+        let pictures: Vec<_> =
+            on_devices.iter().map(|&on| picture(&scene, &FOOTPRINT, on, Samples::PerPixel(1))).collect();
+        let twins = &pictures[pictures.len() - 1];
+        assert_eq!(bits(&pictures[0]), bits(twins), "scale {scale}");
+        assert!(twins.pixels.as_flattened().iter().all(|&c| (0.0..1.3).contains(&c)), "scale {scale}");
     }
 }
 
@@ -162,10 +170,33 @@ fn a_scene_that_was_packed_without_levels_is_refused() {
     let refused = open_tracer(None, &buffers, &FOOTPRINT, 4, None).map(|_| ());
     let Err(Error::Option { option, .. }) = &refused else { panic!("{refused:?}") };
     assert_eq!(*option, "--texture-filter");
-    // The other way round there is only more than needed.
+    // The other way round there is only more than needed, which changes nothing.
+    let bilinear = picture(&scene, &BILINEAR, false, Samples::PerPixel(1));
     let buffers = Arc::new(SceneBuffers::new(&scene, &FOOTPRINT).unwrap());
-    assert!(open_tracer(None, &buffers, &BILINEAR, 4, None).is_ok());
-    let levels = |buffers: &SceneBuffers| buffers.textures.iter().map(|info| info.levels).collect::<Vec<_>>();
-    assert_eq!(levels(&buffers), [4]);
-    assert!(matches!(&scene.textures[..], [Texture::Image(_)]));
+    assert_eq!(buffers.textures.iter().map(|info| info.levels).collect::<Vec<_>>(), [4]);
+    let mut tracer = open_tracer(None, &buffers, &BILINEAR, 4, None).unwrap();
+    let samples = Samples::PerPixel(1);
+    let same = Picture { camera: scene.camera.unwrap(), size: SIZE, samples, depth: 4, kill_weight: None };
+    assert_eq!(bits(&render(tracer.as_mut(), &buffers, &same, &|_| ()).unwrap().film), bits(&bilinear));
+    // Where there is no picture, there is nothing to have levels.
+    let mut plain = scene;
+    plain.materials.iter_mut().for_each(|material| material.diffuse_texture = None);
+    let buffers = Arc::new(SceneBuffers::new(&plain, &BILINEAR).unwrap());
+    assert!(open_tracer(None, &buffers, &FOOTPRINT, 4, None).is_ok());
+}
+
+#[test]
+fn pictures_put_together_by_hand_are_checked() {
+    let whole = dots(4, 3);
+    let faulty = [
+        (Image { width: 0, rgba: Vec::new(), ..whole.clone() }, "each side must lie between 1 and"),
+        (Image { height: Image::MAX_SIDE + 1, ..whole.clone() }, "each side must lie between 1 and"),
+        (Image { rgba: whole.rgba[1..].to_vec(), ..whole.clone() }, "has 11 of its 4 x 3 texels"),
+    ];
+    for (image, message) in faulty {
+        let mut scene = floor(whole.clone(), 3.0);
+        scene.textures[0] = Texture::Image(image);
+        let Err(Error::Scene(told)) = SceneBuffers::new(&scene, &FOOTPRINT).map(|_| ()) else { panic!("{message}") };
+        assert!(told.contains(message) && told.contains("'dots'"), "{told}");
+    }
 }

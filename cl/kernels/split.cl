@@ -33,7 +33,7 @@
 // `queue`: slots of this wave. `other_queue`: written by split_camera for the next wave, by split_shade with the hits; the host
 // exchanges the two after split_camera.
 #define SPLIT_ARGUMENTS                                                                                                 \
-    SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,             \
+    SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,       \
         __global float4* restrict film, volatile __global uint* restrict counters, __global SplitSlot* restrict slots,  \
         __global WaitingRay* restrict rays, __global SurfaceHit* restrict hits, __global SplitSurface* restrict surfaces,        \
         __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
@@ -218,7 +218,8 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
             const Material material = materials[surface.material];
             float3 colour = (float3)(1.0f);
             if (is_textured(&material))
-                colour = HOST_TEXTURES ? colours[slots[slot].request].xyz : texture_colour(SCENE_AT(&scene), &surface, &material, &pending, direction);
+                colour = HOST_TEXTURES ? colours[slots[slot].request].xyz
+                                       : texture_colour(SCENE_AT(&scene), &surface, &material, &pending, direction);
             const LocalLight without_lamps = begin_local_light(&material, colour);
             radiance = without_lamps.radiance;
             surfaces[slot].position_error = (float4)(surface.point.position, surface.point.error);

@@ -18,7 +18,7 @@ PendingRay first_of_path(__global const RenderParams* render, __global const Cam
     first.weight = (float3)(1.0f);
     first.depth = 1u;
     first.kind = COUNT_CAMERA_CAST;
-    // A pixel away from the middle is farther off and seen at a slant: across its longer way by the square of the cosine narrower.
+    // A pixel away from the middle is farther off and seen at a slant. Of its sides as the ray sees them this is the shorter.
     first.cone.width = 0.0f;
     first.cone.spread = HAS_CONES ? at.footprint * render->pixel_size / dot3(direction, direction) : 0.0f;
     return first;

@@ -3,8 +3,8 @@
 // Amanatides, "Ray Tracing with Cones", SIGGRAPH 1984; Akenine-Moeller, Crassin, Boksansky, Belcour, Panteleev and Wright, "Improved
 // Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), 2021.
 //
-// Bad at: what curved mirrors and lenses show. Surfaces pass cones on as if they were flat, so that behind convex ones textures are
-// as sharp as without any of this, and never less sharp than they should be but behind concave ones.
+// Bad at: what curved mirrors and lenses show. Surfaces pass cones on as if they were flat: behind those that spread rays a cone is too
+// narrow, and something of the flicker stays; behind those that gather them too wide.
 
 // 1: textures are averaged over what rays stand for, 0: colours are those of points.
 #ifndef TEXTURE_FOOTPRINTS
@@ -39,7 +39,8 @@ float2 texture_way(const Shading* at, float3 edge1, float3 edge2, float3 normal,
                     fma(weight1, at->v1 - at->v0, weight2 * (at->v2 - at->v0)));
 }
 
-// A ray that grazes its triangle sees no more of it than at this cosine.
+// A ray that grazes its triangle sees no more of it than at this cosine: the ellipse, which is no longer one where the plane is
+// all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places stand for.
 #define LEAST_CONE_COSINE 0x1p-7f
 
 // `direction`: of the ray, unit. `width`: of its cone at the surface.

@@ -64,16 +64,19 @@ float texels_along(float2 way, const TextureInfo* info) {
 }
 
 // Mean over a footprint: along its longer axis as many places as the shorter one fits into it, at most so many, at a level whose
-// texels are as large as the shorter axis, or between two levels. A footprint of less than a texel: bilinear.
-#define MOST_TAPS 8u
+// texels are as large as the shorter axis, or between two levels (Williams, "Pyramidal Parametrics", SIGGRAPH 1983; several places:
+// McCormack et al., "Feline: Fast Elliptical Lines for Anisotropic Texture Mapping", SIGGRAPH 1999). Less than a texel: bilinear.
+#define MORE_TEXELS 0x1p31f // than any texture has on a side
 float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear, float u, float v,
                         const Footprint* footprint) {
     const float along = texels_along(footprint->along, info), across = texels_along(footprint->across, info);
-    const bool is_known = is_finite(along) && is_finite(across); // of a triangle without area nothing is
+    // Else the triangle has no area, or the cone is beyond all numbers: the mean of the whole texture.
+    const bool is_known = is_finite(along) && is_finite(across);
     const float2 way = !is_known ? (float2)(0.0f) : along >= across ? footprint->along : footprint->across;
     const float longer = is_known ? max_or(along, across) : 0.0f, shorter = is_known ? min_or(along, across) : 0.0f;
     const uint taps = max(1u, (uint)ceil(min_or(longer / max_or(shorter, 1.0f), (float)MOST_TAPS)));
-    const float width = max_or(max_or(longer / (float)taps, shorter), 1.0f); // of what one place stands for, in texels
+    // What one place stands for, in texels.
+    const float width = is_known ? max_or(max_or(longer / (float)taps, shorter), 1.0f) : MORE_TEXELS;
     // Its logarithm, with straight lines between powers of two.
     const uint level_number = (as_uint(width) >> 23) - 127u;
     const float beyond = as_float((as_uint(width) & 0x7fffffu) | 0x3f800000u) - 1.0f;

@@ -33,6 +33,7 @@
 #define TILE_SIDE 8u
 #define COUNTER_SLOTS 256u
 #define MAX_SHADOW_LAYERS 256u
+#define MOST_TAPS 8u
 #define NO_PATH 4294967295u
 #define RAY_KIND_BITS 8u
 #define QUEUE_ACTIVE 0u

@@ -6,7 +6,7 @@ use raybrook::Result;
 use raybrook::accel::{KdTree, StructureStats, TreeStats};
 use raybrook::options::{Accel, Decision, Origin, TraceOptions};
 use raybrook::pack::SceneBuffers;
-use raybrook::scene::{DropReason, Object};
+use raybrook::scene::{DropReason, Object, Texture};
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -70,7 +70,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         texture_coordinates: scene.uvs.len() + of_objects(|object| object.uvs.len()),
         materials: scene.materials.len(),
         textures: scene.textures.len(),
-        texels: buffers.texels.len(),
+        texels: scene.textures.iter().filter_map(Texture::image).map(|image| image.rgba.len()).sum(),
         lights: scene.lights.len(),
         low: low.to_array(),
         high: high.to_array(),

@@ -62,7 +62,7 @@ impl Span {
 fn spans(side: u32, half: u32) -> Vec<Span> {
     let covered = |i: u32| {
         // In units of 1/half texel: texel k reaches from k * half to (k + 1) * half.
-        let (start, end) = (u64::from(i * side), u64::from((i + 1) * side));
+        let (start, end) = (u64::from(i) * u64::from(side), (u64::from(i) + 1) * u64::from(side));
         let half = u64::from(half);
         let (first, last) = (start / half, (end - 1) / half);
         let share = |k: u64| ((k + 1) * half).min(end).saturating_sub((k * half).max(start)) as f32 / side as f32;

@@ -28,14 +28,16 @@ pub(super) fn pack_textures(
                 continue;
             }
         };
-        let first = u32::try_from(texels.len())
-            .map_err(|_| Error::Scene(format!("its textures hold over 2^32 texels at '{}'", image.name)))?;
+        let first = texels.len() as u32; // checked below
         let (width, height) = (image.width, image.height);
         texels.extend(image.rgba.iter().map(|&rgba| u32::from_le_bytes(rgba)));
         let levels = match filter {
             TextureFilter::Footprint => push_levels(image, &mut texels),
             TextureFilter::Bilinear => 1,
         };
+        if u32::try_from(texels.len()).is_err() {
+            return Err(Error::Scene(format!("its textures hold over 2^32 texels at '{}'", image.name)));
+        }
         textures.push(TextureInfo { kind: TEXTURE_IMAGE, first, width, height, levels, ..TextureInfo::default() });
     }
     Ok((textures, texels))

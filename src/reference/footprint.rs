@@ -118,6 +118,31 @@ mod tests {
         assert_near(below.across, [0.005, 0.0]);
     }
 
+    /// Against what the plane's own map from places to texture coordinates makes of the cone's ellipse.
+    #[test]
+    fn a_triangle_of_any_shape_has_the_footprint_of_its_plane() {
+        let plane = |x: f32, y: f32| Vec3::new(x, y, 0.5 * x - y);
+        let uv = |p: Vec3| Vec2::new(0.7 * p.x - 0.2 * p.y + 0.1, 0.3 * p.x + 1.1 * p.y);
+        let positions = [plane(0.1, -0.2), plane(0.9, 0.3), plane(-0.4, 0.8)];
+        let mut builder = Builder::new();
+        builder.mesh(&positions, Normals::Flat, &positions.map(uv), &[[0, 1, 2]]);
+        let buffers = SceneBuffers::new(&builder.finish().unwrap(), &TraceOptions::DEFAULT).unwrap();
+        let scale = buffers.params.scale;
+        for direction in [Vec3::new(0.3, 0.2, -1.0), Vec3::new(-0.6, 0.1, 0.8)] {
+            let direction = direction.normalize();
+            let ray = Ray::new(-direction, direction, 0.0, f32::INFINITY, NO_PRIMITIVE);
+            let hit = SurfaceHit { weight0: 0.25, u: 0.5, v: 0.25, primitive: 0 };
+            let surface = surface_at(&buffers, &TraceOptions::DEFAULT, &ray, &hit);
+            let got = footprint_at(&buffers, &surface, direction, 0.01 * scale);
+            let normal = Vec3::new(0.5, -1.0, -1.0).normalize();
+            let across = normal.cross(direction).normalize();
+            let along = normal.cross(across) / normal.dot(direction).abs();
+            for (got, axis) in [(got.across, across), (got.along, along)] {
+                assert_near(got, (uv(axis * 0.01) - uv(Vec3::ZERO)).to_array());
+            }
+        }
+    }
+
     #[test]
     fn grazing_rays_see_no_more_than_a_bound() {
         let grazing = footprint(Vec3::new(1.0, 0.0, -1e-6));

@@ -4,7 +4,7 @@ use super::footprint::Footprint;
 use super::math::{fma3, max_or, min_or};
 use super::procedural::procedural_colour;
 use crate::pack::SceneBuffers;
-use crate::shared::{TEXTURE_IMAGE, TextureInfo};
+use crate::shared::{MOST_TAPS, TEXTURE_IMAGE, TextureInfo};
 use glam::Vec3;
 
 #[inline(always)]
@@ -82,18 +82,19 @@ fn texels_along(way: [f32; 2], info: &TextureInfo) -> f32 {
     x.mul_add(x, y * y).sqrt()
 }
 
-const MOST_TAPS: f32 = 8.0;
+const MORE_TEXELS: f32 = (1u32 << 31) as f32;
 
 #[inline(always)]
 fn sample_footprint(buffers: &SceneBuffers, info: &TextureInfo, uv: [f32; 2], footprint: &Footprint) -> Vec3 {
     let (along, across) = (texels_along(footprint.along, info), texels_along(footprint.across, info));
-    let (longer, shorter, way) = match along.is_finite() && across.is_finite() {
+    let is_known = along.is_finite() && across.is_finite();
+    let (longer, shorter, way) = match is_known {
         false => (0.0, 0.0, [0.0; 2]),
         true if along >= across => (along, across, footprint.along),
         true => (across, along, footprint.across),
     };
-    let taps = (min_or(longer / max_or(shorter, 1.0), MOST_TAPS).ceil() as u32).max(1);
-    let width = max_or(max_or(longer / taps as f32, shorter), 1.0);
+    let taps = (min_or(longer / max_or(shorter, 1.0), MOST_TAPS as f32).ceil() as u32).max(1);
+    let width = if is_known { max_or(max_or(longer / taps as f32, shorter), 1.0) } else { MORE_TEXELS };
     let level_number = (width.to_bits() >> 23) - 127;
     let beyond = f32::from_bits((width.to_bits() & 0x7f_ffff) | 0x3f80_0000) - 1.0;
     let is_last = level_number + 1 >= info.levels;

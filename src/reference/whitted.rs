@@ -111,3 +111,39 @@ pub fn push_secondary_rays(
         push(reflected_weight, reflect_direction(surface, direction), RayKind::Reflected);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::surface::SurfacePoint;
+    use super::*;
+
+    #[test]
+    fn cones_go_on_where_rays_leave() {
+        let point = SurfacePoint {
+            position: Vec3::new(0.0, 0.0, 2.0),
+            position_low: Vec3::ZERO,
+            weights: Vec3::ZERO,
+            error: 0.0,
+            primitive: 0,
+        };
+        let surface = Surface {
+            point,
+            geometric_normal: Vec3::NEG_Z,
+            normal: Vec3::NEG_Z,
+            lift: Vec3::ZERO,
+            largest_coordinate: 2.0,
+            texture_uv: [0.0; 2],
+            material: 0,
+            front: true,
+        };
+        let transmission_ior = crate::layout::Float4::new(Vec3::ONE, 1.5);
+        let material = Material { transmission_ior, transparent: 1, ..Material::default() };
+        let ray = Ray::new(Vec3::ZERO, Vec3::Z, 0.0, f32::INFINITY, crate::shared::NO_PRIMITIVE);
+        let cone = RayCone { width: 0.5, spread: 0.25 };
+        let pending = PendingRay { ray, weight: Vec3::ONE, depth: 1, kind: RayKind::Camera, cone };
+        let mut stack = Vec::new();
+        push_secondary_rays(&surface, &material, &pending, Vec3::Z, 0.0, &mut stack);
+        assert_eq!(stack.len(), 2, "refracted and reflected");
+        assert!(stack.iter().all(|next| next.cone == RayCone { width: 1.0, spread: 0.25 }), "{stack:?}");
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
 
-use super::{Camera, Light, LightKind, Material, Procedural, Scene, Texture, Toon};
+use super::{Camera, Image, Light, LightKind, Material, Procedural, Scene, Texture, Toon};
 use crate::error::{Error, Result};
 use crate::shared::NO_PRIMITIVE;
 use glam::{DVec3, Vec3};
@@ -38,8 +38,11 @@ pub(super) fn value_faults(scene: &Scene) -> Vec<String> {
         faults.push(format!("an instance: there is no material number {id}"));
     }
     for (i, texture) in scene.textures.iter().enumerate() {
-        if let Texture::Procedural(procedural) = texture {
-            faults.extend(procedural_fault(procedural).map(|f| format!("texture {i}: {} {}", f.key, f.message)));
+        match texture {
+            Texture::Procedural(procedural) => {
+                faults.extend(procedural_fault(procedural).map(|f| format!("texture {i}: {} {}", f.key, f.message)));
+            }
+            Texture::Image(image) => faults.extend(image_fault(image).map(|fault| format!("texture {i}: {fault}"))),
         }
     }
     for (what, colour) in
@@ -50,6 +53,17 @@ pub(super) fn value_faults(scene: &Scene) -> Vec<String> {
         }
     }
     faults
+}
+
+/// What is wrong with a picture that was put together by hand.
+fn image_fault(image: &Image) -> Option<String> {
+    let Image { name, width, height, rgba } = image;
+    if !(1..=Image::MAX_SIDE).contains(width) || !(1..=Image::MAX_SIDE).contains(height) {
+        let most = Image::MAX_SIDE;
+        return Some(format!("'{name}' has {width} x {height} texels; each side must lie between 1 and {most}"));
+    }
+    let due = *width as usize * *height as usize;
+    (rgba.len() != due).then(|| format!("'{name}' has {} of its {width} x {height} texels", rgba.len()))
 }
 
 /// An error that tells the first of `faults`, if there are any.

@@ -56,8 +56,10 @@ pub struct Image {
     pub rgba: Vec<[u8; 4]>,
 }
 
-/// The longest side of a texture in texels: the largest 2D image that common devices accept.
-const MAX_SIDE: u32 = 16_384;
+impl Image {
+    /// The longest side in texels: the largest 2D image that common devices accept.
+    pub const MAX_SIDE: u32 = 16_384;
+}
 
 /// The most memory that one texture takes while it is loaded: the file (JPEG and TGA are read whole), the decoded samples
 /// and the texels. 4096 x 4096 RGBA takes 128 MiB; no file may take more than 200 MB.
@@ -100,16 +102,17 @@ pub(super) fn decode(path: &Path, name: &str) -> Result<Image, String> {
     }
     let mut reader = reader.with_guessed_format().map_err(unreadable)?;
     let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_image_width = Some(Image::MAX_SIDE);
+    limits.max_image_height = Some(Image::MAX_SIDE);
     limits.max_alloc = Some(MAX_BYTES);
     reader.limits(limits);
 
     // Everything so far came from the header; refuse a small file that unpacks to a large picture before it does.
     let decoder = reader.into_decoder().map_err(|e| format!("cannot be decoded: {e}"))?;
     let (width, height) = decoder.dimensions();
-    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
-        return Err(format!("has {width} x {height} texels; each side must lie between 1 and {MAX_SIDE}"));
+    let most = Image::MAX_SIDE;
+    if width == 0 || height == 0 || width > most || height > most {
+        return Err(format!("has {width} x {height} texels; each side must lie between 1 and {most}"));
     }
     let texel_bytes = u64::from(width) * u64::from(height) * size_of::<[u8; 4]>() as u64;
     let bytes = file_bytes.saturating_add(decoder.total_bytes()).saturating_add(texel_bytes);

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::features::Feature;
 use crate::options::{Accel, KernelFeatures, PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::scene::Scene;
+use crate::scene::{Scene, TextureId};
 use crate::session::complete;
 use crate::shared::Material;
 use serde_json::json;
@@ -250,10 +250,14 @@ fn saved(
     out
 }
 
-/// Bytes of the scene's materials and textures that no triangle has, and of shading data that nothing reads, as a device would hold them.
+/// Bytes of the scene's materials and textures (without smaller copies) that no triangle has, and of shading data that nothing reads, as a
+/// device would hold them.
 fn unused_bytes(scene: &Scene, buffers: &SceneBuffers, options: &TraceOptions) -> usize {
     let material_bytes = size_of::<Material>() * (scene.materials.len() - buffers.materials.len());
-    let texels: usize = scene.textures.iter().filter_map(|texture| texture.image()).map(|image| image.rgba.len()).sum();
+    let used = scene.used_materials();
+    let is_used = |id: TextureId| used.iter().any(|&m| scene.materials[m as usize].diffuse_texture == Some(id));
+    let unused_textures = (0..).zip(&scene.textures).filter(|(id, _)| !is_used(*id));
+    let texels: usize = unused_textures.filter_map(|(_, texture)| texture.image()).map(|image| image.rgba.len()).sum();
     let shading_bytes = size_of_val(&buffers.shading[..]) - size_of_val(&buffers.arrange(options).shading[..]);
-    material_bytes + size_of::<u32>() * (texels - buffers.texels.len()) + shading_bytes
+    material_bytes + size_of::<u32>() * texels + shading_bytes
 }
