@@ -6,6 +6,7 @@
 
 use std::io;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use exr::image::write::WritableImage;
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
@@ -96,6 +97,10 @@ pub fn srgb_from_linear(linear: f64) -> f64 {
 pub fn linear_from_srgb(display: f64) -> f64 {
     if display <= 0.04045 { display / 12.92 } else { ((display + 0.055) / 1.055).powf(2.4) }
 }
+
+/// Linear light of each 8-bit sRGB value.
+pub(crate) static SRGB_TO_LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32));
 
 /// One channel as a display value in 0..=`max`: NaN, infinities and negative values are 0, what is above 1 is `max`.
 fn quantise(linear: f32, max: f64) -> u16 {

@@ -16,6 +16,7 @@ use crate::accel::{
 };
 use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
+use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
 use crate::scene::{Camera, Samples, Scene};
@@ -226,9 +227,7 @@ impl SceneBuffers {
             lights,
             textures,
             texels,
-            srgb_to_linear: (0..=255u32)
-                .map(|code| crate::film::linear_from_srgb(f64::from(code) / 255.0) as f32)
-                .collect(),
+            srgb_to_linear: SRGB_TO_LINEAR.to_vec(),
             brightest,
             features,
             stack_entries,

@@ -12,7 +12,8 @@ float3 camera_direction(__global const RenderParams* render, float x, float y) {
 PendingRay first_of_path(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel, uint s) {
     const bool is_listed = render->ray_count != 0u;
     const CameraSample at = samples[is_listed ? pixel.y * render->width + pixel.x : s];
-    const float3 direction = camera_direction(render, is_listed ? at.x : (float)pixel.x + at.x, is_listed ? at.y : (float)pixel.y + at.y);
+    const float x = is_listed ? at.x : (float)pixel.x + at.x, y = is_listed ? at.y : (float)pixel.y + at.y;
+    const float3 direction = camera_direction(render, x, y);
     PendingRay first;
     first.ray = make_ray(render->eye.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
     first.weight = (float3)(1.0f);

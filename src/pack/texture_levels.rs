@@ -4,7 +4,7 @@
 //! Means are those of linear light, weighted by area where a side is odd; each level is made from the one before as it was before it was
 //! rounded to 8 bits. They are the host's business alone: device and twin read the same texels.
 
-use crate::film::{linear_from_srgb, srgb_from_linear};
+use crate::film::{SRGB_TO_LINEAR, linear_from_srgb, srgb_from_linear};
 use crate::scene::Image;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ pub(super) fn push_levels(image: &Image, texels: &mut Vec<u32>) -> u32 {
         let smaller = match &level {
             None => halved(size, half, |i| {
                 let [r, g, b, _] = image.rgba[i];
-                Vec3::from_array([r, g, b].map(|code| CURVE.linear[usize::from(code)]))
+                Vec3::from_array([r, g, b].map(|code| SRGB_TO_LINEAR[usize::from(code)]))
             }),
             Some(level) => halved(size, half, |i| level[i]),
         };
@@ -71,10 +71,8 @@ fn spans(side: u32, half: u32) -> Vec<Span> {
     (0..half).map(covered).collect()
 }
 
-/// The sRGB curve as tables.
+/// The sRGB curve as tables: of a large texture millions of channels are rounded before anything is traced.
 struct Curve {
-    /// Linear light of each 8-bit value.
-    linear: [f32; 256],
     /// Linear light from which on each 8-bit value but the first is the nearest.
     from: [f32; 255],
     /// The 8-bit value at the beginning of each of many equal parts of 0..1.
@@ -85,11 +83,9 @@ struct Curve {
 const CURVE_PARTS: usize = 1 << 12;
 
 static CURVE: LazyLock<Curve> = LazyLock::new(|| {
-    let shown = |code: f64| linear_from_srgb(code / 255.0) as f32;
     let nearest = |linear: f64| (srgb_from_linear(linear) * 255.0).round() as u8;
     Curve {
-        linear: std::array::from_fn(|code| shown(code as f64)),
-        from: std::array::from_fn(|code| shown(code as f64 + 0.5)),
+        from: std::array::from_fn(|code| linear_from_srgb((code as f64 + 0.5) / 255.0) as f32),
         start: (0..=CURVE_PARTS).map(|part| nearest(part as f64 / CURVE_PARTS as f64)).collect(),
     }
 });

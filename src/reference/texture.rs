@@ -42,6 +42,11 @@ struct TextureLevel {
 
 impl TextureLevel {
     #[inline(always)]
+    fn finest(info: &TextureInfo) -> TextureLevel {
+        TextureLevel { first: info.first, width: info.width, height: info.height }
+    }
+
+    #[inline(always)]
     fn next(self) -> TextureLevel {
         let half = |side: u32| (side >> 1).max(1);
         TextureLevel {
@@ -98,7 +103,7 @@ fn sample_footprint(buffers: &SceneBuffers, info: &TextureInfo, uv: [f32; 2], fo
     let level_number = (width.to_bits() >> 23) - 127;
     let beyond = f32::from_bits((width.to_bits() & 0x7f_ffff) | 0x3f80_0000) - 1.0;
     let is_last = level_number + 1 >= info.levels;
-    let mut level = TextureLevel { first: info.first, width: info.width, height: info.height };
+    let mut level = TextureLevel::finest(info);
     for _ in 0..if is_last { info.levels - 1 } else { level_number } {
         level = level.next();
     }
@@ -125,6 +130,6 @@ pub fn surface_colour(
     }
     match footprint {
         Some(footprint) => sample_footprint(buffers, info, uv, footprint),
-        None => sample_level(buffers, TextureLevel { first: info.first, width: info.width, height: info.height }, uv),
+        None => sample_level(buffers, TextureLevel::finest(info), uv),
     }
 }

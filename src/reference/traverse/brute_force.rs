@@ -17,6 +17,6 @@ pub fn traverse_brute_force(
     work: &mut impl Work,
 ) -> Hit {
     let mut hit = NO_HIT;
-    test_triangles(buffers, options, ray, 0..buffers.references.len(), any_hit, &mut hit, work);
+    test_triangles(buffers, options, ray, 0..buffers.references.len(), 0, any_hit, &mut hit, work);
     hit
 }

@@ -88,7 +88,7 @@ pub fn traverse_bvh8(
             let left_out = references.len() - references.clone().filter(is_open).count();
             work.count(WorkCounter::Tests, left_out as u32);
             for reference in references.filter(is_open) {
-                if test_triangles(buffers, options, ray, reference..reference + 1, any_hit, &mut hit, work) {
+                if test_triangles(buffers, options, ray, reference..reference + 1, 0, any_hit, &mut hit, work) {
                     return hit;
                 }
             }

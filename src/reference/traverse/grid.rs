@@ -94,7 +94,7 @@ pub fn traverse_grid(
     let is_within_reach = distance <= reach.x; // false for NaN
     if !is_within_reach {
         let all = reach.y.to_bits() as usize..buffers.references.len();
-        test_triangles(buffers, options, ray, all, any_hit, &mut hit, work);
+        test_triangles(buffers, options, ray, all, 0, any_hit, &mut hit, work);
         return hit;
     }
     let Some((t_near, t_far)) = ray.clip_to_thick_box(SLACK * distance, low, high) else {

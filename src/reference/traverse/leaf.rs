@@ -50,7 +50,7 @@ fn test_triangle(
 /// Tests the triangles of some references, whose numbers are `to_primitive` further on. True when that answers the query.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
-fn test_references(
+pub fn test_triangles(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     ray: &Ray,
@@ -69,21 +69,7 @@ fn test_references(
     false
 }
 
-/// Tests the triangles of some references. True when that answers the query.
-#[inline(always)]
-pub fn test_triangles(
-    buffers: &SceneBuffers,
-    options: &TraceOptions,
-    ray: &Ray,
-    references: Range<usize>,
-    any_hit: bool,
-    hit: &mut Hit,
-    work: &mut impl Work,
-) -> bool {
-    test_references(buffers, options, ray, references, 0, any_hit, hit, work)
-}
-
-/// The same for the references of a leaf, of a tree of an object whose triangles have numbers that are `to_primitive` further on.
+/// The same for the references of a leaf, which are counted.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub fn test_listed(
@@ -98,7 +84,7 @@ pub fn test_listed(
 ) -> bool {
     work.count(WorkCounter::Leaves, 1);
     work.count(WorkCounter::EmptyLeaves, u32::from(references.is_empty()));
-    test_references(buffers, options, ray, references, to_primitive, any_hit, hit, work)
+    test_triangles(buffers, options, ray, references, to_primitive, any_hit, hit, work)
 }
 
 /// The same for the references of a leaf record.
