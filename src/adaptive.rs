@@ -7,19 +7,19 @@
 //! differences between parts of the samples and between neighbours, is as small as was asked for.
 //!
 //! Every pixel's samples are the first 1, 4, 16, 64 or 256 points of one sequence, so that a picture whose pixels all have 256 is the
-//! one that 256 fixed samples give, bit for bit. Decisions are taken on the host, from radiances that have the same bits on every
-//! device: so have the pictures.
+//! one that 256 fixed samples give, bit for bit. Decisions are taken by the host or on the device ([`crate::options::Decisions`]), from
+//! radiances that have the same bits everywhere and in the same arithmetic: so the pictures have the same bits, too.
 //!
-//! Bad at: features that fall between all samples of a neighbourhood, of which nobody knows, and pictures that a GPU renders faster than
-//! the host decides.
+//! Bad at: features that fall between all samples of a neighbourhood, of which nobody knows.
 
 mod estimate;
 
 use crate::error::Result;
 use crate::film::Film;
-use crate::shared::{COUNTERS, CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, SplitStats, Tracer};
+use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
+use crate::tracer::{Progress, RenderResult, Tracer};
 use crate::work::PixelWork;
+pub(crate) use estimate::{COUNTED, CURVE, Choice, Promises, cl_constants};
 use estimate::{Estimates, display_steps, variance_of_mean};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -33,7 +33,17 @@ pub struct Adaptive {
     pub lattice: u32,
 }
 
+/// How many pixels of a picture lie on a lattice: every so many across and down, and the last.
+fn on_lattice((width, height): (usize, usize), step: usize) -> usize {
+    let on_axis = |pixels: usize| (pixels - 1).div_ceil(step) + 1;
+    on_axis(width) * on_axis(height)
+}
+
 impl Adaptive {
+    pub(crate) fn step(&self) -> usize {
+        self.lattice.max(1) as usize
+    }
+
     /// For this error the lattice that misses too little to matter. Features that fell between its points made errors of 0.39 steps of gears
     /// (2 pixels, 1024 x 1024) and 0.59 (4 pixels, 512 x 512), and at most 0.03 of the bunny, sponza and coffee.
     pub fn of_error(error: f32) -> Adaptive {
@@ -54,7 +64,7 @@ pub const MOST_SAMPLES: u32 = LEVEL_SAMPLES[LAST_LEVEL as usize];
 const AIM: f64 = 0.85;
 
 /// Rays of one list: few enough for the memory of any device, enough to keep it busy.
-const LIST_RAYS: usize = 1 << 21;
+pub(crate) const LIST_RAYS: usize = 1 << 21;
 /// Pixels whose positions one thread makes at a time.
 const PIXELS_AT_A_TIME: usize = 1 << 12;
 
@@ -114,17 +124,63 @@ pub fn sample_sequence() -> Vec<CameraSample> {
         .collect()
 }
 
-/// A picture on its way.
-struct Sampler<'a> {
-    tracer: &'a mut dyn Tracer,
-    params: RenderParams,
-    sequence: Vec<CameraSample>,
+/// Where what is known of a picture's pixels is kept, and who traces them.
+pub(crate) trait Pixels {
+    /// Takes the samples that bring pixels to the next level: of a choice, or, without one, the first samples of those of the lattice.
+    fn raise(&mut self, choice: Option<Choice>) -> Result<()>;
+
+    /// Gives the pixels without samples what lies between those of the lattice, and the first time estimates what that misses.
+    fn interpolate(&mut self) -> Result<()>;
+
+    /// Estimates the errors of all pixels anew.
+    fn update(&mut self) -> Result<Promises>;
+}
+
+/// Takes samples where they help most until the picture's error is as small as was asked for. Of what is returned seconds are left out.
+pub(crate) fn refine(
+    pixels: &mut dyn Pixels,
     size: (usize, usize),
-    /// Sums of the samples of each pixel.
-    sums: Vec<[f32; 3]>,
-    estimates: Estimates,
-    result: RenderResult,
-    stats: AdaptiveStats,
+    adaptive: Adaptive,
+    progress: Progress,
+) -> Result<AdaptiveStats> {
+    let all = size.0 * size.1;
+    let target = (AIM * f64::from(adaptive.error)).powi(2) * all as f64;
+    let mut stats = AdaptiveStats { error: adaptive.error, rounds: 1, ..AdaptiveStats::default() };
+    pixels.raise(None)?;
+    stats.pixels[1] = on_lattice(size, adaptive.step()) as u64;
+    stats.pixels[0] = all as u64 - stats.pixels[1];
+    if adaptive.step() > 1 {
+        pixels.interpolate()?;
+    }
+    let mut first = None;
+    loop {
+        let promises = pixels.update()?;
+        let squared = promises.squared_error();
+        stats.estimated_error = (squared / all as f64).sqrt() as f32;
+        if squared <= target {
+            break;
+        }
+        let first = *first.get_or_insert(squared);
+        if target > 0.0 {
+            // What is left goes down by about the same factor in each round.
+            progress(((first / squared).ln() / (first / target).ln()).clamp(0.0, 1.0));
+        }
+        let choice = promises.choose(target, stats.rounds);
+        let raised = promises.chosen(choice);
+        if raised == [0; LAST_LEVEL as usize] {
+            break;
+        }
+        pixels.raise(Some(choice))?;
+        stats.rounds += 1;
+        for (level, count) in raised.into_iter().enumerate() {
+            stats.pixels[level] -= count;
+            stats.pixels[level + 1] += count;
+        }
+    }
+    if adaptive.step() > 1 {
+        pixels.interpolate()?;
+    }
+    Ok(stats)
 }
 
 /// Renders a picture with as many rays as the error takes that is asked for. Of `params` samples do not matter.
@@ -137,10 +193,57 @@ pub fn render_adaptive(
     adaptive: Adaptive,
     progress: Progress,
 ) -> Result<RenderResult> {
+    if let Some(result) = tracer.render_by_error(params, adaptive, progress)? {
+        return Ok(result);
+    }
     let mut sampler = Sampler::new(tracer, params, adaptive);
-    sampler.trace_lattice()?;
-    sampler.refine(progress)?;
-    Ok(sampler.finish())
+    let size = sampler.size;
+    let stats = refine(&mut sampler, size, adaptive, progress)?;
+    let stats = AdaptiveStats { decide_s: sampler.decide_s, ..stats };
+    Ok(RenderResult { adaptive: Some(stats), ..sampler.result })
+}
+
+/// A picture on its way whose pixels the host keeps.
+struct Sampler<'a> {
+    tracer: &'a mut dyn Tracer,
+    params: RenderParams,
+    sequence: Vec<CameraSample>,
+    size: (usize, usize),
+    /// Sums of the samples of each pixel.
+    sums: Vec<[f32; 3]>,
+    estimates: Estimates,
+    result: RenderResult,
+    decide_s: f64,
+}
+
+impl Pixels for Sampler<'_> {
+    fn raise(&mut self, choice: Option<Choice>) -> Result<()> {
+        let pixels = self.on_host(|sampler| match choice {
+            Some(choice) => sampler.estimates.chosen(choice),
+            None => sampler.estimates.pixels_of_lattice(),
+        });
+        let mut rest = pixels.as_slice();
+        while !rest.is_empty() {
+            let (firsts, positions) = self.on_host(|sampler| sampler.list(rest));
+            let (now, later) = rest.split_at(firsts.len() - 1);
+            let traced = self.tracer.render(&self.params.of_list(positions.len() as u32), &positions, &|_| ())?;
+            self.on_host(|sampler| {
+                sampler.result.add(&traced);
+                sampler.take(now, &firsts, &traced);
+            });
+            rest = later;
+        }
+        Ok(())
+    }
+
+    fn interpolate(&mut self) -> Result<()> {
+        self.on_host(|sampler| sampler.estimates.interpolate(&mut sampler.result.film.pixels));
+        Ok(())
+    }
+
+    fn update(&mut self) -> Result<Promises> {
+        Ok(self.on_host(|sampler| sampler.estimates.update()))
+    }
 }
 
 impl<'a> Sampler<'a> {
@@ -153,51 +256,9 @@ impl<'a> Sampler<'a> {
             sequence: sample_sequence(),
             size,
             sums: film.pixels.clone(),
-            estimates: Estimates::new(size, adaptive.lattice.max(1) as usize),
-            result: RenderResult {
-                film,
-                counts: [0; COUNTERS],
-                work: None,
-                second_pass: None,
-                kernel_s: 0.0,
-                read_s: 0.0,
-                split: None,
-                adaptive: None,
-            },
-            stats: AdaptiveStats { error: adaptive.error, ..AdaptiveStats::default() },
-        }
-    }
-
-    /// Traces the first sample of the pixels of the lattice.
-    fn trace_lattice(&mut self) -> Result<()> {
-        let pixels = self.on_host(|sampler| sampler.estimates.pixels_of_lattice());
-        self.raise(&pixels)?;
-        self.interpolate();
-        Ok(())
-    }
-
-    /// Takes more samples where that helps most, until the error is as small as it shall be.
-    fn refine(&mut self, progress: Progress) -> Result<()> {
-        let target = (AIM * f64::from(self.stats.error)).powi(2) * self.sums.len() as f64;
-        let mut first = None;
-        loop {
-            let pixels = self.on_host(|sampler| {
-                let squared = sampler.estimates.update();
-                let first = *first.get_or_insert(squared.max(f64::MIN_POSITIVE));
-                if squared > target && target > 0.0 {
-                    // What is left goes down by about the same factor in each round.
-                    progress(((first / squared).ln() / (first / target).ln()).clamp(0.0, 1.0));
-                }
-                sampler.stats.estimated_error = (squared / sampler.sums.len() as f64).sqrt() as f32;
-                match squared > target {
-                    true => sampler.estimates.worth_raising(squared, target, sampler.stats.rounds),
-                    false => Vec::new(),
-                }
-            });
-            if pixels.is_empty() {
-                return Ok(());
-            }
-            self.raise(&pixels)?;
+            estimates: Estimates::new(size, adaptive.step()),
+            result: RenderResult::of_film(film),
+            decide_s: 0.0,
         }
     }
 
@@ -205,25 +266,8 @@ impl<'a> Sampler<'a> {
     fn on_host<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
         let start = Instant::now();
         let done = work(self);
-        self.stats.decide_s += start.elapsed().as_secs_f64();
+        self.decide_s += start.elapsed().as_secs_f64();
         done
-    }
-
-    /// Takes the samples that bring each of these pixels, in the order in which pixels are traced, to the next level.
-    fn raise(&mut self, pixels: &[usize]) -> Result<()> {
-        self.stats.rounds += 1;
-        let mut rest = pixels;
-        while !rest.is_empty() {
-            let (firsts, positions) = self.on_host(|sampler| sampler.list(rest));
-            let (now, later) = rest.split_at(firsts.len() - 1);
-            let traced = self.tracer.render(&self.params.of_list(positions.len() as u32), &positions, &|_| ())?;
-            self.on_host(|sampler| {
-                sampler.add(&traced);
-                sampler.take(now, &firsts, &traced);
-            });
-            rest = later;
-        }
-        Ok(())
     }
 
     /// The new samples of the first of some pixels, of as many as a list has room for: where those of each begin and the last ones end, and
@@ -285,31 +329,6 @@ impl<'a> Sampler<'a> {
                 work[samples(index)].iter().for_each(|one| all[pixel].add(one));
             }
         }
-    }
-
-    /// Adds what a list took to what the picture took.
-    fn add(&mut self, traced: &RenderResult) {
-        let all = &mut self.result;
-        (0..COUNTERS).for_each(|i| all.counts[i] += traced.counts[i]);
-        all.kernel_s += traced.kernel_s;
-        all.read_s += traced.read_s;
-        if let Some(second) = traced.second_pass {
-            *all.second_pass.get_or_insert(0) += second;
-        }
-        if let Some(split) = traced.split {
-            all.split.get_or_insert_with(SplitStats::default).add(&split);
-        }
-    }
-
-    fn interpolate(&mut self) {
-        self.on_host(|sampler| sampler.estimates.interpolate(&mut sampler.result.film.pixels));
-    }
-
-    fn finish(mut self) -> RenderResult {
-        self.interpolate();
-        self.stats.pixels = self.estimates.pixels_of_levels();
-        self.result.adaptive = Some(self.stats);
-        self.result
     }
 }
 

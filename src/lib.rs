@@ -26,7 +26,7 @@
 //! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `split.rs`, several a picture |
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`features`] | what a scene needs of the kernels that shade; `device/definitions.rs` leaves out the rest |
-//! | [`adaptive`] | pictures of bounded error: which pixels get how many samples (`adaptive/estimate.rs`: how wrong each may be) |
+//! | [`adaptive`] | pictures of bounded error: which pixels get how many samples (`adaptive/estimate.rs`: how wrong each may be); decided on the device by `device/adaptive.rs` and `cl/kernels/adaptive.cl` |
 //! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
 //! | `ray_order.rs` | shuffled batches: sorted, traced, and their hits put back into the caller's order |
 //! | [`session`] | from a scene and a device to a tracer that is ready |

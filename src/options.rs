@@ -286,11 +286,24 @@ methods! {
 methods! {
     /// What colour a ray takes from a texture that is a picture. The same where texels are larger than pixels.
     pub enum TextureFilter ("--texture-filter") {
-        /// The mean over what the ray stands for, from levels of the texture (Williams 1983; ray cones: Akenine-Möller et al. 2021): does
-        /// not flicker.
+        /// The mean over what the ray stands for, from levels of the texture (Williams 1983; ray cones: Akenine-Möller et al. 2021):
+        /// keeps far textures from flickering.
         Footprint = "footprint",
         /// The colour of a point, between its four texels.
         Bilinear = "bilinear",
+    }
+}
+
+methods! {
+    /// Who decides what is traced next of a picture whose error is asked for. The pixels are the same; on the reference both are the same,
+    /// too, and where the work on pixels is counted the host decides.
+    pub enum Decisions ("--decisions") {
+        /// The device, if it is a GPU.
+        Auto = "auto",
+        /// The host, between lists of rays.
+        Host = "host",
+        /// The device, which keeps all that is known of the pixels.
+        Device = "device",
     }
 }
 
@@ -414,6 +427,9 @@ pub struct TraceOptions {
     /// What colour a ray takes from a texture that is a picture.
     #[serde(serialize_with = "as_name")]
     pub texture_filter: TextureFilter,
+    /// Who decides what is traced next of a picture whose error is asked for.
+    #[serde(serialize_with = "as_name")]
+    pub decisions: Decisions,
     /// What the kernels that shade can do.
     #[serde(serialize_with = "as_name")]
     pub features: KernelFeatures,
@@ -465,6 +481,7 @@ impl TraceOptions {
         kernels: Kernels::Mega,
         textures: TexturePass::InKernel,
         texture_filter: TextureFilter::Footprint,
+        decisions: Decisions::Auto,
         features: KernelFeatures::Scene,
         terminator: Terminator::Smooth,
         paths_in_flight: None,

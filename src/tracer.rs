@@ -1,6 +1,6 @@
 //! The one interface of everything that traces rays: OpenCL devices and the scalar reference (thesis, section 6.2.2).
 
-use crate::adaptive::AdaptiveStats;
+use crate::adaptive::{Adaptive, AdaptiveStats};
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
@@ -66,6 +66,35 @@ pub struct RenderResult {
     pub split: Option<SplitStats>,
     /// How the picture was sampled, where its error was bounded.
     pub adaptive: Option<AdaptiveStats>,
+}
+
+impl RenderResult {
+    /// A film, and nothing that it took yet.
+    pub(crate) fn of_film(film: Film) -> Self {
+        RenderResult {
+            film,
+            counts: [0; COUNTERS],
+            work: None,
+            second_pass: None,
+            kernel_s: 0.0,
+            read_s: 0.0,
+            split: None,
+            adaptive: None,
+        }
+    }
+
+    /// Adds what a list of rays took to what the picture takes.
+    pub(crate) fn add(&mut self, list: &RenderResult) {
+        (0..COUNTERS).for_each(|i| self.counts[i] += list.counts[i]);
+        self.kernel_s += list.kernel_s;
+        self.read_s += list.read_s;
+        if let Some(second) = list.second_pass {
+            *self.second_pass.get_or_insert(0) += second;
+        }
+        if let Some(split) = list.split {
+            self.split.get_or_insert_with(SplitStats::default).add(&split);
+        }
+    }
 }
 
 /// What rendering by several kernels took ([`crate::options::Kernels::Split`]).
@@ -143,6 +172,21 @@ pub trait Tracer {
     /// # Errors
     /// The device failed or cannot hold the picture.
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult>;
+
+    /// Renders a picture by its error if the tracer decides by itself what is traced ([`crate::options::Decisions`]); the pixels are those
+    /// of [`crate::adaptive::render_adaptive`], which asks first.
+    ///
+    /// # Errors
+    /// The device failed or cannot hold the picture.
+    fn render_by_error(
+        &mut self,
+        params: &RenderParams,
+        adaptive: Adaptive,
+        progress: Progress,
+    ) -> Result<Option<RenderResult>> {
+        let _ = (params, adaptive, progress);
+        Ok(None)
+    }
 }
 
 impl SceneBuffers {

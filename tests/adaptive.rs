@@ -5,9 +5,9 @@ mod common;
 use common::models::shared_scenes;
 use common::{Random, SEED, device};
 use glam::Vec3;
-use raybrook::adaptive::{Adaptive, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, sample_sequence};
+use raybrook::adaptive::{Adaptive, AdaptiveStats, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, sample_sequence};
 use raybrook::film::{Film, srgb_from_linear};
-use raybrook::options::{Accel, Kernels, PacketSize, TraceOptions};
+use raybrook::options::{Accel, Decisions, Intersector, Kernels, PacketSize, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Camera, Samples, Scene, load};
 use raybrook::session::{Picture, complete, open_tracer, render, render_full};
@@ -136,15 +136,57 @@ fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
     ] {
         let scene = load(own_scene("cornell.toml")).unwrap();
         let ready = Ready::new(scene, (45, 37), Samples::Error(error), options);
+        let twins = ready.render(ready.reference().as_mut());
+        let stats = taken(&twins);
+        assert!(stats.rounds > 1 && stats.estimated_error <= error, "{stats:?}");
+        let camera_rays: u64 = stats.pixels.iter().zip(LEVEL_SAMPLES).map(|(&n, samples)| n * u64::from(samples)).sum();
+        assert_eq!(twins.counts[0], camera_rays, "every ray is a sample of a pixel");
+        for decisions in [Decisions::Host, Decisions::Device] {
+            let options = TraceOptions { decisions, ..options };
+            let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
+            for picture in ["first", "second"] {
+                let ours = ready.render(on_device.as_mut());
+                assert_eq!(bits(&ours.film), bits(&twins.film), "error {error}, {decisions}, {picture}");
+                assert_eq!(ours.counts, twins.counts, "error {error}, {decisions}, {picture}");
+                assert_eq!(taken(&ours), stats, "error {error}, {decisions}, {picture}");
+                assert_eq!(ours.second_pass.is_some(), options.intersector == Intersector::Exact);
+            }
+        }
+    }
+}
+
+/// What a picture took, but for time.
+fn taken(result: &RenderResult) -> AdaptiveStats {
+    AdaptiveStats { decide_s: 0.0, ..result.adaptive.unwrap() }
+}
+
+#[test]
+fn the_device_decides_of_pictures_of_any_shape_and_lattice_what_the_host_decides() {
+    let Some(device) = device() else { return };
+    let scene = load(own_scene("spheres.toml")).unwrap();
+    let options = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
+    for (size, lattice, error) in [
+        ((1, 1), 1, 1.0),
+        ((1, 1), 8, 1.0),
+        ((1, 9), 2, 0.7),
+        ((7, 1), 3, 1.0),
+        ((2, 2), 100, 0.0),
+        ((9, 5), 0, 0.5),
+        ((8, 8), 4, 4.0),
+        ((65, 50), 1, 0.3),
+        ((65, 50), 2, 2.0),
+        ((70, 33), 5, 255.0),
+        ((24, 24), 3, 0.0),
+    ] {
+        let ready = Ready::new(scene.clone(), size, Samples::Error(error), options);
+        let params = ready.buffers.render_params(&ready.picture.camera, size, Samples::Error(error), DEPTH, None);
+        let adaptive = Adaptive { error, lattice };
         let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
-        let (ours, twins) = (ready.render(on_device.as_mut()), ready.render(ready.reference().as_mut()));
-        assert_eq!(bits(&ours.film), bits(&twins.film), "error {error}");
-        assert_eq!(ours.counts, twins.counts, "error {error}");
-        let pixels = |result: &RenderResult| result.adaptive.unwrap().pixels;
-        assert_eq!(pixels(&ours), pixels(&twins));
-        let camera_rays: u64 =
-            pixels(&ours).iter().zip(LEVEL_SAMPLES).map(|(&n, samples)| n * u64::from(samples)).sum();
-        assert_eq!(ours.counts[0], camera_rays, "every ray is a sample of a pixel");
+        let ours = render_adaptive(on_device.as_mut(), &params, adaptive, &|_| ()).unwrap();
+        let twins = render_adaptive(ready.reference().as_mut(), &params, adaptive, &|_| ()).unwrap();
+        assert_eq!(bits(&ours.film), bits(&twins.film), "{size:?}, lattice {lattice}");
+        assert_eq!(ours.counts, twins.counts, "{size:?}, lattice {lattice}");
+        assert_eq!(taken(&ours), taken(&twins), "{size:?}, lattice {lattice}");
     }
 }
 
@@ -198,7 +240,7 @@ fn assert_bound_is_kept(path: &Path, side: u32) {
     }
 }
 
-/// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 28 scenes and three errors the most was 1.03.
+/// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 28 scenes and three errors the most was 1.04.
 const BOUND: f64 = 1.05;
 
 #[test]

@@ -20,33 +20,35 @@ const LATTICE_ERROR: f32 = 0.045;
 const PARTS: [[f32; 3]; LEVEL_SAMPLES.len()] =
     [[0.0; 3], [0.0, 0.05, 0.1], [0.25, 0.1, 0.1], [0.35, 0.0125, 0.1], [0.4, 0.0125, 0.1], [0.4, 0.0125, 0.1]];
 
+/// Values of a screen by the root of the radiance, of which they are nearly a multiple: straight lines between these are right to 0.001 steps.
+pub static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    let root = |i: usize| i as f64 / CURVE_INTERVALS as f64;
+    (0..=CURVE_INTERVALS + 1).map(|i| (255.0 * srgb_from_linear(root(i).powi(2))) as f32).collect()
+});
+const CURVE_INTERVALS: usize = 4096;
+
 /// Values of a screen, 0 to 255 without rounding.
 pub fn display_steps(linear: [f32; 3]) -> [f32; 3] {
-    /// By the root of the radiance, of which the curve is nearly a multiple: straight lines between these are right to 0.001 steps.
-    static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
-        (0..=INTERVALS + 1).map(|i| (255.0 * srgb_from_linear((i as f64 / INTERVALS as f64).powi(2))) as f32).collect()
-    });
-    const INTERVALS: usize = 4096;
     linear.map(|radiance| {
         // NaN counts as black, as it does in files.
-        let at = if radiance > 0.0 { radiance.min(1.0) } else { 0.0 }.sqrt() * INTERVALS as f32;
+        let at = if radiance > 0.0 { radiance.min(1.0) } else { 0.0 }.sqrt() * CURVE_INTERVALS as f32;
         let low = at as usize;
         CURVE[low] + (CURVE[low + 1] - CURVE[low]) * (at - low as f32)
     })
 }
 
-/// The variance of the mean of some values, if they have nothing to do with each other. Of parts of one net they have: together they cover
+/// The variance of the mean of four values, if they have nothing to do with each other. Of parts of one net they have: together they cover
 /// the pixel better, and the error is smaller ([`PARTS`]).
-pub fn variance_of_mean(values: &[[f32; 3]]) -> f32 {
-    let count = values.len() as f32;
-    let mean: [f32; 3] = std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f32>() / count);
-    let spread: f32 = values.iter().map(|v| squared(std::array::from_fn(|c| v[c] - mean[c]))).sum();
-    spread / (count * (count - 1.0))
+pub fn variance_of_mean(quarters: &[[f32; 3]; 4]) -> f32 {
+    let [a, b, c, d] = quarters;
+    let mean: [f32; 3] = std::array::from_fn(|i| (a[i] + b[i] + c[i] + d[i]) * 0.25);
+    let [a, b, c, d] = quarters.map(|quarter| squared(std::array::from_fn(|i| quarter[i] - mean[i])));
+    (a + b + c + d) * (1.0 / 12.0)
 }
 
 /// Mean of the squared channels.
 fn squared([r, g, b]: [f32; 3]) -> f32 {
-    (r * r + g * g + b * b) / 3.0
+    (r * r + g * g + b * b) * (1.0 / 3.0)
 }
 
 /// What is known of a pixel.
@@ -111,12 +113,6 @@ impl Estimates {
         self.pixels.par_chunks_mut(count)
     }
 
-    pub fn pixels_of_levels(&self) -> [u64; LEVEL_SAMPLES.len()] {
-        let mut pixels = [0; LEVEL_SAMPLES.len()];
-        self.pixels.iter().for_each(|pixel| pixels[usize::from(pixel.level)] += 1);
-        pixels
-    }
-
     /// Those that are traced first: every so many across and down, and the last.
     pub fn pixels_of_lattice(&self) -> Vec<usize> {
         let (width, height) = self.size;
@@ -145,9 +141,6 @@ impl Estimates {
 
     /// Gives the pixels without samples what lies between those of the lattice.
     pub fn interpolate(&mut self, pixels: &mut [[f32; 3]]) {
-        if self.lattice == 1 {
-            return;
-        }
         let ((width, height), lattice) = (self.size, self.lattice);
         // The corners have samples: nobody writes them.
         let value = |pixels: &[[f32; 3]], x: usize, y: usize| {
@@ -210,31 +203,33 @@ impl Estimates {
             .collect();
     }
 
-    /// Estimates the errors of all pixels anew; returns the sum of the squared ones.
-    pub fn update(&mut self) -> f64 {
+    /// Estimates the errors of all pixels anew.
+    pub fn update(&mut self) -> Promises {
         let mut errors = std::mem::take(&mut self.errors);
         let width = self.size.0;
-        let sums: Vec<f64> = errors
-            .par_chunks_mut(width)
-            .enumerate()
-            .map(|(y, row)| {
-                // What has changed has changed what is said of its neighbours.
-                let rows = y.saturating_sub(1)..self.size.1.min(y + 2);
-                let changed = |x: usize| rows.clone().any(|row| self.pixels[row * width + x].is_new);
-                let mut near = [false, changed(0)];
-                for (x, error) in row.iter_mut().enumerate() {
-                    let next = x + 1 < width && changed(x + 1);
-                    if near[0] || near[1] || next {
-                        *error = self.estimate(x, y);
-                    }
-                    near = [near[1], next];
+        let rows = errors.par_chunks_mut(width).enumerate().map(|(y, row)| {
+            // What has changed has changed what is said of its neighbours.
+            let rows = y.saturating_sub(1)..self.size.1.min(y + 2);
+            let changed = |x: usize| rows.clone().any(|row| self.pixels[row * width + x].is_new);
+            let mut near = [false, changed(0)];
+            for (x, error) in row.iter_mut().enumerate() {
+                let next = x + 1 < width && changed(x + 1);
+                if near[0] || near[1] || next {
+                    *error = self.estimate(x, y);
                 }
-                row.iter().map(|&error| f64::from(error)).sum()
-            })
-            .collect();
+                near = [near[1], next];
+            }
+            (y, &*row)
+        });
+        let promises = rows.fold(Promises::default, |mut all, (y, row)| {
+            let pixels = &self.pixels[y * width..];
+            row.iter().zip(pixels).for_each(|(&error, pixel)| all.count(pixel.level, error));
+            all
+        });
+        let promises = promises.reduce(Promises::default, Promises::plus);
         self.errors = errors;
         self.pixels.par_iter_mut().for_each(|pixel| pixel.is_new = false);
-        sums.into_iter().sum() // in the order of the rows, whoever summed them
+        promises
     }
 
     /// The squared error of a pixel.
@@ -281,14 +276,83 @@ impl Estimates {
             / 8.0
     }
 
-    /// The pixels that are to have more samples, by what they promise for each: so many that the sum of squared errors comes down to
-    /// `target`, if they keep their promises. After many `rounds` more than that: each is a list of its own, and the last ones would be short.
+    /// The pixels of a choice, in the order in which they are traced.
+    pub fn chosen(&self, choice: Choice) -> Vec<usize> {
+        let is_chosen = |pixel: &usize| {
+            let level = self.level(*pixel);
+            class(level, self.errors[*pixel]).is_some_and(|class| choice.includes(level, class))
+        };
+        self.order.par_iter().map(|&pixel| pixel as usize).filter(is_chosen).collect()
+    }
+}
+
+/// What each new sample of a pixel promises to take away of the squared error: classes, four to a factor of 2. None where there are no
+/// more samples, or nothing to take away.
+fn class(level: u8, error: f32) -> Option<usize> {
+    let worth = NEW_SAMPLES_RECIPROCALS.get(usize::from(level))?;
+    (error > 0.0).then(|| (error * worth).to_bits() as usize >> CLASS_SHIFT)
+}
+
+/// What is left of the squared error of a picture, and where samples would take how much of it away.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Promises {
+    /// The sum of the squared errors of all pixels in units of 1 / [`ERROR_UNITS`], each cut off to these: whole numbers have the same sum
+    /// in any order.
+    pub error: u64,
+    /// Pixels by level, then by class.
+    pub pixels: Vec<u32>,
+}
+
+impl Default for Promises {
+    fn default() -> Self {
+        Promises { error: 0, pixels: vec![0; COUNTED] }
+    }
+}
+
+impl Promises {
+    fn count(&mut self, level: u8, error: f32) {
+        self.error = self.error.wrapping_add((error * ERROR_UNITS) as u64);
+        if let Some(class) = class(level, error) {
+            self.pixels[usize::from(level) * CLASSES + class] += 1;
+        }
+    }
+
+    fn plus(mut self, other: Promises) -> Promises {
+        self.error = self.error.wrapping_add(other.error);
+        self.pixels.iter_mut().zip(other.pixels).for_each(|(count, more)| *count += more);
+        self
+    }
+
+    /// The sum of the squared errors of all pixels.
+    pub fn squared_error(&self) -> f64 {
+        self.error as f64 / f64::from(ERROR_UNITS)
+    }
+
+    /// How many pixels of each level a choice has.
+    pub fn chosen(&self, choice: Choice) -> [u64; LAST_LEVEL as usize] {
+        std::array::from_fn(|level| {
+            let classes = self.pixels[level * CLASSES..][..CLASSES].iter().enumerate();
+            let chosen = classes.filter(|&(class, _)| choice.includes(level as u8, class));
+            chosen.map(|(_, &count)| u64::from(count)).sum()
+        })
+    }
+
+    /// The pixels that are to have more samples, by what they promise for each: so many that the squared error comes down to `target`, if
+    /// they keep their promises. After many `rounds` more than that: each is a list of its own, and the last ones would be short.
     ///
     /// While many of them are interpolated, none but these: next to them the contrast of the others means little.
-    pub fn worth_raising(&self, squared: f64, target: f64, rounds: u32) -> Vec<usize> {
-        let bands: Vec<_> =
-            (0..self.errors.len().div_ceil(BAND)).into_par_iter().map(|band| self.promises(band)).collect();
-        let mut promises: Vec<f64> = (0..CLASSES).map(|class| bands.iter().map(|band| band[class]).sum()).collect();
+    pub fn choose(&self, target: f64, rounds: u32) -> Choice {
+        let middle = |class: usize| f64::from(f32::from_bits(((2 * class + 1) << (CLASS_SHIFT - 1)) as u32));
+        let mut promises: Vec<f64> = (0..CLASSES)
+            .map(|class| {
+                let count = |level: usize| f64::from(self.pixels[level * CLASSES + class]);
+                let samples: f64 =
+                    (0..usize::from(LAST_LEVEL)).map(|level| count(level) * f64::from(new_samples(level))).sum();
+                // The last classes are of no numbers.
+                if samples > 0.0 { NEXT_LEVEL * middle(class) * samples } else { 0.0 }
+            })
+            .collect();
+        let squared = self.squared_error();
         let late = f64::from(rounds.saturating_sub(EARLY_ROUNDS)) / f64::from(LATE_ROUNDS);
         let (mut excess, mut lowest) = ((squared - target).max(late.min(MOST_AT_A_TIME) * squared), CLASSES);
         while lowest > 1 && excess > 0.0 {
@@ -299,35 +363,42 @@ impl Estimates {
                 promises[later] += (1.0 - NEXT_LEVEL) * promises[lowest];
             }
         }
-        let worth = |pixel: &usize| self.class(*pixel).is_some_and(|class| class >= lowest);
-        let mut pixels: Vec<_> = self.order.par_iter().map(|&pixel| pixel as usize).filter(worth).collect();
-        let interpolated = pixels.iter().filter(|&&pixel| self.level(pixel) == 0).count();
-        if interpolated > pixels.len() / FEW_INTERPOLATED {
-            pixels.retain(|&pixel| self.level(pixel) == 0);
-        }
-        pixels
-    }
-
-    /// What the pixels of a band promise to take away of the squared error, by class.
-    fn promises(&self, band: usize) -> Vec<f64> {
-        let mut promises = vec![0.0; CLASSES];
-        for pixel in band * BAND..self.errors.len().min((band + 1) * BAND) {
-            if let Some(class) = self.class(pixel) {
-                promises[class] += NEXT_LEVEL * f64::from(self.errors[pixel]);
-            }
-        }
-        promises
-    }
-
-    /// The class of what each new sample of a pixel promises to take away of the squared error: four to a factor of 2.
-    fn class(&self, pixel: usize) -> Option<usize> {
-        let level = self.level(pixel);
-        if level == LAST_LEVEL || self.errors[pixel] <= 0.0 {
-            return None;
-        }
-        Some((self.errors[pixel] / self.new_samples(pixel).len() as f32).to_bits() as usize >> CLASS_SHIFT)
+        let all = Choice { lowest, only_interpolated: false };
+        let chosen = self.chosen(all);
+        Choice { only_interpolated: chosen[0] > chosen.iter().sum::<u64>() / FEW_INTERPOLATED, ..all }
     }
 }
+
+/// Pixels that are to have more samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Choice {
+    /// The lowest class; 1 or more.
+    pub lowest: usize,
+    /// Whether those that have samples are left out.
+    pub only_interpolated: bool,
+}
+
+impl Choice {
+    fn includes(self, level: u8, class: usize) -> bool {
+        class >= self.lowest && (level == 0 || !self.only_interpolated)
+    }
+}
+
+/// How many samples bring a pixel from this level to the next.
+const fn new_samples(level: usize) -> u32 {
+    LEVEL_SAMPLES[level + 1] - LEVEL_SAMPLES[level]
+}
+
+/// 1 / [`new_samples`].
+const NEW_SAMPLES_RECIPROCALS: [f32; LAST_LEVEL as usize] = {
+    let mut all = [0.0; LAST_LEVEL as usize];
+    let mut level = 0;
+    while level < all.len() {
+        all[level] = 1.0 / new_samples(level) as f32;
+        level += 1;
+    }
+    all
+};
 
 /// The part of a squared error that four times the samples take away, where it is a part of n^-1.5.
 const NEXT_LEVEL: f64 = 0.875;
@@ -339,16 +410,38 @@ const LATE_ROUNDS: u32 = 16;
 /// The part of the squared error that late rounds need not exceed.
 const MOST_AT_A_TIME: f64 = 0.5;
 /// Interpolated pixels are traced by themselves while they are more than one in so many of those that are worth samples.
-const FEW_INTERPOLATED: usize = 8;
+const FEW_INTERPOLATED: u64 = 8;
 /// What an interpolated pixel's squared error may be, as a part of the square of what was wrong with one beside it.
 const SURPRISE: f32 = 0.25;
-/// Pixels whose promises are summed together: always the same ones, so that rounding is the same on any number of cores.
-const BAND: usize = 1 << 14;
+/// Units of a squared error of 1: in pictures of 2^28 pixels errors of 256 steps in all of them can be counted.
+const ERROR_UNITS: f32 = (1 << 20) as f32;
 /// Bits of a float below those that name its class.
 const CLASS_SHIFT: u32 = 21;
 /// From one level to the next a squared error goes down to an eighth, and each of four times the samples takes a part of that away.
 const CLASSES_OF_LEVEL: usize = 4 * 5;
 const CLASSES: usize = 1 << (31 - CLASS_SHIFT);
+/// Levels and classes of pixels that can have more samples.
+pub const COUNTED: usize = LAST_LEVEL as usize * CLASSES;
+
+/// What `cl/kernels/adaptive.cl` has of the constants of this file.
+pub fn cl_constants() -> String {
+    let list = |values: &[f32]| values.iter().map(|value| format!("{value:?}f")).collect::<Vec<_>>().join(", ");
+    let parts = PARTS.map(|parts| format!("{{{}}}", list(&parts))).join(", ");
+    format!(
+        "#define CURVE_INTERVALS {CURVE_INTERVALS}u\n\
+         #define LATTICE_ERROR {LATTICE_ERROR:?}f\n\
+         #define SURPRISE {SURPRISE:?}f\n\
+         #define ERROR_UNITS {ERROR_UNITS:?}f\n\
+         #define CLASS_SHIFT {CLASS_SHIFT}u\n\
+         #define CLASSES {CLASSES}u\n\
+         #define LAST_LEVEL {LAST_LEVEL}u\n\
+         __constant uint LEVEL_SAMPLES[] = {{{}}};\n\
+         __constant float NEW_SAMPLES_RECIPROCALS[] = {{{}}};\n\
+         __constant float PARTS[][3] = {{{parts}}};\n",
+        LEVEL_SAMPLES.map(|samples| format!("{samples}u")).join(", "),
+        list(&NEW_SAMPLES_RECIPROCALS),
+    )
+}
 
 /// n^1.5 of the samples n = 4^(level - 1) of a level that has some.
 fn edge_samples(level: u8) -> f32 {

@@ -31,8 +31,9 @@ use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
-    Accel, Build, Chosen, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder,
-    Request, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice, Workload,
+    Accel, Build, Chosen, Decisions, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize,
+    RayOrder, Request, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice,
+    Workload,
 };
 use raybrook::scene::{PictureDefaults, Samples};
 use std::path::PathBuf;
@@ -149,6 +150,8 @@ struct MethodArgs {
     textures: TexturePass,
     #[arg(long, help = format!("What colour a ray takes from a picture on a surface: {}", TextureFilter::names()), value_name = "NAME", default_value_t = TraceOptions::default().texture_filter)]
     texture_filter: TextureFilter,
+    #[arg(long, help = format!("Who decides what is traced next of a picture whose error is asked for: {}", Decisions::names()), value_name = "NAME", default_value_t = TraceOptions::default().decisions)]
+    decisions: Decisions,
     #[arg(long, help = format!("What the kernels of pictures can do: {}", KernelFeatures::names()), value_name = "NAME", default_value_t = TraceOptions::default().features)]
     features: KernelFeatures,
     #[arg(long, help = format!("Shadow rays start at the height that smooth normals claim, or on the triangle, where coarse meshes show stairs: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
@@ -231,6 +234,7 @@ impl MethodArgs {
             textures: self.textures,
             features: self.features,
             texture_filter: self.texture_filter,
+            decisions: self.decisions,
             terminator: self.terminator,
             paths_in_flight: self.paths_in_flight,
             counters,

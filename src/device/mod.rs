@@ -21,6 +21,7 @@
 //! # }
 //! ```
 
+mod adaptive;
 mod buffer;
 mod cache;
 mod compiler_options;

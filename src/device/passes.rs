@@ -3,7 +3,7 @@
 
 use super::definitions::Definitions;
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
-use super::{Buffer, Cache, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
+use super::{Buffer, Cache, CompileOptions, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use crate::options::{Kernels, PacketSize, TraceOptions};
 use crate::shared::PACKETS_OF_ITEM;
@@ -195,7 +195,17 @@ impl Passes {
     /// Compiles one pass of the kernels in `file`, and no others: compilers take long.
     pub fn program(&mut self, context: &DeviceContext, pass: Pass, file: &str) -> Result<Program> {
         let options = self.definitions.of_pass(pass, file);
-        let built = build(context, &ProgramSource::kernels(&[file]), &options, self.cache.as_ref())?;
+        self.build(context, &ProgramSource::kernels(&[file]), &options)
+    }
+
+    /// Compiles what has nothing to do with tracing.
+    pub fn build(
+        &mut self,
+        context: &DeviceContext,
+        source: &ProgramSource,
+        options: &CompileOptions,
+    ) -> Result<Program> {
+        let built = build(context, source, options, self.cache.as_ref())?;
         self.compile_s += built.compile_s;
         self.notes.extend(built.notes);
         Ok(built.program)

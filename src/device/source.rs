@@ -96,6 +96,10 @@ const FIRST_FILE: &[(&str, &str)] = kernel_files!["cl/shared/compiler.cl"];
 /// A program to try options with.
 const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 
+/// Kernels that decide what is traced of pictures of bounded error, and what they need.
+const ADAPTIVE_FILES: &[(&str, &str)] =
+    kernel_files!["cl/shared/types.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
+
 /// A program that measures the device.
 const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];
 
@@ -121,6 +125,11 @@ impl ProgramSource {
     /// A program whose only kernel does nothing.
     pub fn empty() -> Self {
         Self::new(EMPTY_FILE.iter().copied())
+    }
+
+    /// The kernels that decide what is traced next of a picture, behind `constants`, which they have from the host.
+    pub(super) fn adaptive(constants: &str) -> Self {
+        Self::new([("constants", constants)].into_iter().chain(ADAPTIVE_FILES.iter().copied()))
     }
 
     /// The kernels that measure what the device can do at most.

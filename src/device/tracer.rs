@@ -1,5 +1,6 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
+use super::adaptive::{AdaptiveKernels, DevicePixels};
 use super::definitions::Definitions;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
@@ -7,11 +8,12 @@ use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
 use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
+use crate::adaptive::Adaptive;
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Intersector, Kernels, Memory, TraceOptions, work_group_size};
+use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, CameraSample, Hit, RenderParams, TILE_SIDE};
@@ -23,20 +25,25 @@ use std::time::Instant;
 
 /// What every rendering kernel takes beside the scene.
 pub(super) struct PictureBuffers {
-    params: Buffer<RenderParams>,
-    samples: Buffer<CameraSample>,
-    film: Buffer<Float4>,
+    pub params: Buffer<RenderParams>,
+    pub samples: Buffer<CameraSample>,
+    pub film: Buffer<Float4>,
     counters: Buffer<u32>,
 }
 
 impl PictureBuffers {
-    fn new(context: &DeviceContext, params: &RenderParams, samples: &[CameraSample]) -> Result<Self> {
+    fn new(context: &DeviceContext, params: &RenderParams, samples: Buffer<CameraSample>) -> Result<Self> {
         Ok(PictureBuffers {
             params: Buffer::from_slice(context, "picture parameters", &[*params])?,
-            samples: Buffer::from_slice(context, "samples", samples)?,
+            samples,
             film: Buffer::empty(context, "picture", params.film_len())?,
             counters: Buffer::read_write(context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?,
         })
+    }
+
+    /// Room for lists of so many rays, whose positions kernels write.
+    pub fn of_lists(context: &DeviceContext, params: &RenderParams, rays: usize) -> Result<Self> {
+        Self::new(context, &params.of_list(rays as u32), Buffer::empty(context, "samples", rays)?)
     }
 
     /// Sets the arguments with which every rendering kernel begins.
@@ -64,6 +71,18 @@ pub(super) struct Rendered {
     pub split: Option<SplitStats>,
 }
 
+/// What the launches of one picture after the other have in common.
+pub(super) struct Launches {
+    doubts: Doubts,
+    plan: LaunchPlan,
+}
+
+/// Items of a picture, or of a list: the pixels of its tiles.
+fn items_of(params: &RenderParams) -> usize {
+    let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
+    tiles * (TILE_SIDE * TILE_SIDE) as usize
+}
+
 /// How many samples of each pixel one launch traces. A pixel that is left in doubt is traced again with all samples of its launch, of which
 /// more than one is seldom in doubt, and a GPU waits for the slowest pixel with all its samples; but the next launch finds less in caches.
 /// Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314;
@@ -74,11 +93,13 @@ fn samples_of_launch(kind: DeviceKind) -> u32 {
 
 /// A tracer on an OpenCL device.
 pub struct OpenClTracer {
-    context: DeviceContext,
+    pub(super) context: DeviceContext,
     scene: DeviceScene,
-    passes: Passes,
+    pub(super) passes: Passes,
     /// What renders in place of the mega-kernel, once it was needed.
     split: Option<Box<SplitPipeline>>,
+    /// What decides which pixels have more samples, once it was needed.
+    pub(super) adaptive: Option<AdaptiveKernels>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
     trace_plan: LaunchPlan,
@@ -193,6 +214,7 @@ impl OpenClTracer {
         Ok(OpenClTracer {
             passes,
             split: None,
+            adaptive: None,
             buffers: buffers.clone(),
             options: *options,
             trace_plan: LaunchPlan::starting_with(first_items),
@@ -250,14 +272,12 @@ impl Tracer for OpenClTracer {
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         self.prepare(Task::Picture)?;
+        let samples = Buffer::from_slice(&self.context, "samples", samples)?;
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.film_len())?;
-        let shape = (self.first_items, self.work_group);
-        let rendered = match &mut self.split {
-            Some(split) => split.render(&self.context, &self.scene, &picture, params, shape, progress)?,
-            None => self.render_mega(&picture, &work, params, progress)?,
-        };
-        let Rendered { counts, kernel_s, second_pass, split } = rendered;
+        let mut launches = self.launches(params)?;
+        let Rendered { counts, kernel_s, second_pass, split } =
+            self.render_to(&picture, &work, params, &mut launches, progress)?;
 
         let start = Instant::now();
         let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
@@ -266,6 +286,24 @@ impl Tracer for OpenClTracer {
         let work = work.map(|work| work.read()).transpose()?;
         let read_s = start.elapsed().as_secs_f64();
         Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split, adaptive: None })
+    }
+
+    fn render_by_error(
+        &mut self,
+        params: &RenderParams,
+        adaptive: Adaptive,
+        progress: Progress,
+    ) -> Result<Option<RenderResult>> {
+        let on_device = match self.options.decisions {
+            Decisions::Auto => self.context.info().kind == DeviceKind::Gpu,
+            Decisions::Host => false,
+            Decisions::Device => true,
+        };
+        if !on_device || self.options.counters {
+            return Ok(None);
+        }
+        self.prepare(Task::Picture)?;
+        DevicePixels::render(self, params, adaptive, progress).map(Some)
     }
 }
 
@@ -327,26 +365,57 @@ impl OpenClTracer {
         Ok(result)
     }
 
+    /// What launches of pictures of this size, or of lists that are no longer, have in common.
+    pub(super) fn launches(&self, params: &RenderParams) -> Result<Launches> {
+        let samples = self.samples_of_launch(params) as usize;
+        Ok(Launches {
+            doubts: Doubts::new(&self.context, self.passes.defers(), items_of(params))?,
+            plan: LaunchPlan::starting_with(self.first_items / samples.max(1)),
+        })
+    }
+
+    fn samples_of_launch(&self, params: &RenderParams) -> u32 {
+        // What is counted of a pixel is stored once.
+        let at_a_time = if self.options.counters { u32::MAX } else { samples_of_launch(self.context.info().kind) };
+        at_a_time.min(params.sample_count)
+    }
+
+    /// Renders into the film of `picture`.
+    pub(super) fn render_to(
+        &mut self,
+        picture: &PictureBuffers,
+        work: &Option<Buffer<PixelWork>>,
+        params: &RenderParams,
+        launches: &mut Launches,
+        progress: Progress,
+    ) -> Result<Rendered> {
+        match &mut self.split {
+            Some(split) => {
+                let shape = (self.first_items, self.work_group);
+                split.render(&self.context, &self.scene, picture, params, shape, progress)
+            }
+            None => self.render_mega(picture, work, params, launches, progress),
+        }
+    }
+
     /// Renders with the mega-kernel.
     fn render_mega(
         &mut self,
         picture: &PictureBuffers,
         work: &Option<Buffer<PixelWork>>,
         params: &RenderParams,
+        Launches { doubts, plan }: &mut Launches,
         progress: Progress,
     ) -> Result<Rendered> {
-        let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
-        let items = tiles * (TILE_SIDE * TILE_SIDE) as usize;
-        let doubts = Doubts::new(&self.context, self.passes.defers(), items)?;
+        let items = items_of(params);
+        let before = doubts.resolved();
+        let at_a_time = self.samples_of_launch(params).max(1);
         let entry = Entry::of_picture(self.options.packet_size);
         let OpenClTracer { context, scene, passes, .. } = self;
         let mut rendered = Rendered::default();
         let mut done = 0;
         let mut failed = None;
         let samples = params.sample_count;
-        // What is counted of a pixel is stored once.
-        let at_a_time = if work.is_some() { samples.max(1) } else { samples_of_launch(context.info().kind) };
-        let mut plan = LaunchPlan::starting_with(self.first_items / (at_a_time.min(samples) as usize).max(1));
         for first_sample in (0..samples).step_by(at_a_time as usize) {
             let end_sample = samples.min(first_sample + at_a_time);
             let set = |kernel: &mut Kernel| {
@@ -354,14 +423,14 @@ impl OpenClTracer {
                 arguments.set(first_sample)?.set(end_sample).map(|_| ())
             };
             let shape = (items, self.work_group);
-            rendered.kernel_s += passes.run(context, entry, &set, &mut plan, shape, &doubts, |launched| {
+            rendered.kernel_s += passes.run(context, entry, &set, plan, shape, doubts, |launched| {
                 done += launched * (end_sample - first_sample) as usize;
                 progress((done as f64 / (items * samples as usize) as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.
                 failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
             })?;
         }
-        rendered.second_pass = doubts.resolved();
+        rendered.second_pass = doubts.resolved().map(|all| all - before.unwrap_or(0));
         failed.map_or(Ok(rendered), Err)
     }
 }

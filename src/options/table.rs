@@ -4,8 +4,8 @@
 //! A new value is a line of its enum; a new option is a line of [`OPTIONS`].
 
 use super::{
-    Accel, Build, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, SplitAxis,
-    Stop, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder,
+    Accel, Build, Decisions, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder,
+    SplitAxis, Stop, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder,
 };
 use std::fmt;
 
@@ -103,6 +103,7 @@ pub static OPTIONS: &[MethodOption] = &[
     names!(Kernels, kernels, Accel::ALL),
     names!(TexturePass, textures, Accel::ALL),
     names!(TextureFilter, texture_filter, Accel::ALL),
+    names!(Decisions, decisions, Accel::ALL),
     names!(KernelFeatures, features, Accel::ALL),
     names!(Terminator, terminator, Accel::ALL),
     number!("--paths-in-flight", paths_in_flight, Accel::ALL, 1),

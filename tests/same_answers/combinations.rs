@@ -1,14 +1,21 @@
 //! Which combinations there are, from the table of options and its checks.
 
 use raybrook::options::{
-    Choice, Intersector, KdOptions, MethodOption, OPTIONS, RayOrder, SplitAxis, Stop, Terminator, TextureFilter,
-    TexturePass, TraceOptions, fewest_changes,
+    Choice, Decisions, Intersector, KdOptions, MethodOption, OPTIONS, RayOrder, SplitAxis, Stop, Terminator,
+    TextureFilter, TexturePass, TraceOptions, fewest_changes,
 };
 use std::collections::HashSet;
 
 /// Options that refine a method: in the spread, but not in the product.
-const REFINEMENTS: [&str; 6] =
-    [RayOrder::OPTION, SplitAxis::OPTION, Stop::OPTION, TexturePass::OPTION, TextureFilter::OPTION, Terminator::OPTION];
+const REFINEMENTS: [&str; 7] = [
+    RayOrder::OPTION,
+    SplitAxis::OPTION,
+    Stop::OPTION,
+    TexturePass::OPTION,
+    TextureFilter::OPTION,
+    Terminator::OPTION,
+    Decisions::OPTION,
+];
 
 /// Whether brute force with the same triangle test must have the same hits.
 fn is_right(options: &TraceOptions) -> bool {

@@ -53,7 +53,7 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
     let options = fast_options(lab);
     let all = TraceOptions { features: KernelFeatures::All, ..options };
     let one = |label: &str, options| PictureVariant::new(label, options, 1, DEPTH);
-    let errors: &[f32] = if lab.quick { &[1.0] } else { &[1.0, 0.5, 0.25, 0.15] };
+    let errors: &[f32] = if lab.quick { &[1.0] } else { &[1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12] };
     // In the order of `Pictures`.
     let mut variants = vec![
         one("1 sample", options),

@@ -1,0 +1,374 @@
+//! Pictures of bounded error whose pixels the device keeps: between lists of rays the host reads how many pixels promise how much, and
+//! where the tiles' parts of the list begin, and nothing else. The kernels are in `cl/kernels/adaptive.cl`; what they do and why, and
+//! the host's way to the same bits, is in [`crate::adaptive`].
+
+use super::launch::Arguments;
+use super::passes::Passes;
+use super::tracer::{Launches, OpenClTracer, PictureBuffers, Rendered};
+use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, ProgramSource};
+use crate::adaptive::{
+    Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, LIST_RAYS, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
+    sample_sequence,
+};
+use crate::error::Result;
+use crate::film::Film;
+use crate::layout::Float4;
+use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
+use crate::tracer::{Progress, RenderResult};
+use std::time::Instant;
+
+/// In place of a class: the pixels of the lattice are asked for.
+const LATTICE: u32 = 0;
+/// Parts of the sum of squared errors, so that work-items seldom meet at one.
+const SUM_SLOTS: usize = 256;
+/// Work-items of a work-group.
+const WORK_GROUP: usize = 64;
+const TILE_PIXELS: usize = (TILE_SIDE * TILE_SIDE) as usize;
+
+/// The kernels, and what no picture changes.
+pub(super) struct AdaptiveKernels {
+    forget: Kernel,
+    count: Kernel,
+    list: Kernel,
+    place: Kernel,
+    take: Kernel,
+    tell: Kernel,
+    interpolate: Kernel,
+    cells: Kernel,
+    update: Kernel,
+    sequence: Buffer<CameraSample>,
+    curve: Buffer<f32>,
+}
+
+impl AdaptiveKernels {
+    fn new(context: &DeviceContext, passes: &mut Passes) -> Result<Self> {
+        let source = ProgramSource::adaptive(&cl_constants());
+        let options = CompileOptions::new().define("SUM_SLOTS", format!("{SUM_SLOTS}u"));
+        let program = passes.build(context, &source, &options)?;
+        Ok(AdaptiveKernels {
+            forget: program.kernel("forget_pixels")?,
+            count: program.kernel("count_wanted")?,
+            list: program.kernel("list_wanted")?,
+            place: program.kernel("place_samples")?,
+            take: program.kernel("take_samples")?,
+            tell: program.kernel("tell_neighbours")?,
+            interpolate: program.kernel("interpolate")?,
+            cells: program.kernel("estimate_cells")?,
+            update: program.kernel("update_estimates")?,
+            sequence: Buffer::from_slice(context, "sample sequence", &sample_sequence())?,
+            curve: Buffer::from_slice(context, "screen's curve", &CURVE)?,
+        })
+    }
+}
+
+/// What is known of the pixels: `PIXEL_ARGUMENTS` of the kernels.
+struct PixelArrays {
+    size: (usize, usize),
+    lattice: usize,
+    film: Buffer<Float4>,
+    sums: Buffer<Float4>,
+    shown: Buffer<Float4>,
+    states: Buffer<u32>,
+    errors: Buffer<f32>,
+    classes: Buffer<u32>,
+}
+
+impl PixelArrays {
+    fn new(context: &DeviceContext, size: (usize, usize), lattice: usize) -> Result<Self> {
+        let count = size.0 * size.1;
+        Ok(PixelArrays {
+            size,
+            lattice,
+            film: Buffer::empty(context, "picture", count)?,
+            sums: Buffer::empty(context, "sums of samples", count)?,
+            shown: Buffer::empty(context, "estimates", count)?,
+            states: Buffer::empty(context, "levels", count)?,
+            errors: Buffer::empty(context, "errors", count)?,
+            classes: Buffer::empty(context, "classes", count)?,
+        })
+    }
+
+    fn count(&self) -> usize {
+        self.size.0 * self.size.1
+    }
+
+    fn tiles(&self) -> usize {
+        let side = TILE_SIDE as usize;
+        self.size.0.div_ceil(side) * self.size.1.div_ceil(side)
+    }
+
+    /// Sets the arguments with which every kernel begins.
+    fn arguments<'k>(&self, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
+        let arguments = Arguments::of(kernel);
+        let arguments =
+            arguments.set(self.size.0 as u32)?.set(self.size.1 as u32)?.set(self.lattice as u32)?.set(&self.film)?;
+        arguments.set(&self.sums)?.set(&self.shown)?.set(&self.states)?.set(&self.errors)?.set(&self.classes)
+    }
+}
+
+/// Starts a kernel for `items`, its last two arguments being the first of them and their end.
+fn launch(kernel: &mut Kernel, items: std::ops::Range<usize>) -> Result<Event> {
+    let bounds = kernel.arg_count() - 2;
+    kernel.set_arg(bounds, items.start as u32)?;
+    kernel.set_arg(bounds + 1, items.end as u32)?;
+    kernel.launch(&[items.len().next_multiple_of(WORK_GROUP)], Some(&[WORK_GROUP]))
+}
+
+/// A picture on its way whose pixels the device keeps.
+pub(super) struct DevicePixels<'a> {
+    tracer: &'a mut OpenClTracer,
+    kernels: &'a mut AdaptiveKernels,
+    params: RenderParams,
+    pixels: PixelArrays,
+    /// Squared errors of the interpolation, by cell of the lattice.
+    cells: Buffer<f32>,
+    /// Of each tile how many pixels are asked for, and how many samples; then how many there are in the tiles before.
+    tiles: Buffer<[u32; 2]>,
+    /// [`Promises`] and parts of the sum, as the kernel has them.
+    promises: Buffer<u32>,
+    /// Pixels of a list, and where the samples of each begin.
+    list: Buffer<[u32; 2]>,
+    /// How much those are wrong that were interpolated.
+    changes: Buffer<f32>,
+    rays: PictureBuffers,
+    launches: Launches,
+    /// Kernels that nobody has waited for.
+    started: Vec<Event>,
+    round: u32,
+    is_interpolated: bool,
+    result: RenderResult,
+    decide_s: f64,
+}
+
+impl<'a> DevicePixels<'a> {
+    /// Renders a picture.
+    pub fn render(
+        tracer: &'a mut OpenClTracer,
+        params: &RenderParams,
+        adaptive: Adaptive,
+        progress: Progress,
+    ) -> Result<RenderResult> {
+        let mut kernels = match tracer.adaptive.take() {
+            Some(kernels) => kernels,
+            None => AdaptiveKernels::new(&tracer.context, &mut tracer.passes)?,
+        };
+        let result = DevicePixels::new(tracer, &mut kernels, params, adaptive)
+            .and_then(|pixels| pixels.refine(adaptive, progress));
+        tracer.adaptive = Some(kernels);
+        result
+    }
+
+    fn new(
+        tracer: &'a mut OpenClTracer,
+        kernels: &'a mut AdaptiveKernels,
+        params: &RenderParams,
+        adaptive: Adaptive,
+    ) -> Result<Self> {
+        let context = &tracer.context;
+        let size = (params.width as usize, params.height as usize);
+        let pixels = PixelArrays::new(context, size, adaptive.step())?;
+        let on_axis = |pixels: usize| (pixels - 1) / adaptive.step() + 1;
+        let cells = if adaptive.step() > 1 { on_axis(size.0) * on_axis(size.1) } else { 0 };
+        // A tile is not divided between lists.
+        let tile_rays = TILE_PIXELS * MOST_SAMPLES as usize;
+        let most_rays = LIST_RAYS.max(tile_rays).min(pixels.count().saturating_mul(MOST_SAMPLES as usize));
+        let rays = PictureBuffers::of_lists(context, params, most_rays)?;
+        let launches = tracer.launches(&params.of_list(most_rays as u32))?;
+        let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
+        Ok(DevicePixels {
+            params: *params,
+            cells: Buffer::empty(context, "cells of the lattice", cells)?,
+            tiles: Buffer::empty(context, "tiles", pixels.tiles())?,
+            promises: Buffer::read_write(context, "promises", &vec![0; COUNTED + 2 * SUM_SLOTS])?,
+            list: Buffer::empty(context, "listed pixels", pixels.count().min(most_rays))?,
+            changes: Buffer::empty(context, "changes", pixels.count().min(most_rays))?,
+            rays,
+            launches,
+            started: Vec::new(),
+            round: 0,
+            is_interpolated: false,
+            result: RenderResult::of_film(film),
+            decide_s: 0.0,
+            tracer,
+            kernels,
+            pixels,
+        })
+    }
+
+    fn refine(mut self, adaptive: Adaptive, progress: Progress) -> Result<RenderResult> {
+        self.deciding(|this| {
+            this.pixels.arguments(&mut this.kernels.forget)?;
+            this.started.push(launch(&mut this.kernels.forget, 0..this.pixels.count())?);
+            Ok(())
+        })?;
+        let size = self.pixels.size;
+        let stats = refine(&mut self, size, adaptive, progress)?;
+        self.wait()?;
+        let start = Instant::now();
+        let film = self.pixels.film.read()?;
+        self.result.film.pixels = film.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
+        self.result.read_s = start.elapsed().as_secs_f64();
+        self.result.adaptive = Some(AdaptiveStats { decide_s: self.decide_s, ..stats });
+        Ok(self.result)
+    }
+
+    /// Waits for what was started, and adds its seconds to those of the kernels.
+    fn wait(&mut self) -> Result<f64> {
+        let mut seconds = 0.0;
+        for event in self.started.drain(..) {
+            seconds += event.wait()?;
+        }
+        self.result.kernel_s += seconds;
+        Ok(seconds)
+    }
+
+    /// Counts what deciding takes beside the kernels.
+    fn deciding<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        let start = Instant::now();
+        let done = work(self)?;
+        let kernels_s = self.wait()?;
+        self.decide_s += (start.elapsed().as_secs_f64() - kernels_s).max(0.0);
+        Ok(done)
+    }
+
+    /// Counts the pixels of a choice, and puts them into lists: the tiles of each, the tiles before which its pixels and samples begin,
+    /// and how many of both it has.
+    fn divide(&mut self, lowest: u32, only_interpolated: u32) -> Result<Vec<Part>> {
+        let (tiles, kernel) = (self.pixels.tiles(), &mut self.kernels.count);
+        self.pixels.arguments(kernel)?.set(&self.tiles)?.set(lowest)?.set(only_interpolated)?;
+        self.started.push(launch(kernel, 0..tiles)?);
+        let mut counts = self.tiles.read()?;
+        let parts = divide(&mut counts, LIST_RAYS as u64);
+        self.tiles.write(&counts)?;
+        Ok(parts)
+    }
+
+    /// Traces the new samples of a part of a choice.
+    fn trace(&mut self, part: &Part, lowest: u32, only_interpolated: u32) -> Result<()> {
+        self.deciding(|this| {
+            let (pixels, kernels) = (&this.pixels, &mut *this.kernels);
+            let arguments =
+                pixels.arguments(&mut kernels.list)?.set(&this.tiles)?.set(lowest)?.set(only_interpolated)?;
+            arguments.set(&this.list)?.set(part.before[0])?.set(part.before[1])?;
+            this.started.push(launch(&mut kernels.list, part.tiles.clone())?);
+            let arguments = pixels.arguments(&mut kernels.place)?.set(&this.list)?;
+            arguments.set(&kernels.sequence)?.set(&this.rays.samples)?;
+            this.started.push(launch(&mut kernels.place, 0..part.count[0] as usize)?);
+            this.rays.params.write(&[this.params.of_list(part.count[1])])
+        })?;
+        let params = self.params.of_list(part.count[1]);
+        let rendered = self.tracer.render_to(&self.rays, &None, &params, &mut self.launches, &|_| ())?;
+        let Rendered { counts, kernel_s, second_pass, split } = rendered;
+        self.result.add(&RenderResult {
+            counts,
+            kernel_s,
+            second_pass,
+            split,
+            ..RenderResult::of_film(Film { width: 0, height: 0, pixels: Vec::new() })
+        });
+        self.deciding(|this| {
+            let (pixels, kernels) = (&this.pixels, &mut *this.kernels);
+            let listed = 0..part.count[0] as usize;
+            let arguments = pixels.arguments(&mut kernels.take)?.set(&this.list)?.set(&this.rays.film)?;
+            arguments.set(&kernels.curve)?.set(&this.changes)?.set(this.round)?;
+            this.started.push(launch(&mut kernels.take, listed.clone())?);
+            if this.is_interpolated {
+                pixels.arguments(&mut kernels.tell)?.set(&this.list)?.set(&this.changes)?;
+                this.started.push(launch(&mut kernels.tell, listed)?);
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Pixels for DevicePixels<'_> {
+    fn raise(&mut self, choice: Option<Choice>) -> Result<()> {
+        self.round += 1;
+        let (lowest, only_interpolated) =
+            choice.map_or((LATTICE, 0), |choice| (choice.lowest as u32, u32::from(choice.only_interpolated)));
+        let parts = self.deciding(|this| this.divide(lowest, only_interpolated))?;
+        parts.iter().try_for_each(|part| self.trace(part, lowest, only_interpolated))
+    }
+
+    fn interpolate(&mut self) -> Result<()> {
+        self.deciding(|this| {
+            this.pixels.arguments(&mut this.kernels.interpolate)?.set(&this.kernels.curve)?;
+            this.started.push(launch(&mut this.kernels.interpolate, 0..this.pixels.count())?);
+            if !this.is_interpolated {
+                this.pixels.arguments(&mut this.kernels.cells)?.set(&this.cells)?;
+                this.started.push(launch(&mut this.kernels.cells, 0..this.cells.len())?);
+            }
+            this.is_interpolated = true;
+            Ok(())
+        })
+    }
+
+    fn update(&mut self) -> Result<Promises> {
+        self.deciding(|this| {
+            let kernel = &mut this.kernels.update;
+            this.pixels.arguments(kernel)?.set(&this.cells)?.set(&this.promises)?.set(this.round)?;
+            this.started.push(launch(kernel, 0..this.pixels.count())?);
+            let mut pixels = this.promises.read()?;
+            let sums = pixels.split_off(COUNTED);
+            let error = sums.chunks_exact(2).map(|sum| u64::from(sum[0]) | u64::from(sum[1]) << 32);
+            Ok(Promises { error: error.fold(0, u64::wrapping_add), pixels })
+        })
+    }
+}
+
+/// What is traced in one list.
+#[derive(Debug, PartialEq)]
+struct Part {
+    tiles: std::ops::Range<usize>,
+    /// Pixels and samples of the tiles before.
+    before: [u32; 2],
+    /// Pixels and samples.
+    count: [u32; 2],
+}
+
+/// Divides tiles into lists of at most so many rays, or of one tile. `tiles`, which are pixels and samples of each, become those of all the
+/// tiles before in the same round, modulo 2^32.
+fn divide(tiles: &mut [[u32; 2]], most_rays: u64) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    let mut before = [0_u32; 2];
+    for (number, tile) in tiles.iter_mut().enumerate() {
+        let count = std::mem::replace(tile, before);
+        if count[0] == 0 {
+            continue;
+        }
+        match parts.last_mut() {
+            Some(part) if u64::from(part.count[1]) + u64::from(count[1]) <= most_rays => {
+                part.tiles.end = number + 1;
+                part.count = [part.count[0] + count[0], part.count[1] + count[1]];
+            }
+            _ => parts.push(Part { tiles: number..number + 1, before, count }),
+        }
+        before = [before[0].wrapping_add(count[0]), before[1].wrapping_add(count[1])];
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_divided_into_lists_that_are_short_enough() {
+        let mut tiles = [[0, 0], [3, 9], [1, 1], [0, 0], [2, 6], [64, 200], [5, 5], [0, 0]];
+        let parts = divide(&mut tiles, 16);
+        let part = |tiles, before, count| Part { tiles, before, count };
+        let expected = [
+            part(1..5, [0, 0], [6, 16]),
+            part(5..6, [6, 16], [64, 200]), // longer than a list, but not divided
+            part(6..7, [70, 216], [5, 5]),
+        ];
+        assert_eq!(parts, expected);
+        assert_eq!(tiles, [[0, 0], [0, 0], [3, 9], [4, 10], [4, 10], [6, 16], [70, 216], [75, 221]]);
+        assert_eq!(divide(&mut [[0, 0]; 4], 16), []);
+        // Numbers of samples beyond 2^32 are those of the tiles before all the same.
+        let many = u32::MAX - 9;
+        let mut tiles = [[1, many], [1, 12], [1, 1]];
+        assert_eq!(divide(&mut tiles, 16)[1], part(1..3, [1, many], [2, 13]));
+        assert_eq!(tiles[2], [2, 2]);
+    }
+}
