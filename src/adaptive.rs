@@ -16,6 +16,7 @@ mod estimate;
 
 use crate::error::Result;
 use crate::film::Film;
+use crate::options::{Decisions, as_name};
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, Tracer};
 use crate::work::PixelWork;
@@ -31,6 +32,8 @@ pub struct Adaptive {
     pub error: f32,
     /// Pixels from one point of the first lattice to the next; 1, or 0: every pixel is traced.
     pub lattice: u32,
+    /// Rays of one list at most, but for those of one pixel or tile. Fewer take less memory, more keep a device busy.
+    pub list_rays: usize,
 }
 
 /// How many pixels of a picture lie on a lattice: every so many across and down, and the last.
@@ -40,6 +43,9 @@ fn on_lattice((width, height): (usize, usize), step: usize) -> usize {
 }
 
 impl Adaptive {
+    /// Rays of a list: few enough for the memory of any device, enough to keep it busy.
+    pub const LIST_RAYS: usize = 1 << 21;
+
     pub(crate) fn step(&self) -> usize {
         self.lattice.max(1) as usize
     }
@@ -48,7 +54,7 @@ impl Adaptive {
     /// (2 pixels, 1024 x 1024) and 0.59 (4 pixels, 512 x 512), and at most 0.03 of the bunny, sponza and coffee.
     pub fn of_error(error: f32) -> Adaptive {
         let lattice = [8, 4, 2].into_iter().find(|&lattice| error >= lattice as f32).unwrap_or(1);
-        Adaptive { error, lattice }
+        Adaptive { error, lattice, list_rays: Adaptive::LIST_RAYS }
     }
 }
 
@@ -63,13 +69,11 @@ pub const MOST_SAMPLES: u32 = LEVEL_SAMPLES[LAST_LEVEL as usize];
 /// of 1 the error made was 0.53 to 1.10 of what was asked for on 19 scenes, and 1.19 once (48 x 48 pixels of gears).
 const AIM: f64 = 0.85;
 
-/// Rays of one list: few enough for the memory of any device, enough to keep it busy.
-pub(crate) const LIST_RAYS: usize = 1 << 21;
 /// Pixels whose positions one thread makes at a time.
 const PIXELS_AT_A_TIME: usize = 1 << 12;
 
 /// What an adaptive picture took.
-#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct AdaptiveStats {
     /// The error that was asked for, see [`Adaptive::error`].
     pub error: f32,
@@ -77,9 +81,13 @@ pub struct AdaptiveStats {
     pub estimated_error: f32,
     /// Pixels by [`LEVEL_SAMPLES`].
     pub pixels: [u64; LEVEL_SAMPLES.len()],
-    /// Lists of rays that were traced, one after the other.
+    /// How often it was decided what is traced next.
     pub rounds: u32,
-    /// Seconds that the host took between the lists: to take note of what was traced, and to decide what is traced next.
+    /// Who decided: [`Decisions::Host`] or [`Decisions::Device`].
+    #[serde(serialize_with = "as_name")]
+    pub decided_by: Decisions,
+    /// Seconds that the host took between the rays: to take note of what was traced and to decide what is traced next, or to start the
+    /// kernels that do.
     pub decide_s: f64,
 }
 
@@ -136,7 +144,8 @@ pub(crate) trait Pixels {
     fn update(&mut self) -> Result<Promises>;
 }
 
-/// Takes samples where they help most until the picture's error is as small as was asked for. Of what is returned seconds are left out.
+/// Takes samples where they help most until the picture's error is as small as was asked for. Who decided, and in which time, the caller
+/// knows.
 pub(crate) fn refine(
     pixels: &mut dyn Pixels,
     size: (usize, usize),
@@ -145,7 +154,14 @@ pub(crate) fn refine(
 ) -> Result<AdaptiveStats> {
     let all = size.0 * size.1;
     let target = (AIM * f64::from(adaptive.error)).powi(2) * all as f64;
-    let mut stats = AdaptiveStats { error: adaptive.error, rounds: 1, ..AdaptiveStats::default() };
+    let mut stats = AdaptiveStats {
+        error: adaptive.error,
+        estimated_error: 0.0,
+        pixels: [0; LEVEL_SAMPLES.len()],
+        rounds: 1,
+        decided_by: Decisions::Host,
+        decide_s: 0.0,
+    };
     pixels.raise(None)?;
     stats.pixels[1] = on_lattice(size, adaptive.step()) as u64;
     stats.pixels[0] = all as u64 - stats.pixels[1];
@@ -209,6 +225,7 @@ struct Sampler<'a> {
     params: RenderParams,
     sequence: Vec<CameraSample>,
     size: (usize, usize),
+    list_rays: usize,
     /// Sums of the samples of each pixel.
     sums: Vec<[f32; 3]>,
     estimates: Estimates,
@@ -255,6 +272,7 @@ impl<'a> Sampler<'a> {
             params: *params,
             sequence: sample_sequence(),
             size,
+            list_rays: adaptive.list_rays,
             sums: film.pixels.clone(),
             estimates: Estimates::new(size, adaptive.step()),
             result: RenderResult::of_film(film),
@@ -277,7 +295,7 @@ impl<'a> Sampler<'a> {
         let mut firsts = vec![0];
         for &pixel in pixels {
             let end = firsts[firsts.len() - 1] + estimates.new_samples(pixel).len();
-            if firsts.len() > 1 && end > LIST_RAYS {
+            if firsts.len() > 1 && end > self.list_rays {
                 break;
             }
             firsts.push(end);

@@ -73,7 +73,7 @@ mod size;
 mod table;
 
 pub use automatic::Workload;
-pub(crate) use automatic::work_group_size;
+pub(crate) use automatic::{who_decides, work_group_size};
 pub use combinations::{NeverTogether, fewest_changes, needs, never_together};
 pub use kd::{KdOptions, SplitAxis, Stop};
 pub use request::{Chosen, Decision, Origin, Request, TunedChoice};
@@ -298,7 +298,7 @@ methods! {
     /// Who decides what is traced next of a picture whose error is asked for. The pixels are the same; on the reference both are the same,
     /// too, and where the work on pixels is counted the host decides.
     pub enum Decisions ("--decisions") {
-        /// The device, if it is a GPU.
+        /// The device, if it is a GPU that divides as the host does and has the memory for it.
         Auto = "auto",
         /// The host, between lists of rays.
         Host = "host",
@@ -448,7 +448,7 @@ fn is_off(option: &bool) -> bool {
     !option
 }
 
-fn as_name<T: std::fmt::Display, S: serde::Serializer>(
+pub(crate) fn as_name<T: std::fmt::Display, S: serde::Serializer>(
     value: &T,
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {

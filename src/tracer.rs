@@ -140,7 +140,8 @@ pub trait Tracer {
     /// The device's name.
     fn device_name(&self) -> &str;
 
-    /// Compiles what `task` needs, if that is not done yet. Without it the first job of that kind does.
+    /// Compiles what `task` needs, if that is not done yet. Without it the first job of that kind does; the small program that decides of
+    /// pictures by their error is compiled by the first of these in any case.
     ///
     /// # Errors
     /// The device's compiler refuses the kernels.

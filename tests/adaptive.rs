@@ -149,6 +149,7 @@ fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
                 assert_eq!(bits(&ours.film), bits(&twins.film), "error {error}, {decisions}, {picture}");
                 assert_eq!(ours.counts, twins.counts, "error {error}, {decisions}, {picture}");
                 assert_eq!(taken(&ours), stats, "error {error}, {decisions}, {picture}");
+                assert_eq!(ours.adaptive.unwrap().decided_by, decisions);
                 assert_eq!(ours.second_pass.is_some(), options.intersector == Intersector::Exact);
             }
         }
@@ -157,7 +158,7 @@ fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
 
 /// What a picture took, but for time.
 fn taken(result: &RenderResult) -> AdaptiveStats {
-    AdaptiveStats { decide_s: 0.0, ..result.adaptive.unwrap() }
+    AdaptiveStats { decide_s: 0.0, decided_by: Decisions::Auto, ..result.adaptive.unwrap() }
 }
 
 #[test]
@@ -180,13 +181,39 @@ fn the_device_decides_of_pictures_of_any_shape_and_lattice_what_the_host_decides
     ] {
         let ready = Ready::new(scene.clone(), size, Samples::Error(error), options);
         let params = ready.buffers.render_params(&ready.picture.camera, size, Samples::Error(error), DEPTH, None);
-        let adaptive = Adaptive { error, lattice };
+        let adaptive = Adaptive { lattice, ..Adaptive::of_error(error) };
         let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
         let ours = render_adaptive(on_device.as_mut(), &params, adaptive, &|_| ()).unwrap();
         let twins = render_adaptive(ready.reference().as_mut(), &params, adaptive, &|_| ()).unwrap();
         assert_eq!(bits(&ours.film), bits(&twins.film), "{size:?}, lattice {lattice}");
         assert_eq!(ours.counts, twins.counts, "{size:?}, lattice {lattice}");
         assert_eq!(taken(&ours), taken(&twins), "{size:?}, lattice {lattice}");
+    }
+}
+
+/// Of as many rays as a tile may have, and of fewer: tiles are not divided. `tests/runtimes.sh` has it checked for races.
+#[test]
+fn short_lists_make_the_same_picture() {
+    let Some(device) = device() else { return };
+    let scene = load(own_scene("spheres.toml")).unwrap();
+    let options = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
+    for (error, lattice) in [(1.0, 1), (6.0, 2)] {
+        let ready = Ready::new(scene.clone(), (27, 20), Samples::Error(error), options);
+        let size = ready.picture.size;
+        let params = ready.buffers.render_params(&ready.picture.camera, size, Samples::Error(error), DEPTH, None);
+        let adaptive = Adaptive { lattice, ..Adaptive::of_error(error) };
+        let twins = render_adaptive(ready.reference().as_mut(), &params, adaptive, &|_| ()).unwrap();
+        let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
+        for list_rays in [1, 100, Adaptive::LIST_RAYS] {
+            let adaptive = Adaptive { list_rays, ..adaptive };
+            let short = render_adaptive(ready.reference().as_mut(), &params, adaptive, &|_| ()).unwrap();
+            let ours = render_adaptive(on_device.as_mut(), &params, adaptive, &|_| ()).unwrap();
+            for picture in [&short, &ours] {
+                assert_eq!(bits(&picture.film), bits(&twins.film), "lattice {lattice}, lists of {list_rays}");
+                assert_eq!(picture.counts, twins.counts, "lattice {lattice}, lists of {list_rays}");
+                assert_eq!(taken(picture), taken(&twins), "lattice {lattice}, lists of {list_rays}");
+            }
+        }
     }
 }
 
@@ -285,7 +312,7 @@ fn pictures_of_any_shape_and_lattice_end() {
         let params = ready.buffers.render_params(&ready.picture.camera, size, Samples::PerPixel(1), DEPTH, None);
         for lattice in [0, 1, 2, 3, 8, 100] {
             for error in [0.0, 0.7, 255.0] {
-                let adaptive = Adaptive { error, lattice };
+                let adaptive = Adaptive { lattice, ..Adaptive::of_error(error) };
                 let result = render_adaptive(ready.reference().as_mut(), &params, adaptive, &|_| ()).unwrap();
                 assert_eq!(result.adaptive.unwrap().pixels.iter().sum::<u64>(), u64::from(size.0 * size.1));
                 assert_eq!(result.film.non_finite(), 0);
@@ -305,8 +332,11 @@ fn work_is_counted_on_all_samples_of_a_pixel() {
     let steps: u64 = work.iter().map(|pixel| u64::from(pixel.total().get(raybrook::shared::WorkCounter::Steps))).sum();
     assert!(steps > result.counts[0], "{steps}");
     if let Some(device) = device() {
+        let options = TraceOptions { decisions: Decisions::Device, ..options };
         let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
-        assert_eq!(ready.render(on_device.as_mut()).work.unwrap(), work);
+        let ours = ready.render(on_device.as_mut());
+        assert_eq!(ours.work.unwrap(), work);
+        assert_eq!(ours.adaptive.unwrap().decided_by, Decisions::Host, "who alone can add up what each ray took");
     }
     // Counting changes nothing in the picture.
     let plain = Ready { options: TraceOptions::DEFAULT, ..ready };

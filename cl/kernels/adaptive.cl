@@ -1,5 +1,5 @@
 // Pictures of bounded error: what is known of the pixels, and which of them are traced next (src/adaptive.rs says why, and has the twin
-// of everything here; the constants come from there).
+// of everything here; what it has in capitals comes from there). LATTICE in place of a class: the pixels of the lattice are asked for.
 //
 // Pixels are listed tile by tile, so that rays that are traced together run close together.
 
@@ -7,7 +7,6 @@
 #define LEVEL_OF(state) ((state) & ((1u << LEVEL_BITS) - 1u))
 #define ROUND_OF(state) ((state) >> LEVEL_BITS)
 #define NO_CLASS 0xffffffffu
-#define LATTICE 0u // in place of a class: the pixels of the lattice are asked for
 
 // What is known of a picture's pixels, each an element of these arrays.
 #define PIXEL_ARGUMENTS \

@@ -413,7 +413,7 @@ const MOST_AT_A_TIME: f64 = 0.5;
 const FEW_INTERPOLATED: u64 = 8;
 /// What an interpolated pixel's squared error may be, as a part of the square of what was wrong with one beside it.
 const SURPRISE: f32 = 0.25;
-/// Units of a squared error of 1: in pictures of 2^28 pixels errors of 256 steps in all of them can be counted.
+/// Units of a squared error of 1: in pictures of 2^28 pixels errors of 255 steps in all of them can be counted.
 const ERROR_UNITS: f32 = (1 << 20) as f32;
 /// Bits of a float below those that name its class.
 const CLASS_SHIFT: u32 = 21;

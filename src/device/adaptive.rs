@@ -1,32 +1,51 @@
-//! Pictures of bounded error whose pixels the device keeps: between lists of rays the host reads how many pixels promise how much, and
-//! where the tiles' parts of the list begin, and nothing else. The kernels are in `cl/kernels/adaptive.cl`; what they do and why, and
+//! Pictures of bounded error whose pixels the device keeps: between lists of rays the host reads how many pixels promise how much and how
+//! many of each tile are chosen, and says where the tiles' parts of the list begin. The kernels are in `cl/kernels/adaptive.cl`; what they do and why, and
 //! the host's way to the same bits, is in [`crate::adaptive`].
 
 use super::launch::Arguments;
 use super::passes::Passes;
 use super::tracer::{Launches, OpenClTracer, PictureBuffers, Rendered};
-use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, ProgramSource};
+use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
 use crate::adaptive::{
-    Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, LIST_RAYS, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
+    Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
     sample_sequence,
 };
 use crate::error::Result;
 use crate::film::Film;
 use crate::layout::Float4;
+use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult};
+use std::ops::Range;
 use std::time::Instant;
 
 /// In place of a class: the pixels of the lattice are asked for.
 const LATTICE: u32 = 0;
 /// Parts of the sum of squared errors, so that work-items seldom meet at one.
 const SUM_SLOTS: usize = 256;
-/// Work-items of a work-group.
-const WORK_GROUP: usize = 64;
 const TILE_PIXELS: usize = (TILE_SIDE * TILE_SIDE) as usize;
 
-/// The kernels, and what no picture changes.
-pub(super) struct AdaptiveKernels {
+/// What no picture changes.
+pub(super) struct AdaptiveProgram {
+    program: Program,
+    sequence: Buffer<CameraSample>,
+    curve: Buffer<f32>,
+}
+
+impl AdaptiveProgram {
+    pub fn new(context: &DeviceContext, passes: &mut Passes) -> Result<Self> {
+        let source = ProgramSource::adaptive(&cl_constants());
+        let options = CompileOptions::new().define("SUM_SLOTS", format!("{SUM_SLOTS}u")).define("LATTICE", LATTICE);
+        Ok(AdaptiveProgram {
+            program: passes.build(context, &source, &options)?,
+            sequence: Buffer::from_slice(context, "sample sequence", &sample_sequence())?,
+            curve: Buffer::from_slice(context, "screen's curve", &CURVE)?,
+        })
+    }
+}
+
+/// The kernels of one picture: they would keep its arrays.
+struct AdaptiveKernels {
     forget: Kernel,
     count: Kernel,
     list: Kernel,
@@ -36,15 +55,10 @@ pub(super) struct AdaptiveKernels {
     interpolate: Kernel,
     cells: Kernel,
     update: Kernel,
-    sequence: Buffer<CameraSample>,
-    curve: Buffer<f32>,
 }
 
 impl AdaptiveKernels {
-    fn new(context: &DeviceContext, passes: &mut Passes) -> Result<Self> {
-        let source = ProgramSource::adaptive(&cl_constants());
-        let options = CompileOptions::new().define("SUM_SLOTS", format!("{SUM_SLOTS}u"));
-        let program = passes.build(context, &source, &options)?;
+    fn new(program: &Program) -> Result<Self> {
         Ok(AdaptiveKernels {
             forget: program.kernel("forget_pixels")?,
             count: program.kernel("count_wanted")?,
@@ -55,8 +69,6 @@ impl AdaptiveKernels {
             interpolate: program.kernel("interpolate")?,
             cells: program.kernel("estimate_cells")?,
             update: program.kernel("update_estimates")?,
-            sequence: Buffer::from_slice(context, "sample sequence", &sample_sequence())?,
-            curve: Buffer::from_slice(context, "screen's curve", &CURVE)?,
         })
     }
 }
@@ -106,18 +118,34 @@ impl PixelArrays {
     }
 }
 
-/// Starts a kernel for `items`, its last two arguments being the first of them and their end.
-fn launch(kernel: &mut Kernel, items: std::ops::Range<usize>) -> Result<Event> {
-    let bounds = kernel.arg_count() - 2;
-    kernel.set_arg(bounds, items.start as u32)?;
-    kernel.set_arg(bounds + 1, items.end as u32)?;
-    kernel.launch(&[items.len().next_multiple_of(WORK_GROUP)], Some(&[WORK_GROUP]))
+/// Kernels that nobody has waited for.
+struct Started {
+    events: Vec<Event>,
+    work_group: usize,
+}
+
+impl Started {
+    /// Starts a kernel for `items`, its last two arguments being the first of them and their end.
+    fn launch(&mut self, kernel: &mut Kernel, items: Range<usize>) -> Result<()> {
+        let bounds = kernel.arg_count() - 2;
+        kernel.set_arg(bounds, items.start as u32)?;
+        kernel.set_arg(bounds + 1, items.end as u32)?;
+        let work_items = items.len().next_multiple_of(self.work_group);
+        self.events.push(kernel.launch(&[work_items], Some(&[self.work_group]))?);
+        Ok(())
+    }
+
+    /// Waits for them. Their seconds.
+    fn wait(&mut self) -> Result<f64> {
+        self.events.drain(..).map(|event| event.wait()).sum()
+    }
 }
 
 /// A picture on its way whose pixels the device keeps.
 pub(super) struct DevicePixels<'a> {
     tracer: &'a mut OpenClTracer,
-    kernels: &'a mut AdaptiveKernels,
+    program: &'a AdaptiveProgram,
+    kernels: AdaptiveKernels,
     params: RenderParams,
     pixels: PixelArrays,
     /// Squared errors of the interpolation, by cell of the lattice.
@@ -132,8 +160,9 @@ pub(super) struct DevicePixels<'a> {
     changes: Buffer<f32>,
     rays: PictureBuffers,
     launches: Launches,
-    /// Kernels that nobody has waited for.
-    started: Vec<Event>,
+    started: Started,
+    /// The most rays of a list of more than one tile.
+    most_rays: u64,
     round: u32,
     is_interpolated: bool,
     result: RenderResult,
@@ -141,26 +170,13 @@ pub(super) struct DevicePixels<'a> {
 }
 
 impl<'a> DevicePixels<'a> {
-    /// Renders a picture.
-    pub fn render(
+    /// Room for a picture, and what decides of its pixels.
+    ///
+    /// # Errors
+    /// The device cannot hold it.
+    pub fn new(
         tracer: &'a mut OpenClTracer,
-        params: &RenderParams,
-        adaptive: Adaptive,
-        progress: Progress,
-    ) -> Result<RenderResult> {
-        let mut kernels = match tracer.adaptive.take() {
-            Some(kernels) => kernels,
-            None => AdaptiveKernels::new(&tracer.context, &mut tracer.passes)?,
-        };
-        let result = DevicePixels::new(tracer, &mut kernels, params, adaptive)
-            .and_then(|pixels| pixels.refine(adaptive, progress));
-        tracer.adaptive = Some(kernels);
-        result
-    }
-
-    fn new(
-        tracer: &'a mut OpenClTracer,
-        kernels: &'a mut AdaptiveKernels,
+        program: &'a AdaptiveProgram,
         params: &RenderParams,
         adaptive: Adaptive,
     ) -> Result<Self> {
@@ -171,11 +187,12 @@ impl<'a> DevicePixels<'a> {
         let cells = if adaptive.step() > 1 { on_axis(size.0) * on_axis(size.1) } else { 0 };
         // A tile is not divided between lists.
         let tile_rays = TILE_PIXELS * MOST_SAMPLES as usize;
-        let most_rays = LIST_RAYS.max(tile_rays).min(pixels.count().saturating_mul(MOST_SAMPLES as usize));
+        let most_rays = adaptive.list_rays.max(tile_rays).min(pixels.count().saturating_mul(MOST_SAMPLES as usize));
         let rays = PictureBuffers::of_lists(context, params, most_rays)?;
         let launches = tracer.launches(&params.of_list(most_rays as u32))?;
         let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
         Ok(DevicePixels {
+            kernels: AdaptiveKernels::new(&program.program)?,
             params: *params,
             cells: Buffer::empty(context, "cells of the lattice", cells)?,
             tiles: Buffer::empty(context, "tiles", pixels.tiles())?,
@@ -184,49 +201,41 @@ impl<'a> DevicePixels<'a> {
             changes: Buffer::empty(context, "changes", pixels.count().min(most_rays))?,
             rays,
             launches,
-            started: Vec::new(),
+            started: Started { events: Vec::new(), work_group: tracer.work_group },
+            most_rays: adaptive.list_rays as u64,
             round: 0,
             is_interpolated: false,
             result: RenderResult::of_film(film),
             decide_s: 0.0,
+            program,
             tracer,
-            kernels,
             pixels,
         })
     }
 
-    fn refine(mut self, adaptive: Adaptive, progress: Progress) -> Result<RenderResult> {
+    /// Renders the picture.
+    pub fn render(mut self, adaptive: Adaptive, progress: Progress) -> Result<RenderResult> {
         self.deciding(|this| {
             this.pixels.arguments(&mut this.kernels.forget)?;
-            this.started.push(launch(&mut this.kernels.forget, 0..this.pixels.count())?);
-            Ok(())
+            this.started.launch(&mut this.kernels.forget, 0..this.pixels.count())
         })?;
         let size = self.pixels.size;
         let stats = refine(&mut self, size, adaptive, progress)?;
-        self.wait()?;
         let start = Instant::now();
         let film = self.pixels.film.read()?;
         self.result.film.pixels = film.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
         self.result.read_s = start.elapsed().as_secs_f64();
-        self.result.adaptive = Some(AdaptiveStats { decide_s: self.decide_s, ..stats });
+        let stats = AdaptiveStats { decide_s: self.decide_s, decided_by: Decisions::Device, ..stats };
+        self.result.adaptive = Some(stats);
         Ok(self.result)
-    }
-
-    /// Waits for what was started, and adds its seconds to those of the kernels.
-    fn wait(&mut self) -> Result<f64> {
-        let mut seconds = 0.0;
-        for event in self.started.drain(..) {
-            seconds += event.wait()?;
-        }
-        self.result.kernel_s += seconds;
-        Ok(seconds)
     }
 
     /// Counts what deciding takes beside the kernels.
     fn deciding<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         let start = Instant::now();
         let done = work(self)?;
-        let kernels_s = self.wait()?;
+        let kernels_s = self.started.wait()?;
+        self.result.kernel_s += kernels_s;
         self.decide_s += (start.elapsed().as_secs_f64() - kernels_s).max(0.0);
         Ok(done)
     }
@@ -236,9 +245,9 @@ impl<'a> DevicePixels<'a> {
     fn divide(&mut self, lowest: u32, only_interpolated: u32) -> Result<Vec<Part>> {
         let (tiles, kernel) = (self.pixels.tiles(), &mut self.kernels.count);
         self.pixels.arguments(kernel)?.set(&self.tiles)?.set(lowest)?.set(only_interpolated)?;
-        self.started.push(launch(kernel, 0..tiles)?);
+        self.started.launch(kernel, 0..tiles)?;
         let mut counts = self.tiles.read()?;
-        let parts = divide(&mut counts, LIST_RAYS as u64);
+        let parts = divide(&mut counts, self.most_rays);
         self.tiles.write(&counts)?;
         Ok(parts)
     }
@@ -246,17 +255,18 @@ impl<'a> DevicePixels<'a> {
     /// Traces the new samples of a part of a choice.
     fn trace(&mut self, part: &Part, lowest: u32, only_interpolated: u32) -> Result<()> {
         self.deciding(|this| {
-            let (pixels, kernels) = (&this.pixels, &mut *this.kernels);
+            let (pixels, kernels) = (&this.pixels, &mut this.kernels);
             let arguments =
                 pixels.arguments(&mut kernels.list)?.set(&this.tiles)?.set(lowest)?.set(only_interpolated)?;
             arguments.set(&this.list)?.set(part.before[0])?.set(part.before[1])?;
-            this.started.push(launch(&mut kernels.list, part.tiles.clone())?);
+            this.started.launch(&mut kernels.list, part.tiles.clone())?;
             let arguments = pixels.arguments(&mut kernels.place)?.set(&this.list)?;
-            arguments.set(&kernels.sequence)?.set(&this.rays.samples)?;
-            this.started.push(launch(&mut kernels.place, 0..part.count[0] as usize)?);
+            arguments.set(&this.program.sequence)?.set(&this.rays.samples)?;
+            this.started.launch(&mut kernels.place, 0..part.count[0] as usize)?;
             this.rays.params.write(&[this.params.of_list(part.count[1])])
         })?;
         let params = self.params.of_list(part.count[1]);
+        self.launches.begin_list();
         let rendered = self.tracer.render_to(&self.rays, &None, &params, &mut self.launches, &|_| ())?;
         let Rendered { counts, kernel_s, second_pass, split } = rendered;
         self.result.add(&RenderResult {
@@ -267,14 +277,14 @@ impl<'a> DevicePixels<'a> {
             ..RenderResult::of_film(Film { width: 0, height: 0, pixels: Vec::new() })
         });
         self.deciding(|this| {
-            let (pixels, kernels) = (&this.pixels, &mut *this.kernels);
+            let (pixels, kernels) = (&this.pixels, &mut this.kernels);
             let listed = 0..part.count[0] as usize;
             let arguments = pixels.arguments(&mut kernels.take)?.set(&this.list)?.set(&this.rays.film)?;
-            arguments.set(&kernels.curve)?.set(&this.changes)?.set(this.round)?;
-            this.started.push(launch(&mut kernels.take, listed.clone())?);
+            arguments.set(&this.program.curve)?.set(&this.changes)?.set(this.round)?;
+            this.started.launch(&mut kernels.take, listed.clone())?;
             if this.is_interpolated {
                 pixels.arguments(&mut kernels.tell)?.set(&this.list)?.set(&this.changes)?;
-                this.started.push(launch(&mut kernels.tell, listed)?);
+                this.started.launch(&mut kernels.tell, listed)?;
             }
             Ok(())
         })
@@ -292,11 +302,11 @@ impl Pixels for DevicePixels<'_> {
 
     fn interpolate(&mut self) -> Result<()> {
         self.deciding(|this| {
-            this.pixels.arguments(&mut this.kernels.interpolate)?.set(&this.kernels.curve)?;
-            this.started.push(launch(&mut this.kernels.interpolate, 0..this.pixels.count())?);
+            this.pixels.arguments(&mut this.kernels.interpolate)?.set(&this.program.curve)?;
+            this.started.launch(&mut this.kernels.interpolate, 0..this.pixels.count())?;
             if !this.is_interpolated {
                 this.pixels.arguments(&mut this.kernels.cells)?.set(&this.cells)?;
-                this.started.push(launch(&mut this.kernels.cells, 0..this.cells.len())?);
+                this.started.launch(&mut this.kernels.cells, 0..this.cells.len())?;
             }
             this.is_interpolated = true;
             Ok(())
@@ -307,7 +317,7 @@ impl Pixels for DevicePixels<'_> {
         self.deciding(|this| {
             let kernel = &mut this.kernels.update;
             this.pixels.arguments(kernel)?.set(&this.cells)?.set(&this.promises)?.set(this.round)?;
-            this.started.push(launch(kernel, 0..this.pixels.count())?);
+            this.started.launch(kernel, 0..this.pixels.count())?;
             let mut pixels = this.promises.read()?;
             let sums = pixels.split_off(COUNTED);
             let error = sums.chunks_exact(2).map(|sum| u64::from(sum[0]) | u64::from(sum[1]) << 32);
@@ -319,7 +329,7 @@ impl Pixels for DevicePixels<'_> {
 /// What is traced in one list.
 #[derive(Debug, PartialEq)]
 struct Part {
-    tiles: std::ops::Range<usize>,
+    tiles: Range<usize>,
     /// Pixels and samples of the tiles before.
     before: [u32; 2],
     /// Pixels and samples.

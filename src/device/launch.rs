@@ -19,17 +19,27 @@ const GROWTH: usize = 2;
 pub(super) struct LaunchPlan {
     largest: usize,
     seconds_per_item: f64,
+    /// How many times dearer the next items may be than the last ones.
+    doubt: f64,
 }
+
+/// Items of another kind may be so many times dearer: a launch is still far from what watchdogs allow if they are even more so.
+const OTHER_ITEMS: f64 = 8.0;
 
 impl LaunchPlan {
     /// A plan whose first launch has about `first` items.
     pub fn starting_with(first: usize) -> Self {
-        LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0 }
+        LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, doubt: 1.0 }
+    }
+
+    /// The next launches have other items than those before.
+    pub fn begin_others(&mut self) {
+        self.doubt = OTHER_ITEMS;
     }
 
     /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
     pub fn next(&self, left: usize, multiple: usize) -> usize {
-        let in_time = (LAUNCH_S / self.seconds_per_item.max(1e-12)) as usize;
+        let in_time = (LAUNCH_S / (self.doubt * self.seconds_per_item).max(1e-12)) as usize;
         let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
         // A rest of less than half a launch goes along: its own launch would leave units idle twice.
         if items + items / 2 >= left { left } else { items }
@@ -44,6 +54,7 @@ impl LaunchPlan {
     pub fn learn_from_several(&mut self, largest: usize, busy: usize, seconds: f64) {
         if busy > 0 {
             self.seconds_per_item = seconds / busy as f64;
+            self.doubt = 1.0;
             self.largest = self.largest.max(largest);
         }
     }
@@ -142,6 +153,18 @@ mod tests {
             let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
             assert!(longest <= 0.3, "{longest} s");
         }
+    }
+
+    #[test]
+    fn dear_items_after_cheap_ones_are_begun_with_care() {
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU);
+        plan.learn(2_000_000, 0.1);
+        assert_eq!(plan.next(2_000_000, 64), 2_000_000);
+        plan.begin_others();
+        let first = plan.next(2_000_000, 64);
+        assert!((200_000..=250_100).contains(&first), "{first}");
+        plan.learn(first, 20.0 * 0.1 * first as f64 / 2e6);
+        assert!(plan.next(2_000_000 - first, 64) <= 100_032);
     }
 
     #[test]

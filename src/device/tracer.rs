@@ -1,6 +1,6 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
-use super::adaptive::{AdaptiveKernels, DevicePixels};
+use super::adaptive::{AdaptiveProgram, DevicePixels};
 use super::definitions::Definitions;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, work_group_size};
+use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_decides, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTER_SLOTS, COUNTERS, CameraSample, Hit, RenderParams, TILE_SIDE};
@@ -77,6 +77,13 @@ pub(super) struct Launches {
     plan: LaunchPlan,
 }
 
+impl Launches {
+    /// The next rays are others than those before.
+    pub fn begin_list(&mut self) {
+        self.plan.begin_others();
+    }
+}
+
 /// Items of a picture, or of a list: the pixels of its tiles.
 fn items_of(params: &RenderParams) -> usize {
     let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
@@ -95,16 +102,16 @@ fn samples_of_launch(kind: DeviceKind) -> u32 {
 pub struct OpenClTracer {
     pub(super) context: DeviceContext,
     scene: DeviceScene,
-    pub(super) passes: Passes,
+    passes: Passes,
     /// What renders in place of the mega-kernel, once it was needed.
     split: Option<Box<SplitPipeline>>,
     /// What decides which pixels have more samples, once it was needed.
-    pub(super) adaptive: Option<AdaptiveKernels>,
+    adaptive: Option<AdaptiveProgram>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
     trace_plan: LaunchPlan,
     first_items: usize,
-    work_group: usize,
+    pub(super) work_group: usize,
     upload_s: f64,
 }
 
@@ -294,16 +301,24 @@ impl Tracer for OpenClTracer {
         adaptive: Adaptive,
         progress: Progress,
     ) -> Result<Option<RenderResult>> {
-        let on_device = match self.options.decisions {
-            Decisions::Auto => self.context.info().kind == DeviceKind::Gpu,
-            Decisions::Host => false,
-            Decisions::Device => true,
-        };
-        if !on_device || self.options.counters {
+        let (decided_by, _) = who_decides(self.options.decisions, self.context.info());
+        if decided_by == Decisions::Host || self.options.counters {
             return Ok(None);
         }
         self.prepare(Task::Picture)?;
-        DevicePixels::render(self, params, adaptive, progress).map(Some)
+        let program = match self.adaptive.take() {
+            Some(program) => program,
+            None => AdaptiveProgram::new(&self.context, &mut self.passes)?,
+        };
+        let may_be_host = self.options.decisions == Decisions::Auto;
+        let result = match DevicePixels::new(self, &program, params, adaptive) {
+            Ok(pixels) => pixels.render(adaptive, progress).map(Some),
+            // The host needs none of the device's memory for what is known of the pixels.
+            Err(Error::TooLarge { .. }) if may_be_host => Ok(None),
+            Err(error) => Err(error),
+        };
+        self.adaptive = Some(program);
+        result
     }
 }
 

@@ -1,7 +1,7 @@
 //! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the choice together
 //! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
-use super::{Accel, KernelFeatures, Layout, PacketSize, SceneSize, TraceOptions};
+use super::{Accel, Decisions, KernelFeatures, Layout, PacketSize, SceneSize, TraceOptions};
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::features::{Feature, Features};
 use crate::shared::Shading;
@@ -151,6 +151,21 @@ pub(crate) fn work_group_size(device: &DeviceInfo) -> (usize, String) {
     }
 }
 
+/// Who decides what is traced next of pictures by their error on `device`, and why.
+pub(crate) fn who_decides(decisions: Decisions, device: &DeviceInfo) -> (Decisions, String) {
+    match decisions {
+        Decisions::Auto if device.kind != DeviceKind::Gpu => {
+            (Decisions::Host, format!("the device is of kind {}: the host's cores do it as fast", device.kind))
+        }
+        // Decisions, and with them pixels, would be others than elsewhere.
+        Decisions::Auto if !device.correctly_rounded_divide_sqrt => {
+            (Decisions::Host, "the device does not round divisions and roots as the host does".to_owned())
+        }
+        Decisions::Auto => (Decisions::Device, "the device is a GPU, which would wait for the host".to_owned()),
+        given => (given, "as asked for".to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,6 +221,27 @@ mod tests {
                 assert_eq!(about(&chosen, "--accel").reason.contains("shared by instances"), is_shared);
             }
         }
+    }
+
+    #[test]
+    fn devices_decide_that_would_wait_and_decide_as_the_host_does() {
+        let gpu = device(DeviceKind::Gpu);
+        let coarse = DeviceInfo { correctly_rounded_divide_sqrt: false, ..gpu.clone() };
+        for (asked, info, expected) in [
+            (Decisions::Auto, &gpu, Decisions::Device),
+            (Decisions::Auto, &coarse, Decisions::Host),
+            (Decisions::Auto, &device(DeviceKind::Cpu), Decisions::Host),
+            (Decisions::Host, &gpu, Decisions::Host),
+            (Decisions::Device, &coarse, Decisions::Device),
+        ] {
+            assert_eq!(who_decides(asked, info).0, expected, "{asked} on {info:?}");
+        }
+        let of = |features| {
+            let workload = Workload { device: Some(&gpu), triangle_count: None, features, shared_triangles: 0 };
+            Request::default().choose(&workload, None).unwrap()
+        };
+        assert_eq!(about(&of(Some(Features::ALL)), "--decisions").value, "device");
+        assert!(of(None).decisions.iter().all(|decision| decision.option != "--decisions"), "a batch has none");
     }
 
     #[test]

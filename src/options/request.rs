@@ -3,8 +3,8 @@
 //!
 //! Closest hits, and pixels, are the same whatever is chosen here, to the bit: only their time depends on it.
 
-use super::automatic::{Workload, kernel_features, work_group_size};
-use super::{Accel, Intersector, KdOptions, KernelFeatures, OPTIONS, PacketSize, Stop, TraceOptions};
+use super::automatic::{Workload, kernel_features, who_decides, work_group_size};
+use super::{Accel, Decisions, Intersector, KdOptions, KernelFeatures, OPTIONS, PacketSize, Stop, TraceOptions};
 use crate::accel::BuildOptions;
 use crate::error::{Error, Result};
 use serde::Serialize;
@@ -178,6 +178,13 @@ impl Request {
                 all => given(all),
             };
             decision(KernelFeatures::OPTION, features)
+        }));
+        decisions.extend(workload.features.and(workload.device).map(|device| {
+            let (who, reason) = who_decides(options.decisions, device);
+            decision(
+                Decisions::OPTION,
+                if options.decisions == Decisions::Auto { by_model((who, reason)) } else { given(who) },
+            )
         }));
         decisions.extend(workload.device.map(|device| {
             let (size, reason) = work_group_size(device);

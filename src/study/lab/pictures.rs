@@ -142,7 +142,7 @@ impl Lab<'_> {
             for turn in 0..runs.len() {
                 let next = (turn + round) % runs.len();
                 let result = runs[next].render()?;
-                // Between the rounds of a picture by its error the host decides what is traced next, and the device waits.
+                // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next or starts what does.
                 let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
                 runs[next].seconds.push(result.kernel_s + decide_s);
                 runs[next].decide_s.push(decide_s);
