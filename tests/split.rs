@@ -158,9 +158,11 @@ fn every_scene_has_the_same_pixels() {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|file| file.extension().is_some_and(|ending| ending == "toml" || ending == "obj"));
     files.sort();
-    assert!(files.len() >= 6, "{files:?}");
-    for file in files {
-        let mut scene = scene::load(&file).unwrap();
+    let scenes = files.iter().map(|file| (file, scene::load(file).unwrap()));
+    // tests/instances.rs has those of instances: flake.toml would be 29 million triangles here.
+    let scenes: Vec<_> = scenes.filter(|(_, scene)| scene.instances.is_empty()).collect();
+    assert!(scenes.len() >= 6, "{files:?}");
+    for (file, mut scene) in scenes {
         complete(&mut scene, 37.0 / 29.0);
         let Some(mut tracers) = Tracers::of(scene, SPLIT) else { return };
         let depths = [1, 2, 3, 5, DEPTH].map(|depth| tracers.picture((37, 29), 1, depth));

@@ -1,6 +1,6 @@
 //! Pictures of bounded error whose pixels the device keeps: between lists of rays the host reads how many pixels promise how much and how
-//! many of each tile are chosen, and says where the tiles' parts of the list begin. The kernels are in `cl/kernels/adaptive.cl`; what they do and why, and
-//! the host's way to the same bits, is in [`crate::adaptive`].
+//! many of each tile are chosen, and says where the tiles' parts of the list begin. The kernels are in `cl/kernels/adaptive.cl`; what
+//! they do and why, and the host's way to the same bits, is in [`crate::adaptive`].
 
 use super::launch::Arguments;
 use super::passes::Passes;
