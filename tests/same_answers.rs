@@ -36,7 +36,7 @@ mod common;
 #[path = "same_answers/models.rs"]
 mod models;
 
-use combinations::{go_together, is_robust_enough, kernel_key, product, spread};
+use combinations::{go_together, is_read, is_robust_enough, kernel_key, product, spread};
 use common::device;
 use models::{Answers, Model, Questions, brute_force, models};
 use raybrook::device::{Cache, DeviceHandle};
@@ -237,7 +237,7 @@ fn the_spread_has_every_value_and_every_pair() {
     let is_wanted = |choice: &Choice| {
         let mut set = TraceOptions::DEFAULT;
         choice.set(&mut set);
-        set.traversal.is_exact() && is_robust_enough(set.intersector)
+        is_read(choice) && set.traversal.is_exact() && is_robust_enough(set.intersector)
     };
     let all: Vec<_> = choices().filter(is_wanted).collect();
     let never = never_together();

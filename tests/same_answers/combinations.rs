@@ -27,10 +27,13 @@ fn combined<'a>(choices: impl IntoIterator<Item = &'a Choice>) -> TraceOptions {
     options
 }
 
+/// Whether anything here could differ by it: pictures have fixed samples, those by their error are in `tests/adaptive.rs`.
+pub fn is_read(choice: &Choice) -> bool {
+    choice.option().name != Decisions::OPTION || choice.is_default()
+}
+
 /// Values of an option that may be right; `None`, the option left out, where that is not one of them.
 fn values(option: &'static MethodOption) -> Vec<Option<Choice>> {
-    // Pictures have fixed samples here; tests/adaptive.rs has those by their error.
-    let is_read = |choice: &Choice| option.name != Decisions::OPTION || choice.is_default();
     let may_be_right = |choice: &Choice| {
         let needs = fewest_changes(&[*choice]).expect("every value goes together with something");
         is_right(&combined(needs.iter().chain([choice])))
