@@ -26,11 +26,6 @@ typedef struct {
     uint height;
 } TextureLevel;
 
-TextureLevel finest_level(const TextureInfo* info) {
-    const TextureLevel finest = {info->first, info->width, info->height};
-    return finest;
-}
-
 TextureLevel next_level(TextureLevel level) {
     const TextureLevel next = {level.first + level.width * level.height, max(level.width >> 1, 1u), max(level.height >> 1, 1u)};
     return next;
@@ -86,7 +81,7 @@ float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __
     const uint level_number = (as_uint(width) >> 23) - 127u;
     const float beyond = as_float((as_uint(width) & 0x7fffffu) | 0x3f800000u) - 1.0f;
     const bool is_last = level_number + 1u >= info->levels;
-    TextureLevel level = finest_level(info);
+    TextureLevel level = {info->first, info->width, info->height};
     for (uint i = is_last ? info->levels - 1u : level_number; i > 0u; i--) level = next_level(level);
     const float3 colour = sample_along(&level, texels, srgb_to_linear, u, v, way, taps);
     if (is_last || beyond == 0.0f) return colour;
@@ -102,6 +97,6 @@ float3 surface_colour(__global const TextureInfo* textures, __global const uint*
     if (HAS(FEATURE_PROCEDURAL_TEXTURES) && (!HAS(FEATURE_IMAGE_TEXTURES) || info.kind != TEXTURE_IMAGE))
         return procedural_colour(&info, u, v, position);
     if (HAS_CONES) return sample_footprint(&info, texels, srgb_to_linear, u, v, footprint);
-    const TextureLevel finest = finest_level(&info);
+    const TextureLevel finest = {info.first, info.width, info.height};
     return sample_level(&finest, texels, srgb_to_linear, u, v);
 }

@@ -91,8 +91,9 @@ PendingRay load_pending(const WaitingRay* from) {
 }
 
 // Lets a ray that leaves the surface along `direction` wait.
-void push_ray(const Surface* surface, RayCone cone, float3 direction, float3 weight, uint depth, uint kind, WaitingRay* to) {
-    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, depth, kind, cone};
+void push_ray(const Surface* surface, const PendingRay* from, float3 direction, float3 weight, uint kind, WaitingRay* to) {
+    const RayCone cone = cone_at(from->cone, from->ray.origin, surface->point.position);
+    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind, cone};
     store_pending(&pending, to);
 }
 
@@ -101,8 +102,6 @@ void push_ray(const Surface* surface, RayCone cone, float3 direction, float3 wei
 uint push_secondary_rays(const Surface* surface, const Material* material, const PendingRay* pending, float3 direction,
                          float kill_weight, WaitingRay* stack, uint stacked) {
     if (!HAS(FEATURE_MIRRORS) && !HAS(FEATURE_TRANSPARENCY)) return stacked;
-    const RayCone cone = cone_at(pending->cone, pending->ray.origin, surface->point.position);
-    const uint depth = pending->depth + 1u;
     float3 reflected_weight = pending->weight * material->mirror.xyz;
     if (HAS(FEATURE_TRANSPARENCY) && material->transparent != 0u) {
         const float ior = material->transmission_ior.w;
@@ -110,10 +109,9 @@ uint push_secondary_rays(const Surface* surface, const Material* material, const
         reflected_weight = pending->weight * refraction.reflectance;
         const float3 weight = pending->weight * material->transmission_ior.xyz * (1.0f - refraction.reflectance);
         if (max_component(weight) > kill_weight)
-            push_ray(surface, cone, refraction.direction, weight, depth, COUNT_REFRACTED_CAST, &stack[stacked++]);
+            push_ray(surface, pending, refraction.direction, weight, COUNT_REFRACTED_CAST, &stack[stacked++]);
     }
     if (max_component(reflected_weight) > kill_weight)
-        push_ray(surface, cone, reflect_direction(surface, direction), reflected_weight, depth, COUNT_REFLECTED_CAST,
-                 &stack[stacked++]);
+        push_ray(surface, pending, reflect_direction(surface, direction), reflected_weight, COUNT_REFLECTED_CAST, &stack[stacked++]);
     return stacked;
 }
