@@ -43,6 +43,10 @@ void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool a
             PacketHits found;
             int16 doubtful;
             TRAVERSE_PACKETS(GEOMETRY, &packet, 1u, any_hit, &found, &doubtful);
+            for (ulong open = unsettled_lanes(&found) & lanes_where16(!doubtful); open != 0ul; open = other_lanes8(open)) {
+                const uint lane = first_lane16(open);
+                settle_lane(GEOMETRY, &rays[lane], lane, &found, &doubtful);
+            }
             used = used && !doubtful;
             alone &= ~lanes_where16(used);
             answer->hits = lanes_where16(used && found.primitive != NO_PRIMITIVE);

@@ -33,13 +33,13 @@ void load_components(__global const TraceRay* rays, uint stride, float16* c) {
 // A packet of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of extreme numbers,
 // or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the caller's units.
 int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPacket* p, float16* t_factor) {
+    if (!(scale >= 1.0f / MODERATE && scale <= MODERATE)) return (int16)(0);
     float16 c[8];
     load_components(rays, stride, c);
     const float16 t_min = c[3], t_max = c[7];
     const float16 size = larger16(fabs(c[4]), larger16(fabs(c[5]), fabs(c[6])));
-    const int16 used = is_moderate(c[0]) && is_moderate(c[1]) && is_moderate(c[2]) && is_moderate(c[4]) && is_moderate(c[5]) &&
-                       is_moderate(c[6]) && size > 0.0f && is_moderate(t_min) && (is_moderate(t_max) || t_max == INFINITY) &&
-                       t_min <= t_max && is_moderate((float16)(scale));
+    c[7] = t_max == INFINITY ? (float16)(0.0f) : t_max;
+    const int16 used = are_moderate(c, 8u) && size > 0.0f && t_min <= t_max;
     if (!is_any16(used)) return used;
     // power_of_two_scale() of the largest component
     const float16 unit = used ? as_float16((254u - (as_uint16(size) >> 23)) << 23) : (float16)(1.0f);
@@ -89,6 +89,11 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;
+        for (ulong open = unsettled_lanes(&found[k]) & lanes_where16(!doubtful[k]); open != 0ul; open = other_lanes8(open)) {
+            const uint lane = first_lane16(open);
+            const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
+            settle_lane(GEOMETRY, &ray, lane, &found[k], &doubtful[k]);
+        }
         finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit, &doubtful[k]);
         // batch_hit() takes care of a t that may have lost bits.
         const float16 t = hit.t * t_factor[k];

@@ -36,17 +36,19 @@ LoneRay take_ray(const RayPacket* p, uint lane, const float16* t_limits, const P
     return ray;
 }
 
-// Writes what became of it where its packet keeps it.
+// Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a single lane.
 void put_back(const LoneRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
-    const bool is_hit = ray->is_decided && ray->found != NO_PRIMITIVE;
-    if (!ray->is_decided) ((int*)doubtful)[lane] = -1;
-    if (is_hit) {
-        set_lane16(&hits->t_high, lane, ray->t_limit);
-        set_lane16(&hits->t_low, lane, ray->hit_low);
-        ((uint*)&hits->reference)[lane] = ray->found;
-        ((uint*)&hits->primitive)[lane] = ray->primitive;
+    if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
+    const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
+    *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
+    if (!ray->is_decided) {
+        *doubtful = *doubtful || here;
+        return;
     }
-    set_lane16(t_limits, lane, !ray->is_decided || (any_hit && is_hit) ? -INFINITY : ray->t_limit);
+    hits->t_high = here ? (float16)(ray->t_limit) : hits->t_high;
+    hits->t_low = here ? (float16)(ray->hit_low) : hits->t_low;
+    hits->reference = here ? (uint16)(ray->found) : hits->reference;
+    hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
 }
 
 // Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32 does not decide, or

@@ -1,5 +1,5 @@
 // t, u and v of the hits of a packet: finish_hit() of exact.cl, in the same precision with the same bounds, for eight lanes at a
-// time. Lanes that it is not sure of are in doubt. For rays without a second part of the origin: those of batches.
+// time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. For rays without a second part of the origin: those of batches.
 
 #ifdef WIDE_IS_DOUBLE
 typedef struct {
@@ -13,14 +13,32 @@ Doubles3 cross_doubles(const Doubles3* a, const Doubles3* b) {
 double8 dot_doubles(const Doubles3* a, const Doubles3* b) { return a->x * b->x + a->y * b->y + a->z * b->z; }
 
 typedef struct {
-    float8 x, y, z;
+    float16 x, y, z;
 } Floats3;
 
 Floats3 magnitudes_of_cross(const Floats3* a, const Floats3* b) {
     const Floats3 r = {a->y * b->z + a->z * b->y, a->z * b->x + a->x * b->z, a->x * b->y + a->y * b->x};
     return r;
 }
-float8 magnitudes_of_dot(const Floats3* a, const Floats3* b) { return fma(a->x, b->x, fma(a->y, b->y, a->z * b->z)); }
+float16 magnitudes_of_dot(const Floats3* a, const Floats3* b) { return fma(a->x, b->x, fma(a->y, b->y, a->z * b->z)); }
+
+// By how much the numbers of finish_eight() may be off.
+typedef struct {
+    float16 det, t, u, v;
+} FinishBounds;
+
+FinishBounds finish_bounds(const float16* o, const float16* d, const float16* c) {
+    const Floats3 size1 = {fabs(c[3] - c[0]), fabs(c[4] - c[1]), fabs(c[5] - c[2])};
+    const Floats3 size2 = {fabs(c[6] - c[0]), fabs(c[7] - c[1]), fabs(c[8] - c[2])};
+    const Floats3 from_size = {fabs(c[0] - o[0]), fabs(c[1] - o[1]), fabs(c[2] - o[2])};
+    const Floats3 direction_size = {fabs(d[0]), fabs(d[1]), fabs(d[2])};
+    const Floats3 normal_size = magnitudes_of_cross(&size1, &size2), moment_size = magnitudes_of_cross(&from_size, &direction_size);
+    const FinishBounds bounds = {WIDE_ERROR * magnitudes_of_dot(&normal_size, &direction_size),
+                                 WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size),
+                                 WIDE_ERROR * magnitudes_of_dot(&size2, &moment_size),
+                                 WIDE_ERROR * magnitudes_of_dot(&size1, &moment_size)};
+    return bounds;
+}
 
 // As rounds_surely().
 int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_error, float8* rounded) {
@@ -38,26 +56,17 @@ Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float
 }
 
 // Of eight rays and their triangles, corner by corner; the lanes where it is sure.
-int8 finish_eight(const float8* o, const float8* d, const float8* c, float8* t, float8* u, float8* v) {
+int8 finish_eight(const float8* o, const float8* d, const float8* c, float8 det_bound, float8 t_bound, float8 u_bound, float8 v_bound,
+                  float8* t, float8* u, float8* v) {
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
     const Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
     const Doubles3 direction = {convert_double8(d[0]), convert_double8(d[1]), convert_double8(d[2])};
     const Doubles3 normal = cross_doubles(&edge1, &edge2), moment = cross_doubles(&from, &direction);
     const double8 det = dot_doubles(&normal, &direction);
-
-    const Floats3 size1 = {fabs(c[3] - c[0]), fabs(c[4] - c[1]), fabs(c[5] - c[2])};
-    const Floats3 size2 = {fabs(c[6] - c[0]), fabs(c[7] - c[1]), fabs(c[8] - c[2])};
-    const Floats3 from_size = {fabs(c[0] - o[0]), fabs(c[1] - o[1]), fabs(c[2] - o[2])};
-    const Floats3 direction_size = {fabs(d[0]), fabs(d[1]), fabs(d[2])};
-    const Floats3 normal_size = magnitudes_of_cross(&size1, &size2), moment_size = magnitudes_of_cross(&from_size, &direction_size);
-    const float8 det_bound = WIDE_ERROR * magnitudes_of_dot(&normal_size, &direction_size);
     const double8 inverse = 1.0 / det;
     const float8 det_error = det_bound / fabs(convert_float8(det));
     int8 is_sure = det_bound > LEAST_MAGNITUDE * WIDE_EPSILON && det_bound <= FLT_MAX && det_error < 0x1p-10f;
-    const float8 t_bound = WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size);
-    const float8 u_bound = WIDE_ERROR * magnitudes_of_dot(&size2, &moment_size);
-    const float8 v_bound = WIDE_ERROR * magnitudes_of_dot(&size1, &moment_size);
     is_sure = is_sure && round_surely8(dot_doubles(&normal, &from), t_bound, inverse, det_error, t);
     is_sure = is_sure && round_surely8(dot_doubles(&edge2, &moment), u_bound, inverse, det_error, u);
     is_sure = is_sure && round_surely8(-dot_doubles(&edge1, &moment), v_bound, inverse, det_error, v);
@@ -66,19 +75,24 @@ int8 finish_eight(const float8* o, const float8* d, const float8* c, float8* t, 
 
 // Writes t, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles. Returns where they are certain.
 int16 finish_sixteen(const RayPacket* p, const float16* corners, float16* t, float16* u, float16* v) {
+    const FinishBounds bounds = finish_bounds(p->origin, p->direction, corners);
     int8 sure[2];
     float8 ts[2], us[2], vs[2];
+#define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
+#pragma unroll
     for (uint part = 0; part < 2u; part++) {
         float8 o[3], d[3], c[9];
 #pragma unroll
         for (uint i = 0; i < 3u; i++) {
-            o[i] = ((const float8*)&p->origin[i])[part];
-            d[i] = ((const float8*)&p->direction[i])[part];
+            o[i] = HALF(p->origin[i]);
+            d[i] = HALF(p->direction[i]);
         }
 #pragma unroll
-        for (uint i = 0; i < 9u; i++) c[i] = ((const float8*)&corners[i])[part];
-        sure[part] = finish_eight(o, d, c, &ts[part], &us[part], &vs[part]);
+        for (uint i = 0; i < 9u; i++) c[i] = HALF(corners[i]);
+        sure[part] = finish_eight(o, d, c, HALF(bounds.det), HALF(bounds.t), HALF(bounds.u), HALF(bounds.v), &ts[part], &us[part],
+                                  &vs[part]);
     }
+#undef HALF
     *t = (float16)(ts[0], ts[1]);
     *u = (float16)(us[0], us[1]);
     *v = (float16)(vs[0], vs[1]);

@@ -14,7 +14,7 @@ typedef struct {
 // Of each child of a node which of the packets of `members` meet it: bit k of byte i. Where it begins, in *nearest. `reach`: how far each
 // packet still looks for hits. A line's least value within a box is at one of the box's ends along z.
 ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta, uint members, uint node,
-                     const float* reach, const float16* t_limits, float8* nearest) {
+                     float4 reach, const float16* t_limits, float8* nearest) {
     const Frustum* one = &frusta[first_member(members)];
     const uint u = node + 4u * one->u, v = node + 4u * one->v, z = node + 4u * one->z;
     const float8 low_u = LOAD_EIGHT(geometry, u), high_u = LOAD_EIGHT(geometry, u + 2u);
@@ -33,7 +33,7 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
         const float8 below_v = fma((float8)(f->b[2]), f->b[2] > 0.0f ? low_z : high_z, (float8)(f->a[2]));
         const float8 above_v = fma((float8)(f->b[3]), f->b[3] > 0.0f ? high_z : low_z, (float8)(f->a[3]));
         const int8 is_met = is_there && below_u <= high_u && above_u >= low_u && below_v <= high_v && above_v >= low_v &&
-                            first <= reach[k];
+                            first <= ((const float*)&reach)[k];
         const int8 is_wide = is_met && (is_early || above_u - below_u > small_u || above_v - below_v > small_v);
         met |= lanes_where8(is_met) << k;
         wide |= lanes_where8(is_wide) << k;
@@ -47,36 +47,43 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
     return met;
 }
 
+// How far packets still look for hits is one vector: PACKETS_OF_ITEM lanes.
+float4 with_reach(float4 reach, uint k, float along) { return (uint4)(0u, 1u, 2u, 3u) == k ? (float4)(along) : reach; }
+
+// The packets of `members` that reach what begins at `nearest`.
+uint members_within(uint members, float nearest, float4 reach) {
+    const uint bits = as_uint(convert_char4(nearest <= reach)) & 0x01010101u;
+    return members & (bits | bits >> 7 | bits >> 14 | bits >> 21);
+}
+
 // The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same way.
 void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta, const uint members,
                          const bool any_hit, PacketHits* hits, int16* doubtful) {
     float16 t_limits[PACKETS_OF_ITEM];
-    float reach[PACKETS_OF_ITEM];
+    float4 reach = (float4)(-INFINITY);
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         start_packet(&packets[k], &hits[k], &doubtful[k]);
         t_limits[k] = packets[k].t_far;
-        reach[k] = reach_along(&packets[k], &frusta[k], t_limits[k]);
+        reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], t_limits[k]));
     }
 
     GroupChild stack[STACK_SIZE];
-    stack[0].link = 0u;
-    stack[0].members = members;
-    stack[0].nearest = -INFINITY;
-    uint stacked = 1;
-    while (stacked > 0u) {
-        stacked--;
-        const uint link = stack[stacked].link;
-        uint open = 0u;
-        for (uint rest = stack[stacked].members; rest != 0u; rest &= rest - 1u) {
-            const uint k = first_member(rest);
-            open |= stack[stacked].nearest <= reach[k] ? 1u << k : 0u;
-        }
-        if (open == 0u) continue;
+    uint stacked = 0, link = 0u, open = members;
+    while (true) {
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
             float8 nearest;
             ulong met = clip_to_frusta(GEOMETRY, packets, range, frusta, open, node, reach, t_limits, &nearest);
+            if (met != 0ul) { // the most frequent case needs no stack
+                const uint slot = first_lane8(met);
+                const ulong others = met & ~(0xfful << (8u * slot));
+                if (others == 0ul) {
+                    link = LOAD_LINK(geometry, node, slot);
+                    open = (uint)(met >> (8u * slot));
+                    continue;
+                }
+            }
             const uint lowest = stacked;
             while (met != 0ul) {
                 const uint slot = first_lane8(met);
@@ -89,20 +96,27 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
         } else {
             const int4 leaf = leaf_of_link(link);
             const uint first = (uint)leaf.y, count = (uint)leaf.z;
-            if (count == 0u) continue;
-            LeafTriangles triangles;
-            ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & (~0ul >> (8u * (8u - count)));
             uint changed = 0u;
-            for (; met != 0ul; met = other_lanes8(met)) {
-                const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
-                if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k], &hits[k], &doubtful[k]))
-                    changed |= 1u << k;
+            if (count > 0u) {
+                LeafTriangles triangles;
+                ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & (~0ul >> (8u * (8u - count)));
+                for (; met != 0ul; met = other_lanes8(met)) {
+                    const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
+                    if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k], &hits[k], &doubtful[k]))
+                        changed |= 1u << k;
+                }
             }
             for (; changed != 0u; changed &= changed - 1u) {
                 const uint k = first_member(changed);
-                reach[k] = reach_along(&packets[k], &frusta[k], t_limits[k]);
+                reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], t_limits[k]));
             }
         }
+        do {
+            if (stacked == 0u) return;
+            stacked--;
+            link = stack[stacked].link;
+            open = members_within(stack[stacked].members, stack[stacked].nearest, reach);
+        } while (open == 0u);
     }
 }
 

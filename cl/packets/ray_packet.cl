@@ -1,7 +1,8 @@
 // Sixteen rays that are traced together, one in each lane of a vector: for CPUs, whose compilers do not make vectors of work-items that
 // go different ways. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray Tracing", Eurographics 2001.
 //
-// A packet only decides what it is sure of. A ray with a triangle that float32 leaves open, or of extreme numbers, leaves the packet
+// A packet only decides what it is sure of. A triangle that float32 leaves open waits until the packet is done, and is settled for one ray
+// after the other as for single rays (settle_lane in triangles.cl); a ray of extreme numbers, or with any hit in doubt, leaves the packet
 // and is traced by itself (trace_packets.cl): so the hits are those of one ray at a time, to the bit.
 
 // What one or several rays have in common.
@@ -62,9 +63,16 @@ float8 least_of_lanes(float16 a, float16 b, float16 c, float16 d, float16 e, flo
 // Numbers from its reciprocal up to this, and 0, lose no bits here, and nothing that is made of them overflows.
 #define MODERATE 0x1p40f
 
-int16 is_moderate(float16 x) {
-    const float16 size = fabs(x);
-    return (size >= 1.0f / MODERATE && size <= MODERATE) || x == 0.0f;
+// The lanes where all of `count` vectors have such numbers. Without their sign, bits grow with the number; 0 less one is the largest.
+int16 are_moderate(const float16* v, uint count) {
+    uint16 least = (uint16)(~0u), greatest = (uint16)(0u);
+#pragma unroll
+    for (uint i = 0; i < count; i++) {
+        const uint16 size = as_uint16(v[i]) & 0x7fffffffu, from_one = size - 1u;
+        least = from_one < least ? from_one : least;
+        greatest = size > greatest ? size : greatest;
+    }
+    return least >= as_uint(1.0f / MODERATE) - 1u && greatest <= as_uint(MODERATE);
 }
 
 // Gives lanes without a ray the numbers of another lane, and no t to look for a hit at. There must be a lane with one.
@@ -175,9 +183,8 @@ int16 pack_rays(const Ray* rays, ulong lanes, RayPacket* p) {
         ((uint*)&p->skip)[lane] = ray->skip;
         p->has_low = p->has_low || any(ray->origin_low != (float3)(0.0f));
     }
-    int16 used = p->t_near <= p->t_far && is_moderate(p->t_near);
-#pragma unroll
-    for (uint i = 0; i < 3u; i++) used = used && is_moderate(p->origin[i]) && is_moderate(p->direction[i]);
+    const int16 used = p->t_near <= p->t_far && are_moderate(&p->t_near, 1u) && are_moderate(p->origin, 3u) &&
+                       are_moderate(p->direction, 3u);
     if (!is_any16(used)) return used;
     leave_out_others(p, used);
     return used;

@@ -52,21 +52,64 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
     return met;
 }
 
-// The nearest hit so far of each lane: limits of its t, of which the upper one is t_far where there is none.
+// The nearest hit so far of each lane: limits of its t, of which the upper one is t_far where there is none. And what is put aside until
+// the traversal is done, where closest hits are asked for: triangles that float32 does not decide, by their references, and for which lanes.
 typedef struct {
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
+    uint postponed, postponed_references[MAX_POSTPONED];
+    ulong postponed_lanes[MAX_POSTPONED];
 } PacketHits;
 
 void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
     hits->t_high = p->t_far;
     hits->t_low = (float16)(INFINITY);
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
+    hits->postponed = 0u;
     *doubtful = (int16)(0);
 }
 
+// Puts a triangle aside for lanes. False if it is one too many.
+bool postpone_for_lanes(PacketHits* hits, uint reference, ulong lanes) {
+    if (hits->postponed == MAX_POSTPONED) return false;
+    hits->postponed_references[hits->postponed] = reference;
+    hits->postponed_lanes[hits->postponed] = lanes;
+    hits->postponed++;
+    return true;
+}
+
+// The lanes of which triangles are put aside.
+ulong unsettled_lanes(const PacketHits* hits) {
+    ulong lanes = 0ul;
+    for (uint i = 0; i < hits->postponed; i++) lanes |= hits->postponed_lanes[i];
+    return lanes;
+}
+
+// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers, adds it to *doubtful.
+void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* doubtful) {
+    uint* primitive = &((uint*)&hits->primitive)[lane];
+    Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
+    bool is_decided = true;
+    for (uint i = 0; i < hits->postponed; i++)
+        if ((hits->postponed_lanes[i] & lane_bit16(lane)) != 0ul)
+            is_decided = postpone(geometry, LOAD_REFERENCE(geometry, hits->postponed_references[i])) && is_decided;
+    const bool is_other = SETTLE(GEOMETRY, ray, false, &hit);
+    if (TAKE_IN_DOUBT(geometry) || !is_decided) {
+        ((int*)doubtful)[lane] = -1;
+        return;
+    }
+    if (!is_other) return;
+    for (uint i = 0; i < hits->postponed; i++) {
+        const uint reference = hits->postponed_references[i];
+        if (LOAD_REFERENCE(geometry, reference) == hit.primitive) ((uint*)&hits->reference)[lane] = reference;
+    }
+    *primitive = hit.primitive;
+    set_lane16(&hits->t_high, lane, hit.t);
+    set_lane16(&hits->t_low, lane, hit.u);
+}
+
 // What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one; none where that is
-// -infinity. Lanes that float32 does not decide are added to *doubtful. Whether anything was open.
+// -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to *doubtful. Whether anything was open.
 bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference, const bool any_hit,
                       float16* t_limit, PacketHits* hits, int16* doubtful) {
 #define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
@@ -87,8 +130,15 @@ bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
     hits->reference = taken ? (uint16)(reference) : hits->reference;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
     const int16 in_doubt = open && !taken;
-    *doubtful = *doubtful || in_doubt;
-    const int16 is_done = any_hit ? open : in_doubt;
-    *t_limit = is_done ? (float16)(-INFINITY) : taken ? d.t_high : *t_limit;
+    if (any_hit) {
+        *doubtful = *doubtful || in_doubt;
+        *t_limit = open ? (float16)(-INFINITY) : *t_limit;
+        return is_any16(open);
+    }
+    *t_limit = taken ? d.t_high : *t_limit;
+    if (is_any16(in_doubt) && !postpone_for_lanes(hits, reference, lanes_where16(in_doubt))) {
+        *doubtful = *doubtful || in_doubt;
+        *t_limit = in_doubt ? (float16)(-INFINITY) : *t_limit;
+    }
     return is_any16(open);
 }

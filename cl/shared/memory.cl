@@ -42,9 +42,10 @@
 #define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
 #endif
 
-#ifdef DEFER_DOUBTS
-// Of a ray that meets more triangles in doubt, the rest is left to the second pass. Around a vertex there are six.
+// Of a ray, or a packet of rays, that meets more triangles in doubt, the rest is left to the second pass, or to its rays by themselves.
+// Around a vertex there are six.
 #define MAX_POSTPONED 8u
+#ifdef DEFER_DOUBTS
 typedef struct {
     uint in_doubt; // 1: something is left to the second pass
     uint count;

@@ -4,7 +4,7 @@
 
 use super::launch::Arguments;
 use super::passes::Passes;
-use super::tracer::{Launches, OpenClTracer, PictureBuffers, Rendered};
+use super::tracer::{Launches, OpenClTracer, PictureBuffers};
 use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
 use crate::adaptive::{
     Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
@@ -222,8 +222,7 @@ impl<'a> DevicePixels<'a> {
         let size = self.pixels.size;
         let stats = refine(&mut self, size, adaptive, progress)?;
         let start = Instant::now();
-        let film = self.pixels.film.read()?;
-        self.result.film.pixels = film.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
+        self.result.film.pixels = self.pixels.film.read_as(|pixel| [pixel.x, pixel.y, pixel.z])?;
         self.result.read_s = start.elapsed().as_secs_f64();
         let stats = AdaptiveStats { decide_s: self.decide_s, decided_by: Decisions::Device, ..stats };
         self.result.adaptive = Some(stats);
@@ -268,14 +267,8 @@ impl<'a> DevicePixels<'a> {
         let params = self.params.of_list(part.count[1]);
         self.launches.begin_list();
         let rendered = self.tracer.render_to(&self.rays, &None, &params, &mut self.launches, &|_| ())?;
-        let Rendered { counts, kernel_s, second_pass, split } = rendered;
-        self.result.add(&RenderResult {
-            counts,
-            kernel_s,
-            second_pass,
-            split,
-            ..RenderResult::of_film(Film { width: 0, height: 0, pixels: Vec::new() })
-        });
+        // The list's pixels stay where they are.
+        self.result.add(&rendered.with_film(Film { width: 0, height: 0, pixels: Vec::new() }));
         self.deciding(|this| {
             let (pixels, kernels) = (&this.pixels, &mut this.kernels);
             let listed = 0..part.count[0] as usize;

@@ -71,6 +71,14 @@ pub(super) struct Rendered {
     pub split: Option<SplitStats>,
 }
 
+impl Rendered {
+    /// The same with the picture.
+    pub fn with_film(self, film: Film) -> RenderResult {
+        let Rendered { counts, kernel_s, second_pass, split } = self;
+        RenderResult { counts, kernel_s, second_pass, split, ..RenderResult::of_film(film) }
+    }
+}
+
 /// What the launches of one picture after the other have in common.
 pub(super) struct Launches {
     doubts: Doubts,
@@ -283,16 +291,15 @@ impl Tracer for OpenClTracer {
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.film_len())?;
         let mut launches = self.launches(params)?;
-        let Rendered { counts, kernel_s, second_pass, split } =
-            self.render_to(&picture, &work, params, &mut launches, progress)?;
+        let rendered = self.render_to(&picture, &work, params, &mut launches, progress)?;
 
         let start = Instant::now();
-        let pixels = picture.film.read()?.into_iter().map(|pixel| [pixel.x, pixel.y, pixel.z]).collect();
+        let pixels = picture.film.read_as(|pixel| [pixel.x, pixel.y, pixel.z])?;
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
         let work = work.map(|work| work.read()).transpose()?;
         let read_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass, kernel_s, read_s, split, adaptive: None })
+        Ok(RenderResult { work, read_s, ..rendered.with_film(film) })
     }
 
     fn render_by_error(
