@@ -1,11 +1,14 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
-use super::{Buffer, Kernel, KernelArg};
+use super::{Buffer, DeviceKind, Kernel, KernelArg};
 use crate::error::Result;
 use bytemuck::Pod;
 
-/// Work is cut into launches of about this length, so that desktops stay alive and watchdogs (typically 2 s) quiet.
+/// Work is cut into launches of about so many seconds, so that desktops stay alive and watchdogs (typically 2 s) quiet.
 const LAUNCH_S: f64 = 0.1;
+/// CPUs have no watchdog. At the end of each launch their threads wait for the last one, which has been given dozens of work-groups at once
+/// (PoCL: at least 32), and where these are dear a tenth of a second is little more than that.
+const LAUNCH_S_CPU: f64 = 1.0;
 /// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
 /// is slower than any device that was seen.
 pub(super) const FIRST_ITEMS: usize = 4096;
@@ -17,6 +20,7 @@ const GROWTH: usize = 2;
 /// How many work-items a launch may have, learnt from the launches before.
 #[derive(Debug)]
 pub(super) struct LaunchPlan {
+    launch_s: f64,
     largest: usize,
     seconds_per_item: f64,
     /// How many times dearer the next items may be than the last ones.
@@ -27,9 +31,10 @@ pub(super) struct LaunchPlan {
 const OTHER_ITEMS: f64 = 8.0;
 
 impl LaunchPlan {
-    /// A plan whose first launch has about `first` items.
-    pub fn starting_with(first: usize) -> Self {
-        LaunchPlan { largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, doubt: 1.0 }
+    /// A plan for devices of that kind, whose first launch has about `first` items.
+    pub fn starting_with(first: usize, kind: DeviceKind) -> Self {
+        let launch_s = if kind == DeviceKind::Cpu { LAUNCH_S_CPU } else { LAUNCH_S };
+        LaunchPlan { launch_s, largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, doubt: 1.0 }
     }
 
     /// The next launches have other items than those before.
@@ -39,7 +44,7 @@ impl LaunchPlan {
 
     /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
     pub fn next(&self, left: usize, multiple: usize) -> usize {
-        let in_time = (LAUNCH_S / (self.doubt * self.seconds_per_item).max(1e-12)) as usize;
+        let in_time = (self.launch_s / (self.doubt * self.seconds_per_item).max(1e-12)) as usize;
         let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
         // A rest of less than half a launch goes along: its own launch would leave units idle twice.
         if items + items / 2 >= left { left } else { items }
@@ -128,7 +133,7 @@ mod tests {
 
     /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
     fn launches(total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
-        let mut plan = LaunchPlan::starting_with(first);
+        let mut plan = LaunchPlan::starting_with(first, DeviceKind::Gpu);
         let mut all = Vec::new();
         let mut done = 0;
         while done < total {
@@ -157,7 +162,7 @@ mod tests {
 
     #[test]
     fn dear_items_after_cheap_ones_are_begun_with_care() {
-        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU);
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU, DeviceKind::Gpu);
         plan.learn(2_000_000, 0.1);
         assert_eq!(plan.next(2_000_000, 64), 2_000_000);
         plan.begin_others();

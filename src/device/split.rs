@@ -139,7 +139,7 @@ impl SplitPipeline {
             picture,
             state: &state,
             work_group,
-            plan: LaunchPlan::starting_with(first_items),
+            plan: LaunchPlan::starting_with(first_items, context.info().kind),
             uncounted: 0,
             rendered: Rendered { second_pass: self.setup.defers.then_some(0), ..Rendered::default() },
             stats: SplitStats { paths_in_flight: shape.slots, ..SplitStats::default() },

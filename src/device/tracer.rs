@@ -232,7 +232,7 @@ impl OpenClTracer {
             adaptive: None,
             buffers: buffers.clone(),
             options: *options,
-            trace_plan: LaunchPlan::starting_with(first_items),
+            trace_plan: LaunchPlan::starting_with(first_items, context.info().kind),
             first_items,
             work_group: work_group_size(context.info()).0,
             upload_s: start.elapsed().as_secs_f64(),
@@ -392,7 +392,7 @@ impl OpenClTracer {
         let samples = self.samples_of_launch(params) as usize;
         Ok(Launches {
             doubts: Doubts::new(&self.context, self.passes.defers(), items_of(params))?,
-            plan: LaunchPlan::starting_with(self.first_items / samples.max(1)),
+            plan: LaunchPlan::starting_with(self.first_items / samples.max(1), self.context.info().kind),
         })
     }
 
