@@ -48,6 +48,9 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
 }
 
 // How far packets still look for hits is one vector: PACKETS_OF_ITEM lanes.
+#if PACKETS_OF_ITEM > 4u
+#error "members_within() and with_reach() are for up to four packets"
+#endif
 float4 with_reach(float4 reach, uint k, float along) { return (uint4)(0u, 1u, 2u, 3u) == k ? (float4)(along) : reach; }
 
 // The packets of `members` that reach what begins at `nearest`.

@@ -85,7 +85,8 @@ ulong unsettled_lanes(const PacketHits* hits) {
     return lanes;
 }
 
-// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers, adds it to *doubtful.
+// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers or nothing is deferred, adds it to
+// *doubtful.
 void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* doubtful) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};

@@ -199,7 +199,7 @@ impl<T: Pod> Buffer<T> {
         T: Sync,
     {
         let mut all = Vec::with_capacity(self.len);
-        let mut part = bytemuck::zeroed_vec::<T>(self.len.min(READ_BYTES.div_ceil(size_of::<T>())));
+        let mut part = bytemuck::zeroed_vec::<T>(self.len.min(READ_BYTES.div_ceil(size_of::<T>().max(1))));
         while all.len() < self.len {
             let count = part.len().min(self.len - all.len());
             self.read_into(all.len(), &mut part[..count])?;
