@@ -79,8 +79,8 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
     return count;
 }
 
-// The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Triangles that
-// float32 does not decide are put aside (settle_lane), or their lanes are in *doubtful, and what is said of these hits means nothing.
+// The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Triangles that float32
+// does not decide are put aside (settle_lane), or their lanes are in *doubtful, and what is said of these hits means nothing.
 void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit, PacketHits* hits,
                           int16* doubtful) {
     start_packet(p, hits, doubtful);

@@ -1,5 +1,6 @@
 // t, u and v of the hits of a packet: finish_hit() of exact.cl, in the same precision with the same bounds, for eight lanes at a
-// time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. For rays without a second part of the origin: those of batches.
+// time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. For rays without a second part of the origin: those of
+// batches.
 
 #ifdef WIDE_IS_DOUBLE
 typedef struct {
