@@ -57,7 +57,7 @@ pub const BVH8_NODE_RECORDS: u32 = 16;
 pub const BVH8_LINKS: u32 = 12;
 /// Records of `bounds` that a packet of eight triangles takes.
 pub const BVH8_PACKET_RECORDS: u32 = 18;
-/// How many packets of sixteen rays of a batch a work-item traces together.
+/// How many packets of sixteen rays, of a batch or of the camera, a work-item traces together.
 pub const PACKETS_OF_ITEM: u32 = 4;
 
 /// `Light::kind` of a point light.
@@ -85,6 +85,8 @@ pub const TEXTURE_WOOD: u32 = 4;
 pub const TILE_SIDE: u32 = 8;
 /// The ray counters exist this many times on a device, so that work-items seldom meet at one.
 pub const COUNTER_SLOTS: u32 = 256;
+/// Where behind the ray counters there is how many tiles of a launch are taken.
+pub const TAKEN_TILES: u32 = COUNTER_SLOTS * COUNTERS as u32;
 /// Transparent surfaces that one shadow ray passes before it counts as blocked.
 pub const MAX_SHADOW_LAYERS: u32 = 256;
 
@@ -501,6 +503,7 @@ pub fn types_cl() -> String {
         ("TEXTURE_WOOD", TEXTURE_WOOD),
         ("TILE_SIDE", TILE_SIDE),
         ("COUNTER_SLOTS", COUNTER_SLOTS),
+        ("TAKEN_TILES", TAKEN_TILES),
         ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
         ("MOST_TAPS", MOST_TAPS),
         ("NO_PATH", NO_PATH),

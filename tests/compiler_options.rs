@@ -5,7 +5,7 @@ mod common;
 use common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::device::{Cache, CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
-use raybrook::options::{Accel, Decisions, Intersector, TraceOptions, Traversal};
+use raybrook::options::{Accel, Decisions, Intersector, PacketSize, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{Builder, Image, Light, Material, Samples, Scene};
 use raybrook::session::{Picture, complete, open_tracer, render};
@@ -128,24 +128,27 @@ fn motley() -> Scene {
 fn pictures_keep_their_bits() {
     let Some(device) = device() else { return };
     let scene = motley();
-    let buffers = Arc::new(SceneBuffers::new(&scene, &TraceOptions::DEFAULT).unwrap());
-    let options = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
-    let pictures_of = |tracer: &mut dyn Tracer| {
-        [Samples::PerPixel(1), Samples::Error(3.0)].map(|samples| {
-            let (camera, size) = (scene.camera.unwrap(), (40, 40));
-            let picture = Picture { camera, size, samples, depth: 4, kill_weight: None };
-            let result = render(tracer, &buffers, &picture, &|_| ()).unwrap();
-            (result.film.pixels.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>(), result.counts)
-        })
-    };
-    let expected = pictures_of(open_tracer(None, &buffers, &options, 4, None).unwrap().as_mut());
-    for (_, counts) in &expected {
-        assert!(counts.iter().all(|&count| count > 0), "not all kinds of rays: {counts:?}");
-    }
-    for relaxed in RELAXED {
-        let device = device.clone().with_compiler_options(relaxed).unwrap();
-        let Some(mut tracer) = open(&device, &buffers, &options, Task::Picture) else { continue };
-        assert!(pictures_of(tracer.as_mut()) == expected, "{relaxed}");
+    let one = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
+    let sixteen = TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..one };
+    for (options, relaxed_by) in [(one, &RELAXED[..]), (sixteen, &RELAXED[3..=5])] {
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let pictures_of = |tracer: &mut dyn Tracer| {
+            [Samples::PerPixel(1), Samples::Error(3.0)].map(|samples| {
+                let (camera, size) = (scene.camera.unwrap(), (40, 40));
+                let picture = Picture { camera, size, samples, depth: 4, kill_weight: None };
+                let result = render(tracer, &buffers, &picture, &|_| ()).unwrap();
+                (result.film.pixels.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>(), result.counts)
+            })
+        };
+        let expected = pictures_of(open_tracer(None, &buffers, &options, 4, None).unwrap().as_mut());
+        for (_, counts) in &expected {
+            assert!(counts.iter().all(|&count| count > 0), "not all kinds of rays: {counts:?}");
+        }
+        for relaxed in relaxed_by {
+            let device = device.clone().with_compiler_options(relaxed).unwrap();
+            let Some(mut tracer) = open(&device, &buffers, &options, Task::Picture) else { continue };
+            assert!(pictures_of(tracer.as_mut()) == expected, "{relaxed}, {}", options.accel);
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::device::DeviceHandle;
-use raybrook::options::{KernelFeatures, Kernels, TraceOptions};
+use raybrook::options::{Accel, KernelFeatures, Kernels, PacketSize, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Normals, Pattern, Procedural, Samples,
@@ -202,7 +202,10 @@ fn pixels_are_numbers(renders: u64, device: Option<&DeviceHandle>) {
         let kernels = random.pick(Kernels::ALL);
         // Every scene needs other features, which are compiled for a few.
         let features = if seed.is_multiple_of(8) { KernelFeatures::Scene } else { KernelFeatures::All };
-        let options = TraceOptions { kernels, features, ..TraceOptions::DEFAULT };
+        let mut options = TraceOptions { kernels, features, ..TraceOptions::DEFAULT };
+        if kernels == Kernels::Mega && features == KernelFeatures::All && random.below(2) == 0 {
+            options = TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..options };
+        }
         let buffers = match SceneBuffers::new(&scene, &options) {
             Ok(buffers) => Arc::new(buffers),
             Err(Error::Scene(message)) if message.contains("light ") => continue,

@@ -166,16 +166,23 @@ const CASES: &[Case] = &[
         body: "float3 weights = (float3)(fabs(in[9]), fabs(in[10]), fabs(in[11])); uint largest = (uint)fabs(in[12]) % 3;\
                if (largest == 0) weights.x = -1.0f; else if (largest == 1) weights.y = -1.0f; else weights.z = -1.0f;\
                const TrianglePoint point = point_of_weights(vload3(0, in), vload3(1, in), vload3(2, in), weights);\
-               float3 high, low; start_on_triangle(&point, &high, &low); vstore3(high, 0, out); vstore3(low, 1, out);",
+               float3 high, low; start_on_triangle(&point, &high, &low); vstore3(high, 0, out); vstore3(low, 1, out);\
+               const float* base = (const float*)&point.base; const float* other1 = (const float*)&point.other1;\
+               const float* other2 = (const float*)&point.other2; float16 highs, lows;\
+               for (uint i = 0; i < 3; i++) {\
+                   point_of_triangle16((float16)(base[i]), (float16)(other1[i]), (float16)(other2[i]), (float16)(point.weight1),\
+                                       (float16)(point.weight2), &highs, &lows);\
+                   out[6 + i] = lane_of16(&highs, 11); out[9 + i] = lane_of16(&lows, 4);\
+               }",
         inputs: 13,
-        outputs: 6,
+        outputs: 12,
         input: |random| random.signed() * [1.0, 1e-3, 8.0][random.bits() as usize % 3],
         twin: |x| {
             let mut weights = v3(&x[9..]).abs();
             weights[x[12].abs() as usize % 3] = -1.0;
             let point = TrianglePoint::of_weights([v3(x), v3(&x[3..]), v3(&x[6..])], weights);
             let (high, low) = start_on_triangle(&point);
-            [high.to_array(), low.to_array()].concat()
+            [high.to_array(), low.to_array()].concat().repeat(2)
         },
     },
     Case {

@@ -227,6 +227,7 @@ fn packets_read_every_kind_of_memory() {
     ];
     for options in memories.chain(others) {
         assert_answers(&device, &options, &triangles, &rays);
+        assert_picture(&device, "glass.toml", &options, (29, 21));
     }
 }
 
@@ -238,6 +239,7 @@ fn packets_do_without_double() {
     for options in [PACKETS, KD] {
         assert_answers(&float_only, &options, &triangles, &rays);
     }
+    assert_picture(&float_only, "glass.toml", &PACKETS, (61, 45));
 }
 
 #[test]
@@ -275,25 +277,36 @@ fn what_packets_leave_open_is_decided_all_the_same() {
     }
 }
 
+/// Renders one of the project's scenes on the device and by the twin, with two samples a pixel.
+fn assert_picture(device: &DeviceHandle, name: &str, options: &TraceOptions, size: (u32, u32)) {
+    let mut scene = load(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).as_path()).unwrap();
+    complete(&mut scene, size.0 as f32 / size.1 as f32);
+    let buffers = Arc::new(SceneBuffers::new(&scene, options).unwrap());
+    let picture =
+        Picture { camera: scene.camera.unwrap(), size, samples: Samples::PerPixel(2), depth: 5, kill_weight: None };
+    let [packets, twin] = [Some(device), None].map(|device| {
+        let mut tracer = open_tracer(device, &buffers, options, picture.depth, None).unwrap();
+        render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
+    });
+    assert_eq!(packets.counts, twin.counts, "{name}, {}: rays by kind", options.accel);
+    for (i, (pixel, expected)) in packets.film.pixels.iter().zip(&twin.film.pixels).enumerate() {
+        assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}, {}: pixel {i}", options.accel);
+    }
+}
+
 #[test]
 fn pictures_in_packets_have_the_twins_pixels_and_rays() {
     let Some(device) = device() else { return };
     let in_kd = ["cornell.toml", "glass.toml", "vase.obj"].map(|name| (name, KD));
     let names = ["cornell.toml", "glass.toml", "spheres.toml", "showcase.toml", "vase.obj"];
     for (name, options) in names.map(|name| (name, PACKETS)).into_iter().chain(in_kd) {
-        let mut scene = load(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).as_path()).unwrap();
-        let size = (61, 45); // no multiple of a tile's side, nor of a packet
-        complete(&mut scene, size.0 as f32 / size.1 as f32);
-        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-        let picture =
-            Picture { camera: scene.camera.unwrap(), size, samples: Samples::PerPixel(2), depth: 5, kill_weight: None };
-        let [packets, twin] = [Some(&device), None].map(|device| {
-            let mut tracer = open_tracer(device, &buffers, &options, picture.depth, None).unwrap();
-            render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
-        });
-        assert_eq!(packets.counts, twin.counts, "{name}, {}: rays by kind", options.accel);
-        for (i, (pixel, expected)) in packets.film.pixels.iter().zip(&twin.film.pixels).enumerate() {
-            assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}, {}: pixel {i}", options.accel);
-        }
+        assert_picture(&device, name, &options, (61, 45)); // no multiple of a tile's side, nor of a packet
     }
+}
+
+/// For simulators.
+#[test]
+fn a_small_picture_in_packets_is_the_twins() {
+    let Some(device) = device() else { return };
+    assert_picture(&device, "glass.toml", &PACKETS, (13, 10));
 }

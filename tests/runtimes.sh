@@ -98,8 +98,8 @@ install_runtime() {
 # interprets, are small; of rusticl see above.
 tests_of() {
     case $1 in
-        oclgrind) printf '%s\n' kernels:--test-threads=1 memory:--test-threads=1 shading:--test-threads=1 packets:what_packets_leave_open \
-            adaptive:short_lists ;;
+        oclgrind) printf '%s\n' kernels:--test-threads=1 memory:--test-threads=1 shading:--test-threads=1 \
+            packets:--test-threads=1,what_packets_leave_open,a_small_picture adaptive:short_lists ;;
         rusticl) printf '%s\n' kernels:the_exact_intersector,refraction_equals ;;
         *) printf '%s\n' kernels exact images memory compiler_options packets ;;
     esac

@@ -228,23 +228,41 @@ fn normals_of_needles_and_specks_are_right() {
         thin += usize::from(sine < 1e-6);
         let epsilon = f64::from(EPSILON);
         let bound = 8.0 * epsilon + 48.0 * epsilon * epsilon / sine;
-        let off = (triangle_normal(triangle, Vec3::ZERO).as_dvec3() - exact).length();
+        let off = (triangle_normal(triangle).as_dvec3() - exact).length();
         assert!(off <= bound, "off by {off:e}, allowed {bound:e}, of a needle with {sine:e}: {triangle:?}");
     }
     assert!(thin > 100, "{thin}");
-    // Beyond all that has a normal in f64: it is a unit vector all the same, or what was asked for instead.
+    // Beyond all that has a normal in f64: it is a unit vector all the same, or zero.
     for i in 0..ITEMS {
         let size = [1e-45, 1e-38, 1e-30, 1e30][i % 4];
         data.extend((0..9).map(|_| random.signed() * size));
         data.extend((0..9).map(|_| if random.below(4) > 0 { 0.5 } else { random.any_float() }));
     }
-    let body =
-        "vstore3(triangle_normal(vload3(0, in), vload3(1, in), vload3(2, in), (float3)(0.0f, 0.0f, 1.0f)), 0, out);";
+    let body = "vstore3(triangle_normal(vload3(0, in), vload3(1, in), vload3(2, in)), 0, out);";
     compare("triangle_normal", body, 9, &data, |x| {
-        let normal = triangle_normal([v3(x), v3(&x[3..]), v3(&x[6..])], Vec3::Z);
-        assert!((normal.length() - 1.0).abs() < 4.0 * EPSILON, "{x:?}: {normal}");
+        let normal = triangle_normal([v3(x), v3(&x[3..]), v3(&x[6..])]);
+        assert!(normal == Vec3::ZERO || (normal.length() - 1.0).abs() < 4.0 * EPSILON, "{x:?}: {normal}");
         normal.to_array().to_vec()
     });
+    // Sixteen at a time, where that is sure of them; which it is of most, and says so behind the normals.
+    let body = "float16 corners[9], normals[3];\
+                for (uint i = 0; i < 9 * 16; i++) set_lane16(&corners[i % 9], i / 9, in[i]);\
+                const int16 is_sure = triangle_normals(corners, corners + 3, corners + 6, normals);\
+                const ulong sure = lanes_where16(is_sure);\
+                out[48] = (float)count_lanes16(sure);\
+                for (uint i = 0; i < 16; i++) {\
+                    const bool is_known = (sure & lane_bit16(i)) != 0ul;\
+                    const float3 one = triangle_normal(vload3(3 * i, in), vload3(3 * i + 1, in), vload3(3 * i + 2, in));\
+                    vstore3(is_known ? three_of_lane(normals, i) : one, i, out);\
+                }";
+    let Some(device) = device() else { return };
+    let got = run(&device, body, 9 * 16, 49, &data);
+    let sure: f32 = got.chunks_exact(49).map(|out| out[48]).sum();
+    assert!(sure > 0.6 * data.len() as f32 / 9.0, "{sure}");
+    let normals: Vec<f32> = got.chunks_exact(49).flat_map(|out| &out[..48]).copied().collect();
+    let normal = |x: &[f32]| triangle_normal([v3(x), v3(&x[3..]), v3(&x[6..])]).to_array();
+    let expected: Vec<f32> = data.chunks_exact(9).flat_map(normal).collect();
+    assert_same_bits("triangle_normals", 9 * 16, &data, &normals, &expected);
 }
 
 /// Zeros, opposite normals and all that cancels to noise: the geometric normal.
@@ -303,7 +321,7 @@ fn shadow_rays_start_where_the_normals_claim_the_surface() {
             2 => corners.map(|n| -n),
             _ => [(); 3].map(|()| normalize3(random.vec3(), Vec3::X)),
         };
-        let mut geometric = triangle_normal([p0, p1, p2], Vec3::Z);
+        let mut geometric = triangle_normal([p0, p1, p2]);
         // The outside of the ball, but for a few of its inside.
         if i % 16 != 1 && dot3(geometric, near) < 0.0 {
             geometric = -geometric;
@@ -425,7 +443,7 @@ fn light_is_a_number_whatever_lamp_and_material_are() {
         "LightSample sample = sample_light((__global const Light*)in, 0u, vload3(0, in + {at}));\
          Material material = *(__global const Material*)(in + {LIGHT});\
          Surface surface; surface.geometric_normal = vload3(1, in + {at}); surface.normal = vload3(2, in + {at}); surface.lift = (float3)(0.0f);\
-         vstore3(blinn_phong(&surface, &material, vload3(4, in + {at}), vload3(3, in + {at}), &sample), 0, out);\
+         vstore3(blinn_phong(&surface, &material, vload3(4, in + {at}), vload3(3, in + {at}), &sample, 0), 0, out);\
          vstore3(sample.to_light, 0, out + 3); vstore3(sample.direction, 0, out + 6); vstore3(sample.radiance, 0, out + 9);\
          out[12] = sample.t_far;",
         at = LIGHT + MATERIAL

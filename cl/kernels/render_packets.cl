@@ -1,29 +1,141 @@
-// The mega-kernel in packets: one work-item renders sixteen pixels, two rows of eight, in step. The rays of all of them that are next
-// are traced together, and so are their shadow rays to one lamp. Each pixel's own order is that of render.cl, so that its colour is
-// the same to the bit.
+// The mega-kernel in packets: a work-item renders tiles of PACKETS_OF_ITEM times sixteen pixels. A tile's camera rays are traced together;
+// then sixteen pixels at a time, two rows of eight, go on in step: the rays of all of them that are next are traced together, and so are
+// their shadow rays to one lamp. What is known of sixteen lanes at once is computed so (packets/surfaces.cl); a ray of one lane is only made
+// where it is traced by itself. Each pixel's own order is that of render.cl, so that its colour is the same to the bit.
 
-// A pixel on its way.
+// What is kept of a pixel from sample to sample.
 typedef struct {
-    float3 radiance; // of this sample
-    float3 sum;      // of the samples before
-    WaitingRay stack[MAX_PENDING];
-    uint stacked;
+    float3 sum; // of the samples before
     uint counts[COUNTERS];
-    PendingRay pending; // the ray that is traced next
+} Pixel;
+
+// Pixels of a tile.
+#define TILE_ITEMS (16u * PACKETS_OF_ITEM)
+
+// A sample on its way.
+typedef struct {
+    float3 radiance;
+    WaitingRay stack[MAX_PENDING]; // behind the last one the ray that is traced, but for camera rays
+    uint stacked;
     // Of the hit that is being shaded.
-    float3 direction; // unit
+    PendingRay pending; // the ray
+    float3 direction;   // unit
     Surface surface;
     Material material;
     LocalLight light;
     SurfacePoint start; // of shadow rays
     float3 reflected;   // of one lamp
     LightSample sample;
-    float3 tint; // what remains of its light
+    float3 tint;         // what remains of its light
+    SurfacePoint passed; // where a shadow ray goes on behind a transparent surface
+    float3 towards;      // and its direction there
 } Path;
 
-// What became of rays: the lanes that have hit, and what.
+// Sixteen pixels: the first item, and the number of the sample that is rendered. Only camera rays are also traced for those that follow;
+// their lanes count on.
 typedef struct {
-    ulong hits;
+    __global const RenderParams* render;
+    __global const CameraSample* samples;
+    uint item, sample;
+    Pixel* pixels;
+    Path* paths;
+} PixelGroup;
+
+// Which of a path's rays.
+#define CAMERA_RAYS 0u
+#define WAITING_RAYS 1u
+#define SHADOW_RAYS 2u
+#define PASSED_RAYS 3u // shadow rays behind a transparent surface
+
+const WaitingRay* waiting_ray(const Path* path) { return &path->stack[path->stacked]; }
+
+// A camera ray or one that was waiting.
+void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
+    if (kind == CAMERA_RAYS)
+        *pending = first_of_path(group->render, group->samples, pixel_of_item(group->render, group->item + lane), group->sample);
+    else
+        *pending = load_pending(waiting_ray(&group->paths[lane]));
+}
+
+// All of it but the ray.
+void take_history(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
+    if (kind == CAMERA_RAYS)
+        begin_path(group->render, camera_sample(group->render, group->samples, pixel_of_item(group->render, group->item + lane), group->sample),
+                   pending);
+    else
+        load_history(waiting_ray(&group->paths[lane]), pending);
+}
+
+void take_ray_of(const PixelGroup* group, const uint kind, uint lane, Ray* ray) {
+    if (kind == SHADOW_RAYS || kind == PASSED_RAYS) {
+        const Path* path = &group->paths[lane];
+        const SurfacePoint* from = kind == SHADOW_RAYS ? &path->start : &path->passed;
+        *ray = leave_surface(from, kind == SHADOW_RAYS ? path->sample.to_light : path->towards, path->sample.t_far);
+    } else {
+        PendingRay pending;
+        take_pending(group, kind, lane, &pending);
+        *ray = pending.ray;
+    }
+}
+
+// The same rays of `lanes` for make_packet().
+void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket* p) {
+    begin_packet(p);
+    for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
+        const uint lane = first_lane16(lanes);
+        const Path* path = &group->paths[lane];
+        if (kind == WAITING_RAYS) {
+            const WaitingRay* ray = waiting_ray(path);
+            add_ray(p, lane, ray->origin_t_near.xyz, ray->origin_low_width.xyz, as_float3(ray->direction_skip.xyz), ray->origin_t_near.w,
+                    INFINITY, as_uint(ray->direction_skip.w));
+        } else {
+            const SurfacePoint* from = kind == SHADOW_RAYS ? &path->start : &path->passed;
+            add_ray(p, lane, from->position, from->position_low, kind == SHADOW_RAYS ? path->sample.to_light : path->towards, 0.0f,
+                    path->sample.t_far, from->primitive);
+        }
+    }
+}
+
+// The camera rays of `lanes` from item `item` on, as first_of_path() makes them.
+void pack_camera_rays(const PixelGroup* group, uint item, ulong lanes, RayPacket* p) {
+    __global const RenderParams* render = group->render;
+    const uint2 first = pixel_of_item(render, item);
+    const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const int16 is_ray = mask_of_lanes16(lanes);
+    float16 x = convert_float16((int)first.x + lane % (int)TILE_SIDE), y = convert_float16((int)first.y + lane / (int)TILE_SIDE);
+    if (render->ray_count == 0u) {
+        const CameraSample at = group->samples[group->sample];
+        x += at.x;
+        y += at.y;
+    } else {
+        for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
+            const uint i = first_lane16(lanes);
+            const uint2 pixel = pixel_of_item(render, item + i);
+            const CameraSample at = group->samples[pixel.y * render->width + pixel.x];
+            set_lane16(&x, i, at.x);
+            set_lane16(&y, i, at.y);
+        }
+    }
+    // camera_direction()
+    const float16 right = fma(x, (float16)(render->pixel_width), (float16)(-1.0f));
+    const float16 up = fma(-y, (float16)(render->pixel_height), (float16)(1.0f));
+    const float4 rightwards = render->right, upwards = render->up, forward = render->forward, eye = render->eye;
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) {
+        p->origin[i] = (float16)(((const float*)&eye)[i]);
+        p->origin_low[i] = (float16)(0.0f);
+        p->direction[i] = fma((float16)(((const float*)&rightwards)[i]), right,
+                              fma((float16)(((const float*)&upwards)[i]), up, (float16)(((const float*)&forward)[i])));
+    }
+    p->has_low = false;
+    p->t_near = is_ray ? (float16)(0.0f) : (float16)(INFINITY);
+    p->t_far = is_ray ? (float16)(INFINITY) : (float16)(-INFINITY);
+    p->skip = (uint16)(NO_PRIMITIVE);
+}
+
+// What became of rays: the lanes that have hit, and what; those that were traced together.
+typedef struct {
+    ulong hits, together;
     uint primitive[16];
 } PacketAnswer;
 
@@ -31,199 +143,328 @@ typedef struct {
 // take it apart again.
 #define FEWEST_TOGETHER 6u
 
-// The closest hits of the `rays` of `lanes`, or with any_hit whether there are any. What is left to the second pass is added to
-// *in_doubt.
-void trace_lanes(GEOMETRY_PARAMETERS, const Ray* rays, ulong lanes, const bool any_hit, PacketAnswer* answer, ulong* in_doubt) {
-    answer->hits = 0ul;
-    ulong alone = lanes;
-    if (count_lanes16(lanes) >= FEWEST_TOGETHER) {
-        RayPacket packet;
-        int16 used = pack_rays(rays, lanes, &packet);
-        if (is_any16(used)) {
-            PacketHits found;
-            int16 doubtful;
-            TRAVERSE_PACKETS(GEOMETRY, &packet, 1u, any_hit, &found, &doubtful);
-            for (ulong open = unsettled_lanes(&found) & lanes_where16(!doubtful); open != 0ul; open = other_lanes8(open)) {
-                const uint lane = first_lane16(open);
-                settle_lane(GEOMETRY, &rays[lane], lane, &found, &doubtful);
-            }
-            used = used && !doubtful;
-            alone &= ~lanes_where16(used);
-            answer->hits = lanes_where16(used && found.primitive != NO_PRIMITIVE);
-            vstore16(found.primitive, 0, answer->primitive);
-        }
+// The closest hits of the rays of `lanes`, or with any_hit whether there are any; of `packets` packets, of which only camera rays have more
+// than one: theirs go on in the next items. What is left to the second pass is added to *in_doubt. *packet: the rays that were traced
+// together.
+void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const uint packets, const bool any_hit,
+                 RayPacket* packet, PacketAnswer* answer, ulong* in_doubt) {
+    PacketHits found[PACKETS_OF_ITEM];
+    int16 used[PACKETS_OF_ITEM], doubtful[PACKETS_OF_ITEM];
+    uint traced = 0u;
+    for (uint k = 0; k < packets; k++) {
+        answer[k].hits = answer[k].together = 0ul;
+        if (count_lanes16(lanes[k]) < FEWEST_TOGETHER) continue;
+        if (kind == CAMERA_RAYS) pack_camera_rays(group, group->item + 16u * k, lanes[k], &packet[k]);
+        else pack_rays(group, kind, lanes[k], &packet[k]);
+        float16 unit;
+        used[k] = make_packet(&packet[k], 1.0f, &unit);
+        if (is_any16(used[k])) traced |= 1u << k;
     }
-    for (; alone != 0ul; alone = other_lanes8(alone)) {
-        const uint lane = first_lane16(alone);
-        Hit hit;
-        if (trace_ray(GEOMETRY, &rays[lane], any_hit, &hit)) answer->hits |= lane_bit16(lane);
-        answer->primitive[lane] = hit.primitive;
-        if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+    if (traced != 0u) TRAVERSE_PACKETS(GEOMETRY, packet, traced, any_hit, found, doubtful);
+    for (uint k = 0; k < packets; k++) {
+        Ray ray;
+        ulong alone = lanes[k];
+        if ((traced >> k & 1u) != 0u) {
+            answer[k].together = lanes_where16(used[k]);
+            for (ulong open = unsettled_lanes(&found[k], doubtful[k]); open != 0ul; open = other_lanes8(open)) {
+                const uint lane = first_lane16(open);
+                take_ray_of(group, kind, 16u * k + lane, &ray);
+                settle_lane(GEOMETRY, &ray, lane, &found[k], &doubtful[k]);
+            }
+            const int16 is_settled = used[k] && !doubtful[k];
+            alone &= ~lanes_where16(is_settled);
+            answer[k].hits = lanes_where16(is_settled && found[k].primitive != NO_PRIMITIVE);
+            vstore16(found[k].primitive, 0, answer[k].primitive);
+        }
+        for (; alone != 0ul; alone = other_lanes8(alone)) {
+            const uint lane = first_lane16(alone);
+            Hit hit;
+            take_ray_of(group, kind, 16u * k + lane, &ray);
+            if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) answer[k].hits |= lane_bit16(lane);
+            answer[k].primitive[lane] = hit.primitive;
+            if (TAKE_IN_DOUBT(geometry)) in_doubt[k] |= lane_bit16(lane);
+        }
     }
 }
 
-// What light_visibility() is for each of the shadow `rays` of `lanes`, in path->tint.
-void see_lamp(SCENE_PARAMETERS, Path* paths, Ray* rays, ulong lanes, ulong* in_doubt) {
+// Lets the shadow rays of that kind, which were traced, go on behind what they have hit, if it is transparent. Returns those that do.
+ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, const RayPacket* packet, const PacketAnswer* answer,
+                    ulong* in_doubt) {
+    const Geometry* geometry = &scene->geometry;
+    ulong passed = 0ul;
+    for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        if (pass_surface(SCENE, answer->primitive[lane], &group->paths[lane].tint)) passed |= lane_bit16(lane);
+    }
+    PacketSurfaces surfaces;
+    float16 corners[9];
+    ulong found = passed & answer->together;
+    if (count_lanes16(found) < FEWEST_SURFACES) found = 0ul;
+    if (found != 0ul) found = points_of_packet(GEOMETRY, packet, answer->primitive, found, corners, &surfaces);
+    for (ulong rest = passed; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        Path* path = &group->paths[lane];
+        if ((found & lane_bit16(lane)) != 0ul) {
+            path->passed = point_of_lane(&surfaces, lane, answer->primitive[lane]);
+        } else {
+            Ray ray;
+            take_ray_of(group, kind, lane, &ray);
+            Hit hit = no_hit();
+            hit.primitive = answer->primitive[lane];
+            SurfaceHit at;
+            SURFACE_HIT(GEOMETRY, &ray, &hit, &at);
+            if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+            path->passed = surface_point(GEOMETRY, &at);
+        }
+        path->towards = still_to_light(&path->start, &path->sample, path->passed.position);
+    }
+    return passed;
+}
+
+// What light_visibility() is for each of the shadow rays of `lanes`, in path->tint.
+void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
     const bool is_tinted = has_transparent(scene);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
-        Path* path = &paths[first_lane16(rest)];
-        path->counts[COUNT_SHADOW_CAST]++;
-        path->tint = (float3)(1.0f);
+        const uint lane = first_lane16(rest);
+        group->pixels[lane].counts[COUNT_SHADOW_CAST]++;
+        group->paths[lane].tint = (float3)(1.0f);
     }
-    ulong open = lanes, dark = 0ul;
-    for (uint layer = 0; layer < MAX_SHADOW_LAYERS && open != 0ul; layer++) {
-        PacketAnswer answer;
-        trace_lanes(GEOMETRY, rays, open, !is_tinted, &answer, in_doubt);
-        open = answer.hits;
-        if (!is_tinted) break;
-        ulong passed = 0ul;
-        for (ulong rest = open; rest != 0ul; rest = other_lanes8(rest)) {
-            const uint lane = first_lane16(rest);
-            Path* path = &paths[lane];
-            Hit hit = no_hit();
-            hit.primitive = answer.primitive[lane];
-            if (pass_surface(SCENE, &path->start, &path->sample, &hit, &rays[lane], &path->tint)) passed |= lane_bit16(lane);
-            if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+    RayPacket packet;
+    PacketAnswer answer;
+    trace_lanes(GEOMETRY, group, SHADOW_RAYS, &lanes, 1u, !is_tinted, &packet, &answer, in_doubt);
+    ulong open = answer.hits, dark = 0ul;
+    if (is_tinted) {
+        ulong passed = pass_surfaces(SCENE, group, SHADOW_RAYS, &packet, &answer, in_doubt);
+        dark = open & ~passed;
+        for (uint layer = 1; layer < MAX_SHADOW_LAYERS && passed != 0ul; layer++) {
+            trace_lanes(GEOMETRY, group, PASSED_RAYS, &passed, 1u, false, &packet, &answer, in_doubt);
+            passed = pass_surfaces(SCENE, group, PASSED_RAYS, &packet, &answer, in_doubt);
+            dark |= answer.hits & ~passed;
         }
-        dark |= open & ~passed;
         open = passed;
     }
     // Dark are also those still on their way, and where nothing is seen through all that have hit.
     for (dark |= open; dark != 0ul; dark = other_lanes8(dark)) {
-        Path* path = &paths[first_lane16(dark)];
-        path->counts[COUNT_SHADOW_HIT]++;
-        path->tint = (float3)(0.0f);
+        const uint lane = first_lane16(dark);
+        group->pixels[lane].counts[COUNT_SHADOW_HIT]++;
+        group->paths[lane].tint = (float3)(0.0f);
     }
 }
 
+// Where a lamp is as seen from sixteen points: LampDirection; and halfway between it and the viewer.
+typedef struct {
+    float16 to_light[3], direction[3], scale, inv_length, halfway[3];
+} PacketLamp;
+
+// Of a lamp at `position`. *has_halfway: the lanes of which it is sure of that. Returns those of which it is sure of all else.
+ulong directions_to_lamp(const PixelGroup* group, ulong lanes, float3 position, PacketLamp* lamp, ulong* has_halfway) {
+    float16 from[3], view[3], scale, inverse;
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) from[i] = view[i] = (float16)(0.0f);
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        const Path* path = &group->paths[lane];
+        set_three_of_lane(from, lane, path->surface.point.position);
+        set_three_of_lane(view, lane, path->direction);
+    }
+    const float at[3] = {position.x, position.y, position.z};
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) lamp->direction[i] = lamp->to_light[i] = at[i] - from[i];
+    const int16 is_known = normalize16(lamp->direction, &lamp->scale, &lamp->inv_length);
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) lamp->halfway[i] = lamp->direction[i] - view[i];
+    const int16 is_halfway = normalize16(lamp->halfway, &scale, &inverse);
+    *has_halfway = lanes_where16(is_halfway);
+    return lanes & lanes_where16(is_known);
+}
+
 // Adds lamp number `index` to the light of the surfaces of `lanes`.
-void add_lamp(SCENE_PARAMETERS, Path* paths, ulong lanes, uint index, ulong* in_doubt) {
-    Ray rays[16];
-    ulong lit = 0ul;
+void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index, ulong* in_doubt) {
+    __global const Light* light = &scene->lights[index];
+    PacketLamp lamp;
+    ulong lit = 0ul, known = 0ul, has_halfway = 0ul;
+    // The direction alone is as fast lane by lane.
+    if (HAS(FEATURE_HIGHLIGHTS) && !is_directional(light) && count_lanes16(lanes) >= FEWEST_SURFACES)
+        known = directions_to_lamp(group, lanes, light->position.xyz, &lamp, &has_halfway);
     for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
         const uint lane = first_lane16(lanes);
-        Path* path = &paths[lane];
-        if (!light_term(scene, &path->surface, &path->material, path->light.diffuse, path->direction, index, &path->sample,
-                        &path->reflected))
-            continue;
-        rays[lane] = leave_surface(&path->start, path->sample.to_light, path->sample.t_far);
-        lit |= lane_bit16(lane);
+        Path* path = &group->paths[lane];
+        bool is_lit;
+        if ((known & lane_bit16(lane)) != 0ul) {
+            const LampDirection towards = {three_of_lane(lamp.direction, lane), lane_of16(&lamp.scale, lane),
+                                           lane_of16(&lamp.inv_length, lane)};
+            float3 halfway;
+            const bool is_halfway = (has_halfway & lane_bit16(lane)) != 0ul;
+            if (is_halfway) halfway = three_of_lane(lamp.halfway, lane);
+            sample_lamp(light, three_of_lane(lamp.to_light, lane), &towards, &path->sample);
+            is_lit = reflect_sample(&path->surface, &path->material, path->light.diffuse, path->direction, is_halfway ? &halfway : 0,
+                                    &path->sample, &path->reflected);
+        } else {
+            is_lit = light_term(scene, &path->surface, &path->material, path->light.diffuse, path->direction, index, &path->sample,
+                                &path->reflected);
+        }
+        if (is_lit) lit |= lane_bit16(lane);
     }
     if (lit == 0ul) return;
-    see_lamp(SCENE, paths, rays, lit, in_doubt);
+    see_lamp(SCENE, group, lit, in_doubt);
     for (; lit != 0ul; lit = other_lanes8(lit)) {
-        Path* path = &paths[first_lane16(lit)];
+        Path* path = &group->paths[first_lane16(lit)];
         path->light.radiance += path->reflected * path->tint;
     }
 }
 
-// Traces the next ray of each path of `lanes`, and shades what is hit.
-void follow_paths(SCENE_PARAMETERS, __global const RenderParams* render, Path* paths, ulong lanes, ulong* in_doubt) {
+// What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface and direction; of
+// those that have missed the direction alone.
+void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet, const PacketAnswer* answer,
+                   ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
-    Ray rays[16];
-    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
-        const uint lane = first_lane16(rest);
-        Path* path = &paths[lane];
-        path->direction = normalize3(path->pending.ray.direction, (float3)(0.0f));
-        path->counts[path->pending.kind]++;
-        rays[lane] = path->pending.ray;
+    float16 unit[3], scale, inverse;
+    PacketSurfaces surfaces;
+    ulong found = answer->hits & answer->together;
+    if (answer->together != 0ul) {
+#pragma unroll
+        for (uint i = 0; i < 3u; i++) unit[i] = packet->direction[i];
+        (void)normalize16(unit, &scale, &inverse);
     }
-    PacketAnswer answer;
-    trace_lanes(GEOMETRY, rays, lanes, false, &answer, in_doubt);
-    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
-        const uint lane = first_lane16(rest);
-        Path* path = &paths[lane];
-        if ((answer.hits & lane_bit16(lane)) == 0ul) {
-            path->radiance += path->pending.weight * limit_radiance(background(scene, path->direction));
+    if (count_lanes16(found) < FEWEST_SURFACES) found = 0ul;
+    if (found != 0ul) found = surfaces_of_packet(GEOMETRY, packet, answer->primitive, found, &surfaces);
+    for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
+        const uint lane = first_lane16(lanes);
+        Path* path = &group->paths[lane];
+        const bool is_hit = (answer->hits & lane_bit16(lane)) != 0ul;
+        if ((answer->together & lane_bit16(lane)) != 0ul) {
+            path->direction = three_of_lane(unit, lane);
+            if (!is_hit) continue;
+        }
+        SurfaceHit at;
+        if ((found & lane_bit16(lane)) != 0ul) {
+            PendingRay* pending = &path->pending;
+            pending->ray.origin = three_of_lane(packet->origin, lane);
+            pending->ray.direction = three_of_lane(packet->direction, lane);
+            take_history(group, kind, lane, pending);
+            at = hit_of_lane(&surfaces, lane, answer->primitive[lane]);
+            path->surface.point = point_of_lane(&surfaces, lane, answer->primitive[lane]);
+            path->surface.largest_coordinate = lane_of16(&surfaces.largest_coordinate, lane);
+            complete_surface(GEOMETRY, scene->shading, pending->ray.direction, &at, three_of_lane(surfaces.outward, lane), &path->surface);
             continue;
         }
-        path->counts[path->pending.kind + 1u]++; // …_HIT follows …_CAST
+        take_pending(group, kind, lane, &path->pending);
+        path->direction = normalize3(path->pending.ray.direction, (float3)(0.0f));
+        if (!is_hit) continue;
         Hit hit = no_hit();
-        hit.primitive = answer.primitive[lane];
-        SurfaceHit at;
+        hit.primitive = answer->primitive[lane];
         SURFACE_HIT(GEOMETRY, &path->pending.ray, &hit, &at);
         if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
         path->surface = surface_at(GEOMETRY, scene->shading, &path->pending.ray, &at);
+    }
+}
+
+// Shades what the paths of `lanes` have hit.
+void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet, const PacketAnswer* answer,
+                  ulong* in_doubt) {
+    find_surfaces(SCENE, group, kind, lanes, packet, answer, in_doubt);
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        Path* path = &group->paths[lane];
+        const uint counted = kind == CAMERA_RAYS ? COUNT_CAMERA_CAST : kind_of_waiting(waiting_ray(path));
+        group->pixels[lane].counts[counted]++;
+        if ((answer->hits & lane_bit16(lane)) == 0ul) {
+            const float3 weight = kind == CAMERA_RAYS ? (float3)(1.0f) : as_float3(waiting_ray(path)->weight_kind_depth.xyz);
+            path->radiance += weight * limit_radiance(background(scene, path->direction));
+            continue;
+        }
+        group->pixels[lane].counts[counted + 1u]++; // …_HIT follows …_CAST
         path->material = scene->materials[path->surface.material];
         path->light = light_without_lamps(SCENE, &path->surface, &path->material, &path->pending, path->direction);
         path->start = path->surface.point;
         lift_point(&path->start, path->surface.lift);
     }
-    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, paths, answer.hits, i, in_doubt);
-    for (ulong rest = answer.hits; rest != 0ul; rest = other_lanes8(rest)) {
-        Path* path = &paths[first_lane16(rest)];
+    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, group, answer->hits, i, in_doubt);
+    for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
+        Path* path = &group->paths[first_lane16(rest)];
         path->radiance += path->pending.weight * limit_radiance(path->light.radiance);
-        if (path->pending.depth < render->max_depth)
+        if (path->pending.depth < group->render->max_depth)
             path->stacked = push_secondary_rays(&path->surface, &path->material, &path->pending, path->direction,
-                                                render->kill_weight, path->stack, path->stacked);
+                                                group->render->kill_weight, path->stack, path->stacked);
     }
 }
 
-// Runtimes for CPUs give a thread dozens of work-items in a row, of which it may be the last to be done: what is dear in a picture lies
-// together. So rows take a few neighbours, which meet the same nodes, in each of several parts of the launch. Which of `count` the
-// work-item i is; every one is once.
-#define SPREAD_NEIGHBOURS 4u
-#define SPREAD_PARTS 8u
-uint spread_work(uint i, uint count) {
-    const uint blocks = count / SPREAD_NEIGHBOURS, block = i / SPREAD_NEIGHBOURS;
-    if (block >= blocks) return i;
-    const uint part = block % SPREAD_PARTS;
-    // The first parts have one block more than the others, where the number does not divide.
-    const uint first = part * (blocks / SPREAD_PARTS) + min(part, blocks % SPREAD_PARTS);
-    return (first + block / SPREAD_PARTS) * SPREAD_NEIGHBOURS + i % SPREAD_NEIGHBOURS;
+// Adds the sample of the paths of `lanes`, whose camera rays were traced, to their pixels.
+void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer, ulong* in_doubt) {
+    const Geometry* geometry = &scene->geometry;
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        Path* path = &group->paths[first_lane16(rest)];
+        path->radiance = (float3)(0.0f);
+        path->stacked = 0u;
+    }
+    follow_paths(SCENE, group, CAMERA_RAYS, lanes, packet, answer, in_doubt);
+    for (;;) {
+        ulong open = 0ul;
+        for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+            const uint lane = first_lane16(rest);
+            if (group->paths[lane].stacked == 0u) continue;
+            group->paths[lane].stacked--;
+            open |= lane_bit16(lane);
+        }
+        if (open == 0ul) break;
+        trace_lanes(GEOMETRY, group, WAITING_RAYS, &open, 1u, false, packet, answer, in_doubt);
+        follow_paths(SCENE, group, WAITING_RAYS, open, packet, answer, in_doubt);
+    }
+    for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        group->pixels[lane].sum += group->paths[lane].radiance;
+    }
 }
 
-// As `render`, for sixteen items at a time.
+// Renders the items from `item` on, of those before `end`.
+void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global const CameraSample* samples, __global float4* film,
+                 volatile __global uint* counters, DOUBTS_ARGUMENT uint first_sample, uint end_sample, uint item, uint end) {
+    const Geometry* geometry = &scene->geometry;
+    Pixel pixels[TILE_ITEMS];
+    ulong inside[PACKETS_OF_ITEM], in_doubt[PACKETS_OF_ITEM];
+    for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = in_doubt[k] = 0ul;
+    for (uint i = 0; i < TILE_ITEMS; i++) {
+        const uint2 pixel = pixel_of_item(render, item + i);
+        if (item + i >= end || !is_in_film(render, pixel)) continue;
+        inside[i / 16u] |= lane_bit16(i % 16u);
+        pixels[i].sum = first_sample == 0u ? (float3)(0.0f) : film[pixel.y * render->width + pixel.x].xyz;
+        for (uint j = 0; j < COUNTERS; j++) pixels[i].counts[j] = 0u;
+    }
+    for (uint s = first_sample; s < end_sample; s++) {
+        Path paths[16];
+        RayPacket packets[PACKETS_OF_ITEM];
+        PacketAnswer answers[PACKETS_OF_ITEM];
+        const PixelGroup all = {render, samples, item, s, pixels, paths};
+        trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, PACKETS_OF_ITEM, false, packets, answers, in_doubt);
+        for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
+            const PixelGroup sixteen = {render, samples, item + 16u * k, s, pixels + 16u * k, paths};
+            add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k], &in_doubt[k]);
+        }
+    }
+    for (uint i = 0; i < TILE_ITEMS; i++) {
+        if ((inside[i / 16u] & lane_bit16(i % 16u)) == 0ul) continue;
+        if ((in_doubt[i / 16u] & lane_bit16(i % 16u)) != 0ul) {
+            ADD_DOUBT(item + i);
+            continue;
+        }
+        const uint2 pixel = pixel_of_item(render, item + i);
+        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, pixels[i].sum, end_sample);
+        add_counts(pixels[i].counts, counters, item + i);
+    }
+}
+
+// As `render`. What is dear in a picture lies together: work-items take the tiles of a launch one after the other, so that none has more of
+// it to do than others while these wait.
 __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,
                              __global float4* restrict film, volatile __global uint* restrict counters,
                              DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first, const uint end) {
-    const uint count = (end - first + 15u) / 16u;
-    if ((uint)get_global_id(0) >= count) return;
-    const uint item = first + 16u * spread_work((uint)get_global_id(0), count);
+    const uint tiles = (end - first + TILE_ITEMS - 1u) / TILE_ITEMS;
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
-    Path paths[16];
-    ulong inside = 0ul, in_doubt = 0ul;
-    for (uint lane = 0; lane < 16u; lane++) {
-        const uint2 pixel = pixel_of_item(render, item + lane);
-        if (item + lane >= end || !is_in_film(render, pixel)) continue;
-        inside |= lane_bit16(lane);
-        paths[lane].sum = first_sample == 0u ? (float3)(0.0f) : film[pixel.y * render->width + pixel.x].xyz;
-        for (uint i = 0; i < COUNTERS; i++) paths[lane].counts[i] = 0u;
-    }
-    for (uint s = first_sample; s < end_sample; s++) {
-        for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
-            const uint lane = first_lane16(rest);
-            Path* path = &paths[lane];
-            const uint2 pixel = pixel_of_item(render, item + lane);
-            path->radiance = (float3)(0.0f);
-            path->pending = first_of_path(render, samples, pixel, s);
-            path->stacked = 0u;
-        }
-        for (ulong open = inside; open != 0ul;) {
-            follow_paths(SCENE_AT(&scene), render, paths, open, &in_doubt);
-            for (ulong rest = open; rest != 0ul; rest = other_lanes8(rest)) {
-                const uint lane = first_lane16(rest);
-                Path* path = &paths[lane];
-                if (path->stacked == 0u) open &= ~lane_bit16(lane);
-                else path->pending = load_pending(&path->stack[--path->stacked]);
-            }
-        }
-        for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
-            Path* path = &paths[first_lane16(rest)];
-            path->sum += path->radiance;
-        }
-    }
-    for (ulong rest = inside; rest != 0ul; rest = other_lanes8(rest)) {
-        const uint lane = first_lane16(rest);
-        const Path* path = &paths[lane];
-        if ((in_doubt & lane_bit16(lane)) != 0ul) {
-            ADD_DOUBT(item + lane);
-            continue;
-        }
-        const uint2 pixel = pixel_of_item(render, item + lane);
-        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, path->sum, end_sample);
-        add_counts(path->counts, counters, item + lane);
+    for (;;) {
+        const uint tile = atomic_inc(&counters[TAKEN_TILES]);
+        if (tile >= tiles) return;
+        render_tile(SCENE_AT(&scene), render, samples, film, counters, doubts, first_sample, end_sample, first + TILE_ITEMS * tile, end);
     }
 }

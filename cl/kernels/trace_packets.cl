@@ -34,28 +34,20 @@ void load_components(__global const TraceRay* rays, uint stride, float16* c) {
 // or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the caller's units.
 int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPacket* p, float16* t_factor) {
     if (!(scale >= 1.0f / MODERATE && scale <= MODERATE)) return (int16)(0);
-    float16 c[8];
+    float16 c[8], unit;
     load_components(rays, stride, c);
-    const float16 t_min = c[3], t_max = c[7];
-    const float16 size = larger16(fabs(c[4]), larger16(fabs(c[5]), fabs(c[6])));
-    c[7] = t_max == INFINITY ? (float16)(0.0f) : t_max;
-    const int16 used = are_moderate(c, 8u) && size > 0.0f && t_min <= t_max;
-    if (!is_any16(used)) return used;
-    // power_of_two_scale() of the largest component
-    const float16 unit = used ? as_float16((254u - (as_uint16(size) >> 23)) << 23) : (float16)(1.0f);
 #pragma unroll
     for (uint i = 0; i < 3u; i++) {
         p->origin[i] = c[i];
         p->origin_low[i] = (float16)(0.0f);
-        p->direction[i] = c[4u + i] * unit;
+        p->direction[i] = c[4u + i];
     }
-    p->has_low = p->has_slabs = false;
-    *t_factor = unit * (1.0f / scale);
-    const float16 to_own = scale * (used ? as_float16(as_uint16(size) >> 23 << 23) : (float16)(1.0f)); // scale / unit
-    p->t_near = t_min * to_own;
-    p->t_far = smaller16(t_max * to_own, (float16)(FLT_MAX));
+    p->has_low = false;
+    p->t_near = c[3];
+    p->t_far = c[7];
     p->skip = (uint16)(NO_PRIMITIVE);
-    leave_out_others(p, used);
+    const int16 used = make_packet(p, scale, &unit);
+    *t_factor = unit * (1.0f / scale);
     return used;
 }
 
@@ -89,7 +81,7 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;
-        for (ulong open = unsettled_lanes(&found[k]) & lanes_where16(!doubtful[k]); open != 0ul; open = other_lanes8(open)) {
+        for (ulong open = unsettled_lanes(&found[k], doubtful[k]); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
             settle_lane(GEOMETRY, &ray, lane, &found[k], &doubtful[k]);

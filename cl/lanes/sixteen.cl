@@ -2,8 +2,10 @@
 // names end in 16.
 #undef REAL
 #undef MASK
+#undef FACTOR
 #undef LANES
 #define REAL float16
+#define FACTOR float16
 #define MASK int16
 #define LANES(name) name##16
 
@@ -18,6 +20,9 @@ bool is_any16(int16 comparison) {
 ulong lanes_where16(int16 comparison) {
     const ulong2 words = as_ulong2(convert_char16(comparison));
     return (words.x & ALL_LANES8) | (words.y & ALL_LANES8) << 4;
+}
+int16 mask_of_lanes16(ulong lanes) {
+    return (int16)(convert_int8(as_uchar8(lanes & ALL_LANES8)), convert_int8(as_uchar8(lanes >> 4 & ALL_LANES8))) != 0;
 }
 ulong lane_bit16(uint lane) { return 1ul << (8u * (lane % 8u) + 4u * (lane / 8u)); }
 // The lowest bit's lane, and how many there are. The others: other_lanes8().

@@ -1,6 +1,5 @@
 // t, u and v of the hits of a packet: finish_hit() of exact.cl, in the same precision with the same bounds, for eight lanes at a
-// time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. For rays without a second part of the origin: those of
-// batches.
+// time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. Instead of t surfaces want the weight of vertex 0.
 
 #ifdef WIDE_IS_DOUBLE
 typedef struct {
@@ -25,19 +24,25 @@ float16 magnitudes_of_dot(const Floats3* a, const Floats3* b) { return fma(a->x,
 
 // By how much the numbers of finish_eight() may be off.
 typedef struct {
-    float16 det, t, u, v;
+    float16 det, third, u, v;
 } FinishBounds;
 
-FinishBounds finish_bounds(const float16* o, const float16* d, const float16* c) {
+float16 from_magnitude(const RayPacket* p, uint axis, float16 x) {
+    const float16 size = fabs(from_origins(p, axis, x));
+    return p->has_low ? fma(fabs(p->origin_low[axis]), (float16)(START_ERROR), size) : size;
+}
+
+FinishBounds finish_bounds(const RayPacket* p, const float16* c, const bool wants_t) {
     const Floats3 size1 = {fabs(c[3] - c[0]), fabs(c[4] - c[1]), fabs(c[5] - c[2])};
     const Floats3 size2 = {fabs(c[6] - c[0]), fabs(c[7] - c[1]), fabs(c[8] - c[2])};
-    const Floats3 from_size = {fabs(c[0] - o[0]), fabs(c[1] - o[1]), fabs(c[2] - o[2])};
-    const Floats3 direction_size = {fabs(d[0]), fabs(d[1]), fabs(d[2])};
+    const Floats3 from_size = {from_magnitude(p, 0u, c[0]), from_magnitude(p, 1u, c[1]), from_magnitude(p, 2u, c[2])};
+    const Floats3 direction_size = {fabs(p->direction[0]), fabs(p->direction[1]), fabs(p->direction[2])};
     const Floats3 normal_size = magnitudes_of_cross(&size1, &size2), moment_size = magnitudes_of_cross(&from_size, &direction_size);
-    const FinishBounds bounds = {WIDE_ERROR * magnitudes_of_dot(&normal_size, &direction_size),
-                                 WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size),
-                                 WIDE_ERROR * magnitudes_of_dot(&size2, &moment_size),
-                                 WIDE_ERROR * magnitudes_of_dot(&size1, &moment_size)};
+    const float16 det = magnitudes_of_dot(&normal_size, &direction_size);
+    const float16 u = magnitudes_of_dot(&size2, &moment_size), v = magnitudes_of_dot(&size1, &moment_size);
+    const FinishBounds bounds = {WIDE_ERROR * det,
+                                 wants_t ? WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size) : WIDE_ERROR_W * (det + u + v),
+                                 WIDE_ERROR * u, WIDE_ERROR * v};
     return bounds;
 }
 
@@ -56,66 +61,86 @@ Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float
     return r;
 }
 
-// Of eight rays and their triangles, corner by corner; the lanes where it is sure.
-int8 finish_eight(const float8* o, const float8* d, const float8* c, float8 det_bound, float8 t_bound, float8 u_bound, float8 v_bound,
-                  float8* t, float8* u, float8* v) {
+// Of eight rays and their triangles, corner by corner; the lanes where it is sure. `low`: second parts of origins, 0 where there are none.
+int8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t, float8 det_bound,
+                  float8 third_bound, float8 u_bound, float8 v_bound, float8* third, float8* u, float8* v) {
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
-    const Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
+    Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
+    if (low != 0) {
+        from.x -= convert_double8(low[0]);
+        from.y -= convert_double8(low[1]);
+        from.z -= convert_double8(low[2]);
+    }
     const Doubles3 direction = {convert_double8(d[0]), convert_double8(d[1]), convert_double8(d[2])};
     const Doubles3 normal = cross_doubles(&edge1, &edge2), moment = cross_doubles(&from, &direction);
     const double8 det = dot_doubles(&normal, &direction);
+    const double8 weight1 = dot_doubles(&edge2, &moment), weight2 = -dot_doubles(&edge1, &moment);
     const double8 inverse = 1.0 / det;
     const float8 det_error = det_bound / fabs(convert_float8(det));
     int8 is_sure = det_bound > LEAST_MAGNITUDE * WIDE_EPSILON && det_bound <= FLT_MAX && det_error < 0x1p-10f;
-    is_sure = is_sure && round_surely8(dot_doubles(&normal, &from), t_bound, inverse, det_error, t);
-    is_sure = is_sure && round_surely8(dot_doubles(&edge2, &moment), u_bound, inverse, det_error, u);
-    is_sure = is_sure && round_surely8(-dot_doubles(&edge1, &moment), v_bound, inverse, det_error, v);
+    is_sure = is_sure && round_surely8(weight1, u_bound, inverse, det_error, u);
+    is_sure = is_sure && round_surely8(weight2, v_bound, inverse, det_error, v);
+    if (wants_t) return is_sure && round_surely8(dot_doubles(&normal, &from), third_bound, inverse, det_error, third);
+    // As finish_hit(): what the others leave of 1 is near enough where it is the largest weight.
+    const float8 rest = (1.0f - *u) - *v;
+    const int8 is_rest = rest >= *u && rest >= *v;
+    is_sure = is_sure && (round_surely8((det - weight1) - weight2, third_bound, inverse, det_error, third) || is_rest);
+    *third = is_rest ? rest : *third;
     return is_sure;
 }
 
-// Writes t, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles. Returns where they are certain.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, float16* t, float16* u, float16* v) {
-    const FinishBounds bounds = finish_bounds(p->origin, p->direction, corners);
+// Writes t, or the weight of vertex 0, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles. Returns where they are
+// certain.
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u, float16* v) {
+    const FinishBounds bounds = finish_bounds(p, corners, wants_t);
     int8 sure[2];
-    float8 ts[2], us[2], vs[2];
+    float8 thirds[2], us[2], vs[2];
 #define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
 #pragma unroll
     for (uint part = 0; part < 2u; part++) {
-        float8 o[3], d[3], c[9];
+        float8 o[3], low[3], d[3], c[9];
 #pragma unroll
         for (uint i = 0; i < 3u; i++) {
             o[i] = HALF(p->origin[i]);
+            low[i] = HALF(p->origin_low[i]);
             d[i] = HALF(p->direction[i]);
         }
 #pragma unroll
         for (uint i = 0; i < 9u; i++) c[i] = HALF(corners[i]);
-        sure[part] = finish_eight(o, d, c, HALF(bounds.det), HALF(bounds.t), HALF(bounds.u), HALF(bounds.v), &ts[part], &us[part],
-                                  &vs[part]);
+        sure[part] = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, HALF(bounds.det), HALF(bounds.third), HALF(bounds.u),
+                                  HALF(bounds.v), &thirds[part], &us[part], &vs[part]);
     }
 #undef HALF
-    *t = (float16)(ts[0], ts[1]);
+    *third = (float16)(thirds[0], thirds[1]);
     *u = (float16)(us[0], us[1]);
     *v = (float16)(vs[0], vs[1]);
     return (int16)(sure[0], sure[1]);
 }
 #else
 // Pairs of floats are better off without vectors.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, float16* t, float16* u, float16* v) {
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u, float16* v) {
     int16 sure = (int16)(0);
     for (uint lane = 0; lane < 16u; lane++) {
         WideNumbers n;
-        wide_numbers(three_of_lane(p->origin, lane), (float3)(0.0f), three_of_lane(p->direction, lane), three_of_lane(corners, lane),
-                     three_of_lane(corners + 3, lane), three_of_lane(corners + 6, lane), &n);
+        wide_numbers(three_of_lane(p->origin, lane), three_of_lane(p->origin_low, lane), three_of_lane(p->direction, lane),
+                     three_of_lane(corners, lane), three_of_lane(corners + 3, lane), three_of_lane(corners + 6, lane), &n);
         const WideInverse det = invert_det(&n);
-        float t_u_v[3];
-        if (det.is_sure && rounds_surely(n.distance, n.distance_bound, &det, &t_u_v[0]) &&
-            rounds_surely(n.weight1, n.bound1, &det, &t_u_v[1]) && rounds_surely(n.weight2, n.bound2, &det, &t_u_v[2])) {
-            ((int*)&sure)[lane] = -1;
-            set_lane16(t, lane, t_u_v[0]);
-            set_lane16(u, lane, t_u_v[1]);
-            set_lane16(v, lane, t_u_v[2]);
+        float rounded[3];
+        if (!det.is_sure || !rounds_surely(n.weight1, n.bound1, &det, &rounded[1]) ||
+            !rounds_surely(n.weight2, n.bound2, &det, &rounded[2]))
+            continue;
+        if (wants_t) {
+            if (!rounds_surely(n.distance, n.distance_bound, &det, &rounded[0])) continue;
+        } else if (is_nearest_vertex0(rounded[1], rounded[2])) {
+            rounded[0] = (1.0f - rounded[1]) - rounded[2];
+        } else if (!rounds_surely(n.weight0, n.bound0, &det, &rounded[0])) {
+            continue;
         }
+        ((int*)&sure)[lane] = -1;
+        set_lane16(third, lane, rounded[0]);
+        set_lane16(u, lane, rounded[1]);
+        set_lane16(v, lane, rounded[2]);
     }
     return sure;
 }
@@ -155,7 +180,7 @@ void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hi
         open &= ~lanes_where16(here);
     }
     float16 t = out->t, u = out->u, v = out->v;
-    const int16 sure = finish_sixteen(p, corners, &t, &u, &v);
+    const int16 sure = finish_sixteen(p, corners, true, &t, &u, &v);
     out->t = is_hit ? t : out->t;
     out->u = is_hit ? u : out->u;
     out->v = is_hit ? v : out->v;

@@ -90,6 +90,49 @@ void leave_out_others(RayPacket* p, int16 used) {
     p->t_far = used ? p->t_far : (float16)(-INFINITY);
 }
 
+// A packet without rays, to which add_ray() adds some as make_ray() takes them. make_packet() follows.
+void begin_packet(RayPacket* p) {
+    p->has_low = false;
+    p->t_near = (float16)(INFINITY);
+    p->t_far = (float16)(-INFINITY);
+    p->skip = (uint16)(NO_PRIMITIVE);
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) p->origin[i] = p->origin_low[i] = p->direction[i] = (float16)(0.0f);
+}
+
+void add_ray(RayPacket* p, uint lane, float3 origin, float3 origin_low, float3 direction, float t_near, float t_far, uint skip) {
+    set_three_of_lane(p->origin, lane, origin);
+    set_three_of_lane(p->origin_low, lane, origin_low);
+    set_three_of_lane(p->direction, lane, direction);
+    set_lane16(&p->t_near, lane, t_near);
+    set_lane16(&p->t_far, lane, t_far);
+    ((uint*)&p->skip)[lane] = skip;
+    p->has_low = p->has_low || any(origin_low != (float3)(0.0f));
+}
+
+// Brings directions and limits of t to tracing space as make_ray() and limit_ray() do. Returns the lanes in use: not those of extreme
+// numbers, or that are not sound. *unit: by what directions were multiplied. `scale`: the scene's where t is in the caller's units, else 1.
+int16 make_packet(RayPacket* p, float scale, float16* unit) {
+    const float16 size = larger16(fabs(p->direction[0]), larger16(fabs(p->direction[1]), fabs(p->direction[2])));
+    const float16 c[8] = {p->origin[0], p->origin[1], p->origin[2], p->t_near, p->direction[0], p->direction[1], p->direction[2],
+                          p->t_far == INFINITY ? (float16)(0.0f) : p->t_far};
+    const int16 used = are_moderate(c, 8u) && size > 0.0f && p->t_near <= p->t_far;
+    p->has_slabs = false;
+    // power_of_two_scale() of the largest component
+    *unit = used ? as_float16((254u - (as_uint16(size) >> 23)) << 23) : (float16)(1.0f);
+    if (!is_any16(used)) return used;
+#pragma unroll
+    for (uint i = 0; i < 3u; i++) {
+        const uint16 bits = as_uint16(p->direction[i] * *unit);
+        p->direction[i] = as_float16(bits == 0x80000000u ? (uint16)(0u) : bits); // positive_zero()
+    }
+    const float16 to_own = scale * (used ? as_float16(as_uint16(size) >> 23 << 23) : (float16)(1.0f)); // scale / unit
+    p->t_near *= to_own;
+    p->t_far = smaller16(p->t_far * to_own, (float16)(FLT_MAX));
+    leave_out_others(p, used);
+    return used;
+}
+
 // The range of the packets of `members`, whose numbers are moderate.
 void range_of(const RayPacket* packets, uint members, PacketRange* r) {
     float16 least[3], greatest[3], low[3], direction_least[3], direction_greatest[3];
@@ -164,29 +207,4 @@ void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high) {
 float16 from_origins(const RayPacket* p, uint axis, float16 x) {
     const float16 from = x - p->origin[axis];
     return p->has_low ? from - p->origin_low[axis] : from;
-}
-
-// A packet of `rays`, those of `lanes`. Returns the lanes in use: not those of extreme numbers, or that are not sound.
-int16 pack_rays(const Ray* rays, ulong lanes, RayPacket* p) {
-    p->has_low = p->has_slabs = false;
-    p->t_near = (float16)(INFINITY);
-    p->t_far = (float16)(-INFINITY);
-#pragma unroll
-    for (uint i = 0; i < 3u; i++) p->origin[i] = p->origin_low[i] = p->direction[i] = (float16)(0.0f);
-    for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
-        const uint lane = first_lane16(lanes);
-        const Ray* ray = &rays[lane];
-        set_three_of_lane(p->origin, lane, ray->origin);
-        set_three_of_lane(p->origin_low, lane, ray->origin_low);
-        set_three_of_lane(p->direction, lane, ray->direction);
-        set_lane16(&p->t_near, lane, ray->t_near);
-        set_lane16(&p->t_far, lane, ray->t_far);
-        ((uint*)&p->skip)[lane] = ray->skip;
-        p->has_low = p->has_low || any(ray->origin_low != (float3)(0.0f));
-    }
-    const int16 used = p->t_near <= p->t_far && are_moderate(&p->t_near, 1u) && are_moderate(p->origin, 3u) &&
-                       are_moderate(p->direction, 3u);
-    if (!is_any16(used)) return used;
-    leave_out_others(p, used);
-    return used;
 }

@@ -69,33 +69,35 @@ void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
     *doubtful = (int16)(0);
 }
 
-// Puts a triangle aside for lanes. False if it is one too many.
+// Puts a triangle aside for lanes. False if it is one too many, or nothing is deferred: then settle_lane() could not decide about it.
 bool postpone_for_lanes(PacketHits* hits, uint reference, ulong lanes) {
+#ifdef DEFER_DOUBTS
     if (hits->postponed == MAX_POSTPONED) return false;
     hits->postponed_references[hits->postponed] = reference;
     hits->postponed_lanes[hits->postponed] = lanes;
     hits->postponed++;
     return true;
+#else
+    return false;
+#endif
 }
 
-// The lanes of which triangles are put aside.
-ulong unsettled_lanes(const PacketHits* hits) {
+// The lanes, of those that are not in doubt, of which triangles are put aside.
+ulong unsettled_lanes(const PacketHits* hits, int16 doubtful) {
     ulong lanes = 0ul;
     for (uint i = 0; i < hits->postponed; i++) lanes |= hits->postponed_lanes[i];
-    return lanes;
+    return lanes == 0ul ? 0ul : lanes & lanes_where16(!doubtful);
 }
 
-// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers or nothing is deferred, adds it to
-// *doubtful.
+// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers, adds it to *doubtful.
 void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* doubtful) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
-    bool is_decided = true;
     for (uint i = 0; i < hits->postponed; i++)
         if ((hits->postponed_lanes[i] & lane_bit16(lane)) != 0ul)
-            is_decided = postpone(geometry, LOAD_REFERENCE(geometry, hits->postponed_references[i])) && is_decided;
+            (void)postpone(geometry, LOAD_REFERENCE(geometry, hits->postponed_references[i]));
     const bool is_other = SETTLE(GEOMETRY, ray, false, &hit);
-    if (TAKE_IN_DOUBT(geometry) || !is_decided) {
+    if (TAKE_IN_DOUBT(geometry)) {
         ((int*)doubtful)[lane] = -1;
         return;
     }

@@ -8,20 +8,36 @@ float3 camera_direction(__global const RenderParams* render, float x, float y) {
     return fma3(render->right.xyz, right, fma3(render->up.xyz, up, render->forward.xyz));
 }
 
-// The camera ray of sample number `s` of a pixel, or that of a list which has this place in the film.
+// A ray's place in the picture, in pixels from the upper left corner: that of sample number `s` of a pixel, or of a list which has this
+// place in the film.
+CameraSample camera_sample(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel, uint s) {
+    if (render->ray_count != 0u) return samples[pixel.y * render->width + pixel.x];
+    CameraSample at = samples[s];
+    at.x = (float)pixel.x + at.x;
+    at.y = (float)pixel.y + at.y;
+    return at;
+}
+
+// What a camera ray is beside the ray.
+void begin_path(__global const RenderParams* render, CameraSample at, PendingRay* first) {
+    first->weight = (float3)(1.0f);
+    first->depth = 1u;
+    first->kind = COUNT_CAMERA_CAST;
+    first->cone.width = 0.0f;
+    first->cone.spread = 0.0f;
+    if (HAS_CONES) {
+        // A pixel away from the middle is farther off and seen at a slant. Of its sides as the ray sees them this is the shorter.
+        const float3 direction = camera_direction(render, at.x, at.y);
+        first->cone.spread = at.footprint * render->pixel_size / dot3(direction, direction);
+    }
+}
+
+// A camera ray.
 PendingRay first_of_path(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel, uint s) {
-    const bool is_listed = render->ray_count != 0u;
-    const CameraSample at = samples[is_listed ? pixel.y * render->width + pixel.x : s];
-    const float x = is_listed ? at.x : (float)pixel.x + at.x, y = is_listed ? at.y : (float)pixel.y + at.y;
-    const float3 direction = camera_direction(render, x, y);
+    const CameraSample at = camera_sample(render, samples, pixel, s);
     PendingRay first;
-    first.ray = make_ray(render->eye.xyz, direction, 0.0f, INFINITY, NO_PRIMITIVE);
-    first.weight = (float3)(1.0f);
-    first.depth = 1u;
-    first.kind = COUNT_CAMERA_CAST;
-    // A pixel away from the middle is farther off and seen at a slant. Of its sides as the ray sees them this is the shorter.
-    first.cone.width = 0.0f;
-    first.cone.spread = HAS_CONES ? at.footprint * render->pixel_size / dot3(direction, direction) : 0.0f;
+    first.ray = make_ray(render->eye.xyz, camera_direction(render, at.x, at.y), 0.0f, INFINITY, NO_PRIMITIVE);
+    begin_path(render, at, &first);
     return first;
 }
 

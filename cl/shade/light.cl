@@ -13,37 +13,61 @@ float3 limit_radiance(float3 radiance) {
     return (float3)(min_or(MAX_RADIANCE, radiance.x), min_or(MAX_RADIANCE, radiance.y), min_or(MAX_RADIANCE, radiance.z));
 }
 
-// The light as seen from `position`. A lamp in that very point is seen in no direction and gives no light.
+// Where a lamp is as seen from a point: what of a LightSample takes longest.
+typedef struct {
+    float3 direction;        // unit; zero for a lamp in that very point, which is seen in no direction
+    float scale, inv_length; // their product is the reciprocal of the distance
+} LampDirection;
+
+// These through a pointer: of structs returned within returned structs Oclgrind 21.10 makes what it cannot run.
+void find_lamp(float3 to_light, LampDirection* towards) {
+    towards->direction = (float3)(0.0f);
+    towards->scale = 1.0f;
+    towards->inv_length = 0.0f;
+    if (!scale_to_unit(&to_light, &towards->scale)) return;
+    towards->inv_length = 1.0f / sqrt(dot3(to_light, to_light));
+    towards->direction = to_light * towards->inv_length;
+}
+
+bool is_directional(__global const Light* light) {
+    return HAS(FEATURE_DIRECTIONAL_LIGHTS) && (!HAS(FEATURE_PLACED_LIGHTS) || light->kind == LIGHT_DIRECTIONAL);
+}
+
+// The light of a lamp of which that is known: any that is not directional. One that is seen in no direction gives none.
+void sample_lamp(__global const Light* at, float3 to_light, const LampDirection* towards, LightSample* sample) {
+    const Light light = *at;
+    sample->to_light = to_light;
+    sample->direction = towards->direction;
+    sample->t_far = 1.0f;
+    sample->radiance = light.intensity.xyz;
+    if (HAS(FEATURE_FALLOFF) && light.falloff_scale > 0.0f && towards->inv_length > 0.0f) {
+        // The reciprocal of the distance in world units. Its square may leave float's range where the product with the
+        // intensity does not.
+        const float inv_distance = min_or(light.falloff_scale * towards->scale * towards->inv_length, FLT_MAX);
+        sample->radiance = limit_radiance(sample->radiance * inv_distance * inv_distance);
+    }
+    if (HAS(FEATURE_SPOTS) && light.kind == LIGHT_SPOT) {
+        const float cosine = -dot3(sample->direction, light.direction.xyz);
+        const float edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
+        sample->radiance *= edge * edge * (3.0f - 2.0f * edge);
+    }
+}
+
+// The light as seen from `position`.
 LightSample sample_light(__global const Light* lights, uint index, float3 position) {
-    const Light light = lights[index];
+    __global const Light* light = &lights[index];
     LightSample sample;
-    sample.radiance = light.intensity.xyz;
-    if (HAS(FEATURE_DIRECTIONAL_LIGHTS) && (!HAS(FEATURE_PLACED_LIGHTS) || light.kind == LIGHT_DIRECTIONAL)) {
-        sample.to_light = -light.direction.xyz;
+    if (is_directional(light)) {
+        sample.to_light = -light->direction.xyz;
         sample.direction = sample.to_light;
+        sample.radiance = light->intensity.xyz;
         sample.t_far = INFINITY;
         return sample;
     }
-    sample.to_light = light.position.xyz - position;
-    sample.direction = (float3)(0.0f);
-    sample.t_far = 1.0f;
-    float3 towards = sample.to_light;
-    float scale = 1.0f;
-    if (scale_to_unit(&towards, &scale)) {
-        const float inv_length = 1.0f / sqrt(dot3(towards, towards));
-        sample.direction = towards * inv_length;
-        if (HAS(FEATURE_FALLOFF) && light.falloff_scale > 0.0f) {
-            // The reciprocal of the distance in world units. Its square may leave float's range where the product with the
-            // intensity does not.
-            const float inv_distance = min_or(light.falloff_scale * scale * inv_length, FLT_MAX);
-            sample.radiance = limit_radiance(sample.radiance * inv_distance * inv_distance);
-        }
-    }
-    if (HAS(FEATURE_SPOTS) && light.kind == LIGHT_SPOT) {
-        const float cosine = -dot3(sample.direction, light.direction.xyz);
-        const float edge = clamp01((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
-        sample.radiance *= edge * edge * (3.0f - 2.0f * edge);
-    }
+    const float3 to_light = light->position.xyz - position;
+    LampDirection towards;
+    find_lamp(to_light, &towards);
+    sample_lamp(light, to_light, &towards, &sample);
     return sample;
 }
 
@@ -63,16 +87,17 @@ float toon_tone(float cosine, uint steps, float threshold) {
 // Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light is below
 // the surface, judged by both normals: a smooth normal must not let light through the back of its triangle. Where shadow rays start
 // above the triangle (see smooth_lift()) they find out by themselves what is in the way, and the smooth normal alone judges.
+// `halfway`: the unit direction between those to light and viewer, where it is known, else 0.
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
-                   const LightSample* sample) {
+                   const LightSample* sample, const float3* halfway) {
     const float cosine = dot3(surface->normal, sample->direction);
     const bool is_lifted = HAS(FEATURE_SMOOTH_NORMALS) && any(surface->lift != (float3)(0.0f));
     if (!(cosine > 0.0f && (is_lifted || dot3(surface->geometric_normal, sample->direction) > 0.0f))) return (float3)(0.0f);
     const bool toon = HAS(FEATURE_TOON) && material->toon_steps > 0u;
     float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
     if (HAS(FEATURE_HIGHLIGHTS) && max_component(material->specular_shininess.xyz) > 0.0f) {
-        const float3 halfway = normalize3(sample->direction - view_direction, surface->normal);
-        float highlight = power_fixed(clamp01(dot3(surface->normal, halfway)), material->specular_shininess.w);
+        const float3 middle = halfway != 0 ? *halfway : normalize3(sample->direction - view_direction, surface->normal);
+        float highlight = power_fixed(clamp01(dot3(surface->normal, middle)), material->specular_shininess.w);
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }

@@ -45,29 +45,34 @@ LocalLight light_without_lamps(SCENE_PARAMETERS, const Surface* surface, const M
     return begin_local_light(material, colour);
 }
 
-// What lamp number `index` adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the
-// lamp is at sample->to_light * t_far as seen from where the shadow ray starts.
-bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
-                uint index, LightSample* sample, float3* reflected) {
-    *sample = sample_light(scene->lights, index, surface->point.position);
-    *reflected = blinn_phong(surface, material, diffuse, view_direction, sample);
+// What a light adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the lamp is at
+// sample->to_light * t_far as seen from where the shadow ray starts. `halfway`: see blinn_phong().
+bool reflect_sample(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction, const float3* halfway,
+                    LightSample* sample, float3* reflected) {
+    *reflected = blinn_phong(surface, material, diffuse, view_direction, sample, halfway);
     if (HAS(FEATURE_SMOOTH_NORMALS) && sample->t_far == 1.0f) sample->to_light -= surface->lift;
     return max_component(*reflected) > 0.0f;
 }
 
-// Takes a shadow ray on from a transparent surface that it has hit, towards the same light, and tints the light. False where the
-// surface is opaque.
-bool pass_surface(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, const Hit* hit, Ray* ray, float3* tint) {
+// The same of lamp number `index`.
+bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
+                uint index, LightSample* sample, float3* reflected) {
+    *sample = sample_light(scene->lights, index, surface->point.position);
+    return reflect_sample(surface, material, diffuse, view_direction, 0, sample, reflected);
+}
+
+// Tints the light that a shadow ray has met a surface on its way to. False where the surface is opaque.
+bool pass_surface(SCENE_PARAMETERS, uint primitive, float3* tint) {
     const Geometry* geometry = &scene->geometry;
-    __global const Material* material = &scene->materials[MATERIAL_OF(scene, hit->primitive)];
+    __global const Material* material = &scene->materials[MATERIAL_OF(scene, primitive)];
     if (material->transparent == 0u) return false;
     *tint *= material->transmission_ior.xyz;
-    SurfaceHit passed;
-    SURFACE_HIT(GEOMETRY, ray, hit, &passed);
-    const SurfacePoint point = surface_point(GEOMETRY, &passed);
-    const float3 direction = sample->t_far == 1.0f ? from->position + sample->to_light - point.position : sample->to_light;
-    *ray = leave_surface(&point, direction, sample->t_far);
     return true;
+}
+
+// The direction in which a shadow ray goes on to the same light from `point`, having begun at `from`.
+float3 still_to_light(const SurfacePoint* from, const LightSample* sample, float3 point) {
+    return sample->t_far == 1.0f ? from->position + sample->to_light - point : sample->to_light;
 }
 
 // What remains of the light after it has passed the transparent surfaces on its way; zero behind an opaque one. Of the sample only
@@ -85,7 +90,11 @@ float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightS
     float3 tint = (float3)(1.0f);
     for (uint layer = 0; layer < MAX_SHADOW_LAYERS; layer++) {
         if (!trace_ray(GEOMETRY, &ray, false, &hit)) return tint;
-        if (!pass_surface(SCENE, from, sample, &hit, &ray, &tint)) break;
+        if (!pass_surface(SCENE, hit.primitive, &tint)) break;
+        SurfaceHit passed;
+        SURFACE_HIT(GEOMETRY, &ray, &hit, &passed);
+        const SurfacePoint point = surface_point(GEOMETRY, &passed);
+        ray = leave_surface(&point, still_to_light(from, sample, point.position), sample->t_far);
     }
     counts[COUNT_SHADOW_HIT]++;
     return (float3)(0.0f);

@@ -1,27 +1,19 @@
 // Normals: a triangle's own, whatever its shape and size, and one interpolated from its vertices' normals; and how far the surface
 // that these claim lies above the triangle.
 
-// What a - b leaves out beside its rounding: the difference is exactly (a - b) + difference_low(a, b).
-// Knuth, "The Art of Computer Programming", volume 2, section 4.2.2, theorem B.
-float3 difference_low(float3 a, float3 b) {
-    const float3 difference = a - b;
-    const float3 b_part = a - difference;
-    return (a - (difference + b_part)) + (b_part - b);
-}
-
-// The unit normal of the plane through three points, on the side from which they run counter-clockwise; `otherwise` where they lie
-// on a line. Edges are brought to lengths from 1 to 4 first, or the product of those of a tiny triangle would underflow.
+// The unit normal of the plane through three points, on the side from which they run counter-clockwise; zero where they lie on a line.
+// Edges are brought to lengths from 1 to 4 first, or the product of those of a tiny triangle would underflow.
 //
 // The edges' own roundings are made good to first order: without that no bit is right on a needle whose edges enclose an angle of
 // 2^-24, and the wrong side would pass for its front. With E = EPSILON and s the sine of that angle each of the three products is
 // off by at most 3 E of its result (see difference_of_products), the last two by E of their factors too, which are E times shorter:
 // 3 E (s + 4 E) + 12 E^2 in all, so that the direction is off by less than 8 E + 48 E^2 / s.
-float3 triangle_normal(float3 p0, float3 p1, float3 p2, float3 otherwise) {
+float3 triangle_normal(float3 p0, float3 p1, float3 p2) {
     float3 edge1 = p1 - p0, edge2 = p2 - p0;
     float scale1 = 1.0f, scale2 = 1.0f;
-    if (!scale_to_unit(&edge1, &scale1) || !scale_to_unit(&edge2, &scale2)) return otherwise;
-    const float3 low1 = difference_low(p1, p0) * scale1, low2 = difference_low(p2, p0) * scale2;
-    return normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), otherwise);
+    if (!scale_to_unit(&edge1, &scale1) || !scale_to_unit(&edge2, &scale2)) return (float3)(0.0f);
+    const float3 low1 = difference_low3(p1, p0) * scale1, low2 = difference_low3(p2, p0) * scale2;
+    return normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), (float3)(0.0f));
 }
 
 // Where all components of an interpolated normal are smaller than this, none needs to have the right sign: the roundings of the

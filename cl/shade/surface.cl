@@ -40,34 +40,41 @@ SurfacePoint surface_point(GEOMETRY_PARAMETERS, const SurfaceHit* hit) {
     return point;
 }
 
+// Adds to a surface's point what else a ray of that direction sees of the triangle: `outward` is its normal, as triangle_normal() has it.
+void complete_surface(GEOMETRY_PARAMETERS, __global const Shading* shading, float3 direction, const SurfaceHit* hit, float3 outward,
+                      Surface* surface) {
+    const Shading at = LOAD_SHADING(shading, hit->primitive);
+    const float w = (1.0f - hit->u) - hit->v;
+    surface->material = HAS(FEATURE_SEVERAL_MATERIALS) ? at.material : 0u;
+    // Rounding to tracing space may have flattened the triangle: it then looks at the ray.
+    if (outward.x == 0.0f && outward.y == 0.0f && outward.z == 0.0f) outward = normalize3(-direction, (float3)(0.0f, 0.0f, 1.0f));
+    surface->front = dot3(outward, direction) < 0.0f;
+    surface->geometric_normal = surface->front ? outward : -outward;
+    surface->normal = surface->geometric_normal;
+    if (HAS(FEATURE_SMOOTH_NORMALS))
+        surface->normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
+                                              surface->geometric_normal);
+    surface->lift = (float3)(0.0f);
+    if (SMOOTH_TERMINATOR && HAS(FEATURE_SMOOTH_NORMALS)) {
+        const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
+        const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
+        const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
+        surface->lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
+                                    surface->geometric_normal);
+    }
+    surface->texture_u = fma(at.normal0_u0.w, w, fma(at.normal1_u1.w, hit->u, at.normal2_u2.w * hit->v));
+    surface->texture_v = fma(at.v0, w, fma(at.v1, hit->u, at.v2 * hit->v));
+}
+
 Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Ray* ray, const SurfaceHit* hit) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
-    const Shading at = LOAD_SHADING(shading, hit->primitive);
-    const float w = (1.0f - hit->u) - hit->v;
-
     Surface surface;
     surface.point = surface_point(GEOMETRY, hit);
     surface.largest_coordinate =
         max_or(max_or(max_component(abs3(p0)), max_component(abs3(p1))), max_component(abs3(p2)));
-    surface.material = HAS(FEATURE_SEVERAL_MATERIALS) ? at.material : 0u;
-    // Rounding to tracing space may have flattened the triangle: it then looks at the ray.
-    const float3 towards_ray = normalize3(-ray->direction, (float3)(0.0f, 0.0f, 1.0f));
-    const float3 outward = triangle_normal(p0, p1, p2, towards_ray);
-    surface.front = dot3(outward, ray->direction) < 0.0f;
-    surface.geometric_normal = surface.front ? outward : -outward;
-    surface.normal = surface.geometric_normal;
-    if (HAS(FEATURE_SMOOTH_NORMALS))
-        surface.normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
-                                             surface.geometric_normal);
-    surface.lift = (float3)(0.0f);
-    if (SMOOTH_TERMINATOR && HAS(FEATURE_SMOOTH_NORMALS))
-        surface.lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u,
-                                   hit->v, surface.geometric_normal);
-
-    surface.texture_u = fma(at.normal0_u0.w, w, fma(at.normal1_u1.w, hit->u, at.normal2_u2.w * hit->v));
-    surface.texture_v = fma(at.v0, w, fma(at.v1, hit->u, at.v2 * hit->v));
+    complete_surface(GEOMETRY, shading, ray->direction, hit, triangle_normal(p0, p1, p2), &surface);
     return surface;
 }
 

@@ -73,20 +73,26 @@ void store_pending(const PendingRay* pending, WaitingRay* to) {
     to->weight_kind_depth = pack_bits(pending->weight, pending->depth << RAY_KIND_BITS | pending->kind);
 }
 
+uint kind_of_waiting(const WaitingRay* ray) { return as_uint(ray->weight_kind_depth.w) & ((1u << RAY_KIND_BITS) - 1u); }
+
+// What a waiting ray is beside the ray.
+void load_history(const WaitingRay* from, PendingRay* pending) {
+    pending->cone.width = from->origin_low_width.w;
+    pending->cone.spread = from->start_weights_spread.w;
+    pending->weight = as_float3(from->weight_kind_depth.xyz);
+    pending->kind = kind_of_waiting(from);
+    pending->depth = as_uint(from->weight_kind_depth.w) >> RAY_KIND_BITS;
+}
+
 // make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin and the
 // weights are not its business.
 PendingRay load_pending(const WaitingRay* from) {
-    const uint kind_depth = as_uint(from->weight_kind_depth.w);
     PendingRay pending;
     pending.ray = make_ray(from->origin_t_near.xyz, as_float3(from->direction_skip.xyz), from->origin_t_near.w, INFINITY,
                            as_uint(from->direction_skip.w));
     pending.ray.origin_low = from->origin_low_width.xyz;
     pending.ray.start_weights = from->start_weights_spread.xyz;
-    pending.cone.width = from->origin_low_width.w;
-    pending.cone.spread = from->start_weights_spread.w;
-    pending.weight = as_float3(from->weight_kind_depth.xyz);
-    pending.kind = kind_depth & ((1u << RAY_KIND_BITS) - 1u);
-    pending.depth = kind_depth >> RAY_KIND_BITS;
+    load_history(from, &pending);
     return pending;
 }
 

@@ -146,41 +146,9 @@ bool is_nearest_vertex0(float u, float v) {
     return rest >= u && rest >= v;
 }
 
-// a + b as their rounded sum, which a becomes, and its rounding error, which b becomes (Knuth's TwoSum).
-void two_sum3(float3* a, float3* b) {
-    const float3 sum = *a + *b;
-    const float3 part = sum - *a;
-    *b = (*a - (sum - part)) + (*b - part);
-    *a = sum;
-}
-
-// The product of v and s as a rounded product and its rounding error.
-void two_product3(float3 v, float s, float3* high, float3* low) {
-    *high = v * s;
-    *low = fma3(v, s, -*high);
-}
-
-#define POINT_TERMS 9
-#define POINT_PASSES 3
-
-// Where a ray starts that leaves a triangle: the exact point, rounded to *high, and the rest, rounded to *low. What makes traversals
-// sound is that *low is off by at most 2 EPSILON of itself, however small it is: a plane of the structure lies on the same side of
-// what they see as of the exact point. Three passes of error-free sums see to that (Ogita, Rump and Oishi, "Accurate Sum and Dot
-// Product", SIAM J. Sci. Comput. 26(6), 2005): what is left out is below 2^-66 of the vertices, where it is not zero.
+// Where a ray starts that leaves a triangle: the exact point, rounded to *high, and the rest, rounded to *low (rounding_errors.cl).
 void start_on_triangle(const TrianglePoint* point, float3* high, float3* low) {
-    float3 terms[POINT_TERMS];
-    two_product3(point->other1, point->weight1, &terms[7], &terms[3]);
-    two_product3(point->base, -point->weight1, &terms[6], &terms[2]);
-    two_product3(point->other2, point->weight2, &terms[5], &terms[1]);
-    two_product3(point->base, -point->weight2, &terms[4], &terms[0]);
-    terms[8] = point->base;
-    for (uint pass = 0; pass < POINT_PASSES; pass++)
-        for (uint i = 1; i < POINT_TERMS; i++) two_sum3(&terms[i], &terms[i - 1]);
-    float3 rest = terms[0];
-    for (uint i = 1; i < POINT_TERMS - 1; i++) rest += terms[i];
-    *high = terms[POINT_TERMS - 1];
-    *low = rest;
-    two_sum3(high, low);
+    point_of_triangle3(point->base, point->other1, point->other2, point->weight1, point->weight2, high, low);
 }
 
 // What a float32 triangle test may be off from the plane of a neighbour that shares the point where a ray starts, on each axis. To

@@ -32,6 +32,7 @@
 #define TEXTURE_WOOD 4u
 #define TILE_SIDE 8u
 #define COUNTER_SLOTS 256u
+#define TAKEN_TILES 2048u
 #define MAX_SHADOW_LAYERS 256u
 #define MOST_TAPS 8u
 #define NO_PATH 4294967295u

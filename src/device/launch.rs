@@ -6,8 +6,7 @@ use bytemuck::Pod;
 
 /// Work is cut into launches of about so many seconds, so that desktops stay alive and watchdogs (typically 2 s) quiet.
 const LAUNCH_S: f64 = 0.1;
-/// CPUs have no watchdog. At the end of each launch their threads wait for the last one, which has been given dozens of work-groups at once
-/// (PoCL: at least 32), and where these are dear a tenth of a second is little more than that.
+/// CPUs have no watchdog, and at the end of each launch their threads wait for the last one.
 const LAUNCH_S_CPU: f64 = 1.0;
 /// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
 /// is slower than any device that was seen.
@@ -98,8 +97,10 @@ pub(super) struct Shape {
     pub total: usize,
     /// Work-items of a work-group.
     pub work_group: usize,
-    /// Rays or pixels of a work-item.
+    /// Rays or pixels that a work-item takes at a time.
     pub items_of_one: usize,
+    /// How many work-items a launch has, if each goes on as long as it finds items that no other has taken; `None`: as many as the items fill.
+    pub workers: Option<usize>,
 }
 
 /// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part. Returns
@@ -107,7 +108,7 @@ pub(super) struct Shape {
 pub(super) fn launch(
     kernel: &mut Kernel,
     plan: &mut LaunchPlan,
-    Shape { total, work_group, items_of_one }: Shape,
+    Shape { total, work_group, items_of_one, workers }: Shape,
     mut progress: impl FnMut(usize),
 ) -> Result<f64> {
     let bounds = kernel.arg_count() - 2;
@@ -117,7 +118,8 @@ pub(super) fn launch(
         let items = plan.next(total - first, work_group * items_of_one);
         kernel.set_arg(bounds, first as u32)?;
         kernel.set_arg(bounds + 1, (first + items) as u32)?;
-        let event = kernel.launch(&[items.div_ceil(items_of_one).next_multiple_of(work_group)], Some(&[work_group]))?;
+        let work_items = workers.unwrap_or(items.div_ceil(items_of_one));
+        let event = kernel.launch(&[work_items.next_multiple_of(work_group)], Some(&[work_group]))?;
         let launch_s = event.wait()?;
         plan.learn(items, launch_s);
         seconds += launch_s;

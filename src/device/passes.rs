@@ -74,13 +74,17 @@ impl Entry {
         }
     }
 
-    /// How many items a work-item has.
+    /// Whether work-items take items from a queue.
+    fn has_queue(self) -> bool {
+        self == Entry::RenderPackets
+    }
+
+    /// How many items a work-item has, or takes at a time.
     fn items_of_one(self) -> usize {
         match self {
-            Entry::TraceClosestPackets | Entry::TraceAnyPackets => {
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::RenderPackets => {
                 PACKETS_OF_ITEM as usize * PacketSize::Sixteen.rays()
             }
-            Entry::RenderPackets => PacketSize::Sixteen.rays(),
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext | Entry::Render => 1,
         }
     }
@@ -174,6 +178,10 @@ pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
 /// rays with 3,836 items in groups of 1, 2, 8, 64: 4,122, 3,745, 3,018, 2,193; with 30,688 items 6,093, 7,136, 8,639, 8,349.
 const SECOND_GROUPS_OF_UNIT: usize = 16;
 
+/// Work-items of a compute unit where they take items from a queue. On CPUs, where these are work-groups of their own, PoCL gives a thread at
+/// least 32 of them at once, which it runs one after the other: all threads are to have some.
+const WORKERS_OF_UNIT: usize = 64;
+
 impl Passes {
     /// `notes`: those that there are before anything is compiled. A driver that keeps compiled kernels is left to it: asked for a
     /// binary, PoCL compiles every kernel once more, for work-groups of any size, a quarter of all the time that compiling takes.
@@ -243,10 +251,12 @@ impl Passes {
     ) -> Result<f64> {
         let kernel = self.kernel(context, Pass::First, entry)?;
         set(kernel)?;
-        // A work-group has as many items whatever a work-item has of them: what these keep shall stay in cache.
+        let units = (context.info().compute_units as usize).max(1);
+        // A work-group has as many items whatever a work-item has of them, if it has not more: what these keep shall stay in cache.
         let shape = |total, entry: Entry| {
             let items_of_one = entry.items_of_one();
-            Shape { total, work_group: work_group.div_ceil(items_of_one), items_of_one }
+            let workers = entry.has_queue().then_some(WORKERS_OF_UNIT * units);
+            Shape { total, work_group: work_group.div_ceil(items_of_one), items_of_one, workers }
         };
         let mut seconds = launch(kernel, plan, shape(total, entry), &mut progress)?;
         if !self.defers() {
@@ -260,7 +270,6 @@ impl Passes {
             // leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group while units are free: each
             // would wait for whatever whole numbers the others compute.
             let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, context.info().kind);
-            let units = (context.info().compute_units as usize).max(1);
             let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, work_group);
             let shape = Shape { work_group, ..shape(count, entry.second()) };
             seconds += launch(kernel, &mut plan, shape, |_| progress(0))?;

@@ -16,12 +16,15 @@ use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_decides, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTER_SLOTS, COUNTERS, CameraSample, Hit, RenderParams, TILE_SIDE};
+use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// The counters before a launch.
+const NO_COUNTS: [u32; TAKEN_TILES as usize + 1] = [0; TAKEN_TILES as usize + 1];
 
 /// What every rendering kernel takes beside the scene.
 pub(super) struct PictureBuffers {
@@ -37,7 +40,7 @@ impl PictureBuffers {
             params: Buffer::from_slice(context, "picture parameters", &[*params])?,
             samples,
             film: Buffer::empty(context, "picture", params.film_len())?,
-            counters: Buffer::read_write(context, "counters", &[0; COUNTER_SLOTS as usize * COUNTERS])?,
+            counters: Buffer::read_write(context, "counters", &NO_COUNTS)?,
         })
     }
 
@@ -51,14 +54,14 @@ impl PictureBuffers {
         scene.scene_arguments(kernel)?.set(&self.params)?.set(&self.samples)?.set(&self.film)?.set(&self.counters)
     }
 
-    /// Adds the device's counters to `counts` and clears them.
+    /// Adds the device's counters to `counts`, and clears them for the next launch.
     pub fn take_counts(&self, counts: &mut [u64; COUNTERS]) -> Result<()> {
         for slot in self.counters.read()?.chunks_exact(COUNTERS) {
             for (count, &value) in counts.iter_mut().zip(slot) {
                 *count += u64::from(value);
             }
         }
-        self.counters.write(&[0; COUNTER_SLOTS as usize * COUNTERS])
+        self.counters.write(&NO_COUNTS)
     }
 }
 

@@ -7,6 +7,7 @@
 pub mod edges;
 pub mod exact;
 pub mod exact_whole;
+mod fma;
 pub mod footprint;
 pub mod instances;
 pub mod integer;
@@ -34,6 +35,7 @@ use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
 use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
 use crate::work::{PixelWork, RayWork};
+use fma::with_fma;
 use glam::Vec3;
 use integer::widen_exponents;
 use math::{abs3, max_component};
@@ -61,31 +63,6 @@ impl ReferenceTracer {
     pub fn new(buffers: Arc<SceneBuffers>, options: TraceOptions) -> Self {
         ReferenceTracer { buffers, options }
     }
-}
-
-/// Compiles a function twice and calls the copy that the processor is fit for. Without this every `mul_add` on x86-64 is a call
-/// into the C library, some five times slower than the instruction; the bits are the same.
-macro_rules! with_fma {
-    ($(#[$meta:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) $body:block) => {
-        $(#[$meta])*
-        fn $name($($argument: $kind),*) {
-            #[inline(always)]
-            fn portable($($argument: $kind),*) $body
-
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2,fma")]
-                fn with_fma($($argument: $kind),*) {
-                    portable($($argument),*)
-                }
-                if std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma") {
-                    // SAFETY: the processor was just found to have both features.
-                    return unsafe { with_fma($($argument),*) };
-                }
-            }
-            portable($($argument),*)
-        }
-    };
 }
 
 with_fma! {

@@ -14,14 +14,14 @@ pub fn difference_low(a: Vec3, b: Vec3) -> Vec3 {
     (a - (difference + b_part)) + (b_part - b)
 }
 
-/// The unit normal of the plane through three points, or `otherwise`.
+/// The unit normal of the plane through three points, or zero.
 #[inline(always)]
-pub fn triangle_normal([p0, p1, p2]: [Vec3; 3], otherwise: Vec3) -> Vec3 {
+pub fn triangle_normal([p0, p1, p2]: [Vec3; 3]) -> Vec3 {
     let (Some((edge1, scale1)), Some((edge2, scale2))) = (scale_to_unit(p1 - p0), scale_to_unit(p2 - p0)) else {
-        return otherwise;
+        return Vec3::ZERO;
     };
     let (low1, low2) = (difference_low(p1, p0) * scale1, difference_low(p2, p0) * scale2);
-    normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), otherwise)
+    normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), Vec3::ZERO)
 }
 
 const LARGEST_NORMAL_NOISE: f32 = 8.0 * EPSILON;

@@ -93,9 +93,11 @@ pub fn surface_point(buffers: &SceneBuffers, options: &TraceOptions, hit: &Surfa
 pub fn surface_at(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &SurfaceHit) -> Surface {
     let at = load_shading(buffers, hit.primitive);
     let w = (1.0 - hit.u) - hit.v;
-    let towards_ray = normalize3(-ray.direction, Vec3::Z);
     let [p0, p1, p2] = vertices(buffers, hit.primitive);
-    let outward = triangle_normal([p0, p1, p2], towards_ray);
+    let mut outward = triangle_normal([p0, p1, p2]);
+    if outward == Vec3::ZERO {
+        outward = normalize3(-ray.direction, Vec3::Z);
+    }
     let front = dot3(outward, ray.direction) < 0.0;
     let geometric_normal = if front { outward } else { -outward };
     let normals = [at.normal0_u0.xyz(), at.normal1_u1.xyz(), at.normal2_u2.xyz()];

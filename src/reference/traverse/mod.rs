@@ -17,6 +17,7 @@ mod thesis_restart;
 pub mod volumes;
 
 use super::exact::finish_exactly;
+use super::fma::with_fma;
 use super::instances::placed_vertices;
 use super::memory::Work;
 use super::ray::Ray;
@@ -57,28 +58,35 @@ pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &m
     }
 }
 
-/// The closest hit of the ray, or with `any_hit` some hit, of which only the primitive is final before [`finish`]. Adds to `work` what
-/// that took.
-#[inline(always)]
-pub fn traverse(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, any_hit: bool, work: &mut impl Work) -> Hit {
-    match (options.accel, options.traversal) {
-        (Accel::Bvh2, _) => bvh2::traverse_bvh2(buffers, options, ray, any_hit, work),
-        (Accel::Bvh8, _) => bvh8::traverse_bvh8(buffers, options, ray, any_hit, work),
-        (Accel::Instances, _) => instances::traverse_instances(buffers, options, ray, any_hit, work),
-        (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
-        (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
-        (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),
-        (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit, work),
-        (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit, work),
-        (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit, work),
-        (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work),
-        (Accel::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work),
-        (Accel::Kd, Traversal::ShortStack) => {
-            kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit, work)
-        }
-        (Accel::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit, work),
-        (Accel::Kd, Traversal::ThesisRestart) => {
-            thesis_restart::traverse_thesis_restart(buffers, options, ray, any_hit, work)
+with_fma! {
+    /// The closest hit of the ray, or with `any_hit` some hit, of which only the primitive is final before [`finish`]. Adds to `work` what
+    /// that took.
+    pub fn traverse<W: Work>(
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        ray: &Ray,
+        any_hit: bool,
+        work: &mut W,
+    ) -> Hit {
+        match (options.accel, options.traversal) {
+            (Accel::Bvh2, _) => bvh2::traverse_bvh2(buffers, options, ray, any_hit, work),
+            (Accel::Bvh8, _) => bvh8::traverse_bvh8(buffers, options, ray, any_hit, work),
+            (Accel::Instances, _) => instances::traverse_instances(buffers, options, ray, any_hit, work),
+            (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
+            (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
+            (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),
+            (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit, work),
+            (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit, work),
+            (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit, work),
+            (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work),
+            (Accel::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work),
+            (Accel::Kd, Traversal::ShortStack) => {
+                kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit, work)
+            }
+            (Accel::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit, work),
+            (Accel::Kd, Traversal::ThesisRestart) => {
+                thesis_restart::traverse_thesis_restart(buffers, options, ray, any_hit, work)
+            }
         }
     }
 }
