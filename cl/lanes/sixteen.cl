@@ -21,6 +21,7 @@ ulong lanes_where16(int16 comparison) {
     const ulong2 words = as_ulong2(convert_char16(comparison));
     return (words.x & ALL_LANES8) | (words.y & ALL_LANES8) << 4;
 }
+// And back.
 int16 mask_of_lanes16(ulong lanes) {
     return (int16)(convert_int8(as_uchar8(lanes & ALL_LANES8)), convert_int8(as_uchar8(lanes >> 4 & ALL_LANES8))) != 0;
 }

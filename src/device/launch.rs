@@ -133,9 +133,13 @@ pub(super) fn launch(
 mod tests {
     use super::*;
 
-    /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
     fn launches(total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
-        let mut plan = LaunchPlan::starting_with(first, DeviceKind::Gpu);
+        launches_on(DeviceKind::Gpu, total, first, seconds)
+    }
+
+    /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
+    fn launches_on(kind: DeviceKind, total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
+        let mut plan = LaunchPlan::starting_with(first, kind);
         let mut all = Vec::new();
         let mut done = 0;
         while done < total {
@@ -160,6 +164,13 @@ mod tests {
             let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
             assert!(longest <= 0.3, "{longest} s");
         }
+    }
+
+    #[test]
+    fn launches_on_cpus_last_a_second() {
+        let all = launches_on(DeviceKind::Cpu, 1 << 20, FIRST_ITEMS, |_| 1e-5);
+        let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
+        assert!((0.9..=1.6).contains(&longest) && all.len() <= 16, "{all:?}");
     }
 
     #[test]
