@@ -110,7 +110,7 @@ ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* pr
     return sure & lanes_where16(has_normal);
 }
 
-// Fewer hits are looked at one after the other: a vector takes about twice as long as one of them.
+// Fewer hits are looked at one after the other. 1 and 6 are as fast.
 #define FEWEST_SURFACES 3u
 
 SurfacePoint point_of_lane(const PacketSurfaces* s, uint lane, uint primitive) {
