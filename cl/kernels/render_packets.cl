@@ -1,7 +1,7 @@
 // The mega-kernel in packets: a work-item renders tiles of PACKETS_OF_ITEM times sixteen pixels. A tile's camera rays are traced together;
 // then sixteen pixels at a time, two rows of eight, go on in step: the rays of all of them that are next are traced together, and so are
-// their shadow rays to one lamp. What is known of sixteen lanes at once is computed so (packets/surfaces.cl); a ray of one lane is only made
-// where it is traced by itself. Each pixel's own order is that of render.cl, so that its colour is the same to the bit.
+// their shadow rays to one lamp. What they have hit is computed for sixteen lanes at once (packets/surfaces.cl); a ray of one lane is only
+// made where it is traced by itself. Each pixel's own order is that of render.cl, so that its colour is the same to the bit.
 
 // What is kept of a pixel from sample to sample.
 typedef struct {
@@ -60,8 +60,8 @@ void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRa
 // All of it but the ray.
 void take_history(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
-        begin_path(group->render, camera_sample(group->render, group->samples, pixel_of_item(group->render, group->item + lane), group->sample),
-                   pending);
+        begin_path(group->render,
+                   camera_sample(group->render, group->samples, pixel_of_item(group->render, group->item + lane), group->sample), pending);
     else
         load_history(waiting_ray(&group->paths[lane]), pending);
 }
@@ -316,8 +316,8 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
 
 // What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface and direction; of
 // those that have missed the direction alone.
-void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet, const PacketAnswer* answer,
-                   ulong* in_doubt) {
+void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
+                   const PacketAnswer* answer, ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
     float16 unit[3], scale, inverse;
     PacketSurfaces surfaces;
@@ -361,8 +361,8 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
 }
 
 // Shades what the paths of `lanes` have hit.
-void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet, const PacketAnswer* answer,
-                  ulong* in_doubt) {
+void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
+                  const PacketAnswer* answer, ulong* in_doubt) {
     find_surfaces(SCENE, group, kind, lanes, packet, answer, in_doubt);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);

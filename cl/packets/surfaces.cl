@@ -1,5 +1,5 @@
-// What the rays of a packet have hit, to the bit as SURFACE_HIT, surface_point() and triangle_normal() tell it of one ray. Those are chains of
-// operations that wait for each other, and took most of a picture's time.
+// What the rays of a packet have hit, to the bit as SURFACE_HIT, surface_point() and triangle_normal() tell it of one ray. Those are chains
+// of operations that wait for each other: of one ray after the other they take longer than its traversal.
 
 typedef struct {
     float16 weight0, u, v;
