@@ -52,18 +52,29 @@ impl WholeUnits {
 }
 
 /// The numbers behind every answer.
-struct WholeNumbers {
-    distance: Integer,
-    det: Integer,
-    weight1: Integer,
-    weight2: Integer,
+struct WholeNumbers<const ROOM: usize> {
+    distance: Integer<ROOM>,
+    det: Integer<ROOM>,
+    weight1: Integer<ROOM>,
+    weight2: Integer<ROOM>,
 }
 
-impl WholeNumbers {
-    fn new(start: &TrianglePoint, direction: Vec3, [p0, p1, p2]: [Vec3; 3], units: &WholeUnits) -> WholeNumbers {
+/// Calls a function of numbers with room for `$n` limbs and not many more.
+macro_rules! with_room {
+    ($n:expr, $function:ident($($argument:expr),*)) => {
+        match $n {
+            0..=8 => $function::<8>($($argument),*),
+            9..=16 => $function::<16>($($argument),*),
+            _ => $function::<MAX_LIMBS>($($argument),*),
+        }
+    };
+}
+
+impl<const ROOM: usize> WholeNumbers<ROOM> {
+    fn new(start: &TrianglePoint, direction: Vec3, [p0, p1, p2]: [Vec3; 3], units: &WholeUnits) -> Self {
         let n = units.n;
         let whole = |v: Vec3, exponent: i32| v.to_array().map(|x| Integer::from_float(x, exponent, n));
-        let minus = |mut a: [Integer; 3], b: &[Integer; 3]| {
+        let minus = |mut a: [Integer<ROOM>; 3], b: &[Integer<ROOM>; 3]| {
             a.iter_mut().zip(b).for_each(|(a, b)| a.add(b, -1, n));
             a
         };
@@ -97,7 +108,7 @@ impl WholeNumbers {
         numbers
     }
 
-    fn weight0(&self, n: usize) -> Integer {
+    fn weight0(&self, n: usize) -> Integer<ROOM> {
         let mut weight0 = self.det;
         weight0.add(&self.weight1, -1, n);
         weight0.add(&self.weight2, -1, n);
@@ -131,16 +142,51 @@ impl WholeNumbers {
     }
 }
 
-fn is_nearer_whole(start: &TrianglePoint, direction: Vec3, triangles: [[Vec3; 3]; 2], is_lower: bool) -> bool {
-    let units = WholeUnits::new(start, direction, &triangles);
+/// Whether the first of two triangles that are hit is nearer than the second one, or as near and `is_lower`.
+fn is_nearer<const ROOM: usize>(
+    start: &TrianglePoint,
+    direction: Vec3,
+    triangles: [[Vec3; 3]; 2],
+    units: &WholeUnits,
+    is_lower: bool,
+) -> bool {
     let n = units.n;
-    let [numbers, best] = triangles.map(|triangle| WholeNumbers::new(start, direction, triangle, &units));
+    let [numbers, best] = triangles.map(|triangle| WholeNumbers::<ROOM>::new(start, direction, triangle, units));
     let sign = numbers.det.sign(n) * best.det.sign(n);
     let mut difference = Integer::ZERO;
     difference.add_product(&numbers.distance, &best.det, sign, n);
     difference.add_product(&best.distance, &numbers.det, -sign, n);
     let order = difference.sign(n);
     order < 0 || (order == 0 && is_lower)
+}
+
+/// The float nearest to the t of a triangle that is hit inside of the ray's interval.
+fn t_inside<const ROOM: usize>(
+    start: &TrianglePoint,
+    ray: &Ray,
+    triangle: [Vec3; 3],
+    units: &WholeUnits,
+) -> Option<f32> {
+    let n = units.n;
+    let numbers = WholeNumbers::<ROOM>::new(start, ray.direction, triangle, units);
+    let sign = numbers.det.sign(n);
+    let is_outside = |weight: &Integer<ROOM>| sign * weight.sign(n) < 0;
+    if sign == 0 || [&numbers.weight0(n), &numbers.weight1, &numbers.weight2].into_iter().any(is_outside) {
+        return None;
+    }
+    let t = numbers.t(units);
+    let is_inside = t >= ray.t_near && t <= ray.t_far;
+    if !is_inside {
+        return None;
+    }
+    let least = i32::from(ray.starts_on_triangle());
+    if t == ray.t_near && numbers.compare_with_limit(units, ray.t_near) < least {
+        return None;
+    }
+    if t == ray.t_far && numbers.compare_with_limit(units, ray.t_far) > 0 {
+        return None;
+    }
+    Some(t)
 }
 
 /// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Doubtful`].
@@ -152,34 +198,35 @@ pub fn decide_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3], prim
     }
     let start = start_of_ray(buffers, ray);
     let units = WholeUnits::new(&start, ray.direction, &[triangle]);
-    let n = units.n;
-    let numbers = WholeNumbers::new(&start, ray.direction, triangle, &units);
-    let sign = numbers.det.sign(n);
-    let is_outside = |weight: &Integer| sign * weight.sign(n) < 0;
-    if sign == 0 || [&numbers.weight0(n), &numbers.weight1, &numbers.weight2].into_iter().any(is_outside) {
-        return Decision::Miss;
-    }
-    let t = numbers.t(&units);
-    let is_inside = t >= ray.t_near && t <= ray.t_far;
-    if !is_inside {
-        return Decision::Miss;
-    }
-    let least = i32::from(ray.starts_on_triangle());
-    if t == ray.t_near && numbers.compare_with_limit(&units, ray.t_near) < least {
-        return Decision::Miss;
-    }
-    if t == ray.t_far && numbers.compare_with_limit(&units, ray.t_far) > 0 {
-        return Decision::Miss;
-    }
+    let Some(t) = with_room!(units.n, t_inside(&start, ray, triangle, &units)) else { return Decision::Miss };
     let limits = Decision::Hit([t.next_down(), t.next_up()]);
     if hit.primitive == NO_PRIMITIVE || t < hit.u {
         return limits;
     }
+    if t > hit.t {
+        return Decision::Miss;
+    }
     let triangles = [triangle, vertices(buffers, hit.primitive)];
-    if t <= hit.t && is_nearer_whole(&start, ray.direction, triangles, primitive < hit.primitive) {
+    let units = WholeUnits::new(&start, ray.direction, &triangles);
+    let is_lower = primitive < hit.primitive;
+    if with_room!(units.n, is_nearer(&start, ray.direction, triangles, &units, is_lower)) {
         limits
     } else {
         Decision::Miss
+    }
+}
+
+fn finish<const ROOM: usize>(
+    start: &TrianglePoint,
+    direction: Vec3,
+    triangle: [Vec3; 3],
+    units: &WholeUnits,
+) -> Intersection {
+    let numbers = WholeNumbers::<ROOM>::new(start, direction, triangle, units);
+    Intersection {
+        t: numbers.t(units),
+        u: integer_quotient(numbers.weight1, numbers.det, 0, units.n),
+        v: integer_quotient(numbers.weight2, numbers.det, 0, units.n),
     }
 }
 
@@ -188,12 +235,12 @@ pub fn decide_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3], prim
 pub fn finish_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> Intersection {
     let start = start_of_ray(buffers, ray);
     let units = WholeUnits::new(&start, ray.direction, &[triangle]);
-    let numbers = WholeNumbers::new(&start, ray.direction, triangle, &units);
-    Intersection {
-        t: numbers.t(&units),
-        u: integer_quotient(numbers.weight1, numbers.det, 0, units.n),
-        v: integer_quotient(numbers.weight2, numbers.det, 0, units.n),
-    }
+    with_room!(units.n, finish(&start, ray.direction, triangle, &units))
+}
+
+fn weight0<const ROOM: usize>(start: &TrianglePoint, direction: Vec3, triangle: [Vec3; 3], units: &WholeUnits) -> f32 {
+    let numbers = WholeNumbers::<ROOM>::new(start, direction, triangle, units);
+    integer_quotient(numbers.weight0(units.n), numbers.det, 0, units.n)
 }
 
 /// The weight of vertex 0 of a triangle that is hit.
@@ -201,6 +248,5 @@ pub fn finish_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> I
 pub fn weight0_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> f32 {
     let start = start_of_ray(buffers, ray);
     let units = WholeUnits::new(&start, ray.direction, &[triangle]);
-    let numbers = WholeNumbers::new(&start, ray.direction, triangle, &units);
-    integer_quotient(numbers.weight0(units.n), numbers.det, 0, units.n)
+    with_room!(units.n, weight0(&start, ray.direction, triangle, &units))
 }

@@ -3,20 +3,21 @@
 /// The most limbs of a number.
 pub const MAX_LIMBS: usize = 40;
 
-/// Two's complement, least significant limb first; the first `n` limbs, which every function is told, count.
+/// Two's complement, least significant limb first; the first `n` limbs, which every function is told, count. There is room for `ROOM`:
+/// most numbers have a fifth of the most limbs, and copying the others took most of the time.
 #[derive(Debug, Clone, Copy)]
-pub struct Integer {
-    limbs: [u32; MAX_LIMBS],
+pub struct Integer<const ROOM: usize> {
+    limbs: [u32; ROOM],
 }
 
-impl Integer {
+impl<const ROOM: usize> Integer<ROOM> {
     /// Zero.
-    pub const ZERO: Integer = Integer { limbs: [0; MAX_LIMBS] };
+    pub const ZERO: Self = Integer { limbs: [0; ROOM] };
 
     /// `x / 2^exponent`; bits below 1 are dropped. `x` is finite.
-    pub fn from_float(x: f32, exponent: i32, n: usize) -> Integer {
+    pub fn from_float(x: f32, exponent: i32, n: usize) -> Self {
         let (mut significand, own) = float_significand(x);
-        let mut r = Integer::ZERO;
+        let mut r = Self::ZERO;
         if significand == 0 {
             return r;
         }
@@ -44,7 +45,7 @@ impl Integer {
     }
 
     /// Adds `sign` (1 or -1) times `b`.
-    pub fn add(&mut self, b: &Integer, sign: i32, n: usize) {
+    pub fn add(&mut self, b: &Self, sign: i32, n: usize) {
         let flip = if sign < 0 { u32::MAX } else { 0 };
         let mut carry = u64::from(flip & 1);
         for i in 0..n {
@@ -55,8 +56,8 @@ impl Integer {
     }
 
     /// The number with the other sign.
-    pub fn negated(&self, n: usize) -> Integer {
-        let mut r = Integer::ZERO;
+    pub fn negated(&self, n: usize) -> Self {
+        let mut r = Self::ZERO;
         r.add(self, -1, n);
         r
     }
@@ -71,7 +72,7 @@ impl Integer {
     }
 
     /// The magnitude, and how many limbs of it matter; changes `sign` if the number is negative.
-    fn magnitude(&self, sign: &mut i32, n: usize) -> (Integer, usize) {
+    fn magnitude(&self, sign: &mut i32, n: usize) -> (Self, usize) {
         let mut magnitude = *self;
         if magnitude.take_sign(n) < 0 {
             *sign = -*sign;
@@ -81,10 +82,10 @@ impl Integer {
     }
 
     /// Adds `sign * a * b`.
-    pub fn add_product(&mut self, a: &Integer, b: &Integer, mut sign: i32, n: usize) {
+    pub fn add_product(&mut self, a: &Self, b: &Self, mut sign: i32, n: usize) {
         let (x, x_length) = a.magnitude(&mut sign, n);
         let (y, y_length) = b.magnitude(&mut sign, n);
-        let mut product = Integer::ZERO;
+        let mut product = Self::ZERO;
         for i in 0..x_length {
             let factor = u64::from(x.limbs[i]);
             let mut carry = 0;
@@ -145,7 +146,12 @@ fn float_from_parts(significand: u32, exponent: i32) -> f32 {
 }
 
 /// The float nearest to `numerator / denominator * 2^exponent`, ties to even; infinity where there is none.
-pub fn integer_quotient(mut numerator: Integer, mut denominator: Integer, exponent: i32, n: usize) -> f32 {
+pub fn integer_quotient<const ROOM: usize>(
+    mut numerator: Integer<ROOM>,
+    mut denominator: Integer<ROOM>,
+    exponent: i32,
+    n: usize,
+) -> f32 {
     let sign = numerator.take_sign(n) * denominator.take_sign(n);
     if sign == 0 {
         return 0.0;
