@@ -2,17 +2,30 @@
 // of lanes: one triangle in the filter of exact_filter.cl, eight in that of wide leaves (filter.cl).
 //
 // With H the largest sheared coordinate and M = H + the largest depth, to first order, no coordinate of a vertex relative to the origin is
-// larger than M, because the shear is not larger than 1:
-// a difference is off by 4 EPSILON M (two roundings and 2 of the origin's second part), the shear's quotient by up to 5 EPSILON (2.5
-// ulp on some devices) and its product by 1, which its factor M passes on, the difference in it by 4 more, and the fma rounds by 2 M: a
-// sheared coordinate is off by delta = (4 + 6 + 4 + 2) EPSILON M = 16 EPSILON M. An edge function of two vertices is off by
-// 4 H delta + 2 delta^2 and, by itself, by EPSILON H^2 for its product and 2 EPSILON H^2 for its fma, which is no more than
-// 3 EPSILON H 2 M: (64 + 6) EPSILON M H + 512 EPSILON^2 M^2. The constants leave room for the second order, for the roundings of H and M,
-// and of the bound itself. LEAST_EDGE is for what underflows, and so large that quotients by sums of edge functions above it do not.
-#ifndef SHEAR_ERROR
-#define SHEAR_ERROR (74.0f * EPSILON)
-#define SHEAR_ERROR2 (544.0f * EPSILON * EPSILON)
+// larger than M, because the shear is not larger than 1. In units of EPSILON: a difference from the origin is off by D M, where D is 1 (one
+// rounding) for a ray that starts at its origin, 4 (two, and 2 of the second part) for others; the shear by 1 of itself (shear_towards),
+// which its factor M passes on; the difference in it by D M more, and the fma rounds its result by H. So a sheared coordinate is off by
+// delta = (2 D + 1) M + H. An edge function of two vertices is off by 4 H delta + 2 delta^2 and, by itself, by H^2 for its product and
+// 2 H^2 for its fma: H ((8 D + 4) M + 7 H) EPSILON + 2 delta^2, of which the last is no more than 200 EPSILON^2 M^2. The constants
+// leave room for the roundings of H and M, and of the bound itself. LEAST_EDGE is for what underflows, and so large that quotients by
+// sums of edge functions above it do not.
+#ifndef EDGE_ERROR
+#define EDGE_ERROR (13.0f * EPSILON)       // times H M
+#define EDGE_ERROR_LOW (38.0f * EPSILON)   // the same of a ray that does not start at its origin
+#define EDGE_ERROR_EXTENT (8.0f * EPSILON) // times H^2
+#define EDGE_ERROR2 (220.0f * EPSILON * EPSILON)
 #define LEAST_EDGE 0x1p-60f
+
+// EDGE_ERROR of a ray whose origin has that second part.
+float edge_error(float3 origin_low) {
+    return origin_low.x == 0.0f && origin_low.y == 0.0f && origin_low.z == 0.0f ? EDGE_ERROR : EDGE_ERROR_LOW;
+}
+
+// By how much z moves x along a direction: x / z, off by EPSILON of itself, whatever a device's division is off by.
+float shear_towards(float x, float z, float inv_z) {
+    const float shear = x * inv_z;
+    return fma(fma(-shear, z, x), inv_z, shear);
+}
 #endif
 
 typedef struct {
@@ -21,8 +34,8 @@ typedef struct {
     REAL bound;     // of their errors
 } LANES(Edges);
 
-// Of the sheared coordinates and depths of the vertices.
-LANES(Edges) LANES(edges_of)(REAL ax, REAL ay, REAL az, REAL bx, REAL by, REAL bz, REAL cx, REAL cy, REAL cz) {
+// Of the sheared coordinates and depths of the vertices. `error`: edge_error() of the ray.
+LANES(Edges) LANES(edges_of)(float error, REAL ax, REAL ay, REAL az, REAL bx, REAL by, REAL bz, REAL cx, REAL cy, REAL cz) {
     LANES(Edges) e;
     e.weight0 = fma(cx, by, -(cy * bx));
     e.weight1 = fma(ax, cy, -(ay * cx));
@@ -30,7 +43,8 @@ LANES(Edges) LANES(edges_of)(REAL ax, REAL ay, REAL az, REAL bx, REAL by, REAL b
     const REAL extent = LANES(larger)(LANES(larger)(LANES(larger)(fabs(ax), fabs(ay)), LANES(larger)(fabs(bx), fabs(by))),
                                       LANES(larger)(fabs(cx), fabs(cy)));
     const REAL farthest = extent + LANES(larger)(fabs(az), LANES(larger)(fabs(bz), fabs(cz)));
-    e.bound = fma(farthest, fma((REAL)(SHEAR_ERROR), extent, (REAL)(SHEAR_ERROR2) * farthest), (REAL)(LEAST_EDGE));
+    const REAL first_order = fma((REAL)(error), farthest, EDGE_ERROR_EXTENT * extent);
+    e.bound = fma(extent, first_order, fma(EDGE_ERROR2 * farthest, farthest, (REAL)(LEAST_EDGE)));
     e.low = LANES(smaller)(e.weight0, LANES(smaller)(e.weight1, e.weight2));
     e.high = LANES(larger)(e.weight0, LANES(larger)(e.weight1, e.weight2));
     return e;

@@ -31,7 +31,7 @@
 
 // Hit or miss, and limits of the hit's t, if there is one: in doubt those of all the triangle.
 int decide_rounded(const ShearedTriangle* s, float* t_low, float* t_high) {
-    const Edges e = edges_of(s->ax, s->ay, s->az, s->bx, s->by, s->bz, s->cx, s->cy, s->cz);
+    const Edges e = edges_of(s->error, s->ax, s->ay, s->az, s->bx, s->by, s->bz, s->cx, s->cy, s->cz);
     if (surely_missed(e)) return MISS;
     const float nearest = smaller(s->az, smaller(s->bz, s->cz)), farthest = larger(s->az, larger(s->bz, s->cz));
     const float depth_error = fma(DEPTH_ERROR, larger(fabs(nearest), fabs(farthest)), LEAST_DEPTH);

@@ -9,7 +9,7 @@
 typedef struct {
     uint x, y, z; // records of the axes that become x, y and z, from those of a vertex on
     float origin_x, origin_y, origin_z, low_x, low_y, low_z;
-    float shear_x, shear_y;
+    float shear_x, shear_y, error;
 } Filter;
 
 Filter make_filter(const Ray* ray) {
@@ -18,7 +18,8 @@ Filter make_filter(const Ray* ray) {
     const float3 origin = rotate_to_z(ray->origin, axis), low = rotate_to_z(ray->origin_low, axis);
     const float inv_z = 1.0f / direction.z;
     const Filter filter = {2u * ((axis + 1u) % 3u), 2u * ((axis + 2u) % 3u), 2u * axis, origin.x, origin.y, origin.z,
-                           low.x, low.y, low.z, direction.x * inv_z, direction.y * inv_z};
+                           low.x, low.y, low.z, shear_towards(direction.x, direction.z, inv_z), shear_towards(direction.y, direction.z, inv_z),
+                           edge_error(low)};
     return filter;
 }
 
@@ -31,7 +32,7 @@ ulong filter_sheared(GEOMETRY_PARAMETERS, const Filter* f, uint packet) {
         x[corner] = fma((float8)(-f->shear_x), z[corner], (LOAD_PACKET(geometry, record + f->x) - f->origin_x) - f->low_x);
         y[corner] = fma((float8)(-f->shear_y), z[corner], (LOAD_PACKET(geometry, record + f->y) - f->origin_y) - f->low_y);
     }
-    const Edges8 e = edges_of8(x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
+    const Edges8 e = edges_of8(f->error, x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]);
     return lanes_where8(!surely_missed(e));
 }
 

@@ -20,6 +20,7 @@ typedef struct {
     float ax, ay, bx, by, cx, cy;
     float az, bz, cz; // depths of the vertices along the major axis
     float direction_z, inv_direction_z; // by which t is scaled
+    float error;                        // see edge_error()
 } ShearedTriangle;
 
 ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) {
@@ -28,15 +29,16 @@ ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) 
     const uint axis = major_axis(ray->direction);
     const float3 direction = rotate_to_z(ray->direction, axis);
     const float inv_z = 1.0f / direction.z;
-    const float shear_x = direction.x * inv_z;
-    const float shear_y = direction.y * inv_z;
+    const float shear_x = shear_towards(direction.x, direction.z, inv_z);
+    const float shear_y = shear_towards(direction.y, direction.z, inv_z);
 
     const float3 a = rotate_to_z(from_origin(ray, p0), axis);
     const float3 b = rotate_to_z(from_origin(ray, p1), axis);
     const float3 c = rotate_to_z(from_origin(ray, p2), axis);
     const ShearedTriangle triangle = {
         fma(-shear_x, a.z, a.x), fma(-shear_y, a.z, a.y), fma(-shear_x, b.z, b.x), fma(-shear_y, b.z, b.y),
-        fma(-shear_x, c.z, c.x), fma(-shear_y, c.z, c.y), a.z, b.z, c.z, direction.z, inv_z};
+        fma(-shear_x, c.z, c.x), fma(-shear_y, c.z, c.y), a.z, b.z, c.z, direction.z, inv_z,
+        edge_error(ray->origin_low)};
     return triangle;
 }
 

@@ -27,10 +27,16 @@ typedef struct {
 // t in the caller's units.
 float callers_t(const Ray* ray, float t) { return t * ray->t_lift * ray->t_scale; }
 
+// x / power, a power of two. Mostly by its inverse, which rounds alike: a GPU takes a call for a division of infinity.
+float over_power(float x, float power) {
+    const bool has_inverse = as_uint(power) - 0x00800000u <= 0x7e000000u; // a normal number
+    return has_inverse ? x * as_float(0x7f000000u - as_uint(power)) : x / power;
+}
+
 // Sets the interval, in the caller's units; to an empty one where the ray is not sound.
 void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
-    ray->t_near = sound ? t_near / ray->t_lift / ray->t_scale : INFINITY;
-    ray->t_far = sound ? min_or(t_far / ray->t_lift / ray->t_scale, FLT_MAX) : -INFINITY;
+    ray->t_near = sound ? over_power(over_power(t_near, ray->t_lift), ray->t_scale) : INFINITY;
+    ray->t_far = sound ? min_or(over_power(over_power(t_far, ray->t_lift), ray->t_scale), FLT_MAX) : -INFINITY;
 }
 
 #define SHORT_DIRECTION 0x1p-100f

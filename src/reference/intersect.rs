@@ -1,5 +1,6 @@
 //! Twins of `cl/intersect/`: the ray-triangle tests. The reasons are there.
 
+use super::edges::{edge_error, shear_towards};
 use super::math::{abs3, cross3, difference_of_products, dot3};
 use super::memory::{Work, load_transform, load_vertices};
 use super::ray::Ray;
@@ -54,7 +55,7 @@ pub fn intersect_moller_trumbore(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<I
 }
 
 #[inline(always)]
-fn rotate_to_z(v: Vec3, axis: usize) -> Vec3 {
+pub(super) fn rotate_to_z(v: Vec3, axis: usize) -> Vec3 {
     match axis {
         0 => Vec3::new(v.y, v.z, v.x),
         1 => Vec3::new(v.z, v.x, v.y),
@@ -64,7 +65,7 @@ fn rotate_to_z(v: Vec3, axis: usize) -> Vec3 {
 
 /// The axis of the largest component of a direction.
 #[inline(always)]
-fn major_axis(direction: Vec3) -> usize {
+pub(super) fn major_axis(direction: Vec3) -> usize {
     let size = abs3(direction);
     if size.x >= size.y {
         if size.x >= size.z { 0 } else { 2 }
@@ -84,6 +85,8 @@ pub struct ShearedTriangle {
     pub direction_z: f32,
     /// Its reciprocal.
     pub inv_direction_z: f32,
+    /// See [`edge_error`].
+    pub error: f32,
 }
 
 /// Brings a triangle into that space.
@@ -92,13 +95,18 @@ pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
     let axis = major_axis(ray.direction);
     let direction = rotate_to_z(ray.direction, axis);
     let inv_z = 1.0 / direction.z;
-    let shear_x = direction.x * inv_z;
-    let shear_y = direction.y * inv_z;
+    let shear_x = shear_towards(direction.x, direction.z, inv_z);
+    let shear_y = shear_towards(direction.y, direction.z, inv_z);
     let shear = |p: Vec3| {
         let p = rotate_to_z(ray.from_origin(p), axis);
         Vec3::new((-shear_x).mul_add(p.z, p.x), (-shear_y).mul_add(p.z, p.y), p.z)
     };
-    ShearedTriangle { vertices: [shear(p0), shear(p1), shear(p2)], direction_z: direction.z, inv_direction_z: inv_z }
+    ShearedTriangle {
+        vertices: [shear(p0), shear(p1), shear(p2)],
+        direction_z: direction.z,
+        inv_direction_z: inv_z,
+        error: edge_error(ray.origin_low),
+    }
 }
 
 /// Twin of `cl/intersect/watertight.cl`.
