@@ -61,10 +61,7 @@ float8 least_of_lanes(float16 a, float16 b, float16 c, float16 d, float16 e, flo
     return smaller8(pairs.even, pairs.odd);
 }
 
-// Numbers from its reciprocal up to this, and 0, lose no bits here, and nothing that is made of them overflows.
-#define MODERATE 0x1p40f
-
-// The lanes where all of `count` vectors have such numbers. Without their sign, bits grow with the number; 0 less one is the largest.
+// The lanes where all of `count` vectors have moderate numbers. Without their sign, bits grow with the number; 0 less one is the largest.
 int16 are_moderate(const float16* v, uint count) {
     uint16 least = (uint16)(~0u), greatest = (uint16)(0u);
 #pragma unroll

@@ -39,6 +39,11 @@ void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
     ray->t_far = sound ? min_or(over_power(over_power(t_far, ray->t_lift), ray->t_scale), FLT_MAX) : -INFINITY;
 }
 
+// Numbers from its reciprocal up to this, and 0, lose no bits here and in packets, and nothing that is made of them overflows.
+#define MODERATE 0x1p40f
+
+bool is_moderate(float x) { return x == 0.0f || (fabs(x) >= 1.0f / MODERATE && fabs(x) <= MODERATE); }
+
 #define SHORT_DIRECTION 0x1p-100f
 #define SMALL_TURN_LIFT 0x1p60f
 
@@ -65,17 +70,23 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
     ray.origin_low = (float3)(0.0f);
     ray.t_scale = 1.0f;
     ray.t_lift = 1.0f;
-    if (max_component(abs3(direction)) < SHORT_DIRECTION) {
-        direction *= LIFT;
-        ray.t_lift = LIFT;
-    }
-    const float3 given = direction;
-    const bool sound = scale_to_unit(&direction, &ray.t_scale) && is_finite3(origin) && t_near <= t_far;
-    const float3 lifted = given * (ray.t_scale * SMALL_TURN_LIFT);
-    if (is_too_small(given.x, direction.x, lifted.x) || is_too_small(given.y, direction.y, lifted.y) ||
-        is_too_small(given.z, direction.z, lifted.z)) {
-        ray.t_scale *= SMALL_TURN_LIFT;
-        direction = lifted;
+    bool sound = is_finite3(origin) && t_near <= t_far;
+    if (is_moderate(direction.x) && is_moderate(direction.y) && is_moderate(direction.z) && any(direction != (float3)(0.0f))) {
+        ray.t_scale = power_of_two_scale(max_component(abs3(direction))); // what the rest comes to for these
+        direction *= ray.t_scale;
+    } else {
+        if (max_component(abs3(direction)) < SHORT_DIRECTION) {
+            direction *= LIFT;
+            ray.t_lift = LIFT;
+        }
+        const float3 given = direction;
+        sound = scale_to_unit(&direction, &ray.t_scale) && sound;
+        const float3 lifted = given * (ray.t_scale * SMALL_TURN_LIFT);
+        if (is_too_small(given.x, direction.x, lifted.x) || is_too_small(given.y, direction.y, lifted.y) ||
+            is_too_small(given.z, direction.z, lifted.z)) {
+            ray.t_scale *= SMALL_TURN_LIFT;
+            direction = lifted;
+        }
     }
     // A zero component has one reciprocal.
     direction = (float3)(positive_zero(direction.x), positive_zero(direction.y), positive_zero(direction.z));

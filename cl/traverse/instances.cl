@@ -20,9 +20,8 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
     PairSlabs pair = make_pair_slabs(&outside);
     float t_limit = ray->t_far;
 
-    FarChild stack[STACK_SIZE];
-    const FarChild end = {BVH_END, -INFINITY};
-    stack[0] = end;
+    uint stack[STACK_SIZE];
+    stack[0] = BVH_END;
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
@@ -30,8 +29,7 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (is_instance(link)) {
-            const FarChild leave = {BVH_LEAVE, -INFINITY};
-            stack[++stacked] = leave;
+            stack[++stacked] = BVH_LEAVE;
             COUNT_DEEPEST(geometry, stacked);
             COUNT(geometry, NODE_BYTES, INSTANCE_RECORDS * sizeof(float4));
             const uint instance = (link & BVH_FIRST_MASK) - 1u;
@@ -52,7 +50,7 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
             if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;
             t_limit = min_or(hit->t, ray->t_far);
         }
-        link = next_on_stack(stack, &stacked, t_limit);
+        link = stack[stacked--];
     }
 }
 #endif

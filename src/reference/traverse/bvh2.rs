@@ -11,13 +11,6 @@ use crate::reference::ray::Ray;
 use crate::reference::slab::{PairSlabs, Slabs};
 use crate::shared::{BVH_END, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 
-/// A child to be visited later, and where the ray enters it.
-#[derive(Clone, Copy, Default)]
-pub(super) struct FarChild {
-    pub link: u32,
-    pub t_enter: f32,
-}
-
 #[inline(always)]
 pub fn traverse_bvh2(
     buffers: &SceneBuffers,
@@ -30,8 +23,7 @@ pub fn traverse_bvh2(
     let pair = PairSlabs::new(&Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz()));
     let mut t_limit = ray.t_far;
 
-    let mut stack = [FarChild::default(); TraceOptions::MAX_DEPTH as usize + 1];
-    stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
+    let mut stack = [BVH_END; TraceOptions::MAX_DEPTH as usize + 1];
     let mut stacked = 0;
     let mut link = 0;
     loop {
@@ -44,17 +36,17 @@ pub fn traverse_bvh2(
             return hit;
         }
         t_limit = min_or(hit.t, ray.t_far);
-        link = pop(&stack, &mut stacked, t_limit);
+        link = pop(&stack, &mut stacked);
     }
 }
 
-/// Descends to a leaf, nearer children first, and remembers the far ones. The link of the leaf, or the end.
+/// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the end.
 #[inline(always)]
 pub(super) fn descend_to_leaf(
     buffers: &SceneBuffers,
     pair: &PairSlabs,
     [t_near, t_limit]: [f32; 2],
-    stack: &mut [FarChild],
+    stack: &mut [u32],
     stacked: &mut usize,
     mut link: u32,
     work: &mut impl Work,
@@ -72,26 +64,20 @@ pub(super) fn descend_to_leaf(
         if meets0 || meets1 {
             let goes_to1 = meets1 && (!meets0 || t[2] < t[0]);
             link = if goes_to1 { link1 } else { link0 };
-            stack[*stacked + 1] = match goes_to1 {
-                true => FarChild { link: link0, t_enter: t[0] },
-                false => FarChild { link: link1, t_enter: t[2] },
-            };
+            stack[*stacked + 1] = if goes_to1 { link0 } else { link1 };
             *stacked += usize::from(meets0 && meets1);
             work.count(WorkCounter::DeepestStack, *stacked as u32);
         } else {
-            link = pop(stack, stacked, t_limit);
+            link = pop(stack, stacked);
         }
     }
     link
 }
 
-/// The next child that is not entered behind the hit, or the end, which is entered before everything.
+/// What was remembered last, or the end.
 #[inline(always)]
-pub(super) fn pop(stack: &[FarChild], stacked: &mut usize, t_limit: f32) -> u32 {
-    while t_limit < stack[*stacked].t_enter {
-        *stacked -= 1;
-    }
-    let link = stack[*stacked].link;
+pub(super) fn pop(stack: &[u32], stacked: &mut usize) -> u32 {
+    let link = stack[*stacked];
     *stacked = stacked.wrapping_sub(1); // the end's place is never asked for again
     link
 }

@@ -1,6 +1,5 @@
 //! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
 
-use super::bvh2::{FarChild, pop};
 use super::leaf::test_triangles;
 use super::{NO_HIT, vertices};
 use crate::accel::leaf_range;
@@ -15,6 +14,13 @@ use crate::reference::slab::Slabs;
 use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter};
 
 const WIDTH: usize = 8;
+
+/// A child to be visited later, and where the ray enters it.
+#[derive(Clone, Copy, Default)]
+struct FarChild {
+    link: u32,
+    t_enter: f32,
+}
 
 /// When the ray enters child `lane` of a node, and leaves it.
 #[inline(always)]
@@ -97,4 +103,15 @@ pub fn traverse_bvh8(
         link = pop(&stack, &mut stacked, t_limit);
     }
     hit
+}
+
+/// The next child that is not entered behind the hit, or the end, which is entered before everything.
+#[inline(always)]
+fn pop(stack: &[FarChild], stacked: &mut usize, t_limit: f32) -> u32 {
+    while t_limit < stack[*stacked].t_enter {
+        *stacked -= 1;
+    }
+    let link = stack[*stacked].link;
+    *stacked = stacked.wrapping_sub(1); // the end's place is never asked for again
+    link
 }

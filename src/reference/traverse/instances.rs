@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/instances.cl`. The reasons are there.
 
 use super::NO_HIT;
-use super::bvh2::{FarChild, descend_to_leaf, pop};
+use super::bvh2::{descend_to_leaf, pop};
 use super::leaf::test_listed;
 use crate::accel::{instance_of, leaf_range};
 use crate::options::TraceOptions;
@@ -28,8 +28,7 @@ pub fn traverse_instances(
     let mut inside = 0;
     let mut t_limit = ray.t_far;
 
-    let mut stack = [FarChild::default(); 2 * TraceOptions::MAX_DEPTH as usize + 2];
-    stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
+    let mut stack = [BVH_END; 2 * TraceOptions::MAX_DEPTH as usize + 2];
     let mut stacked = 0;
     let mut link = 0;
     loop {
@@ -39,7 +38,7 @@ pub fn traverse_instances(
         }
         if let Some(instance) = instance_of(link) {
             stacked += 1;
-            stack[stacked] = FarChild { link: BVH_LEAVE, t_enter: f32::NEG_INFINITY };
+            stack[stacked] = BVH_LEAVE;
             work.count(WorkCounter::DeepestStack, stacked as u32);
             let records = load_instance(buffers, instance, work);
             pair = PairSlabs::new(&Slabs::of_instance(ray, low, high, records));
@@ -56,6 +55,6 @@ pub fn traverse_instances(
             }
             t_limit = min_or(hit.t, ray.t_far);
         }
-        link = pop(&stack, &mut stacked, t_limit);
+        link = pop(&stack, &mut stacked);
     }
 }
