@@ -1,4 +1,4 @@
-//! The table of methods: complete, true for every combination of all options, and each value of it traces.
+//! The table of methods: complete, true for every combination of options that depend on each other, and each value of it traces.
 
 mod common;
 
@@ -136,7 +136,7 @@ impl Possible {
 /// Every combination of the names that are in the table, with names of the options beside it, whose values go together with everything,
 /// drawn at random.
 #[test]
-fn names_go_together_as_the_table_says_in_every_combination() {
+fn names_go_together_as_the_table_says() {
     let never = never_together();
     let is_bound = |choice: Choice| never.iter().any(|n| n.values.contains(&choice));
     let names = OPTIONS.iter().filter(|option| !option.is_number());

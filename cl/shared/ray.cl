@@ -177,8 +177,8 @@ float point_error(float3 p0, float3 p1, float3 p2) {
 
 // How far, on any axis, the point of the ray at the t of a computed hit can lie from some point of the triangle, and so outside of
 // boxes that hold all of it between them, in units of EPSILON D, where D is the largest coordinate of a vertex relative to the
-// origin. For the watertight test, to first order: the sheared vertices are off by 8 (two differences 2 + 2, the shear's quotient
-// and product 2, the fma 2 because the result may be 2 D); the ray passes exactly through the triangle of these (the signs are
+// origin. For the watertight test, to first order: the sheared vertices are off by 8 (two differences 2 + 2, the shear up to
+// 2, the fma 2 because the result may be 2 D); the ray passes exactly through the triangle of these (the signs are
 // exact); weights that are off by 3 each, so relative to their sum by 6, move the point by 6 * 2 D; t is off by 9 (the vertices'
 // 2, three fma, two sums, a product, a quotient), and the shear of at most 1 passes that on: 8 + 12 + 9 = 29. Moller and
 // Trumbore's test has no such bound: on a triangle seen edge-on it may report a hit anywhere, and such a hit may depend on the

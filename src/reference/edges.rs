@@ -89,6 +89,20 @@ mod tests {
         [c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x]
     }
 
+    /// Whatever a device's division is off by, and for components of directions of any size.
+    #[test]
+    fn a_shear_is_off_by_no_more_than_a_rounding_whatever_the_reciprocal() {
+        let mut random = Random(SEED);
+        for i in 0..300_000 {
+            let z = random.sign() * random.size(0, 1) * [1.0, (1u64 << 60) as f32][i % 2];
+            let x = (z * random.signed()) * if i % 3 == 0 { random.size(-80, 0) } else { 1.0 };
+            let inv_z = (1.0 / z) * (1.0 + 5.0 * EPSILON * random.signed());
+            let exact = f64::from(x) / f64::from(z);
+            let error = (f64::from(shear_towards(x, z, inv_z)) - exact).abs();
+            assert!(error <= 1.001 * f64::from(EPSILON) * exact.abs(), "{x} / {z} by {inv_z}: {error} (seed {SEED})");
+        }
+    }
+
     /// Rays near triangles of any size, near and far, along axes and across; every other one does not start at its origin.
     #[test]
     fn edge_functions_are_off_by_no_more_than_their_bound_and_not_by_much_less() {

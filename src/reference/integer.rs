@@ -159,6 +159,7 @@ pub fn integer_quotient<const ROOM: usize>(
     let (denominator_bits, numerator_bits) = (denominator.bits(n), numerator.bits(n));
     let scale = denominator_bits - numerator_bits;
     let n = (denominator_bits.max(numerator_bits) as usize + 2).div_ceil(32);
+    debug_assert!(n <= ROOM);
     if scale >= 0 {
         numerator.shift_up(scale as usize, n);
     } else {
