@@ -18,8 +18,8 @@ Filter make_filter(const Ray* ray) {
     const float3 origin = rotate_to_z(ray->origin, axis), low = rotate_to_z(ray->origin_low, axis);
     const float inv_z = 1.0f / direction.z;
     const Filter filter = {2u * ((axis + 1u) % 3u), 2u * ((axis + 2u) % 3u), 2u * axis, origin.x, origin.y, origin.z,
-                           low.x, low.y, low.z, shear_towards(direction.x, direction.z, inv_z), shear_towards(direction.y, direction.z, inv_z),
-                           edge_error(low)};
+                           low.x, low.y, low.z, shear_towards(direction.x, direction.z, inv_z),
+                           shear_towards(direction.y, direction.z, inv_z), edge_error(low)};
     return filter;
 }
 

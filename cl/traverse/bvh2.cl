@@ -3,8 +3,8 @@
 //
 // Each triangle is in one leaf, unless splits of space have cut it, and empty space costs nothing but the boxes around it: on the
 // bunny half the steps of a kd-tree, and a quarter of its references. Bad at: scenes seen from outside through large empty space
-// (sponza: 7.5 steps a camera ray, hardly fewer than the kd-tree's 7.8); large oblique triangles among small ones, whose boxes hold much that they do
-// not (--spatial-splits is for these); and the first hit need not be the nearest one, because boxes overlap.
+// (sponza: 7.5 steps a camera ray, hardly fewer than the kd-tree's 7.8); large oblique triangles among small ones, whose boxes hold
+// much that they do not (--spatial-splits is for these); and the first hit need not be the nearest one, because boxes overlap.
 //
 // nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes are tested with the pads of
 // cl/shared/slab.cl, so that a hit's t is within the computed interval of all boxes above it, and a box that is entered after the hit
