@@ -22,12 +22,6 @@
 float edge_error(float3 origin_low) {
     return origin_low.x == 0.0f && origin_low.y == 0.0f && origin_low.z == 0.0f ? EDGE_ERROR : EDGE_ERROR_LOW;
 }
-
-// By how much z moves x along a direction: x / z, off by EPSILON of itself, whatever a device's division is off by.
-float shear_towards(float x, float z, float inv_z) {
-    const float shear = x * inv_z;
-    return fma(fma(-shear, z, x), inv_z, shear);
-}
 #endif
 
 typedef struct {

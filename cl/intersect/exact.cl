@@ -45,11 +45,19 @@ bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, 
     return decision == HIT;
 }
 
+bool is_settled_exactly(GEOMETRY_PARAMETERS) {
+#ifdef DEFER_DOUBTS
+    return geometry->undecided->count == 0u;
+#else
+    return true;
+#endif
+}
+
 // t, if it is wanted, and the weights that step 2 is not sure of.
 void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, const bool wants_t, float* t,
                     SurfaceHit* hit) {
 #ifdef WIDE_IS_DOUBLE
-    const CloserHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2);
+    const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2);
     if (closer.is_sure) {
         if (wants_t) *t = closer.t;
         hit->u = closer.u;
@@ -121,17 +129,10 @@ SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
-    SurfaceHit hit = {0.0f, 0.0f, 0.0f, primitive};
-    WideNumbers n;
-    wide_numbers(ray->origin, ray->origin_low, ray->direction, p0, p1, p2, &n);
-    const WideInverse det = invert_det(&n);
-    bool is_sure = det.is_sure && rounds_surely(n.weight1, n.bound1, &det, &hit.u) &&
-                   rounds_surely(n.weight2, n.bound2, &det, &hit.v);
-    if (wants_t) is_sure = is_sure && rounds_surely(n.distance, n.distance_bound, &det, t);
-    hit.weight0 = (1.0f - hit.u) - hit.v;
-    if (!wants_t && !is_nearest_vertex0(hit.u, hit.v))
-        is_sure = is_sure && rounds_surely(n.weight0, n.bound0, &det, &hit.weight0);
-    if (!is_sure) finish_closely(GEOMETRY, ray, p0, p1, p2, wants_t, t, &hit);
+    const FinishedHit finished = finish_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2, wants_t);
+    SurfaceHit hit = {finished.weight0, finished.u, finished.v, primitive};
+    if (wants_t) *t = finished.t;
+    if (!finished.is_sure) finish_closely(GEOMETRY, ray, p0, p1, p2, wants_t, t, &hit);
     return hit;
 }
 
@@ -141,6 +142,18 @@ void finish_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
     const SurfaceHit at = finish_hit(GEOMETRY, ray, hit->primitive, true, &hit->t);
     hit->u = at.u;
     hit->v = at.v;
+}
+
+// The same for most hits; false for those that take more precision.
+bool finish_mostly_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
+    const uint primitive = hit->primitive;
+    const FinishedHit finished =
+        finish_wide(ray->origin, ray->origin_low, ray->direction, LOAD_SURFACE_VERTEX(geometry, primitive, 0),
+                    LOAD_SURFACE_VERTEX(geometry, primitive, 1), LOAD_SURFACE_VERTEX(geometry, primitive, 2), true);
+    hit->t = finished.t;
+    hit->u = finished.u;
+    hit->v = finished.v;
+    return finished.is_sure;
 }
 
 void surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {

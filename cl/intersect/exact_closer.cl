@@ -107,16 +107,11 @@ RARE WideDecision decide_closer(TrianglePoint start, bool leaves, float3 directi
     return result;
 }
 
-typedef struct {
-    bool is_sure;
-    float t, weight0, u, v;
-} CloserHit;
-
 // t and the weights of a triangle that is hit.
-RARE CloserHit finish_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2) {
+RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2) {
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
-    CloserHit hit;
+    FinishedHit hit;
     hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &hit.t) &&
                   rounds_surely_closer(n.weight1, n.bound1, n.det, n.det_bound, &hit.u) &&
                   rounds_surely_closer(n.weight2, n.bound2, n.det, n.det_bound, &hit.v) &&

@@ -66,7 +66,7 @@ int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
 #define WIDE_ERROR (10.0f * WIDE_EPSILON)
 #define WIDE_ERROR_W (14.0f * WIDE_EPSILON)
 // a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this times that part.
-#define START_ERROR (4.0f * EPSILON / WIDE_ERROR)
+#define START_ERROR (0.4f * EPSILON * WIDE_PRECISION) // 4 EPSILON / WIDE_ERROR: not every compiler divides constants
 // Below this a product of floats may have underflowed: nothing is certain.
 #define LEAST_MAGNITUDE 0x1p-80f
 
@@ -169,6 +169,26 @@ bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* r
     const float error = fma(1.01f * bound, fabs(wide_to_float(det->inverse)),
                             fabs(wide_to_float(quotient)) * fma(1.01f, det->det_error, 8.0f * WIDE_EPSILON));
     return is_bound(bound) && wide_rounds_surely(quotient, error, rounded);
+}
+
+// t and the weights of a triangle that is hit, if that is sure.
+typedef struct {
+    bool is_sure;
+    float t, weight0, u, v;
+} FinishedHit;
+
+FinishedHit finish_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2, const bool wants_t) {
+    WideNumbers n;
+    wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
+    const WideInverse det = invert_det(&n);
+    FinishedHit hit = {false, 0.0f, 0.0f, 0.0f, 0.0f};
+    hit.is_sure = det.is_sure && rounds_surely(n.weight1, n.bound1, &det, &hit.u) &&
+                  rounds_surely(n.weight2, n.bound2, &det, &hit.v);
+    if (wants_t) hit.is_sure = hit.is_sure && rounds_surely(n.distance, n.distance_bound, &det, &hit.t);
+    hit.weight0 = (1.0f - hit.u) - hit.v;
+    if (!wants_t && !is_nearest_vertex0(hit.u, hit.v))
+        hit.is_sure = hit.is_sure && rounds_surely(n.weight0, n.bound0, &det, &hit.weight0);
+    return hit;
 }
 
 // Where the ray starts, exactly.

@@ -6,15 +6,6 @@
 // rounding of the sheared vertices themselves: near a silhouette, hit or miss and t are those of a triangle displaced by some
 // EPSILON times its distance. No slower than Moller-Trumbore's here: an H200 renders the bunny at 1.01 times its rate.
 
-// The components of v in an order that ends with `axis`; even permutations, so that the winding stays.
-float3 rotate_to_z(float3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
-
-// The axis of the largest component of a direction.
-uint major_axis(float3 direction) {
-    const float3 size = abs3(direction);
-    return size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
-}
-
 // The triangle in the sheared space.
 typedef struct {
     float ax, ay, bx, by, cx, cy;
@@ -24,20 +15,14 @@ typedef struct {
 } ShearedTriangle;
 
 ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) {
-    // The axis of the largest component of the direction becomes z, and x and y are sheared along it. These lines depend on
-    // the ray alone; compilers move them out of the loop over triangles.
-    const uint axis = major_axis(ray->direction);
-    const float3 direction = rotate_to_z(ray->direction, axis);
-    const float inv_z = 1.0f / direction.z;
-    const float shear_x = shear_towards(direction.x, direction.z, inv_z);
-    const float shear_y = shear_towards(direction.y, direction.z, inv_z);
-
+    const uint axis = ray->shear.axis;
+    const float shear_x = ray->shear.x, shear_y = ray->shear.y;
     const float3 a = rotate_to_z(from_origin(ray, p0), axis);
     const float3 b = rotate_to_z(from_origin(ray, p1), axis);
     const float3 c = rotate_to_z(from_origin(ray, p2), axis);
     const ShearedTriangle triangle = {
         fma(-shear_x, a.z, a.x), fma(-shear_y, a.z, a.y), fma(-shear_x, b.z, b.x), fma(-shear_y, b.z, b.y),
-        fma(-shear_x, c.z, c.x), fma(-shear_y, c.z, c.y), a.z, b.z, c.z, direction.z, inv_z,
+        fma(-shear_x, c.z, c.x), fma(-shear_y, c.z, c.y), a.z, b.z, c.z, ray->shear.z, ray->shear.inv_z,
         edge_error(ray->origin_low)};
     return triangle;
 }

@@ -9,7 +9,9 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
     TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false);
+    Hit hit;
+    if (!trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false, &hit))
+        TAKE_DOUBT(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, false, hit.t, hit.u, hit.primitive));
     STORE_WORK(&geometry, index);
     NOTE_DOUBT(index);
 }
@@ -23,7 +25,9 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true);
+    Hit hit;
+    if (!trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true, &hit))
+        TAKE_DOUBT(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, true, hit.t, hit.u, hit.primitive));
     STORE_WORK(&geometry, index);
     NOTE_DOUBT(index);
 }

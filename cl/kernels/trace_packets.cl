@@ -109,7 +109,8 @@ void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit
         for (ulong alone = ALL_LANES16 & ~lanes_where16(here); alone != 0ul; alone = other_lanes8(alone)) {
             const uint lane = first_lane16(alone), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
             if (item + 16u * k + lane >= end) continue;
-            trace_batch(GEOMETRY, rays, hits, index, any_hit);
+            Hit hit;
+            if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit)) settle_batch(GEOMETRY, rays, hits, index, any_hit, hit);
             if (TAKE_IN_DOUBT(geometry)) ADD_DOUBT(index);
         }
     }

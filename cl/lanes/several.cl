@@ -1,6 +1,6 @@
 // What both widths of vectors have (eight.cl, sixteen.cl); compiled after each.
 
-// As larger() and smaller() of one.cl. Instructions of CPUs, which fmax() and fmin() are not.
+// As larger() and smaller() of math.cl on a CPU.
 REAL LANES(larger)(REAL a, REAL b) { return a > b ? a : b; }
 REAL LANES(smaller)(REAL a, REAL b) { return a < b ? a : b; }
 

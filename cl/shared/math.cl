@@ -29,6 +29,17 @@ float3 fma3(float3 a, float s, float3 b) { return (float3)(fma(a.x, s, b.x), fma
 float max_or(float a, float b) { return a > b ? a : b; }
 float min_or(float a, float b) { return a < b ? a : b; }
 
+// The larger and the smaller of two numbers; where one of them is NaN, which one is open. One instruction each: on a GPU fmax(), where what
+// max_or() promises takes two (an H200 traces with exact hits 2 % faster), on a CPU max_or(), where fmax() takes three (5 % with PoCL).
+#ifdef GPU
+float larger(float a, float b) { return fmax(a, b); }
+float smaller(float a, float b) { return fmin(a, b); }
+#else
+float larger(float a, float b) { return max_or(a, b); }
+float smaller(float a, float b) { return min_or(a, b); }
+#endif
+float largest_component(float3 v) { return larger(v.x, larger(v.y, v.z)); }
+
 float max_component(float3 v) { return max_or(v.x, max_or(v.y, v.z)); }
 float3 abs3(float3 v) { return (float3)(fabs(v.x), fabs(v.y), fabs(v.z)); }
 float clamp01(float x) { return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f; } // NaN becomes 0
@@ -36,6 +47,12 @@ float clamp01(float x) { return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f; } // Na
 // True for numbers, false for NaN and infinities. By bits: isfinite() may be folded away under fast-math options.
 bool is_finite(float x) { return (as_uint(x) & 0x7f800000u) != 0x7f800000u; }
 bool is_finite3(float3 v) { return is_finite(v.x) && is_finite(v.y) && is_finite(v.z); }
+
+// What x > 0 would have in its exponent's bits if they had no lower end: less than 1 for subnormal numbers.
+int exponent_field(float x) {
+    const uint bits = as_uint(x);
+    return bits >= 0x00800000u ? (int)(bits >> 23) : 9 - (int)clz(bits);
+}
 
 // The next float above and below a finite x.
 float next_up(float x) {

@@ -49,7 +49,7 @@
 typedef struct {
     uint in_doubt; // 1: something is left to the second pass
     uint count;
-    uint primitives[MAX_POSTPONED]; // triangles that the ray may hit
+    uint* primitives; // triangles that the ray may hit; apart, so that the numbers above are in registers where this goes to a call
 } Undecided;
 #endif
 
@@ -166,6 +166,34 @@ typedef struct {
 
 // What kernels declare before they make a Geometry: what traversals and readers of triangles keep in it.
 #define TRAVERSAL_STATE UNDECIDED PLACED
+
+// For rare calls from kernels, which make the Geometry anew: what a call gets a pointer to lies in memory for all of its life.
+//   GEOMETRY_VALUES  the arguments for GEOMETRY_ARGUMENTS
+//   STATE_ARGUMENTS  what the kernel has noted, behind these; STATE_VALUES: the arguments for them
+//   TAKE_STATE       what the called function declares in place of TRAVERSAL_STATE; it returns IN_DOUBT
+//   TAKE_DOUBT       takes that from the call
+#define GEOMETRY_VALUES \
+    nodes, references, vertices, bounds, transforms, CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params
+#ifdef DEFER_DOUBTS
+#define UNDECIDED_ARGUMENT , uint in_doubt, uint count, uint* postponed
+#define UNDECIDED_VALUE , undecided.in_doubt, undecided.count, undecided.primitives
+#define TAKE_UNDECIDED Undecided undecided = {in_doubt, count, postponed};
+#define TAKE_DOUBT(call) undecided.in_doubt = (call) ? 1u : 0u
+#else
+#define UNDECIDED_ARGUMENT
+#define UNDECIDED_VALUE
+#define TAKE_UNDECIDED
+#define TAKE_DOUBT(call) (void)(call)
+#endif
+#ifdef COUNT_WORK
+#define STATE_ARGUMENTS , uint* work UNDECIDED_ARGUMENT
+#define STATE_VALUES , work UNDECIDED_VALUE
+#else
+#define STATE_ARGUMENTS UNDECIDED_ARGUMENT
+#define STATE_VALUES UNDECIDED_VALUE
+#endif
+#define TAKE_STATE TAKE_UNDECIDED PLACED
+
 #define MAKE_GEOMETRY MAKE_GEOMETRY_COUNTING(work)
 #define GEOMETRY_PARAMETERS const Geometry* geometry IMAGE_PARAMETERS
 #define GEOMETRY_AT(pointer) pointer IMAGE_VALUES
@@ -192,7 +220,9 @@ int4 load_node(const Geometry* geometry, uint index) {
 //   RAY_OF             the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
 #define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
 #ifdef DEFER_DOUBTS
-#define UNDECIDED Undecided undecided = {0u, 0u, {0u}};
+#define UNDECIDED                  \
+    uint postponed[MAX_POSTPONED]; \
+    Undecided undecided = {0u, 0u, postponed};
 #define DECIDE_WHOLE(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
 #define IN_DOUBT (undecided.in_doubt != 0u)
 #define ADD_DOUBT(item) doubts[1u + atomic_inc(&doubts[0])] = item

@@ -8,6 +8,37 @@
 #define WIDEN_UP (1.0f + 10.0f * EPSILON)
 #define WIDEN_DOWN (1.0f - 10.0f * EPSILON)
 
+// The components of v in an order that ends with `axis`; even permutations, so that the winding stays.
+float3 rotate_to_z(float3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
+
+// The axis of the largest component of a direction.
+uint major_axis(float3 direction) {
+    const float3 size = abs3(direction);
+    return size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
+}
+
+// By how much z moves x along a direction: x / z, off by EPSILON of itself, whatever a device's division is off by.
+float shear_towards(float x, float z, float inv_z) {
+    const float shear = x * inv_z;
+    return fma(fma(-shear, z, x), inv_z, shear);
+}
+// What shears triangles (watertight.cl) so that a direction is the z axis: the axis of its largest component becomes z, and x and y are
+// sheared along it.
+typedef struct {
+    uint axis;
+    float x, y;
+    float z, inv_z; // of the direction, along the axis
+} Shear;
+
+Shear shear_along(float3 v) {
+    const uint axis = major_axis(v);
+    const float3 direction = rotate_to_z(v, axis);
+    const float inv_z = 1.0f / direction.z;
+    const Shear shear = {axis, shear_towards(direction.x, direction.z, inv_z), shear_towards(direction.y, direction.z, inv_z),
+                         direction.z, inv_z};
+    return shear;
+}
+
 // A ray ready for traversal. The direction is scaled by a power of two to a largest component in [1, 2), which is exact and makes
 // every later step independent of the caller's units; t here is the caller's t / t_lift / t_scale. Where it would not be exact,
 // because another component is over 2^126 times smaller, the largest is in [2^60, 2^61), whose square is a float: a ray from far away
@@ -17,6 +48,7 @@ typedef struct {
     float3 origin_low;    // the ray starts at origin + origin_low; not larger than the rounding of origin. See start_on_triangle
     float3 direction;
     float3 inv_direction; // +infinity for a zero component; NaN where the reciprocal overflows: no plane of that axis is decisive
+    Shear shear;          // here because not every compiler moves divisions out of the loop over triangles
     float t_near, t_far;  // closed interval; t_far is finite or -infinity
     float t_scale, t_lift; // two factors, because one would overflow for the shortest directions
     uint skip;            // triangle that is never hit: the one that the ray starts on
@@ -27,22 +59,36 @@ typedef struct {
 // t in the caller's units.
 float callers_t(const Ray* ray, float t) { return t * ray->t_lift * ray->t_scale; }
 
-// x / power, a power of two. Mostly by its inverse, which rounds alike: a GPU takes a call for a division of infinity.
-float over_power(float x, float power) {
-    const bool has_inverse = as_uint(power) - 0x00800000u <= 0x7e000000u; // a normal number
-    return has_inverse ? x * as_float(0x7f000000u - as_uint(power)) : x / power;
-}
+// A power of two mostly has an inverse that is a normal number, and a product with that rounds as the division does.
+bool has_inverse(float power) { return as_uint(power) - 0x00800000u <= 0x7e000000u; }
+float inverse_power(float power) { return as_float(0x7f000000u - as_uint(power)); }
+
+// Calls, because they are rare.
+RARE float divide_by_power(float x, float power) { return x / power; }
 
 // Sets the interval, in the caller's units; to an empty one where the ray is not sound.
 void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
-    ray->t_near = sound ? over_power(over_power(t_near, ray->t_lift), ray->t_scale) : INFINITY;
-    ray->t_far = sound ? min_or(over_power(over_power(t_far, ray->t_lift), ray->t_scale), FLT_MAX) : -INFINITY;
+    if (has_inverse(ray->t_lift) && has_inverse(ray->t_scale)) {
+        const float inv_lift = inverse_power(ray->t_lift), inv_scale = inverse_power(ray->t_scale);
+        t_near = t_near * inv_lift * inv_scale;
+        t_far = t_far * inv_lift * inv_scale;
+    } else {
+        t_near = divide_by_power(divide_by_power(t_near, ray->t_lift), ray->t_scale);
+        t_far = divide_by_power(divide_by_power(t_far, ray->t_lift), ray->t_scale);
+    }
+    ray->t_near = sound ? t_near : INFINITY;
+    ray->t_far = sound ? min_or(t_far, FLT_MAX) : -INFINITY;
 }
 
 // Numbers from its reciprocal up to this, and 0, lose no bits here and in packets, and nothing that is made of them overflows.
 #define MODERATE 0x1p40f
 
-bool is_moderate(float x) { return x == 0.0f || (fabs(x) >= 1.0f / MODERATE && fabs(x) <= MODERATE); }
+// Bitwise, because a GPU takes less time for a comparison than for a branch around it.
+bool is_moderate3(float3 v) {
+    const float3 size = abs3(v);
+    const int3 moderate = (v == (float3)(0.0f)) | ((size >= (float3)(1.0f / MODERATE)) & (size <= (float3)(MODERATE)));
+    return all(moderate);
+}
 
 #define SHORT_DIRECTION 0x1p-100f
 #define SMALL_TURN_LIFT 0x1p60f
@@ -61,39 +107,48 @@ float reciprocal_or_nan(float x) {
 // itself: it is half the first difference or more, and not smaller than the second part.
 float3 from_origin(const Ray* ray, float3 p) { return (p - ray->origin) - ray->origin_low; }
 
-// A ray that starts at `origin`. One with NaN or infinite parts or without direction gets an empty interval: it misses everything.
-Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint skip) {
-    Ray ray;
-    ray.skip = skip;
-    ray.start_weights = (float3)(0.0f);
-    ray.origin = origin;
-    ray.origin_low = (float3)(0.0f);
-    ray.t_scale = 1.0f;
-    ray.t_lift = 1.0f;
-    bool sound = is_finite3(origin) && t_near <= t_far;
-    if (is_moderate(direction.x) && is_moderate(direction.y) && is_moderate(direction.z) && any(direction != (float3)(0.0f))) {
-        ray.t_scale = power_of_two_scale(max_component(abs3(direction))); // what the rest comes to for these
-        direction *= ray.t_scale;
+// Makes a ray that starts at `origin`, but for its limits. False for one with NaN or infinite parts or without direction.
+bool aim_ray(Ray* ray, float3 origin, float3 direction, uint skip) {
+    ray->skip = skip;
+    ray->start_weights = (float3)(0.0f);
+    ray->origin = origin;
+    ray->origin_low = (float3)(0.0f);
+    ray->t_scale = 1.0f;
+    ray->t_lift = 1.0f;
+    bool sound = is_finite3(origin);
+    const float3 size = abs3(direction);
+    const float longest = largest_component(size);
+    if (is_moderate3(direction) && longest > 0.0f) {
+        ray->t_scale = power_of_two_scale(longest); // what the rest comes to for these
+        direction *= ray->t_scale;
     } else {
-        if (max_component(abs3(direction)) < SHORT_DIRECTION) {
+        if (max_component(size) < SHORT_DIRECTION) {
             direction *= LIFT;
-            ray.t_lift = LIFT;
+            ray->t_lift = LIFT;
         }
         const float3 given = direction;
-        sound = scale_to_unit(&direction, &ray.t_scale) && sound;
-        const float3 lifted = given * (ray.t_scale * SMALL_TURN_LIFT);
+        sound = scale_to_unit(&direction, &ray->t_scale) && sound;
+        const float3 lifted = given * (ray->t_scale * SMALL_TURN_LIFT);
         if (is_too_small(given.x, direction.x, lifted.x) || is_too_small(given.y, direction.y, lifted.y) ||
             is_too_small(given.z, direction.z, lifted.z)) {
-            ray.t_scale *= SMALL_TURN_LIFT;
+            ray->t_scale *= SMALL_TURN_LIFT;
             direction = lifted;
         }
     }
     // A zero component has one reciprocal.
     direction = (float3)(positive_zero(direction.x), positive_zero(direction.y), positive_zero(direction.z));
-    ray.direction = direction;
-    ray.inv_direction =
+    ray->direction = direction;
+    ray->shear = shear_along(direction);
+    ray->inv_direction =
         (float3)(reciprocal_or_nan(direction.x), reciprocal_or_nan(direction.y), reciprocal_or_nan(direction.z));
-    limit_ray(&ray, sound, t_near, t_far);
+    return sound;
+}
+
+// A ray with its limits. One that is not sound gets an empty interval: it misses everything.
+Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint skip) {
+    Ray ray;
+    const bool sound = aim_ray(&ray, origin, direction, skip);
+    limit_ray(&ray, sound && t_near <= t_far, t_near, t_far);
     return ray;
 }
 
@@ -191,7 +246,7 @@ float point_error(float3 p0, float3 p1, float3 p2) {
 float farthest_distance(const Ray* ray, float3 low, float3 high) {
     const float3 to_low = abs3(from_origin(ray, low));
     const float3 to_high = abs3(from_origin(ray, high));
-    const float farthest = max_or(max_component(to_low), max_component(to_high));
+    const float farthest = larger(largest_component(to_low), largest_component(to_high));
     return is_finite3(ray->origin) ? farthest : NAN;
 }
 

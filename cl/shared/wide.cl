@@ -11,6 +11,7 @@
 #define WIDE_IS_DOUBLE
 typedef double Wide;
 #define WIDE_EPSILON 0x1p-53f // the relative error of one operation
+#define WIDE_PRECISION 0x1p53f // its inverse
 Wide wide_difference(float a, float b) { return (double)a - (double)b; }
 Wide wide_from(float a) { return (double)a; }
 Wide wide_add(Wide a, Wide b) { return a + b; }
@@ -21,6 +22,7 @@ float wide_to_float(Wide a) { return (float)a; }
 #else
 typedef float2 Wide; // the value is x + y, and x is that rounded
 #define WIDE_EPSILON 0x1p-44f
+#define WIDE_PRECISION 0x1p44f
 Wide wide_sum(float a, float b) {
     const float sum = a + b;
     const float b_part = sum - a;

@@ -20,22 +20,23 @@
 uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit, uint* stack, uint* stacked, uint link) {
     while ((link & BVH_LEAF) == 0u) {
         COUNT(geometry, STEPS, 1);
-        const float4 xy0 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link));
-        const float4 xy1 = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 1u));
-        const float4 zz = as_float4(LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 2u));
-        const int4 links = LOAD_NODE(geometry, BVH_NODE_RECORDS * link + 3u);
+        const uint first = BVH_NODE_RECORDS * link;
+        const uint last = stack[*stacked]; // read whether it is needed or not: a GPU takes more time for a branch, which rays part at
+        const float4 xy0 = as_float4(LOAD_NODE(geometry, first));
+        const float4 xy1 = as_float4(LOAD_NODE(geometry, first + 1u));
+        const int4 links = LOAD_NODE(geometry, first + 2u);
+        const int4 z1 = LOAD_NODE(geometry, first + 3u);
+        const float4 zz = as_float4((int4)(links.zw, z1.xy));
         const float4 limits = (float4)(t_near, -t_limit, t_near, -t_limit);
         const float4 t = clip_to_pair(pair, limits, xy0, xy1, zz);
         const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
-        if (meets0 || meets1) {
-            const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
-            link = (uint)(goes_to1 ? links.y : links.x);
-            if (meets0 && meets1) {
-                stack[++*stacked] = (uint)(goes_to1 ? links.x : links.y);
-                COUNT_DEEPEST(geometry, *stacked);
-            }
-        } else {
-            link = stack[(*stacked)--];
+        const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
+        const bool goes_back = !(meets0 || meets1);
+        link = goes_back ? last : (uint)(goes_to1 ? links.y : links.x);
+        if (goes_back) --*stacked;
+        if (meets0 && meets1) {
+            stack[++*stacked] = (uint)(goes_to1 ? links.x : links.y);
+            COUNT_DEEPEST(geometry, *stacked);
         }
     }
     return link;

@@ -10,6 +10,7 @@
 //     test_HITS     what becomes of *hit by a triangle that the ray may hit
 //     settle_HITS   decides what test_HITS has postponed; returns whether the hit is another one now
 //     finish_HITS   writes t, u and v of the hit that a traversal has found
+//     is_settled_HITS, finish_mostly_HITS: whether there is nothing to settle; finish_HITS as far as that takes little, and whether it did
 //     surface_HITS  the weights of the hit that a traversal has found, finished or not (through a pointer, as lift_point())
 //     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
 // `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and final.
@@ -18,6 +19,8 @@
 #define TEST JOIN(test_, HITS)
 #define SETTLE JOIN(settle_, HITS)
 #define FINISH JOIN(finish_, HITS)
+#define IS_SETTLED JOIN(is_settled_, HITS)
+#define FINISH_MOSTLY JOIN(finish_mostly_, HITS)
 #define SURFACE_HIT JOIN(surface_, HITS)
 #define LEAVING_ERROR JOIN(error_, HITS)
 
@@ -33,6 +36,8 @@ void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
 }
 bool settle_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) { return false; }
 void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {}
+bool is_settled_rounded(GEOMETRY_PARAMETERS) { return true; }
+bool finish_mostly_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) { return true; }
 void surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
     at->weight0 = max_or(0.0f, (1.0f - hit->u) - hit->v);
     at->u = hit->u;

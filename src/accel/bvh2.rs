@@ -5,13 +5,15 @@
 //! ```text
 //! low0.x  high0.x  low0.y  high0.y     the box of child 0
 //! low1.x  high1.x  low1.y  high1.y     of child 1
-//! low0.z  high0.z  low1.z  high1.z     of both
-//! link0   link1    0       0
+//! link0   link1    low0.z  high0.z     of child 0
+//! low1.z  high1.z  0       0           of child 1
 //!
 //! link:  bit 31 clear   an inner node's number; its first record is four times that
 //!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are; with instances a leaf of none is the
 //!                       instance whose number is one less
 //! ```
+//!
+//! Links lie among planes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to each step's.
 //!
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
 //! ray enters.
@@ -24,6 +26,9 @@ use crate::options::{Accel, TraceOptions};
 use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
 use std::ops::Range;
+
+/// The record of a node that has the links.
+const LINKS: usize = 2;
 
 const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
 
@@ -88,14 +93,14 @@ fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NOD
     [
         planes([box0.low.x, box0.high.x, box0.low.y, box0.high.y]),
         planes([box1.low.x, box1.high.x, box1.low.y, box1.high.y]),
-        planes([box0.low.z, box0.high.z, box1.low.z, box1.high.z]),
-        KdNode { flags: link0, left: link1, right: 0, split: 0.0 },
+        KdNode { flags: link0, left: link1, right: box0.low.z.to_bits(), split: box0.high.z },
+        planes([box1.low.z, box1.high.z, 0.0, 0.0]),
     ]
 }
 
 /// Renumbers what links lead to: nodes are `first_node` further on, and leaves have the links that `leaf` makes of their references.
 pub fn move_links(nodes: &mut [KdNode], leaf: impl Fn(Range<usize>) -> u32, first_node: u32) {
-    let links = nodes.chunks_exact_mut(BVH_NODE_RECORDS as usize).map(|records| &mut records[3]);
+    let links = nodes.chunks_exact_mut(BVH_NODE_RECORDS as usize).map(|records| &mut records[LINKS]);
     for link in links.flat_map(|record| [&mut record.flags, &mut record.left]).filter(|link| **link != NO_CHILD) {
         *link = leaf_range(*link).map_or(*link + first_node, &leaf);
     }
@@ -104,7 +109,7 @@ pub fn move_links(nodes: &mut [KdNode], leaf: impl Fn(Range<usize>) -> u32, firs
 /// How many triangles each leaf has.
 pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
     let nodes = nodes.chunks_exact(BVH_NODE_RECORDS as usize);
-    link::leaf_counts(nodes.flat_map(|records| [records[3].flags, records[3].left]))
+    link::leaf_counts(nodes.flat_map(|records| [records[LINKS].flags, records[LINKS].left]))
 }
 
 #[cfg(test)]
@@ -126,9 +131,9 @@ mod tests {
     fn children(structure: &Structure, number: usize) -> [(Aabb, u32); 2] {
         let records = &structure.nodes[4 * number..][..4];
         let planes = |record: &KdNode| bytemuck::cast::<KdNode, [f32; 4]>(*record);
-        let [xy0, xy1, zz] = [planes(&records[0]), planes(&records[1]), planes(&records[2])];
+        let [xy0, xy1, z0, z1] = [0, 1, 2, 3].map(|i| planes(&records[i]));
         let of = |xy: [f32; 4], z: &[f32]| Aabb { low: [xy[0], xy[2], z[0]].into(), high: [xy[1], xy[3], z[1]].into() };
-        [(of(xy0, &zz[..2]), records[3].flags), (of(xy1, &zz[2..]), records[3].left)]
+        [(of(xy0, &z0[2..]), records[LINKS].flags), (of(xy1, &z1[..2]), records[LINKS].left)]
     }
 
     #[test]

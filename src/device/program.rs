@@ -8,7 +8,7 @@ use super::cache::{Cache, CacheKey};
 use super::compiler_options::find_refused;
 use super::errors::BUILD_FAILURE;
 use super::handle::Owned;
-use super::{DeviceContext, Kernel, ProgramSource};
+use super::{DeviceContext, DeviceKind, Kernel, ProgramSource};
 use crate::error::{Error, Result};
 use opencl3::error_codes::ClError;
 use opencl3::program::Program as ClProgram;
@@ -65,6 +65,10 @@ impl CompileOptions {
         // Without it a division may be off by 2.5 units in the last place. Not every compiler knows the option.
         if device.correctly_rounded_divide_sqrt {
             text += " -cl-fp32-correctly-rounded-divide-sqrt";
+        }
+        // Where one instruction takes the place of another with the same bits, kernels ask for what this stands for.
+        if device.kind == DeviceKind::Gpu {
+            text += " -D GPU";
         }
         if self.verbose && device.nvidia_options {
             text += " -cl-nv-verbose";

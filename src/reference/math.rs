@@ -71,6 +71,13 @@ pub fn is_finite3(v: Vec3) -> bool {
     v.x.is_finite() && v.y.is_finite() && v.z.is_finite()
 }
 
+/// What x > 0 would have in its exponent's bits if they had no lower end.
+#[inline(always)]
+pub fn exponent_field(x: f32) -> i32 {
+    let bits = x.to_bits();
+    if bits >= 0x0080_0000 { (bits >> 23) as i32 } else { 9 - bits.leading_zeros() as i32 }
+}
+
 /// The power of two that brings `magnitude` into [1, 2).
 #[inline(always)]
 pub fn power_of_two_scale(magnitude: f32) -> f32 {

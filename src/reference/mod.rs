@@ -37,8 +37,7 @@ use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hi
 use crate::work::{PixelWork, RayWork};
 use fma::with_fma;
 use glam::Vec3;
-use integer::widen_exponents;
-use math::{abs3, max_component};
+use math::{abs3, exponent_field, max_component};
 use memory::{NoWork, Work};
 use ray::Ray;
 use rayon::prelude::*;
@@ -138,12 +137,8 @@ fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
 /// Twin of `use_callers_units` in `cl/traverse/batch.cl`.
 #[inline(always)]
 fn use_callers_units(ray: &mut Ray, direction: Vec3, scale: f32) {
-    let highest = |v: Vec3| {
-        let (mut lowest, mut highest) = (0, -1000);
-        widen_exponents(max_component(abs3(v)), &mut lowest, &mut highest);
-        highest
-    };
-    let exponent = highest(ray.direction) - highest(direction) + 127 - (scale.to_bits() >> 23) as i32;
+    let highest = |v: Vec3| exponent_field(max_component(abs3(v)));
+    let exponent = highest(ray.direction) - highest(direction) + 127 - exponent_field(scale);
     let power = |exponent: i32| f32::from_bits(((exponent + 127) as u32) << 23);
     ray.t_lift = power(exponent / 2);
     ray.t_scale = power(exponent - exponent / 2);

@@ -30,19 +30,7 @@ pub struct Slabs {
 }
 
 #[inline(always)]
-fn slab_inverse(direction: f32, inv_direction: f32) -> f32 {
-    let largest = 1.0 / LEAST_SLAB_DIRECTION;
-    if direction.abs() >= LEAST_SLAB_DIRECTION {
-        inv_direction
-    } else if direction < 0.0 {
-        -largest
-    } else {
-        largest
-    }
-}
-
-#[inline(always)]
-fn instance_inverse(direction: f32, least: f32) -> f32 {
+fn slab_inverse(direction: f32, least: f32) -> f32 {
     let limited = if direction < 0.0 { -least } else { least };
     1.0 / if direction.abs() >= least { direction } else { limited }
 }
@@ -58,7 +46,7 @@ impl Slabs {
         if !(distance < FARTHEST_START) {
             return Slabs::ALL;
         }
-        let inv = Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], ray.inv_direction[k])));
+        let inv = Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], LEAST_SLAB_DIRECTION)));
         let thickness = SLACK.mul_add(distance, LEAST_PAD);
         Slabs::thick(ray.origin, inv, fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)))
     }
@@ -84,12 +72,13 @@ impl Slabs {
         if !(distance < FARTHEST_START && is_below(abs3(direction)) && is_below(thickness)) {
             return Slabs::ALL;
         }
-        let inverse = |k: usize| instance_inverse(direction[k], reach[k] * LEAST_SLAB_DIRECTION);
+        let inverse = |k: usize| slab_inverse(direction[k], reach[k] * LEAST_SLAB_DIRECTION);
         Slabs::thick(origin, Vec3::from_array([0, 1, 2].map(inverse)), thickness)
     }
 }
 
-/// The same for two boxes at a time.
+/// The same for two boxes at a time. Near planes are selected here; on GPUs the kernels multiply both, one of
+/// them by 0: the same numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct PairSlabs {
     inv_xy: [f32; 4],

@@ -55,10 +55,10 @@ pub(super) fn descend_to_leaf(
     while link & BVH_LEAF == 0 {
         work.count(WorkCounter::Steps, 1);
         let first = (BVH_NODE_RECORDS * link) as usize;
-        let mut planes = |record: usize| bytemuck::cast(load_node(buffers, first + record, work));
-        let (xy0, xy1, zz) = (planes(0), planes(1), planes(2));
-        let links = load_node(buffers, first + 3, work);
-        let t = pair.clip(limits, xy0, xy1, zz);
+        let mut record = |number: usize| load_node(buffers, first + number, work);
+        let (xy0, xy1, links, z1) = (record(0), record(1), record(2), record(3));
+        let zz = [f32::from_bits(links.right), links.split, f32::from_bits(z1.flags), f32::from_bits(z1.left)];
+        let t = pair.clip(limits, bytemuck::cast(xy0), bytemuck::cast(xy1), zz);
         let (meets0, meets1) = (t[0] <= -t[1], t[2] <= -t[3]);
         let (link0, link1) = (links.flags, links.left);
         if meets0 || meets1 {
