@@ -26,7 +26,7 @@ const RELAXED: [&str; 7] = [
     "-cl-fast-relaxed-math -cl-mad-enable -cl-single-precision-constant",
 ];
 
-/// What GPUs take in place of other instructions, as kernels for other devices do not, which are what tests have.
+/// What makes the kernels take the instructions that they take on GPUs, whatever the device is.
 const GPU: [&str; 2] = ["-D GPU", "-D GPU -cl-fast-relaxed-math"];
 
 /// A tracer on `device`, or `None`, with the reason printed, where the kernels refuse the device's compiler options.
@@ -89,7 +89,10 @@ fn hits_keep_their_bits() {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays = rays(&buffers, &triangles, &mut random);
         let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-        let expected = open_tracer(None, &buffers, &options, 4, None).unwrap().trace(&job, &|_| ()).unwrap().hits;
+        let any_hit = TraceJob { any_hit: true, ..job };
+        let mut reference = open_tracer(None, &buffers, &options, 4, None).unwrap();
+        let expected = reference.trace(&job, &|_| ()).unwrap().hits;
+        let expected_any = reference.trace(&any_hit, &|_| ()).unwrap().hits;
         assert!(expected.iter().filter(|hit| hit.t.is_finite()).count() > 500);
         // All options for the default; what stands for the most of them for the others, because each is a program to compile.
         let relaxed_by = match (options.intersector, options.accel) {
@@ -102,6 +105,8 @@ fn hits_keep_their_bits() {
             let Some(mut tracer) = open(&device, &buffers, &options, Task::Batch) else { continue };
             let got = tracer.trace(&job, &|_| ()).unwrap();
             assert_eq!(bits(&got.hits), bits(&expected), "{relaxed}: {options:?} (seed {SEED})");
+            let got_any = tracer.trace(&any_hit, &|_| ()).unwrap();
+            assert_eq!(bits(&got_any.hits), bits(&expected_any), "{relaxed}: any hit, {options:?} (seed {SEED})");
             if options.intersector == Intersector::Exact {
                 assert!(got.second_pass > Some(0), "no ray needed whole numbers");
             }

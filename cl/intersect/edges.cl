@@ -3,14 +3,14 @@
 //
 // With H the largest sheared coordinate and M = H + the largest depth, to first order, no coordinate of a vertex relative to the origin is
 // larger than M, because the shear is not larger than 1. In units of EPSILON: a difference from the origin is off by D M, where D is 1 (one
-// rounding) for a ray that starts at its origin, 4 (two, and 2 of the second part) for others; the shear by 1 of itself (shear_towards),
-// which its factor M passes on; the difference in it by D M more, and the fma rounds its result by H. So a sheared coordinate is off by
-// delta = (2 D + 1) M + H. An edge function of two vertices is off by 4 H delta + 2 delta^2 and, by itself, by H^2 for its product and
-// 2 H^2 for its fma: H ((8 D + 4) M + 7 H) EPSILON + 2 delta^2, of which the last is no more than 200 EPSILON^2 M^2. The constants
-// leave room for the roundings of H and M, and of the bound itself. LEAST_EDGE is for what underflows, and so large that quotients by
-// sums of edge functions above it do not. It is for the start of a ray, too, that leaves a triangle at a point whose second part came
-// out 0: that is off by 2^-66 of the triangle's coordinates at most (rounding_errors.cl). A difference that is off by e, below 2^-43,
-// moves an edge function by 4 H e, which is no more than LEAST_EDGE and the EPSILON H^2 that EDGE_ERROR_EXTENT has to spare.
+// rounding) for a ray that starts at its origin, 4 (two, and 2 of the second part) for others; the shear by 1 of itself (shear_towards in
+// ray.cl), which its factor M passes on; the difference in it by D M more, and the fma rounds its result by H. So a sheared coordinate is
+// off by delta = (2 D + 1) M + H. An edge function of two vertices is off by 4 H delta + 2 delta^2 and, by itself, by H^2 for its product
+// and 2 H^2 for its fma: H ((8 D + 4) M + 7 H) EPSILON + 2 delta^2, of which the last is no more than 200 EPSILON^2 M^2. The constants
+// leave room for the roundings of H and M, and of the bound itself. LEAST_EDGE is for what underflows, and so large that quotients by sums
+// of edge functions above it do not. It is for the start of a ray, too, that leaves a triangle at a point whose second part came out 0: that
+// is off by 2^-66 of the triangle's coordinates at most (rounding_errors.cl). A difference that is off by e, below 2^-43, moves an edge
+// function by 4 H e, which is no more than LEAST_EDGE and the EPSILON H^2 that EDGE_ERROR_EXTENT has to spare.
 #ifndef EDGE_ERROR
 #define EDGE_ERROR (13.0f * EPSILON)       // times H M
 #define EDGE_ERROR_LOW (38.0f * EPSILON)   // the same of a ray that does not start at its origin

@@ -171,7 +171,8 @@ bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* r
     return is_bound(bound) && wide_rounds_surely(quotient, error, rounded);
 }
 
-// t and the weights of a triangle that is hit, if that is sure.
+// t, if it is wanted, and the weights of a triangle that is hit, if that is sure: the floats nearest to them. Else 0, and the weight of
+// vertex 0 only if it is not the largest one, which the others tell.
 typedef struct {
     bool is_sure;
     float t, weight0, u, v;

@@ -13,13 +13,10 @@ typedef struct {
 } Filter;
 
 Filter make_filter(const Ray* ray) {
-    const uint axis = major_axis(ray->direction);
-    const float3 direction = rotate_to_z(ray->direction, axis);
+    const uint axis = ray->shear.axis;
     const float3 origin = rotate_to_z(ray->origin, axis), low = rotate_to_z(ray->origin_low, axis);
-    const float inv_z = 1.0f / direction.z;
     const Filter filter = {2u * ((axis + 1u) % 3u), 2u * ((axis + 2u) % 3u), 2u * axis, origin.x, origin.y, origin.z,
-                           low.x, low.y, low.z, shear_towards(direction.x, direction.z, inv_z),
-                           shear_towards(direction.y, direction.z, inv_z), edge_error(low)};
+                           low.x, low.y, low.z, ray->shear.x, ray->shear.y, edge_error(low)};
     return filter;
 }
 

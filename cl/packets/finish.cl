@@ -1,4 +1,4 @@
-// t, u and v of the hits of a packet: finish_hit() of exact.cl, in the same precision with the same bounds, for eight lanes at a
+// t, u and v of the hits of a packet: finish_wide() of exact_filter.cl, in the same precision with the same bounds, for eight lanes at a
 // time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. Instead of t surfaces want the weight of vertex 0.
 
 #ifdef WIDE_IS_DOUBLE
@@ -82,7 +82,7 @@ int8 finish_eight(const float8* o, const float8* low, const float8* d, const flo
     is_sure = is_sure && round_surely8(weight1, u_bound, inverse, det_error, u);
     is_sure = is_sure && round_surely8(weight2, v_bound, inverse, det_error, v);
     if (wants_t) return is_sure && round_surely8(dot_doubles(&normal, &from), third_bound, inverse, det_error, third);
-    // As finish_hit(): what the others leave of 1 is near enough where it is the largest weight.
+    // As finish_wide(): what the others leave of 1 is near enough where it is the largest weight.
     const float8 rest = (1.0f - *u) - *v;
     const int8 is_rest = rest >= *u && rest >= *v;
     is_sure = is_sure && (round_surely8((det - weight1) - weight2, third_bound, inverse, det_error, third) || is_rest);

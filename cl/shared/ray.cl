@@ -22,6 +22,7 @@ float shear_towards(float x, float z, float inv_z) {
     const float shear = x * inv_z;
     return fma(fma(-shear, z, x), inv_z, shear);
 }
+
 // What shears triangles (watertight.cl) so that a direction is the z axis: the axis of its largest component becomes z, and x and y are
 // sheared along it.
 typedef struct {

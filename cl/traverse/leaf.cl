@@ -2,8 +2,8 @@
 //
 // Every traversal has the signature
 //     bool traverse_…(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit)
-// and, but for what is settled behind it (query.cl), finds the closest hit of the ray, or with any_hit (a constant at every call, so
-// that inlining folds it away) some hit. *hit is written in the ray's own units of t, its t, u and v by FINISH; its primitive is
+// and, but for what is settled behind it (query.cl, batch.cl), finds the closest hit of the ray, or with any_hit (a constant at every call,
+// so that inlining folds it away) some hit. *hit is written in the ray's own units of t, its t, u and v by FINISH; its primitive is
 // NO_PRIMITIVE on a miss. Returns whether anything was hit.
 
 // HITS says which kind of triangle test there is, and names its functions:

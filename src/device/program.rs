@@ -66,7 +66,7 @@ impl CompileOptions {
         if device.correctly_rounded_divide_sqrt {
             text += " -cl-fp32-correctly-rounded-divide-sqrt";
         }
-        // Where one instruction takes the place of another with the same bits, kernels ask for what this stands for.
+        // Kernels take other instructions on GPUs, with the same results.
         if device.kind == DeviceKind::Gpu {
             text += " -D GPU";
         }
