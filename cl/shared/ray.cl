@@ -1,4 +1,4 @@
-// Rays, their limits, and how a ray leaves a surface. The only home of rounding bounds.
+// Rays, their limits, what shears triangles along them, and how a ray leaves a surface. The only home of rounding bounds.
 
 #define EPSILON 0x1p-24f // half the distance from 1 to the next float: the largest relative error of one rounding
 
