@@ -19,6 +19,7 @@ use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
+use crate::reference::slab::room_of_boxes;
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
     BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
@@ -152,6 +153,7 @@ impl SceneBuffers {
         };
         let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
+        let room = room_of_boxes(bounding_box.low, bounding_box.high);
         let mut instances = None;
         let Structure { nodes, references, bounds } = match options.accel {
             Accel::Instances => {
@@ -179,7 +181,7 @@ impl SceneBuffers {
             Accel::Bvh2 => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
                 stack_entries = tree.depth() + 1; // the last entry says that there are no more
-                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize)?
+                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, room)?
             }
             Accel::Bvh8 => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
@@ -205,7 +207,7 @@ impl SceneBuffers {
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
             params: SceneParams {
-                low: Float4::new(low * scale, 0.0),
+                low: Float4::new(low * scale, room),
                 high: Float4::new(high * scale, 0.0),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),

@@ -17,7 +17,7 @@ use raybrook::reference::math;
 use raybrook::reference::memory::NoWork;
 use raybrook::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
 use raybrook::reference::ray::{Ray, SLACK, TrianglePoint, start_on_triangle, widen_down, widen_up};
-use raybrook::reference::slab::{PairSlabs, Slabs};
+use raybrook::reference::slab::{PairSlabs, Slabs, is_room_enough};
 use raybrook::reference::traverse::NO_HIT;
 use raybrook::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
@@ -75,7 +75,7 @@ fn place(random: &mut Random) -> f32 {
 
 const MAKE_RAY: &str = "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);";
 
-const SLABS: &str = "make_slabs, clip_to_pair";
+const SLABS: &str = "make_slabs, bare_slabs, clip_to_pair";
 
 const CASES: &[Case] = &[
     Case {
@@ -104,23 +104,37 @@ const CASES: &[Case] = &[
     Case {
         name: SLABS,
         body: "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);\
-               float3 low = vload3(0, in + 8), high = low + fabs(vload3(0, in + 11));\
+               float3 m = vload3(0, in + 8), h = vload3(0, in + 11), low = m - fabs(h), high = m + fabs(h);\
                const Slabs slabs = make_slabs(&ray, low, high); const PairSlabs pair = make_pair_slabs(&slabs);\
                vstore3(slabs.inv, 0, out); vstore3(slabs.enter, 1, out); vstore3(slabs.leave, 2, out);\
-               const float4 limits = (float4)(ray.t_near, -ray.t_far, ray.t_near, -ray.t_far);\
-               const float4 t = clip_to_pair(&pair, limits, (float4)(low.x, high.x, low.y, high.y),\
-                   (float4)(low.x, low.x, high.y, high.y), (float4)(low.z, high.z, high.z, high.z)); vstore4(t, 0, out + 9);",
+               const float4 xy0 = (float4)(m.x, h.x, m.y, h.y), xy1 = (float4)(h.x, m.x, h.y, h.y), zz = (float4)(m.z, h.z, h.z, h.z);\
+               vstore4(clip_to_pair(&pair, ray.t_near, ray.t_far, false, xy0, xy1, zz), 0, out + 9);\
+               out[13] = is_room_enough(&ray, low, high, in[11]) ? 1.0f : 0.0f;\
+               for (uint i = 14; i < 18u; i++) out[i] = 0.0f;\
+               if (!is_room_enough(&ray, low, high, 1000.0f)) return;\
+               const Slabs bare = bare_slabs(&ray); const PairSlabs bare_pair = make_pair_slabs(&bare);\
+               const float4 t = clip_to_pair(&bare_pair, fabs(ray.t_near), ray.t_far, true, xy0, xy1, zz);\
+               if (t.x <= -t.y) vstore2(t.xy, 0, out + 14); if (t.z <= -t.w) vstore2(t.zw, 0, out + 16);",
         inputs: 14,
-        outputs: 13,
+        outputs: 18,
         input: |random| if random.bits().is_multiple_of(8) { random.any_float() } else { mixed(random) },
         twin: |x| {
-            let (ray, low) = (ray_of(x), v3(&x[8..]));
-            let high = low + v3(&x[11..]).abs();
+            let (ray, middle, half) = (ray_of(x), v3(&x[8..]), v3(&x[11..]));
+            let (low, high) = (middle - half.abs(), middle + half.abs());
             let slabs = Slabs::new(&ray, low, high);
-            let limits = [ray.t_near, -ray.t_far, ray.t_near, -ray.t_far];
-            let (xy0, xy1) = ([low.x, high.x, low.y, high.y], [low.x, low.x, high.y, high.y]);
-            let t = PairSlabs::new(&slabs).clip(limits, xy0, xy1, [low.z, high.z, high.z, high.z]);
-            [slabs.inv, slabs.enter, slabs.leave].iter().flat_map(|v| v.to_array()).chain(t).collect()
+            let (xy0, xy1) = ([middle.x, half.x, middle.y, half.y], [half.x, middle.x, half.y, half.y]);
+            let zz = [middle.z, half.z, half.z, half.z];
+            let t = PairSlabs::new(&slabs).clip([ray.t_near, ray.t_far], xy0, xy1, zz);
+            let mut bare = [0.0; 4];
+            if is_room_enough(&ray, low, high, 1000.0) {
+                let t = PairSlabs::new(&Slabs::bare(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
+                for i in [0, 2].into_iter().filter(|&i| t[i] <= -t[i + 1]) {
+                    bare[i..i + 2].copy_from_slice(&t[i..i + 2]);
+                }
+            }
+            let has_room = flag(is_room_enough(&ray, low, high, x[11]));
+            let slabs = [slabs.inv, slabs.enter, slabs.leave];
+            slabs.iter().flat_map(|v| v.to_array()).chain(t).chain([has_room]).chain(bare).collect()
         },
     },
     Case {
@@ -284,7 +298,7 @@ fn functions_equal_their_twins() {
             compare(&data, CompileOptions::new(), |x| x);
         }
         if has_slabs {
-            // On GPUs planes are multiplied by 0: they are finite, and the sign of a zero is open.
+            // GPUs take other maxima, by their bits where they may: of finite numbers, and the sign of a zero is open.
             let most = (1u128 << 64) as f32;
             let limit = |(i, &x): (usize, &f32)| if i % case.inputs < 8 { x } else { x.min(most).max(-most) };
             let finite: Vec<f32> = data.iter().enumerate().map(limit).collect();

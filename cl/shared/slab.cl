@@ -12,12 +12,12 @@
 //   - the hit's point may lie HIT_ERROR EPSILON D away from the nearest point of its triangle (ray.cl), which is in the box of some leaf
 //     that lists the triangle;
 //   - inv is off by 5 EPSILON of itself (2.5 ulp, on devices whose division is no better) and the fma by EPSILON of its result: as t is
-//     (p - o) inv and |p - o| <= D, together 6 EPSILON D;
+//     (p - o) inv and |p - o| <= D, together 6 EPSILON D; two fma, for planes that are a middle and half an extent, 7 EPSILON D;
 //   - a direction below LEAST_SLAB_DIRECTION is taken for that, so that nothing overflows: it moves the point at t by no more than
 //     EPSILON D / 4. A zero component is one of these: boxes that the ray runs beside are culled, those that it touches are not;
 //   - the second part of the origin, which is left out, is at most EPSILON |o|; the product -o inv is off by as much; and so is its sum
 //     with the pad, beside EPSILON of the pad: 3 EPSILON |o|.
-// HIT_ERROR + 6.25 is below SLACK / EPSILON = HIT_ERROR + 8, and 3 below 4, which leaves room for the second order. LEAST_PAD is for what
+// HIT_ERROR + 7.25 is below SLACK / EPSILON = HIT_ERROR + 8, and 3 below 4, which leaves room for the second order. LEAST_PAD is for what
 // underflows, here or on devices without the smallest numbers: half a dozen times 2^-126, on the scale of t, where |inv| > 1/2.
 //
 // From FARTHEST_START on, where the pad has long been larger than the scene, an offset could overflow: such a ray meets every box. So
@@ -52,15 +52,31 @@ Slabs thick_slabs(float3 origin, float3 inv, float3 thickness) {
     return slabs;
 }
 
+float3 slab_inverses(const Ray* ray) {
+    return (float3)(slab_inverse(ray->direction.x, LEAST_SLAB_DIRECTION), slab_inverse(ray->direction.y, LEAST_SLAB_DIRECTION),
+                    slab_inverse(ray->direction.z, LEAST_SLAB_DIRECTION));
+}
+
 // For boxes within low..high.
 Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
     const float distance = farthest_distance(ray, low, high);
     if (!(distance < FARTHEST_START)) return all_slabs();
-    const float3 inv = (float3)(slab_inverse(ray->direction.x, LEAST_SLAB_DIRECTION),
-                                slab_inverse(ray->direction.y, LEAST_SLAB_DIRECTION),
-                                slab_inverse(ray->direction.z, LEAST_SLAB_DIRECTION));
     const float thickness = fma(SLACK, distance, LEAST_PAD);
-    return thick_slabs(ray->origin, inv, fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)));
+    return thick_slabs(ray->origin, slab_inverses(ray), fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)));
+}
+
+// Whether boxes that are larger by `room` than what they hold need no pads for this ray. So it is for most: room_of_boxes() in
+// src/reference/slab.rs.
+bool is_room_enough(const Ray* ray, float3 low, float3 high, float room) {
+    const float thickness = fma(SLACK, farthest_distance(ray, low, high), LEAST_PAD);
+    return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= room;
+}
+
+// Those without pads.
+Slabs bare_slabs(const Ray* ray) {
+    const float3 inv = slab_inverses(ray), at_origin = -(ray->origin * inv);
+    const Slabs slabs = {inv, at_origin, at_origin};
+    return slabs;
 }
 
 #ifdef INSTANCES
@@ -71,9 +87,9 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
 //   - by the rounding of the triangle's vertices when they were placed, 3 R Q for coordinates up to Q;
 //   - by the rounding of o', 4 R |o| + 4 R Q, because the rows' summands are no larger than R Q, and by what it leaves out, R |o|;
 //   - by the rounding of d' times t, 4 R D, and by its least value, R D / 4;
-//   - by the slab's own arithmetic as above: 6 (|o'| + X) for boxes that reach to X, and 3 |o'|.
-// So R ((HIT_ERROR + 4.25) D + 5 |o| + 7 Q) + 9 |o'| + 6 X: below R (SLACK / EPSILON D + 8 |o|) + 12 |o'| + blur, where blur is what does
-// not depend on the ray, R (8 Q + LEAST_PAD) + 7 X, with a quarter to spare.
+//   - by the slab's own arithmetic as above: 7 (|o'| + X) for boxes that reach to X, and 3 |o'|.
+// So R ((HIT_ERROR + 4.25) D + 5 |o| + 7 Q) + 10 |o'| + 7 X: below R (SLACK / EPSILON D + 8 |o|) + 12 |o'| + blur, where blur is what does
+// not depend on the ray, R (8 Q + LEAST_PAD) + 8 X, with a quarter to spare.
 //
 // From THICKEST on pads may overflow, and directions, whose components may be 2^60 times as large as those of others (make_ray): such a
 // ray meets every box, and so does one that is no number in the object.
@@ -100,58 +116,69 @@ Slabs make_instance_slabs(const Ray* ray, float3 low, float3 high, float4 row0, 
 }
 #endif
 
-// Of two planes that one is the near one which the sign of inv says. Two axes at a time (or one twice): {near, far} of each.
-typedef struct {
-    float4 inv;    // inv, -inv of each
-    float4 offset; // enter, -leave
+// The same for two boxes at a time. On each axis a box is {middle, half_size}, half of its size: so a slab takes three fma, where its planes
+// take a selection for each or four fma, and none need know which plane is the near one. A box is missed where t_enter <= t_leave is not
+// true. No number here is NaN.
 #ifdef GPU
-    // Both planes are multiplied there instead of selecting one: by 0 that which is not wanted, which changes no more than the sign of a
-    // zero, as planes are finite. inv is for lower planes, this for upper ones. GPUs have twice as many units for it as for selections,
-    // which the maxima need, too: an H200 traces 1.01 to 1.03 times as fast; two cores with PoCL 0.95.
-    float4 inv_upper;
-#else
-    int4 swap; // all bits set where the near plane is the upper one
-#endif
-} NearFar;
+typedef Slabs PairSlabs;
 
-NearFar near_far(float2 inv, float2 enter, float2 leave) {
-    NearFar n;
-    n.offset = (float4)(enter.x, -leave.x, enter.y, -leave.y);
-#ifdef GPU
-    const float2 lower = fmax(inv, (float2)(0.0f)), upper = fmin(inv, (float2)(0.0f));
-    n.inv = (float4)(lower.x, -lower.x, lower.y, -lower.y);
-    n.inv_upper = (float4)(upper.x, -upper.x, upper.y, -upper.y);
-#else
-    n.inv = (float4)(inv.x, -inv.x, inv.y, -inv.y);
-    n.swap = (inv < (float2)(0.0f)).xxyy;
-#endif
-    return n;
+PairSlabs make_pair_slabs(const Slabs* s) { return *s; }
+
+// By their bits, of which GPUs have instructions that take three numbers (an H200 traces 1.01 to 1.05 times as fast). With `limit` no
+// less than 0, and not -0, the largest is that of the numbers; the least, too, or both are below 0.
+float largest_by_bits(float3 v, float limit) {
+    return as_float(max(max(as_int(v.x), as_int(v.y)), max(as_int(v.z), as_int(limit))));
+}
+float least_by_bits(float3 v, float limit) {
+    return as_float(min(min(as_int(v.x), as_int(v.y)), min(as_int(v.z), as_int(limit))));
 }
 
-// {t_enter, -t_leave} of {low, high} of each axis.
-float4 times_of_planes(const NearFar* n, float4 planes) {
-#ifdef GPU
-    return fma(planes, n->inv, fma(planes.yxwz, n->inv_upper, n->offset));
-#else
-    return fma(select(planes, planes.yxwz, n->swap), n->inv, n->offset);
-#endif
+// {t_enter, -t_leave} of a box.
+float2 clip_to_middle(const Slabs* s, float t_near, float t_limit, const bool by_bits, float3 middle, float3 half_size) {
+    const float3 half_inv = abs3(s->inv);
+    const float3 enter = fma(-half_size, half_inv, fma(middle, s->inv, s->enter));
+    const float3 leave = fma(half_size, half_inv, fma(middle, s->inv, s->leave));
+    if (by_bits) return (float2)(largest_by_bits(enter, t_near), -least_by_bits(leave, t_limit));
+    return (float2)(fmax(fmax(enter.x, enter.y), fmax(enter.z, t_near)), -fmin(fmin(leave.x, leave.y), fmin(leave.z, t_limit)));
 }
-
-// The same for two boxes at a time, in vectors of four for what has such registers. An interval is written {t_enter, -t_leave}, so that
-// both bounds narrow by fmax(): no number here is NaN.
+#else
+// In vectors of four, for what has such registers. An interval is {t_enter, -t_leave}, so that both bounds narrow by fmax().
+// Two axes, or one twice.
 typedef struct {
-    NearFar xy, zz;
+    float4 inv;      // inv, -inv of each
+    float4 offset;   // enter, -leave
+    float4 half_inv; // -|inv|, twice
+} AxisPair;
+
+typedef struct {
+    AxisPair xy, zz;
 } PairSlabs;
 
-PairSlabs make_pair_slabs(const Slabs* s) {
-    const PairSlabs pair = {near_far(s->inv.xy, s->enter.xy, s->leave.xy), near_far(s->inv.zz, s->enter.zz, s->leave.zz)};
+AxisPair axis_pair(float2 inv, float2 enter, float2 leave) {
+    const AxisPair pair = {(float4)(inv.x, -inv.x, inv.y, -inv.y), (float4)(enter.x, -leave.x, enter.y, -leave.y), -fabs(inv).xxyy};
     return pair;
 }
 
-// Where the ray enters and leaves two boxes, {t_enter, -t_leave} of each, no wider than `limits` are. A box is missed where that is
-// empty: where t_enter <= t_leave is not true. The boxes are {low.x, high.x, low.y, high.y} of each, and z of both.
-float4 clip_to_pair(const PairSlabs* s, float4 limits, float4 xy0, float4 xy1, float4 zz) {
-    const float4 t0 = times_of_planes(&s->xy, xy0), t1 = times_of_planes(&s->xy, xy1), tz = times_of_planes(&s->zz, zz);
+PairSlabs make_pair_slabs(const Slabs* s) {
+    const PairSlabs pair = {axis_pair(s->inv.xy, s->enter.xy, s->leave.xy), axis_pair(s->inv.zz, s->enter.zz, s->leave.zz)};
+    return pair;
+}
+
+// {t_enter, -t_leave} of {middle, half_size} of each axis.
+float4 times_of_slabs(const AxisPair* a, float4 slabs) {
+    return fma(slabs.yyww, a->half_inv, fma(slabs.xxzz, a->inv, a->offset));
+}
+#endif
+
+// Where the ray enters and leaves two boxes, {t_enter, -t_leave} of each, no wider than `t_near` and `t_limit` are. The boxes are
+// {middle.x, half_size.x, middle.y, half_size.y} of each, and z of both. by_bits: that t_near is no less than 0, and not -0.
+float4 clip_to_pair(const PairSlabs* s, float t_near, float t_limit, const bool by_bits, float4 xy0, float4 xy1, float4 zz) {
+#ifdef GPU
+    return (float4)(clip_to_middle(s, t_near, t_limit, by_bits, (float3)(xy0.xz, zz.x), (float3)(xy0.yw, zz.y)),
+                    clip_to_middle(s, t_near, t_limit, by_bits, (float3)(xy1.xz, zz.z), (float3)(xy1.yw, zz.w)));
+#else
+    const float4 t0 = times_of_slabs(&s->xy, xy0), t1 = times_of_slabs(&s->xy, xy1), tz = times_of_slabs(&s->zz, zz);
     const float4 tx = (float4)(t0.xy, t1.xy), ty = (float4)(t0.zw, t1.zw);
-    return fmax(fmax(tx, ty), fmax(tz, limits));
+    return fmax(fmax(tx, ty), fmax(tz, (float4)(t_near, -t_limit, t_near, -t_limit)));
+#endif
 }

@@ -6,8 +6,8 @@
 // (sponza: 7.5 steps a camera ray, hardly fewer than the kd-tree's 7.8); large oblique triangles among small ones, whose boxes hold
 // much that they do not (--spatial-splits is for these); and the first hit need not be the nearest one, because boxes overlap.
 //
-// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes are tested with the pads of
-// cl/shared/slab.cl, so that a hit's t is within the computed interval of all boxes above it, and a box that is entered after the hit
+// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes have the room of cl/shared/slab.cl, or are
+// tested with its pads, so that a hit's t is within the computed interval of all boxes above it, and a box that is entered after the hit
 // has no nearer one.
 
 #ifndef STACK_SIZE
@@ -17,7 +17,9 @@
 // Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the end. Where they are
 // entered is not remembered: what lies behind a hit by now is looked at all the same, a node, a leaf's triangles or an instance, but the
 // stack, which is in memory, is half as large (an H200 traces 1.01 to 1.07 times as fast, and scenes/flake.toml's instances as fast).
-uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit, uint* stack, uint* stacked, uint link) {
+// by_bits: see clip_to_pair().
+__attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit,
+                                                    const bool by_bits, uint* stack, uint* stacked, uint link) {
     while ((link & BVH_LEAF) == 0u) {
         COUNT(geometry, STEPS, 1);
         const uint first = BVH_NODE_RECORDS * link;
@@ -27,8 +29,7 @@ uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, f
         const int4 links = LOAD_NODE(geometry, first + 2u);
         const int4 z1 = LOAD_NODE(geometry, first + 3u);
         const float4 zz = as_float4((int4)(links.zw, z1.xy));
-        const float4 limits = (float4)(t_near, -t_limit, t_near, -t_limit);
-        const float4 t = clip_to_pair(pair, limits, xy0, xy1, zz);
+        const float4 t = clip_to_pair(pair, t_near, t_limit, by_bits, xy0, xy1, zz);
         const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
         const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
         const bool goes_back = !(meets0 || meets1);
@@ -42,9 +43,18 @@ uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, f
     return link;
 }
 
+// descend_to_leaf() for rays from far away, which want pads, and those that look for hits behind their start.
+__attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
+                                                      uint link) {
+    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
+    const PairSlabs pair = make_pair_slabs(&slabs);
+    return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, stacked, link);
+}
+
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit();
-    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
+    const bool is_bare = is_room_enough(ray, geometry->low, geometry->high, geometry->room) && as_int(ray->t_near) >= 0;
+    const Slabs slabs = bare_slabs(ray);
     const PairSlabs pair = make_pair_slabs(&slabs);
     float t_limit = ray->t_far;
 
@@ -53,7 +63,8 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, stack, &stacked, link);
+        link = is_bare ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, true, stack, &stacked, link)
+                       : descend_with_pads(GEOMETRY, ray, t_limit, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;

@@ -8,7 +8,7 @@
 //
 // Bad at: objects whose boxes overlap, all of which a ray enters; a scene of one object, which gains nothing and pays for transforms.
 //
-// nodes: as bvh2.cl has them, the instances' hierarchy first. bounds: instances, as src/pack/instances.rs says.
+// nodes: as bvh2.cl has them, but boxes without room, the instances' hierarchy first. bounds: instances, as src/pack/instances.rs says.
 #ifdef INSTANCES
 
 // Not so the leaf that is no child, whose box rays from very far away meet with all others.
@@ -25,7 +25,7 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, stack, &stacked, link);
+        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (is_instance(link)) {

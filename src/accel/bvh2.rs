@@ -3,17 +3,19 @@
 //! Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", High Performance Graphics 2009. Four records a node:
 //!
 //! ```text
-//! low0.x  high0.x  low0.y  high0.y     the box of child 0
-//! low1.x  high1.x  low1.y  high1.y     of child 1
-//! link0   link1    low0.z  high0.z     of child 0
-//! low1.z  high1.z  0       0           of child 1
+//! middle0.x  half0.x  middle0.y  half0.y     the box of child 0: its middle and half of its size
+//! middle1.x  half1.x  middle1.y  half1.y     of child 1
+//! link0      link1    middle0.z  half0.z     of child 0
+//! middle1.z  half1.z  0          0           of child 1
 //!
 //! link:  bit 31 clear   an inner node's number; its first record is four times that
 //!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are; with instances a leaf of none is the
 //!                       instance whose number is one less
 //! ```
 //!
-//! Links lie among planes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to each step's.
+//! A box is larger than what it holds by some room on all sides (`cl/shared/slab.cl`), and by what its numbers are rounded.
+//!
+//! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to each step's.
 //!
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
 //! ray enters.
@@ -32,16 +34,43 @@ const LINKS: usize = 2;
 
 const _: () = assert!(MAX_TRIANGLES < BVH_FIRST_MASK as usize);
 
-/// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far away.
-pub(super) const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
-const FAR: f32 = (1u128 << 64) as f32;
+/// A box by its middle and half of its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Middle {
+    pub middle: Vec3,
+    pub half_size: Vec3,
+}
 
-/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others.
+/// As that of `bvh8.rs`.
+pub(crate) const NOWHERE: Middle = Middle { middle: Vec3::ZERO, half_size: Vec3::splat(-FAR) };
+/// What no box of a scene reaches to.
+pub(super) const FAR: f32 = (1u128 << 64) as f32;
+
+impl Middle {
+    /// A box that holds this one with `room` on all sides.
+    pub fn new(bounds: &Aabb, room: f32) -> Middle {
+        let middle = 0.5 * bounds.low + 0.5 * bounds.high;
+        let beyond = |axis: usize| {
+            let from = |plane: f32| (f64::from(plane) - f64::from(middle[axis])).abs();
+            rounded_up(from(bounds.low[axis]).max(from(bounds.high[axis])) + f64::from(room))
+        };
+        Middle { middle, half_size: Vec3::new(beyond(0), beyond(1), beyond(2)) }
+    }
+}
+
+/// The least float that is not below it, or the next one.
+fn rounded_up(x: f64) -> f32 {
+    let rounded = x as f32;
+    if f64::from(rounded) < x { rounded.next_up() } else { rounded }
+}
+
+/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others; its boxes larger by
+/// `room` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles,
 /// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
-pub fn pack_bvh2(tree: &Bvh, top: usize) -> Result<Structure> {
+pub fn pack_bvh2(tree: &Bvh, top: usize, room: f32) -> Result<Structure> {
     check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
     tree.check_leaves(Accel::Bvh2, TraceOptions::BVH2_MAX_LEAF)?;
     let mut references = Vec::with_capacity(tree.order.len());
@@ -57,7 +86,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize) -> Result<Structure> {
         references.extend_from_slice(triangles);
     }
     let nowhere = (NOWHERE, NO_CHILD);
-    let child = |index: usize| (tree.nodes[index].bounds, links[index]);
+    let child = |index: usize| (Middle::new(&tree.nodes[index].bounds, room), links[index]);
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
         nodes.extend(records(tree.children(index as usize).map(child)));
@@ -87,14 +116,15 @@ fn numbered(tree: &Bvh, top: usize) -> Vec<u32> {
     order
 }
 
-fn records([(box0, link0), (box1, link1)]: [(Aabb, u32); 2]) -> [KdNode; BVH_NODE_RECORDS as usize] {
-    let planes =
+fn records([(box0, link0), (box1, link1)]: [(Middle, u32); 2]) -> [KdNode; BVH_NODE_RECORDS as usize] {
+    let numbers =
         |[a, b, c, d]: [f32; 4]| KdNode { flags: a.to_bits(), left: b.to_bits(), right: c.to_bits(), split: d };
+    let xy = |b: Middle| numbers([b.middle.x, b.half_size.x, b.middle.y, b.half_size.y]);
     [
-        planes([box0.low.x, box0.high.x, box0.low.y, box0.high.y]),
-        planes([box1.low.x, box1.high.x, box1.low.y, box1.high.y]),
-        KdNode { flags: link0, left: link1, right: box0.low.z.to_bits(), split: box0.high.z },
-        planes([box1.low.z, box1.high.z, 0.0, 0.0]),
+        xy(box0),
+        xy(box1),
+        KdNode { flags: link0, left: link1, right: box0.middle.z.to_bits(), split: box0.half_size.z },
+        numbers([box1.middle.z, box1.half_size.z, 0.0, 0.0]),
     ]
 }
 
@@ -116,6 +146,8 @@ pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
 mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_bvh};
+    use crate::reference::ray::EPSILON;
+    use crate::stress::Random;
 
     fn tree(count: usize, leaf_size: u32) -> Bvh {
         let triangle = |i: usize| {
@@ -128,11 +160,14 @@ mod tests {
     }
 
     /// The boxes and links of a node, from its records.
-    fn children(structure: &Structure, number: usize) -> [(Aabb, u32); 2] {
+    fn children(structure: &Structure, number: usize) -> [(Middle, u32); 2] {
         let records = &structure.nodes[4 * number..][..4];
-        let planes = |record: &KdNode| bytemuck::cast::<KdNode, [f32; 4]>(*record);
-        let [xy0, xy1, z0, z1] = [0, 1, 2, 3].map(|i| planes(&records[i]));
-        let of = |xy: [f32; 4], z: &[f32]| Aabb { low: [xy[0], xy[2], z[0]].into(), high: [xy[1], xy[3], z[1]].into() };
+        let numbers = |record: &KdNode| bytemuck::cast::<KdNode, [f32; 4]>(*record);
+        let [xy0, xy1, z0, z1] = [0, 1, 2, 3].map(|i| numbers(&records[i]));
+        let of = |xy: [f32; 4], z: &[f32]| Middle {
+            middle: [xy[0], xy[2], z[0]].into(),
+            half_size: [xy[1], xy[3], z[1]].into(),
+        };
         [(of(xy0, &z0[2..]), records[LINKS].flags), (of(xy1, &z1[..2]), records[LINKS].left)]
     }
 
@@ -140,7 +175,8 @@ mod tests {
     fn links_lead_to_every_node_and_triangle_with_the_boxes_of_the_tree() {
         for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
             let tree = tree(count, 4);
-            let structure = pack_bvh2(&tree, top).unwrap();
+            let room = [0.0, 1e-4][count % 2];
+            let structure = pack_bvh2(&tree, top, room).unwrap();
             let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
             assert_eq!(structure.nodes.len(), 4 * inner.max(1));
             let mut seen = vec![false; count];
@@ -154,7 +190,7 @@ mod tests {
                         assert_eq!(bounds, NOWHERE);
                         continue;
                     }
-                    assert_eq!(bounds, tree.nodes[child].bounds);
+                    assert_eq!(bounds, Middle::new(&tree.nodes[child].bounds, room));
                     let Some(leaf) = link::leaf_range(link) else {
                         open.push((link as usize, Some(child)));
                         continue;
@@ -171,8 +207,28 @@ mod tests {
     }
 
     #[test]
+    fn boxes_hold_what_they_are_made_of_and_hardly_more() {
+        let mut random = Random(20_081_121);
+        for i in 0..100_000 {
+            let (p, q) = (random.vec3() * 2f32.powi(i % 40 - 30), random.vec3());
+            let q = if i % 3 == 0 { p } else { q };
+            let bounds = Aabb { low: p.min(q), high: p.max(q) };
+            let room = [0.0, 1e-5, 1e-3][i as usize / 3 % 3];
+            let Middle { middle, half_size } = Middle::new(&bounds, room);
+            for axis in 0..3 {
+                let at = f64::from(middle[axis]);
+                let [low, high] = [bounds.low, bounds.high].map(|corner| f64::from(corner[axis]));
+                let beyond = [low - (at - f64::from(half_size[axis])), at + f64::from(half_size[axis]) - high];
+                // The middle is rounded once, the half size once.
+                let most = f64::from(room) + 2.5 * f64::from(EPSILON) * (low.abs().max(high.abs()) + f64::from(room));
+                assert!(beyond.iter().all(|&x| x >= f64::from(room) && x <= most), "{bounds:?} {room}: {beyond:?}");
+            }
+        }
+    }
+
+    #[test]
     fn what_links_have_no_room_for_is_refused() {
-        let large = pack_bvh2(&Bvh::of_one_leaf(16), 0).map(drop).unwrap_err().to_string();
+        let large = pack_bvh2(&Bvh::of_one_leaf(16), 0, 0.0).map(drop).unwrap_err().to_string();
         assert!(large.starts_with("option --leaf-size: there is a leaf of 16 triangles"), "{large}");
         let limit = MAX_TRIANGLES;
         check_triangle_count(limit, limit).unwrap();

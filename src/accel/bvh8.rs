@@ -15,7 +15,7 @@
 //! A leaf's triangles are in `bounds`, too: `leaf_packets.rs`.
 
 use super::bvh::Bvh;
-use super::bvh2::NOWHERE;
+use super::bvh2::FAR;
 use super::leaf_packets::{WIDTH, pack, push_leaf};
 use super::link::{self, NO_CHILD, leaf_link};
 use super::{Aabb, Structure};
@@ -26,6 +26,9 @@ use glam::Vec3;
 
 // A node has as many children as a packet triangles.
 const _: () = assert!(TraceOptions::BVH8_MAX_LEAF as usize == WIDTH);
+
+/// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far away.
+const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
 
 /// The most leaves: of the numbers of references that a link has room for each takes eight.
 const MAX_LEAVES: usize = (BVH_FIRST_MASK as usize + 1) / WIDTH;

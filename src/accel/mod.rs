@@ -26,6 +26,8 @@ mod validate;
 mod volumes;
 
 pub use bvh::{Bvh, BvhNode, build_bvh};
+#[cfg(test)]
+pub(crate) use bvh2::{Middle, NOWHERE};
 pub use bvh2::{move_links, pack_bvh2};
 pub use bvh8::{Bvh8, pack_bvh8};
 pub use cost::Measure;

@@ -159,7 +159,7 @@ impl Inverse {
             reach[k] = (widest as f32).next_up();
             // Vertices of the least scenes are placed among subnormal numbers.
             let least = f64::from(LEAST_PAD) + 4.0 * f64::from(f32::from_bits(1)) * scale;
-            let needed = widest * (8.0 * epsilon * magnitude + least) + 7.0 * epsilon * extent[k];
+            let needed = widest * (8.0 * epsilon * magnitude + least) + 8.0 * epsilon * extent[k];
             blur[k] = (REACH_MARGIN * needed) as f32;
         }
         (rows.as_flattened().iter().all(|x| x.is_finite()) && blur.is_finite()).then_some(Inverse { rows, reach, blur })
@@ -190,12 +190,12 @@ pub(super) fn pack_instances(
     let one_a_leaf = BuildOptions { leaf_size: 1, spatial_splits: 0.0, ..*options };
     let top = build_bvh(&boxes, &hittable, &one_a_leaf)?;
 
-    let mut structure = pack_bvh2(&top, 0)?;
+    let mut structure = pack_bvh2(&top, 0, 0.0)?;
     move_links(&mut structure.nodes, |leaf| instance_link(structure.references[leaf.start]), 0);
     structure.references.clear();
     let (mut roots, mut firsts, mut triangle_count) = (Vec::new(), Vec::new(), 0);
     for (mesh, tree) in meshes.iter().zip(&trees) {
-        let mut packed = pack_bvh2(tree, 0)?;
+        let mut packed = pack_bvh2(tree, 0, 0.0)?;
         let (node_count, reference_count) =
             (structure.nodes.len() as u32 / BVH_NODE_RECORDS, structure.references.len());
         check_triangle_count(reference_count + packed.references.len(), MAX_TRIANGLES)?;

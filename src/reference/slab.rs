@@ -35,6 +35,32 @@ fn slab_inverse(direction: f32, least: f32) -> f32 {
     1.0 / if direction.abs() >= least { direction } else { limited }
 }
 
+#[inline(always)]
+fn slab_inverses(ray: &Ray) -> Vec3 {
+    Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], LEAST_SLAB_DIRECTION)))
+}
+
+/// Rays that start no farther away than this from any corner of the scene's box, on any axis, in units of the box's largest side, want no
+/// more than the room of its boxes: those that start in it, and from cameras three times its size beside it. Others take pads. As much
+/// again would make boxes larger by a hundred thousandth of the scene.
+const ROOMY_DISTANCE: f32 = 4.0;
+
+/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of a ray from
+/// [`ROOMY_DISTANCE`] away. For boxes within `low..high`.
+pub fn room_of_boxes(low: Vec3, high: Vec3) -> f32 {
+    let distance = ROOMY_DISTANCE * (high - low).max_element();
+    let farthest_origin = low.abs().max(high.abs()).max_element() + distance;
+    let room = farthest_origin.mul_add(ORIGIN_ERROR, SLACK.mul_add(distance, LEAST_PAD));
+    if room.is_finite() { room } else { 0.0 }
+}
+
+/// Whether boxes within `low..high` that are larger by `room` than what they hold need no pads for this ray.
+#[inline(always)]
+pub fn is_room_enough(ray: &Ray, low: Vec3, high: Vec3, room: f32) -> bool {
+    let thickness = SLACK.mul_add(ray.farthest_distance(low, high), LEAST_PAD);
+    max_component(abs3(ray.origin)).mul_add(ORIGIN_ERROR, thickness) <= room
+}
+
 impl Slabs {
     /// Those of a ray that meets every box.
     const ALL: Slabs = Slabs { inv: Vec3::ZERO, enter: Vec3::NEG_INFINITY, leave: Vec3::INFINITY };
@@ -46,9 +72,16 @@ impl Slabs {
         if !(distance < FARTHEST_START) {
             return Slabs::ALL;
         }
-        let inv = Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], LEAST_SLAB_DIRECTION)));
         let thickness = SLACK.mul_add(distance, LEAST_PAD);
-        Slabs::thick(ray.origin, inv, fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)))
+        Slabs::thick(ray.origin, slab_inverses(ray), fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)))
+    }
+
+    /// Those without pads: for rays for which boxes have [room enough](is_room_enough).
+    #[inline(always)]
+    pub fn bare(ray: &Ray) -> Slabs {
+        let inv = slab_inverses(ray);
+        let at_origin = -(ray.origin * inv);
+        Slabs { inv, enter: at_origin, leave: at_origin }
     }
 
     /// Those whose planes are `thickness` away from where they are, on both sides.
@@ -77,57 +110,61 @@ impl Slabs {
     }
 }
 
-/// The same for two boxes at a time. Near planes are selected here; on GPUs the kernels multiply both, one of
-/// them by 0: the same numbers.
+/// The same for two boxes at a time.
 #[derive(Debug, Clone, Copy)]
 pub struct PairSlabs {
-    inv_xy: [f32; 4],
-    inv_zz: [f32; 4],
-    offset_xy: [f32; 4],
-    offset_zz: [f32; 4],
-    swap_xy: [bool; 2],
-    swap_zz: [bool; 2],
+    xy: AxisPair,
+    zz: AxisPair,
+}
+
+/// Of two axes, or one twice.
+#[derive(Debug, Clone, Copy)]
+struct AxisPair {
+    inv: [f32; 4],
+    offset: [f32; 4],
+    half_inv: [f32; 4],
+}
+
+impl AxisPair {
+    #[inline(always)]
+    fn new(s: &Slabs, [i, j]: [usize; 2]) -> AxisPair {
+        AxisPair {
+            inv: [s.inv[i], -s.inv[i], s.inv[j], -s.inv[j]],
+            offset: [s.enter[i], -s.leave[i], s.enter[j], -s.leave[j]],
+            half_inv: [i, i, j, j].map(|axis| -s.inv[axis].abs()),
+        }
+    }
+
+    /// `[t_enter, -t_leave]` of `[middle, half_size]` of each axis.
+    #[inline(always)]
+    fn times(&self, [middle0, half0, middle1, half1]: [f32; 4]) -> [f32; 4] {
+        let (middle, half) = ([middle0, middle0, middle1, middle1], [half0, half0, half1, half1]);
+        std::array::from_fn(|i| half[i].mul_add(self.half_inv[i], middle[i].mul_add(self.inv[i], self.offset[i])))
+    }
 }
 
 impl PairSlabs {
     /// For the same ray as `s`.
     #[inline(always)]
     pub fn new(s: &Slabs) -> PairSlabs {
-        let swap = [0, 1, 2].map(|k| s.inv[k] < 0.0);
-        PairSlabs {
-            inv_xy: [s.inv.x, -s.inv.x, s.inv.y, -s.inv.y],
-            inv_zz: [s.inv.z, -s.inv.z, s.inv.z, -s.inv.z],
-            offset_xy: [s.enter.x, -s.leave.x, s.enter.y, -s.leave.y],
-            offset_zz: [s.enter.z, -s.leave.z, s.enter.z, -s.leave.z],
-            swap_xy: [swap[0], swap[1]],
-            swap_zz: [swap[2]; 2],
-        }
+        PairSlabs { xy: AxisPair::new(s, [0, 1]), zz: AxisPair::new(s, [2, 2]) }
     }
 
-    /// Where the ray enters and leaves two boxes, `[t_enter, -t_leave]` of each, no wider than `limits` are. The boxes are
-    /// `[low.x, high.x, low.y, high.y]` of each, and z of both.
+    /// Where the ray enters and leaves two boxes, `[t_enter, -t_leave]` of each, no wider than `limits` are, of `t_near` and `t_limit`. The
+    /// boxes are `[middle.x, half_size.x, middle.y, half_size.y]` of each, and z of both.
     #[inline(always)]
-    pub fn clip(&self, limits: [f32; 4], xy0: [f32; 4], xy1: [f32; 4], zz: [f32; 4]) -> [f32; 4] {
-        let t0 = times(xy0, self.swap_xy, self.inv_xy, self.offset_xy);
-        let t1 = times(xy1, self.swap_xy, self.inv_xy, self.offset_xy);
-        let tz = times(zz, self.swap_zz, self.inv_zz, self.offset_zz);
+    pub fn clip(&self, [t_near, t_limit]: [f32; 2], xy0: [f32; 4], xy1: [f32; 4], zz: [f32; 4]) -> [f32; 4] {
+        let (t0, t1, tz) = (self.xy.times(xy0), self.xy.times(xy1), self.zz.times(zz));
         let (tx, ty) = ([t0[0], t0[1], t1[0], t1[1]], [t0[2], t0[3], t1[2], t1[3]]);
+        let limits = [t_near, -t_limit, t_near, -t_limit];
         std::array::from_fn(|i| max_or(max_or(tx[i], ty[i]), max_or(tz[i], limits[i])))
     }
-}
-
-/// The t of two pairs of planes, each pair swapped or not.
-#[inline(always)]
-fn times([a, b, c, d]: [f32; 4], swap: [bool; 2], inv: [f32; 4], offset: [f32; 4]) -> [f32; 4] {
-    let (a, b) = if swap[0] { (b, a) } else { (a, b) };
-    let (c, d) = if swap[1] { (d, c) } else { (c, d) };
-    let near_far = [a, b, c, d];
-    std::array::from_fn(|i| near_far[i].mul_add(inv[i], offset[i]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::{Aabb, Middle, NOWHERE};
     use crate::reference::ray::HIT_ERROR;
     use crate::shared::NO_PRIMITIVE;
     use crate::stress::Random;
@@ -269,6 +306,88 @@ mod tests {
         assert!(culled > 30_000, "{culled}");
     }
 
+    /// As [`slab_interval`], of a box that is given by its middle.
+    fn middle_interval(slabs: &Slabs, axis: usize, bounds: &Middle) -> [f32; 2] {
+        let (inv, half) = (slabs.inv[axis], bounds.half_size[axis]);
+        let middle = |offset: f32| bounds.middle[axis].mul_add(inv, offset);
+        [(-half).mul_add(inv.abs(), middle(slabs.enter[axis])), half.mul_add(inv.abs(), middle(slabs.leave[axis]))]
+    }
+
+    fn middle_of([low, high]: [Vec3; 2], room: f32) -> Middle {
+        Middle::new(&Aabb { low, high }, room)
+    }
+
+    #[test]
+    fn no_box_with_pads_or_room_is_left_before_or_entered_after_any_hit_in_it() {
+        let mut random = Random(SEED + 3);
+        let (mut checked, mut bare) = (0, 0);
+        for i in 0..400_000 {
+            let query = query(i, &mut random);
+            let [low, high] = query.scene;
+            if query.ray.t_near > query.ray.t_far {
+                continue; // no direction
+            }
+            let room = room_of_boxes(low, high);
+            let is_bare = is_room_enough(&query.ray, low, high, room);
+            let (distance, most) = reach(&query);
+            let padded = (Slabs::new(&query.ray, low, high), middle_of(query.bounds, 0.0));
+            let roomy = (Slabs::bare(&query.ray), middle_of(query.bounds, room));
+            bare += usize::from(is_bare);
+            for (slabs, bounds) in std::iter::once(&padded).chain(is_bare.then_some(&roomy)) {
+                for axis in 0..3 {
+                    let planes = query.bounds.map(|corner| corner[axis]);
+                    let [t_enter, t_leave] = middle_interval(slabs, axis, bounds).map(f64::from);
+                    let [from, to] = interval(&query.ray, axis, planes, f64::from(HIT_ERROR * EPSILON) * distance);
+                    let (from, to) = (from.max(-most), to.min(most));
+                    if from <= to {
+                        checked += 1;
+                        let message = || format!("{i}, axis {axis}: {:?} {planes:?} (seed {SEED})", query.ray);
+                        assert!(t_enter <= from && t_leave >= to, "{t_enter}..{t_leave} {from}..{to}, {}", message());
+                    }
+                }
+            }
+        }
+        assert!(checked > 700_000 && bare > 100_000 && bare < 300_000, "{checked} {bare}");
+    }
+
+    #[test]
+    fn rays_that_start_in_the_scene_or_not_far_away_have_room_enough() {
+        let mut random = Random(SEED + 4);
+        for i in 0..100_000 {
+            let query = query(i, &mut random);
+            let [low, high] = query.scene;
+            let side = (high - low).max_element();
+            if side < 1e-5 {
+                continue; // that is a few roundings, and so would be the distances here
+            }
+            let from_corner = (2.9 * random.vec3()) * side; // up to 2.9 sides beside a corner, 3.9 from the others
+            for origin in [low.lerp(high, 0.5 + 0.5 * random.signed()), low + from_corner, high + from_corner] {
+                let ray = Ray::new(origin, Vec3::ONE, 0.0, f32::INFINITY, NO_PRIMITIVE);
+                assert!(is_room_enough(&ray, low, high, room_of_boxes(low, high)), "{i}: {origin} {low} {high}");
+                // Room is for the origin's distance from that of space, too, which is small here.
+                let far = Ray::new(origin + 9.0 * side, Vec3::ONE, 0.0, f32::INFINITY, NO_PRIMITIVE);
+                let is_about_zero = side > 0.2;
+                assert!(!is_about_zero || !is_room_enough(&far, low, high, room_of_boxes(low, high)), "{i}: {far:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_box_that_there_is_not_is_never_entered() {
+        let mut random = Random(SEED + 5);
+        for i in 0..100_000 {
+            let query = query(i, &mut random);
+            let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1]), Slabs::bare(&query.ray)];
+            let is_bare = is_room_enough(&query.ray, query.scene[0], query.scene[1], 1.0);
+            for slabs in slabs.iter().take(1 + usize::from(is_bare)).filter(|slabs| slabs.enter != Vec3::NEG_INFINITY) {
+                for axis in 0..3 {
+                    let [t_enter, t_leave] = middle_interval(slabs, axis, &NOWHERE);
+                    assert!(t_enter > t_leave, "{i}, axis {axis}: {:?} {t_enter} {t_leave}", query.ray);
+                }
+            }
+        }
+    }
+
     #[test]
     fn pairs_clip_as_slabs_one_by_one() {
         let mut random = Random(SEED + 2);
@@ -276,15 +395,15 @@ mod tests {
             let (query, other) = (query(i, &mut random), random.vec3());
             let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1]);
             let boxes = [query.bounds, [query.bounds[0].min(other), query.bounds[1].max(other)]];
-            let xy = boxes.map(|[low, high]| [low.x, high.x, low.y, high.y]);
-            let [[low0, high0], [low1, high1]] = boxes;
-            let (t_near, t_far) = (0.25, 2.0);
-            let limits = [t_near, -t_far, t_near, -t_far];
-            let got = PairSlabs::new(&slabs).clip(limits, xy[0], xy[1], [low0.z, high0.z, low1.z, high1.z]);
-            for (k, [low, high]) in boxes.into_iter().enumerate() {
-                let t = [0, 1, 2].map(|axis| slab_interval(&slabs, axis, [low[axis], high[axis]]));
-                let t_enter = t.iter().map(|t| t[0]).fold(t_near, f32::max);
-                let t_leave = t.iter().map(|t| t[1]).fold(t_far, f32::min);
+            let boxes = boxes.map(|corners| middle_of(corners, 0.0));
+            let [xy0, xy1] = boxes.map(|Middle { middle, half_size }| [middle.x, half_size.x, middle.y, half_size.y]);
+            let zz = boxes.map(|Middle { middle, half_size }| [middle.z, half_size.z]);
+            let limits = [0.25, 2.0];
+            let got = PairSlabs::new(&slabs).clip(limits, xy0, xy1, [zz[0][0], zz[0][1], zz[1][0], zz[1][1]]);
+            for (k, bounds) in boxes.iter().enumerate() {
+                let t = [0, 1, 2].map(|axis| middle_interval(&slabs, axis, bounds));
+                let t_enter = t.iter().map(|t| t[0]).fold(limits[0], f32::max);
+                let t_leave = t.iter().map(|t| t[1]).fold(limits[1], f32::min);
                 assert_eq!([got[2 * k], -got[2 * k + 1]], [t_enter, t_leave], "{i}: {:?}", query.ray);
             }
         }

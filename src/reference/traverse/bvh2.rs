@@ -8,7 +8,7 @@ use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
 use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
-use crate::reference::slab::{PairSlabs, Slabs};
+use crate::reference::slab::{PairSlabs, Slabs, is_room_enough};
 use crate::shared::{BVH_END, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 
 #[inline(always)]
@@ -20,7 +20,9 @@ pub fn traverse_bvh2(
     work: &mut impl Work,
 ) -> Hit {
     let mut hit = NO_HIT;
-    let pair = PairSlabs::new(&Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz()));
+    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let is_bare = is_room_enough(ray, low, high, buffers.params.low.w) && ray.t_near.is_sign_positive();
+    let pair = PairSlabs::new(&if is_bare { Slabs::bare(ray) } else { Slabs::new(ray, low, high) });
     let mut t_limit = ray.t_far;
 
     let mut stack = [BVH_END; TraceOptions::MAX_DEPTH as usize + 1];
@@ -45,13 +47,12 @@ pub fn traverse_bvh2(
 pub(super) fn descend_to_leaf(
     buffers: &SceneBuffers,
     pair: &PairSlabs,
-    [t_near, t_limit]: [f32; 2],
+    limits: [f32; 2],
     stack: &mut [u32],
     stacked: &mut usize,
     mut link: u32,
     work: &mut impl Work,
 ) -> u32 {
-    let limits = [t_near, -t_limit, t_near, -t_limit];
     while link & BVH_LEAF == 0 {
         work.count(WorkCounter::Steps, 1);
         let first = (BVH_NODE_RECORDS * link) as usize;
