@@ -365,7 +365,7 @@ device_struct! {
 device_struct! {
     /// What the kernels need to know of the scene as a whole.
     pub struct SceneParams {
-        /// Low corner of the box around all triangles in x, y, z, tracing space; w: by how much boxes of bvh2 are larger than what they hold.
+        /// Low corner of the box around all triangles in x, y, z, tracing space; w: the room of the boxes of bvh2.
         pub low: Float4,
         /// High corner of that box; w unused.
         pub high: Float4,

@@ -116,9 +116,9 @@ Slabs make_instance_slabs(const Ray* ray, float3 low, float3 high, float4 row0, 
 }
 #endif
 
-// The same for two boxes at a time. On each axis a box is {middle, half_size}, half of its size: so a slab takes three fma, where its planes
-// take a selection for each or four fma, and none need know which plane is the near one. A box is missed where t_enter <= t_leave is not
-// true. No number here is NaN.
+// The same for two boxes at a time. On each axis a box is {middle, half_size}, half of its size: so a slab takes three fma, where its
+// planes take a selection for each or four fma, and none need know which plane is the near one. A box is missed where
+// t_enter <= t_leave is not true. No number here is NaN.
 #ifdef GPU
 typedef Slabs PairSlabs;
 

@@ -171,7 +171,7 @@ typedef struct {
 
 // What the kernels need to know of the scene as a whole.
 typedef struct {
-    float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w: by how much boxes of bvh2 are larger than what they hold.
+    float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w: the room of the boxes of bvh2.
     float4 high; // High corner of that box; w unused.
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.

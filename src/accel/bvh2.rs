@@ -15,7 +15,8 @@
 //!
 //! A box is larger than what it holds by some room on all sides (`cl/shared/slab.cl`), and by what its numbers are rounded.
 //!
-//! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to each step's.
+//! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to
+//! each step's.
 //!
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
 //! ray enters.
@@ -64,8 +65,8 @@ fn rounded_up(x: f64) -> f32 {
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others; its boxes larger by
-/// `room` on all sides.
+/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others; its boxes
+/// larger by `room` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles,

@@ -45,8 +45,8 @@ fn slab_inverses(ray: &Ray) -> Vec3 {
 /// again would make boxes larger by a hundred thousandth of the scene.
 const ROOMY_DISTANCE: f32 = 4.0;
 
-/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of a ray from
-/// [`ROOMY_DISTANCE`] away. For boxes within `low..high`.
+/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of the pads of a ray from
+/// `ROOMY_DISTANCE` away. For boxes within `low..high`.
 pub fn room_of_boxes(low: Vec3, high: Vec3) -> f32 {
     let distance = ROOMY_DISTANCE * (high - low).max_element();
     let farthest_origin = low.abs().max(high.abs()).max_element() + distance;
@@ -110,7 +110,7 @@ impl Slabs {
     }
 }
 
-/// The same for two boxes at a time.
+/// The same for two boxes at a time, each given by its middle and half of its size.
 #[derive(Debug, Clone, Copy)]
 pub struct PairSlabs {
     xy: AxisPair,
@@ -246,6 +246,19 @@ mod tests {
         (distance, distance * (1.0 + f64::from(HIT_ERROR * EPSILON)))
     }
 
+    /// Asserts that no hit between the planes of the query's box is outside of the interval. False where there can be none.
+    fn holds_hits(query: &Query, axis: usize, computed: [f32; 2]) -> bool {
+        let planes = query.bounds.map(|corner| corner[axis]);
+        let (distance, most) = reach(query);
+        let [from, to] = interval(&query.ray, axis, planes, f64::from(HIT_ERROR * EPSILON) * distance);
+        let (from, to) = (from.max(-most), to.min(most));
+        let [t_enter, t_leave] = computed.map(f64::from);
+        let is_held = t_enter <= from && t_leave >= to;
+        let message = || format!("axis {axis}: {:?} {planes:?} (seed {SEED})", query.ray);
+        assert!(from > to || is_held, "{t_enter}..{t_leave} {from}..{to}, {}", message());
+        from <= to
+    }
+
     fn slab_interval(slabs: &Slabs, axis: usize, [low, high]: [f32; 2]) -> [f32; 2] {
         let (near, far) = if slabs.inv[axis] < 0.0 { (high, low) } else { (low, high) };
         [near.mul_add(slabs.inv[axis], slabs.enter[axis]), far.mul_add(slabs.inv[axis], slabs.leave[axis])]
@@ -261,18 +274,10 @@ mod tests {
                 continue; // no direction
             }
             let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1]);
-            let (distance, most) = reach(&query);
             huge += usize::from(slabs.enter == Vec3::NEG_INFINITY);
             for axis in 0..3 {
                 let planes = query.bounds.map(|corner| corner[axis]);
-                let [t_enter, t_leave] = slab_interval(&slabs, axis, planes).map(f64::from);
-                let [from, to] = interval(&query.ray, axis, planes, f64::from(HIT_ERROR * EPSILON) * distance);
-                let (from, to) = (from.max(-most), to.min(most));
-                if from <= to {
-                    checked += 1;
-                    let message = || format!("{i}, axis {axis}: {:?} {planes:?} (seed {SEED})", query.ray);
-                    assert!(t_enter <= from && t_leave >= to, "{t_enter}..{t_leave} {from}..{to}, {}", message());
-                }
+                checked += usize::from(holds_hits(&query, axis, slab_interval(&slabs, axis, planes)));
             }
         }
         assert!(checked > 500_000 && huge > 10_000, "{checked} {huge}");
@@ -329,21 +334,12 @@ mod tests {
             }
             let room = room_of_boxes(low, high);
             let is_bare = is_room_enough(&query.ray, low, high, room);
-            let (distance, most) = reach(&query);
             let padded = (Slabs::new(&query.ray, low, high), middle_of(query.bounds, 0.0));
             let roomy = (Slabs::bare(&query.ray), middle_of(query.bounds, room));
             bare += usize::from(is_bare);
             for (slabs, bounds) in std::iter::once(&padded).chain(is_bare.then_some(&roomy)) {
                 for axis in 0..3 {
-                    let planes = query.bounds.map(|corner| corner[axis]);
-                    let [t_enter, t_leave] = middle_interval(slabs, axis, bounds).map(f64::from);
-                    let [from, to] = interval(&query.ray, axis, planes, f64::from(HIT_ERROR * EPSILON) * distance);
-                    let (from, to) = (from.max(-most), to.min(most));
-                    if from <= to {
-                        checked += 1;
-                        let message = || format!("{i}, axis {axis}: {:?} {planes:?} (seed {SEED})", query.ray);
-                        assert!(t_enter <= from && t_leave >= to, "{t_enter}..{t_leave} {from}..{to}, {}", message());
-                    }
+                    checked += usize::from(holds_hits(&query, axis, middle_interval(slabs, axis, bounds)));
                 }
             }
         }
