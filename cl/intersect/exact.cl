@@ -11,7 +11,7 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
     const WideDecision closer =
         decide_closer(start_of_ray(GEOMETRY, ray), starts_on_triangle(ray), ray->direction, p0, p1, p2, ray->t_near, ray->t_far,
-                      has_best ? hit->u : INFINITY, hit->t, best0, best1, best2);
+                      hit->u, hit->t, best0, best1, best2);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != DOUBTFUL) return closer.decision;
@@ -77,17 +77,16 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
     const float3 p2 = LOAD_VERTEX(geometry, slot, 2);
     const ShearedTriangle sheared = shear_triangle(ray, p0, p1, p2);
+    const ShearedTriangle* s = &sheared;
+    const Edges e = edges_of(s->error, s->ax, s->ay, s->az, s->bx, s->by, s->bz, s->cx, s->cy, s->cz);
+    if (surely_missed(e)) return;
     float t_low, t_high;
-    int decision = decide_rounded(&sheared, &t_low, &t_high);
-    if (decision != MISS) {
-        const int place = place_hit(ray, hit, t_low, t_high);
-        if (decision == HIT || place == MISS) decision = place;
-    }
-    if (decision == DOUBTFUL) {
+    const int decision = decide_rounded(s, e, &t_low, &t_high), place = place_hit(ray, hit, t_low, t_high);
+    if (place == MISS) return;
+    if (decision == DOUBTFUL || place == DOUBTFUL) {
         if (postpone(geometry, primitive)) return;
-        decision = decide_doubtful(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high) ? HIT : MISS;
+        if (!decide_doubtful(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) return;
     }
-    if (decision != HIT) return;
     hit->t = t_high;
     hit->u = t_low;
     hit->primitive = primitive;
@@ -104,7 +103,7 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
     if (count == 0u) return false;
     geometry->undecided->count = 0u;
     const Hit sure = *hit;
-    if (any_hit) *hit = no_hit();
+    if (any_hit) *hit = no_hit_yet(ray);
     for (uint i = 0; i < count && !(any_hit && found); i++) {
         const uint primitive = geometry->undecided->primitives[i];
         if (primitive == hit->primitive) continue;

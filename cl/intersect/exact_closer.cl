@@ -66,7 +66,7 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
 }
 
 // As decide_wide and place_hit, of a ray that starts at `start`, or with `leaves` leaves there a triangle. best0 to best2 are the
-// vertices of the nearest hit so far, which t_best_low and t_best_high are limits of; infinite if there is none.
+// vertices of the nearest hit so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far.
 RARE WideDecision decide_closer(TrianglePoint start, bool leaves, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
                                 float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1, float3 best2) {
     WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};

@@ -29,10 +29,8 @@
 #define DEPTH_ERROR (26.0f * EPSILON)
 #define LEAST_DEPTH 0x1p-64f
 
-// Hit or miss, and limits of the hit's t, if there is one: in doubt those of all the triangle.
-int decide_rounded(const ShearedTriangle* s, float* t_low, float* t_high) {
-    const Edges e = edges_of(s->error, s->ax, s->ay, s->az, s->bx, s->by, s->bz, s->cx, s->cy, s->cz);
-    if (surely_missed(e)) return MISS;
+// Whether a triangle that is not surely missed is hit, and limits of the hit's t, if there is one: in doubt those of all the triangle.
+int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float* t_high) {
     const float nearest = smaller(s->az, smaller(s->bz, s->cz)), farthest = larger(s->az, larger(s->bz, s->cz));
     const float depth_error = fma(DEPTH_ERROR, larger(fabs(nearest), fabs(farthest)), LEAST_DEPTH);
     if (!(e.low > e.bound || e.high < -e.bound)) {
@@ -52,11 +50,10 @@ int decide_rounded(const ShearedTriangle* s, float* t_low, float* t_high) {
 }
 
 // What limits of its t say of a hit: whether it is inside of the ray's interval and nearer than *hit, of which t and u are limits, too,
-// as long as the traversal goes on. NaN says nothing.
+// as long as the traversal goes on (no_hit_yet() in ray.cl). NaN says nothing.
 int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
-    if (t_high < ray->t_near || t_low > ray->t_far || t_low > hit->t) return MISS;
-    const bool is_inside = t_low > ray->t_near && t_high < ray->t_far;
-    return is_inside && (hit->primitive == NO_PRIMITIVE || t_high < hit->u) ? HIT : DOUBTFUL;
+    if (t_high < ray->t_near || t_low > hit->t) return MISS;
+    return t_low > ray->t_near && t_high < hit->u ? HIT : DOUBTFUL;
 }
 
 // Step 2. The numbers behind every answer, with a = p0 - start, e1 and e2 the edges from p0, N = e1 x e2, c = a x direction:

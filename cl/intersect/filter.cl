@@ -14,8 +14,8 @@ typedef struct {
 
 Filter make_filter(const Ray* ray) {
     const uint axis = ray->shear.axis;
-    const float3 origin = rotate_to_z(ray->origin, axis), low = rotate_to_z(ray->origin_low, axis);
-    const Filter filter = {2u * ((axis + 1u) % 3u), 2u * ((axis + 2u) % 3u), 2u * axis, origin.x, origin.y, origin.z,
+    const float3 origin = swap_to_z(ray->origin, axis), low = swap_to_z(ray->origin_low, axis);
+    const Filter filter = {axis == 0u ? 4u : 0u, axis == 1u ? 4u : 2u, 2u * axis, origin.x, origin.y, origin.z,
                            low.x, low.y, low.z, ray->shear.x, ray->shear.y, edge_error(low)};
     return filter;
 }

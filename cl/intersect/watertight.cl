@@ -17,9 +17,9 @@ typedef struct {
 ShearedTriangle shear_triangle(const Ray* ray, float3 p0, float3 p1, float3 p2) {
     const uint axis = ray->shear.axis;
     const float shear_x = ray->shear.x, shear_y = ray->shear.y;
-    const float3 a = rotate_to_z(from_origin(ray, p0), axis);
-    const float3 b = rotate_to_z(from_origin(ray, p1), axis);
-    const float3 c = rotate_to_z(from_origin(ray, p2), axis);
+    const float3 a = swap_to_z(from_origin(ray, p0), axis);
+    const float3 b = swap_to_z(from_origin(ray, p1), axis);
+    const float3 c = swap_to_z(from_origin(ray, p2), axis);
     const ShearedTriangle triangle = {
         fma(-shear_x, a.z, a.x), fma(-shear_y, a.z, a.y), fma(-shear_x, b.z, b.x), fma(-shear_y, b.z, b.y),
         fma(-shear_x, c.z, c.x), fma(-shear_y, c.z, c.y), a.z, b.z, c.z, ray->shear.z, ray->shear.inv_z,

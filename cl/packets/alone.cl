@@ -5,9 +5,8 @@
 
 typedef struct {
     Slabs slabs;
-    RayRange range; // of this ray alone
-    float3 origin_low, direction;
-    float t_near, t_far;
+    float3 origin, origin_low, direction;
+    float t_near;
     uint skip;
     // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
     float t_limit, hit_low;
@@ -16,17 +15,11 @@ typedef struct {
 } LoneRay;
 
 LoneRay take_ray(const RayPacket* p, uint lane, const float16* t_limits, const PacketHits* hits) {
-    const float3 origin = three_of_lane(p->origin, lane), direction = three_of_lane(p->direction, lane);
-    const float3 origin_low = three_of_lane(p->origin_low, lane);
     const LoneRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
-                         {{origin.x, origin.y, origin.z},
-                          {origin.x, origin.y, origin.z},
-                          {fabs(origin_low.x), fabs(origin_low.y), fabs(origin_low.z)},
-                          {fabs(direction.x), fabs(direction.y), fabs(direction.z)}},
-                         origin_low,
-                         direction,
+                         three_of_lane(p->origin, lane),
+                         three_of_lane(p->origin_low, lane),
+                         three_of_lane(p->direction, lane),
                          lane_of16(&p->t_near, lane),
-                         lane_of16(&p->t_far, lane),
                          ((const uint*)&p->skip)[lane],
                          lane_of16(t_limits, lane),
                          lane_of16(&hits->t_low, lane),
@@ -55,18 +48,20 @@ void put_back(const LoneRay* ray, uint lane, const bool any_hit, float16* t_limi
 // with any_hit there is a hit.
 bool test_alone(GEOMETRY_PARAMETERS, LoneRay* ray, uint first, uint count, const bool any_hit) {
     LeafTriangles l;
-    (void)load_triangles(GEOMETRY, &ray->range, 0, 1u, first / 8u, &l);
-    // As from_origin(); the range is of one ray.
-    const float8 ax = (l.a[0] - ray->range.origin_least[0]) - ray->origin_low.x;
-    const float8 ay = (l.a[1] - ray->range.origin_least[1]) - ray->origin_low.y;
-    const float8 az = (l.a[2] - ray->range.origin_least[2]) - ray->origin_low.z;
-    const float3 direction = ray->direction;
+    float8 b[3], c[3];
+    load_corners(GEOMETRY, first / 8u, l.a, b, c);
+    const float3 low = ray->origin_low, direction = ray->direction;
+    const float3 low_size = abs3(low), steepness = abs3(direction);
+    const float8 from_x = l.a[0] - ray->origin.x, from_y = l.a[1] - ray->origin.y, from_z = l.a[2] - ray->origin.z;
+    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z, steepness.x, steepness.y,
+                      steepness.z);
+    const float8 ax = from_x - low.x, ay = from_y - low.y, az = from_z - low.z; // as from_origin()
     const Decision8 d = decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
                                 l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
     ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
     if (open == 0ul) return false;
     open &= ~lanes_where8(d.has_t && (d.t_high < ray->t_near || d.t_low > ray->t_limit));
-    const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near && d.t_high < ray->t_far);
+    const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near);
     for (; open != 0ul; open = other_lanes8(open)) {
         const uint i = first_lane8(open);
         const float t_low = lane_of8(&d.t_low, i), t_high = lane_of8(&d.t_high, i);

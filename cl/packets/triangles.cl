@@ -6,25 +6,20 @@ typedef struct {
     float8 weight_bound, det_bound, t_bound;
 } LeafTriangles;
 
-float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
-
-// Reads packet number `packet` for rays of that range. Returns for each triangle which of the packets of rays in `members` may hit it, as
-// far as their frusta tell: bit k of byte i. Without frusta, which is 0, all.
-ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frusta, uint members, uint packet, LeafTriangles* l) {
-    float8 b[3], c[3];
+// Reads the corners of packet number `packet` of triangles.
+void load_corners(GEOMETRY_PARAMETERS, uint packet, float8* a, float8* b, float8* c) {
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         const uint record = BVH8_PACKET_RECORDS * packet + 2u * axis;
-        l->a[axis] = LOAD_PACKET(geometry, record);
+        a[axis] = LOAD_PACKET(geometry, record);
         b[axis] = LOAD_PACKET(geometry, record + 6u);
         c[axis] = LOAD_PACKET(geometry, record + 12u);
     }
-    ulong met = frusta == 0 ? ALL_LANES8 * members : 0ul;
-    for (uint rest = frusta == 0 ? 0u : members; rest != 0u; rest &= rest - 1u) {
-        const uint k = first_member(rest);
-        met |= frustum_meets_triangles(&frusta[k], l->a, b, c) << k;
-    }
-    if (met == 0ul) return met;
+}
+
+// All of the triangles that `a` does not tell, for rays whose magnitudes of decide.cl are no more than these: how far the first corners are
+// from their origins, and their directions.
+void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az, float dx, float dy, float dz) {
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         l->e1[axis] = b[axis] - l->a[axis];
@@ -34,13 +29,8 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
     l->n[1] = fma(l->e1[2], l->e2[0], -(l->e1[0] * l->e2[2]));
     l->n[2] = fma(l->e1[0], l->e2[1], -(l->e1[1] * l->e2[0]));
 
-    // The magnitudes of decide.cl, each no less than that of any of the rays.
-    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
-    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
-    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
     const float8 e1x = fabs(l->e1[0]), e1y = fabs(l->e1[1]), e1z = fabs(l->e1[2]);
     const float8 e2x = fabs(l->e2[0]), e2y = fabs(l->e2[1]), e2z = fabs(l->e2[2]);
-    const float8 dx = (float8)(range->steepest[0]), dy = (float8)(range->steepest[1]), dz = (float8)(range->steepest[2]);
     const float8 px = fma(ay, dz, az * dy), py = fma(az, dx, ax * dz), pz = fma(ax, dy, ay * dx);
     const float8 q = fma(e1x + e2x, px, fma(e1y + e2y, py, (e1z + e2z) * pz)); // Q1 + Q2
     const float8 mx = fma(e1y, e2z, e1z * e2y), my = fma(e1z, e2x, e1x * e2z), mz = fma(e1x, e2y, e1y * e2x);
@@ -49,10 +39,29 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
     l->weight_bound = fma((float8)(DECIDE_ERROR_WEIGHT), q + r, (float8)(DECIDE_LEAST));
     l->det_bound = fma((float8)(DECIDE_ERROR_DET), r, (float8)(DECIDE_LEAST));
     l->t_bound = fma((float8)(DECIDE_ERROR_T), s, (float8)(DECIDE_LEAST));
+}
+
+float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
+
+// Reads packet number `packet` for rays of that range. Returns for each triangle which of the packets of rays in `members` may hit it, as
+// far as their frusta tell: bit k of byte i. Without frusta, which is 0, all.
+ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frusta, uint members, uint packet, LeafTriangles* l) {
+    float8 b[3], c[3];
+    load_corners(GEOMETRY, packet, l->a, b, c);
+    ulong met = frusta == 0 ? ALL_LANES8 * members : 0ul;
+    for (uint rest = frusta == 0 ? 0u : members; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest);
+        met |= frustum_meets_triangles(&frusta[k], l->a, b, c) << k;
+    }
+    if (met == 0ul) return met;
+    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
+    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
+    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
+    prepare_triangles(l, b, c, ax, ay, az, range->steepest[0], range->steepest[1], range->steepest[2]);
     return met;
 }
 
-// The nearest hit so far of each lane: limits of its t, of which the upper one is t_far where there is none. And what is put aside until
+// The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what is put aside until
 // the traversal is done, where closest hits are asked for: triangles that float32 does not decide, by their references, and for which lanes.
 typedef struct {
     float16 t_high, t_low;
@@ -62,8 +71,7 @@ typedef struct {
 } PacketHits;
 
 void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
-    hits->t_high = p->t_far;
-    hits->t_low = (float16)(INFINITY);
+    hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
     hits->postponed = 0u;
     *doubtful = (int16)(0);
@@ -127,7 +135,7 @@ bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
     // The hit so far may be met again in another leaf.
     const int16 open = d.possible && p->skip != primitive && hits->primitive != primitive && *t_limit >= p->t_near &&
                        !(d.has_t && (d.t_high < p->t_near || d.t_low > *t_limit));
-    const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < p->t_far && d.t_high < hits->t_low;
+    const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < hits->t_low;
     hits->t_high = taken ? d.t_high : hits->t_high;
     hits->t_low = taken ? d.t_low : hits->t_low;
     hits->reference = taken ? (uint16)(reference) : hits->reference;

@@ -8,8 +8,10 @@
 #define WIDEN_UP (1.0f + 10.0f * EPSILON)
 #define WIDEN_DOWN (1.0f - 10.0f * EPSILON)
 
-// The components of v in an order that ends with `axis`; even permutations, so that the winding stays.
-float3 rotate_to_z(float3 v, uint axis) { return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v; }
+// v with the component of `axis` and that of z exchanged. Mirrors where they are two; an even permutation would take a GPU six selections.
+float3 swap_to_z(float3 v, uint axis) {
+    return (float3)(axis == 0u ? v.z : v.x, axis == 1u ? v.z : v.y, axis == 0u ? v.x : axis == 1u ? v.y : v.z);
+}
 
 // The axis of the largest component of a direction.
 uint major_axis(float3 direction) {
@@ -33,7 +35,7 @@ typedef struct {
 
 Shear shear_along(float3 v) {
     const uint axis = major_axis(v);
-    const float3 direction = rotate_to_z(v, axis);
+    const float3 direction = swap_to_z(v, axis);
     const float inv_z = 1.0f / direction.z;
     const Shear shear = {axis, shear_towards(direction.x, direction.z, inv_z), shear_towards(direction.y, direction.z, inv_z),
                          direction.z, inv_z};
@@ -186,10 +188,17 @@ Hit no_hit(void) {
     return hit;
 }
 
-// Whether a hit at t (in the ray's own units) on `primitive` is inside the limits and nearer than *hit; of two hits at the
-// same t the lower number wins, so that the answer does not depend on the order of the tests.
+// What a traversal begins with: its t, and u where that is a limit of t (exact.cl), are where the ray ends, so that nothing behind that
+// is nearer.
+Hit no_hit_yet(const Ray* ray) {
+    const Hit hit = {ray->t_far, ray->t_far, 0.0f, NO_PRIMITIVE};
+    return hit;
+}
+
+// Whether a hit at t (in the ray's own units) on `primitive` is inside the limits and nearer than *hit, which began as no_hit_yet(); of
+// two hits at the same t the lower number wins, so that the answer does not depend on the order of the tests.
 bool is_nearer(const Ray* ray, const Hit* hit, float t, uint primitive) {
-    return t >= ray->t_near && t <= ray->t_far && (t < hit->t || (t == hit->t && primitive < hit->primitive));
+    return t >= ray->t_near && (t < hit->t || (t == hit->t && primitive < hit->primitive));
 }
 
 // Whether the ray starts at an exact point of triangle `skip`.

@@ -56,7 +56,7 @@ Ray batch_ray(__global const TraceRay* rays, uint index, float scale) {
 // In the caller's units of t, in which what is farther than every float is not hit.
 Hit batch_hit(const Ray* ray, Hit hit) {
     hit.t = callers_t(ray, hit.t);
-    return is_finite(hit.t) ? hit : no_hit();
+    return hit.primitive != NO_PRIMITIVE && is_finite(hit.t) ? hit : no_hit();
 }
 
 // What answers a query for any hit: that there is one, of which t, u and v are not computed. What a traversal knows of the exact t is a

@@ -9,7 +9,7 @@
 // the high one. A box is widened by the ray's own slack (cl/shared/ray.cl), so a hit's t lies between the times of entry and exit
 // as computed here, and a box that is entered after the hit has no nearer one.
 bool traverse_boxes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     const float slack = SLACK * farthest_distance(ray, geometry->low, geometry->high);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
     for (uint cluster = 0; cluster < count; cluster++) {

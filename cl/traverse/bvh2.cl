@@ -52,23 +52,21 @@ __attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const
 }
 
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     const bool is_bare = is_room_enough(ray, geometry->low, geometry->high, geometry->room) && as_int(ray->t_near) >= 0;
     const Slabs slabs = bare_slabs(ray);
     const PairSlabs pair = make_pair_slabs(&slabs);
-    float t_limit = ray->t_far;
 
     uint stack[STACK_SIZE];
     stack[0] = BVH_END;
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = is_bare ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, true, stack, &stacked, link)
-                       : descend_with_pads(GEOMETRY, ray, t_limit, stack, &stacked, link);
+        link = is_bare ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
+                       : descend_with_pads(GEOMETRY, ray, hit->t, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;
-        t_limit = min_or(hit->t, ray->t_far);
         link = stack[stacked--];
     }
 }

@@ -54,32 +54,42 @@ uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint l
     const uint node = BVH8_NODE_RECORDS * link;
     const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);
     ulong met = lanes_where8(t.enter <= t.leave);
-    if (met != 0ul) { // the most frequent case needs no stack
-        const uint lane = first_lane8(met);
-        if (is_only_lane8(met, lane)) return LOAD_LINK(geometry, node, lane);
-    }
     float enter[8];
     vstore8(t.enter, 0, enter);
+    if (met != 0ul) { // one or two children, the most frequent cases, without a loop
+        const uint lane0 = first_lane8(met);
+        if (is_only_lane8(met, lane0)) return LOAD_LINK(geometry, node, lane0);
+        const ulong others = other_lanes8(met);
+        const uint lane1 = first_lane8(others);
+        if (is_only_lane8(others, lane1)) {
+            const uint link0 = LOAD_LINK(geometry, node, lane0), link1 = LOAD_LINK(geometry, node, lane1);
+            const bool goes_to1 = enter[lane1] < enter[lane0];
+            const FarChild far = {goes_to1 ? link0 : link1, goes_to1 ? enter[lane0] : enter[lane1]};
+            stack[++*stacked] = far;
+            COUNT_DEEPEST(geometry, *stacked + 1u);
+            return goes_to1 ? link1 : link0;
+        }
+    }
     // On the stack, the nearest on top; of two at the same t the first one.
-    const uint lowest = *stacked + 1u;
+    uint top = *stacked;
+    const uint lowest = top + 1u;
     for (; met != 0ul; met = other_lanes8(met)) {
         const uint lane = first_lane8(met);
         const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
-        *stacked += 1u;
-        uint place = *stacked;
+        uint place = ++top;
         for (; place > lowest && stack[place - 1u].t_enter <= child.t_enter; place--) stack[place] = stack[place - 1u];
         stack[place] = child;
     }
-    COUNT_DEEPEST(geometry, *stacked);
+    *stacked = top;
+    COUNT_DEEPEST(geometry, top);
     return next_on_stack(stack, stacked, t_limit);
 }
 
 bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
     const uint3 near = near_planes(slabs.inv);
     const Filter filter = make_filter(ray);
-    float t_limit = ray->t_far;
 
     FarChild stack[STACK_SIZE];
     const FarChild end = {BVH_END, -INFINITY};
@@ -88,7 +98,7 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint link = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, t_limit, stack, &stacked);
+            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, hit->t, stack, &stacked);
             continue;
         }
         const int4 leaf = leaf_of_link(link);
@@ -103,9 +113,8 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
                 test_triangle(GEOMETRY, ray, first + first_lane8(open), hit);
                 if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
             }
-            t_limit = min_or(hit->t, ray->t_far);
         }
-        link = next_on_stack(stack, &stacked, t_limit);
+        link = next_on_stack(stack, &stacked, hit->t);
     }
     return hit->primitive != NO_PRIMITIVE;
 }

@@ -61,7 +61,7 @@ GridAxis grid_axis(float low, float size, float cells_per_unit, int count, float
 }
 
 bool traverse_grid(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     const float distance = farthest_distance(ray, geometry->low, geometry->high);
     const float4 reach = LOAD_BOUNDS(geometry, 3);
     if (!(distance <= reach.x)) {

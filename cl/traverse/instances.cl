@@ -15,17 +15,16 @@
 bool is_instance(uint link) { return (link & ~BVH_FIRST_MASK) == BVH_LEAF && link != BVH_LEAF; }
 
 bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     const Slabs outside = make_slabs(ray, geometry->low, geometry->high);
     PairSlabs pair = make_pair_slabs(&outside);
-    float t_limit = ray->t_far;
 
     uint stack[STACK_SIZE];
     stack[0] = BVH_END;
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, &stacked, link);
+        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, false, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (is_instance(link)) {
@@ -48,7 +47,6 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
             pair = make_pair_slabs(&outside);
         } else {
             if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;
-            t_limit = min_or(hit->t, ray->t_far);
         }
         link = stack[stacked--];
     }

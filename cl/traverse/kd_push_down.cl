@@ -48,7 +48,7 @@ bool push_down(GEOMETRY_PARAMETERS, const Ray* ray, KdCell start, const bool any
 }
 
 bool traverse_kd_push_down(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     KdCell root = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &root.t_near, &root.t_far)) return false;
     return push_down(GEOMETRY, ray, root, any_hit, hit);

@@ -22,7 +22,7 @@ ulong next_trail(ulong trail, ulong pending) {
 }
 
 bool traverse_kd_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     KdCell root = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &root.t_near, &root.t_far)) return false;
 

@@ -30,7 +30,7 @@ float leave_slab(float4 slab, float origin, float origin_low, float direction, f
 uint rope_ahead(float4 slab, float direction) { return as_uint(direction >= 0.0f ? slab.w : slab.z); }
 
 bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     KdCell root = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &root.t_near, &root.t_far)) return false;
 

@@ -13,7 +13,7 @@
 #endif
 
 bool traverse_kd_short_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     KdCell start = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &start.t_near, &start.t_far)) return false;
 

@@ -9,7 +9,7 @@
 #endif
 
 bool traverse_kd_stack(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     KdCell cell = {0, 0.0f, 0.0f};
     if (!clip_to_box(ray, geometry->low, geometry->high, &cell.t_near, &cell.t_far)) return false;
 

@@ -38,7 +38,7 @@ void clip_to_half(float to_plane, float slack, float direction, float inv_direct
 }
 
 bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     const float slack = SLACK * farthest_distance(ray, geometry->low, geometry->high);
     float t_near, t_far;
     if (!clip_to_thick_box(ray, slack, geometry->low, geometry->high, &t_near, &t_far)) return false;

@@ -11,7 +11,7 @@
 // It is slow, too: it does not stop at a hit inside the cell that was searched.
 
 bool traverse_thesis_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    *hit = no_hit();
+    *hit = no_hit_yet(ray);
     float scene_min, scene_max;
     if (!clip_to_box(ray, geometry->low, geometry->high, &scene_min, &scene_max)) return false;
 

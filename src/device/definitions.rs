@@ -11,8 +11,6 @@ use crate::pack::SceneBuffers;
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
 /// work-items run at once the more memory's latency is hidden.
 const TRACE_REGISTERS: u32 = 56;
-/// The same with `bvh2`, whose loops need fewer.
-const BVH2_REGISTERS: u32 = 48;
 /// Of those that shade, and of the second pass: without a limit the calls that decide what double leaves open take 252.
 const MOST_REGISTERS: u32 = 168;
 
@@ -29,8 +27,6 @@ pub(super) struct Definitions {
     shading: CompileOptions,
     /// Whether there are two passes, of which the first leaves rare decisions to the second.
     pub defers: bool,
-    /// What kernels that trace batches need of an NVIDIA GPU's registers in the first of two passes.
-    trace_registers: u32,
 }
 
 impl Definitions {
@@ -60,8 +56,7 @@ impl Definitions {
         };
         // Kernels that count keep rare decisions: what they count is the point, not their speed.
         let defers = options.intersector == Intersector::Exact && !options.counters;
-        let trace_registers = if options.accel == Accel::Bvh2 { BVH2_REGISTERS } else { TRACE_REGISTERS };
-        Definitions { tracing, shading, defers, trace_registers }
+        Definitions { tracing, shading, defers }
     }
 
     /// The same, of a compiler that tells in its log what kernels take.
@@ -76,7 +71,7 @@ impl Definitions {
             return options;
         }
         match pass {
-            Pass::First if file == TRACE_FILE => options.most_registers(self.trace_registers).define("DEFER_DOUBTS", 1),
+            Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
             Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
             Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
         }

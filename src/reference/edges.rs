@@ -66,7 +66,7 @@ impl Edges {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::intersect::{major_axis, rotate_to_z, shear_triangle};
+    use crate::reference::intersect::{major_axis, shear_triangle, swap_to_z};
     use crate::reference::ray::Ray;
     use crate::shared::NO_PRIMITIVE;
     use crate::stress::Random;
@@ -78,7 +78,7 @@ mod tests {
     fn exact_weights(ray: &Ray, origin_low: DVec3, triangle: [Vec3; 3]) -> [f64; 3] {
         let axis = major_axis(ray.direction);
         let turned = |v: DVec3| {
-            let order = rotate_to_z(Vec3::new(0.0, 1.0, 2.0), axis).to_array().map(|k| k as usize);
+            let order = swap_to_z(Vec3::new(0.0, 1.0, 2.0), axis).to_array().map(|k| k as usize);
             DVec3::from_array(order.map(|k| v[k]))
         };
         let direction = turned(ray.direction.as_dvec3());

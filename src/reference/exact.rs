@@ -56,15 +56,10 @@ fn decide_rounded(s: &ShearedTriangle) -> Option<(bool, [f32; 2])> {
 #[inline(always)]
 fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
     let [t_low, t_high] = limits;
-    if t_high < ray.t_near || t_low > ray.t_far || t_low > hit.t {
+    if t_high < ray.t_near || t_low > hit.t {
         return Decision::Miss;
     }
-    let is_inside = t_low > ray.t_near && t_high < ray.t_far;
-    if is_inside && (hit.primitive == NO_PRIMITIVE || t_high < hit.u) {
-        Decision::Hit(limits)
-    } else {
-        Decision::Doubtful
-    }
+    if t_low > ray.t_near && t_high < hit.u { Decision::Hit(limits) } else { Decision::Doubtful }
 }
 
 /// The relative error of one operation of `f64`, the twin's only kind of wide numbers.

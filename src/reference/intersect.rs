@@ -55,10 +55,10 @@ pub fn intersect_moller_trumbore(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> Option<I
 }
 
 #[inline(always)]
-pub(super) fn rotate_to_z(v: Vec3, axis: usize) -> Vec3 {
+pub(super) fn swap_to_z(v: Vec3, axis: usize) -> Vec3 {
     match axis {
-        0 => Vec3::new(v.y, v.z, v.x),
-        1 => Vec3::new(v.z, v.x, v.y),
+        0 => Vec3::new(v.z, v.y, v.x),
+        1 => Vec3::new(v.x, v.z, v.y),
         _ => v,
     }
 }
@@ -93,12 +93,12 @@ pub struct ShearedTriangle {
 #[inline(always)]
 pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
     let axis = major_axis(ray.direction);
-    let direction = rotate_to_z(ray.direction, axis);
+    let direction = swap_to_z(ray.direction, axis);
     let inv_z = 1.0 / direction.z;
     let shear_x = shear_towards(direction.x, direction.z, inv_z);
     let shear_y = shear_towards(direction.y, direction.z, inv_z);
     let shear = |p: Vec3| {
-        let p = rotate_to_z(ray.from_origin(p), axis);
+        let p = swap_to_z(ray.from_origin(p), axis);
         Vec3::new((-shear_x).mul_add(p.z, p.x), (-shear_y).mul_add(p.z, p.y), p.z)
     };
     ShearedTriangle {

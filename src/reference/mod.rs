@@ -131,7 +131,7 @@ with_fma! {
 #[inline(always)]
 fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
     let t = ray.callers_t(hit.t);
-    if t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
+    if is_hit(&hit) && t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
 }
 
 /// Twin of `use_callers_units` in `cl/traverse/batch.cl`.

@@ -152,7 +152,7 @@ impl Ray {
     /// Whether a hit at `t` on `primitive` is inside the limits and nearer than `hit`.
     #[inline(always)]
     pub fn is_nearer(&self, hit: &Hit, t: f32, primitive: u32) -> bool {
-        t >= self.t_near && t <= self.t_far && (t < hit.t || (t == hit.t && primitive < hit.primitive))
+        t >= self.t_near && (t < hit.t || (t == hit.t && primitive < hit.primitive))
     }
 }
 

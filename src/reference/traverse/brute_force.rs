@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/brute_force.cl`.
 
-use super::NO_HIT;
 use super::leaf::test_triangles;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::memory::Work;
@@ -16,7 +16,7 @@ pub fn traverse_brute_force(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     test_triangles(buffers, options, ray, 0..buffers.references.len(), 0, any_hit, &mut hit, work);
     hit
 }

@@ -1,11 +1,10 @@
 //! Twin of `cl/traverse/bvh2.cl`. The reasons are there.
 
-use super::NO_HIT;
 use super::leaf::test_listed;
+use super::no_hit_yet;
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::math::min_or;
 use crate::reference::memory::{Work, load_node};
 use crate::reference::ray::Ray;
 use crate::reference::slab::{PairSlabs, Slabs, is_room_enough};
@@ -19,17 +18,16 @@ pub fn traverse_bvh2(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let is_bare = is_room_enough(ray, low, high, buffers.params.low.w) && ray.t_near.is_sign_positive();
     let pair = PairSlabs::new(&if is_bare { Slabs::bare(ray) } else { Slabs::new(ray, low, high) });
-    let mut t_limit = ray.t_far;
 
     let mut stack = [BVH_END; TraceOptions::MAX_DEPTH as usize + 1];
     let mut stacked = 0;
     let mut link = 0;
     loop {
-        link = descend_to_leaf(buffers, &pair, [ray.t_near, t_limit], &mut stack, &mut stacked, link, work);
+        link = descend_to_leaf(buffers, &pair, [ray.t_near, hit.t], &mut stack, &mut stacked, link, work);
         if link == BVH_END {
             return hit;
         }
@@ -37,7 +35,6 @@ pub fn traverse_bvh2(
         if test_listed(buffers, options, ray, references, 0, any_hit, &mut hit, work) {
             return hit;
         }
-        t_limit = min_or(hit.t, ray.t_far);
         link = pop(&stack, &mut stacked);
     }
 }

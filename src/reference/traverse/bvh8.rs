@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
 
 use super::leaf::test_triangles;
-use super::{NO_HIT, vertices};
+use super::{no_hit_yet, vertices};
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -46,9 +46,8 @@ pub fn traverse_bvh8(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let slabs = Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz());
-    let mut t_limit = ray.t_far;
 
     let mut stack = vec![FarChild::default(); buffers.stack_entries as usize];
     stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
@@ -58,7 +57,7 @@ pub fn traverse_bvh8(
         if link & BVH_LEAF == 0 {
             work.count(WorkCounter::Steps, 1);
             let node = load_wide_node(buffers, (BVH8_NODE_RECORDS * link) as usize, work);
-            let intervals: [_; WIDTH] = std::array::from_fn(|lane| clip(node, &slabs, lane, ray.t_near, t_limit));
+            let intervals: [_; WIDTH] = std::array::from_fn(|lane| clip(node, &slabs, lane, ray.t_near, hit.t));
             let is_met = |lane: &usize| intervals[*lane][0] <= intervals[*lane][1];
             let child =
                 |lane: usize| FarChild { link: node[4 * BVH8_LINKS as usize + lane], t_enter: intervals[lane][0] };
@@ -98,9 +97,8 @@ pub fn traverse_bvh8(
                     return hit;
                 }
             }
-            t_limit = min_or(hit.t, ray.t_far);
         }
-        link = pop(&stack, &mut stacked, t_limit);
+        link = pop(&stack, &mut stacked, hit.t);
     }
     hit
 }

@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/grid.cl`: the walk through a uniform grid. The reasons are there.
 
-use super::NO_HIT;
 use super::leaf::{test_leaf, test_triangles};
+use super::no_hit_yet;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -89,7 +89,7 @@ pub fn traverse_grid(
 ) -> Hit {
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let distance = ray.farthest_distance(low, high);
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let reach = load_bounds(buffers, 3, work);
     let is_within_reach = distance <= reach.x; // false for NaN
     if !is_within_reach {

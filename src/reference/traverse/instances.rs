@@ -1,13 +1,12 @@
 //! Twin of `cl/traverse/instances.cl`. The reasons are there.
 
-use super::NO_HIT;
 use super::bvh2::{descend_to_leaf, pop};
 use super::leaf::test_listed;
+use super::no_hit_yet;
 use crate::accel::{instance_of, leaf_range};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::instances::to_primitive;
-use crate::reference::math::min_or;
 use crate::reference::memory::{Work, load_instance};
 use crate::reference::ray::Ray;
 use crate::reference::slab::{PairSlabs, Slabs};
@@ -21,18 +20,17 @@ pub fn traverse_instances(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let outside = PairSlabs::new(&Slabs::new(ray, low, high));
     let mut pair = outside;
     let mut inside = 0;
-    let mut t_limit = ray.t_far;
 
     let mut stack = [BVH_END; 2 * TraceOptions::MAX_DEPTH as usize + 2];
     let mut stacked = 0;
     let mut link = 0;
     loop {
-        link = descend_to_leaf(buffers, &pair, [ray.t_near, t_limit], &mut stack, &mut stacked, link, work);
+        link = descend_to_leaf(buffers, &pair, [ray.t_near, hit.t], &mut stack, &mut stacked, link, work);
         if link == BVH_END {
             return hit;
         }
@@ -53,7 +51,6 @@ pub fn traverse_instances(
             if test_listed(buffers, options, ray, references, inside, any_hit, &mut hit, work) {
                 return hit;
             }
-            t_limit = min_or(hit.t, ray.t_far);
         }
         link = pop(&stack, &mut stacked);
     }

@@ -1,9 +1,9 @@
 //! Twin of `cl/traverse/kd_push_down.cl`.
 
-use super::NO_HIT;
 use super::kd_restart::next_trail;
 use super::kd_step::{KdCell, kd_step, root_cell};
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
@@ -67,6 +67,7 @@ pub fn traverse_kd_push_down(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let Some(root) = root_cell(buffers, ray) else { return NO_HIT };
-    push_down(buffers, options, ray, root, any_hit, NO_HIT, work)
+    let hit = no_hit_yet(ray);
+    let Some(root) = root_cell(buffers, ray) else { return hit };
+    push_down(buffers, options, ray, root, any_hit, hit, work)
 }

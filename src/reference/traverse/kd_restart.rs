@@ -1,8 +1,8 @@
 //! Twin of `cl/traverse/kd_restart.cl`.
 
-use super::NO_HIT;
 use super::kd_step::{kd_step, root_cell};
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
@@ -25,7 +25,7 @@ pub fn traverse_kd_restart(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let Some(root) = root_cell(buffers, ray) else { return hit };
     let mut trail = 0u64;
     loop {

@@ -1,9 +1,9 @@
 //! Twin of `cl/traverse/kd_ropes.cl`.
 
-use super::NO_HIT;
 use super::kd_push_down::push_down;
 use super::kd_step::{kd_split, root_cell};
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -33,7 +33,7 @@ pub fn traverse_kd_ropes(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let Some(root) = root_cell(buffers, ray) else { return hit };
     let mut next = 0;
     let mut face_axis = NO_AXIS;

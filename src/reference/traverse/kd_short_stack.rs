@@ -1,9 +1,9 @@
 //! Twin of `cl/traverse/kd_short_stack.cl`.
 
-use super::NO_HIT;
 use super::kd_restart::next_trail;
 use super::kd_step::{KdCell, kd_step, root_cell};
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::min_or;
@@ -19,7 +19,7 @@ pub fn traverse_kd_short_stack(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let Some(mut start) = root_cell(buffers, ray) else { return hit };
     let size = options.short_stack_size() as usize;
     let mut ring = [KdCell::default(); TraceOptions::MAX_DEPTH as usize];

@@ -1,8 +1,8 @@
 //! Twin of `cl/traverse/kd_stack.cl`.
 
-use super::NO_HIT;
 use super::kd_step::{KdCell, kd_step, root_cell};
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::memory::{Work, load_node};
@@ -17,7 +17,7 @@ pub fn traverse_kd_stack(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let Some(mut cell) = root_cell(buffers, ray) else { return hit };
     let mut stack = [KdCell::default(); TraceOptions::MAX_DEPTH as usize];
     let mut stacked = 0;

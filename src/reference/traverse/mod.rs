@@ -32,6 +32,12 @@ use volumes::{traverse_boxes, traverse_spheres};
 /// The hit of a ray that missed.
 pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
 
+/// What a traversal begins with: no hit, but nothing behind the ray's end is nearer.
+#[inline(always)]
+fn no_hit_yet(ray: &Ray) -> Hit {
+    Hit { t: ray.t_far, u: ray.t_far, ..NO_HIT }
+}
+
 /// The vertices of a triangle, tracing space.
 #[inline(always)]
 pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {

@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/octree.cl`. The reasons are there.
 
-use super::NO_HIT;
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::memory::{Work, load_bounds, load_node};
@@ -51,7 +51,7 @@ pub fn traverse_octree(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let slack = SLACK * ray.farthest_distance(low, high);
     let Some((mut t_near, mut t_far)) = ray.clip_to_thick_box(slack, low, high) else {

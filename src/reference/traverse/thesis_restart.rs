@@ -1,8 +1,8 @@
 //! Twin of `cl/traverse/thesis_restart.cl`, which is wrong on purpose.
 
-use super::NO_HIT;
 use super::kd_step::root_cell;
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::memory::{Work, load_node};
@@ -17,7 +17,7 @@ pub fn traverse_thesis_restart(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     let Some(scene) = root_cell(buffers, ray) else { return hit };
     let mut t_max = scene.t_near;
     while t_max < scene.t_far {

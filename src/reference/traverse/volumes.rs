@@ -1,7 +1,7 @@
 //! Twins of `cl/traverse/boxes.cl` and `cl/traverse/spheres.cl`: bounding volumes one after the other. The reasons are there.
 
-use super::NO_HIT;
 use super::leaf::test_leaf;
+use super::no_hit_yet;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -44,7 +44,7 @@ fn traverse_clusters<W: Work>(
     work: &mut W,
     may_meet: impl Fn(usize, &Hit, &mut W) -> bool,
 ) -> Hit {
-    let mut hit = NO_HIT;
+    let mut hit = no_hit_yet(ray);
     for cluster in 0..load_node(buffers, 0, work).right as usize {
         work.count(WorkCounter::Steps, 1);
         if !may_meet(cluster, &hit, work) {
