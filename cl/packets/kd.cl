@@ -1,7 +1,7 @@
 // Packets of sixteen rays through a kd-tree: one plane is tested against all of them, and every ray keeps the interval of its own in the
 // cell. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray Tracing", Eurographics 2001, of which the rays
-// had to go one way along every axis; here each may go its own, and a cell is entered as long as some ray is in it. Packets that go much
-// the same way go together, so that a node is read once for all of them, and a CPU does not wait for one packet's comparisons alone.
+// had to go one way along every axis; here each may go its own, and a cell is entered as long as some ray is in it. The packets of a
+// work-item go together: a node is read once for all of them, and while one packet's comparisons are waited for, others are under way.
 //
 // Planes are tested as those of boxes, with the pads of cl/shared/slab.cl: a hit's t is within the interval of every cell that the hit's
 // point is in. Leaves are packets of triangles as those of cl/traverse/bvh8.cl, several of them where a leaf has many triangles.
