@@ -173,14 +173,16 @@ fn batches_of_every_length_are_traced_whole() {
     let Some(device) = device() else { return };
     let mut random = Random(SEED);
     let triangles = sheet(8);
-    let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &PACKETS).unwrap());
-    let mut tracer = open_tracer(Some(&device), &buffers, &PACKETS, 1, None).unwrap();
-    let mut twin = ReferenceTracer::new(buffers.clone(), PACKETS);
     let rays = bundles(6000, 40, &mut random);
-    for length in (0..50).chain(60..70).chain([127, 128, 129, 190, 4095, 4096, 4097, rays.len()]) {
-        let [hits, expected] =
-            [&mut *tracer as &mut dyn Tracer, &mut twin].map(|tracer| trace(tracer, &rays[..length], false).hits);
-        assert!(hits.iter().map(bits).eq(expected.iter().map(bits)), "{length} rays");
+    for options in [PACKETS, KD] {
+        let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &options).unwrap());
+        let mut tracer = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
+        let mut twin = ReferenceTracer::new(buffers.clone(), options);
+        for length in (0..50).chain(60..70).chain([127, 128, 129, 190, 4095, 4096, 4097, rays.len()]) {
+            let [hits, expected] =
+                [&mut *tracer as &mut dyn Tracer, &mut twin].map(|tracer| trace(tracer, &rays[..length], false).hits);
+            assert!(hits.iter().map(bits).eq(expected.iter().map(bits)), "{length} rays, {options:?}");
+        }
     }
 }
 

@@ -124,7 +124,7 @@ typedef struct {
     float t_low, t_high; // of a hit
 } WideDecision;
 
-// As decide_rounded. A call, because it is rare, and its registers are not wanted in the loop over the triangles.
+// Hit, miss or doubt, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the loop over the triangles.
 RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2) {
     WideNumbers n;
     wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);

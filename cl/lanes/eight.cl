@@ -10,6 +10,8 @@
 // All lanes, and the first `count`, of which there is at least one.
 #define ALL_LANES8 0x0101010101010101ul
 #define FIRST_LANES8(count) (ALL_LANES8 >> (8u * (8u - (count))))
+// All bits of them, which are of several packets.
+#define FIRST_BYTES8(count) (~0ul >> (8u * (8u - (count))))
 // Bit 8 i: whether lane i of a comparison is true.
 ulong lanes_where8(int8 comparison) { return as_ulong(convert_char8(comparison)) & ALL_LANES8; }
 bool is_any8(int8 comparison) { return as_ulong(convert_char8(comparison)) != 0ul; }

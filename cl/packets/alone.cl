@@ -53,8 +53,8 @@ bool test_alone(GEOMETRY_PARAMETERS, LoneRay* ray, uint first, uint count, const
     const float3 low = ray->origin_low, direction = ray->direction;
     const float3 low_size = abs3(low), steepness = abs3(direction);
     const float8 from_x = l.a[0] - ray->origin.x, from_y = l.a[1] - ray->origin.y, from_z = l.a[2] - ray->origin.z;
-    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z, steepness.x, steepness.y,
-                      steepness.z);
+    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z, (float8)(steepness.x),
+                      (float8)(steepness.y), (float8)(steepness.z));
     const float8 ax = from_x - low.x, ay = from_y - low.y, az = from_z - low.z; // as from_origin()
     const Decision8 d = decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
                                 l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);

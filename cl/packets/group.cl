@@ -102,7 +102,7 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
             uint changed = 0u;
             if (count > 0u) {
                 LeafTriangles triangles;
-                ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & (~0ul >> (8u * (8u - count)));
+                ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & FIRST_BYTES8(count);
                 for (; met != 0ul; met = other_lanes8(met)) {
                     const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
                     if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k], &hits[k], &doubtful[k]))

@@ -90,7 +90,7 @@ KdPacketSplit kd_packet_split(const RayPacket* p, uint axis, float split, bool i
 }
 
 // Goes down from a cell, in which there are rays of packet number k alone, to the first leaf, and puts the cells beyond planes on the
-// stack. Where no ray is on both sides of a plane, it changes no interval.
+// stack. Where all rays are on one side of a plane, it changes no interval.
 int4 descend_with_one(GEOMETRY_PARAMETERS, const RayPacket* packets, uint k, uint from, float16 t_near, float16 t_far, KdGroupCell* stack,
                       uint* stacked) {
     const RayPacket* p = &packets[k];
@@ -231,7 +231,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
         for (uint done = 0; done < triangle_count; done += 8u) {
             LeafTriangles triangles;
             const uint here = min(triangle_count - done, 8u);
-            ulong met = load_triangles(GEOMETRY, range, frusta, open, (first + done) / 8u, &triangles) & (~0ul >> (8u * (8u - here)));
+            ulong met = load_triangles(GEOMETRY, range, frusta, open, (first + done) / 8u, &triangles) & FIRST_BYTES8(here);
             for (; met != 0ul; met = other_lanes8(met)) {
                 const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
                 (void)test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + done + i, any_hit, &t_limits[k], &hits[k],

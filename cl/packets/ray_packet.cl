@@ -6,7 +6,7 @@
 // hit, one that goes on alone, too many), leaves the packet and is traced by itself (trace_packets.cl): so the hits
 // are those of one ray at a time, to the bit.
 
-// What one or several rays have in common.
+// What the rays of packets have in common.
 typedef struct {
     float origin_least[3], origin_greatest[3]; // box around the origins
     float low_most[3];                         // largest |origin_low|

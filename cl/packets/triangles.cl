@@ -19,7 +19,8 @@ void load_corners(GEOMETRY_PARAMETERS, uint packet, float8* a, float8* b, float8
 
 // All of the triangles that `a` does not tell, for rays whose magnitudes of decide.cl are no more than these: how far the first corners are
 // from their origins, and their directions.
-void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az, float dx, float dy, float dz) {
+void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az, float8 dx, float8 dy,
+                       float8 dz) {
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         l->e1[axis] = b[axis] - l->a[axis];
@@ -57,7 +58,7 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
     const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
     const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
     const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
-    prepare_triangles(l, b, c, ax, ay, az, range->steepest[0], range->steepest[1], range->steepest[2]);
+    prepare_triangles(l, b, c, ax, ay, az, (float8)(range->steepest[0]), (float8)(range->steepest[1]), (float8)(range->steepest[2]));
     return met;
 }
 

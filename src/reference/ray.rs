@@ -149,7 +149,7 @@ impl Ray {
         if is_finite3(self.origin) { farthest } else { f32::NAN }
     }
 
-    /// Whether a hit at `t` on `primitive` is inside the limits and nearer than `hit`.
+    /// Whether a hit at `t` on `primitive` is inside the limits and nearer than `hit`, which began as `no_hit_yet`.
     #[inline(always)]
     pub fn is_nearer(&self, hit: &Hit, t: f32, primitive: u32) -> bool {
         t >= self.t_near && (t < hit.t || (t == hit.t && primitive < hit.primitive))

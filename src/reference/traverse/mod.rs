@@ -34,7 +34,7 @@ pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PR
 
 /// What a traversal begins with: no hit, but nothing behind the ray's end is nearer.
 #[inline(always)]
-fn no_hit_yet(ray: &Ray) -> Hit {
+pub fn no_hit_yet(ray: &Ray) -> Hit {
     Hit { t: ray.t_far, u: ray.t_far, ..NO_HIT }
 }
 
