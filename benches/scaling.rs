@@ -79,7 +79,7 @@ fn trace(place: &Place, buffers: &Arc<SceneBuffers>, options: &TraceOptions, bat
     let mut tracer = place.open(buffers, options, 1);
     batches.each_ref().map(|Batch { rays, any_hit, .. }| {
         let mut run = |repeat| {
-            let job = TraceJob { rays, next_directions: None, any_hit: *any_hit, repeat };
+            let job = TraceJob { extreme: &[], rays, next_directions: None, any_hit: *any_hit, repeat };
             tracer.trace(&job, &|_| ()).expect("hits").kernel_s
         };
         run(1);

@@ -54,7 +54,7 @@ fn trace(criterion: &mut Criterion) {
                         let buffers =
                             buffers.get_or_init(|| Arc::new(SceneBuffers::new(&scene, &options).expect("a structure")));
                         let tracer = tracer.get_or_insert_with(|| place.open(buffers, &options, 1));
-                        let job = TraceJob { rays, next_directions: None, any_hit: *any_hit, repeat };
+                        let job = TraceJob { extreme: &[], rays, next_directions: None, any_hit: *any_hit, repeat };
                         tracer.trace(&job, &|_| ()).expect("hits").kernel_s.iter().sum()
                     });
                 }

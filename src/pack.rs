@@ -26,6 +26,7 @@ use crate::shared::{
 };
 use glam::{DVec3, Vec3};
 use instances::pack_instances;
+use rayon::prelude::*;
 use shading::{ShadingArrays, shading_of};
 use std::borrow::Cow;
 use std::time::Instant;
@@ -70,6 +71,9 @@ pub struct SceneBuffers {
     /// Seconds the structure took to build.
     pub build_s: f64,
     made_for: MadeFor,
+    /// The triangles in world units, where those in tracing space have lost bits.
+    given_vertices: Option<Vec<[Vec3; 3]>>,
+    triangle_count: usize,
 }
 
 /// What the arrays depend on of the options: kernels would read beyond the ends of those for others.
@@ -112,6 +116,19 @@ fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
     2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-LARGEST_SCALE_EXPONENT, LARGEST_SCALE_EXPONENT))
 }
 
+/// The triangles in world units where one of them loses bits on its way to tracing space; zeros for those that cannot be hit. Only numbers
+/// that become smaller can.
+fn vertices_that_lose_bits(scene: &Scene, scale: f32) -> Option<Vec<[Vec3; 3]>> {
+    if scale >= 1.0 {
+        return None;
+    }
+    let loses = |vertices: [Vec3; 3]| vertices.into_iter().any(|p| p * scale / scale != p);
+    let all = || (0..scene.triangle_count()).into_par_iter();
+    let is_hittable = |i: usize| scene.drop_reason(i).is_none();
+    let given = |i: usize| if is_hittable(i) { scene.vertices(i) } else { [Vec3::ZERO; 3] };
+    all().any(|i| loses(scene.vertices(i)) && is_hittable(i)).then(|| all().map(given).collect())
+}
+
 /// The power of two that takes a scene to tracing space.
 pub(crate) fn scale_of(scene: &Scene) -> f32 {
     let (low, high) = scene.bounds().unwrap_or_default();
@@ -135,6 +152,7 @@ impl SceneBuffers {
         let bounds = if is_flat { scene.bounds_of(&primitives) } else { scene.bounds() };
         let (low, high) = bounds.unwrap_or_default();
         let scale = tracing_scale(low, high);
+        let given_vertices = vertices_that_lose_bits(scene, scale);
         let used = scene.used_materials();
         let mut triangles = Vec::new();
         if is_flat {
@@ -236,7 +254,24 @@ impl SceneBuffers {
             build_options,
             build_s,
             made_for,
+            given_vertices,
+            triangle_count: scene.triangle_count(),
         })
+    }
+
+    /// Whether tracing space holds all vertices exactly.
+    pub(crate) fn keeps_vertices(&self) -> bool {
+        self.given_vertices.is_none()
+    }
+
+    /// The triangles in world units, where those in tracing space have lost bits.
+    pub(crate) fn given_vertices(&self) -> Option<&[[Vec3; 3]]> {
+        self.given_vertices.as_deref()
+    }
+
+    /// Triangles that hits can name, each of an instance counted for itself.
+    pub(crate) fn triangle_count(&self) -> usize {
+        self.triangle_count
     }
 
     /// Whether vertices and shading data are those of objects, to be placed by instances.

@@ -10,6 +10,7 @@
 
 use crate::device::DeviceKind;
 use crate::error::Result;
+use crate::extreme::answer_extreme;
 use crate::options::{PacketSize, RayOrder, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::ReferenceTracer;
@@ -47,11 +48,25 @@ const TRIAL_RAYS: usize = 64;
 const FEWEST_STEPS: f64 = 1.6;
 
 /// Traces `job` by `trace` on a kind of device (`None`: the reference) in the order that `options` ask for. What
-/// `trace` returns comes back in the caller's order.
+/// `trace` returns comes back in the caller's order, with the answers to extreme rays.
 ///
 /// # Errors
 /// Those of `trace`.
 pub(crate) fn trace_in_order(
+    job: &TraceJob,
+    options: &TraceOptions,
+    device: Option<DeviceKind>,
+    buffers: &Arc<SceneBuffers>,
+    trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
+) -> Result<TraceResult> {
+    let mut result = trace_sorted(job, options, device, buffers, trace)?;
+    let start = Instant::now();
+    answer_extreme(job, options, buffers, &mut result);
+    result.extreme_s = (!job.extreme.is_empty()).then(|| start.elapsed().as_secs_f64());
+    Ok(result)
+}
+
+fn trace_sorted(
     job: &TraceJob,
     options: &TraceOptions,
     device: Option<DeviceKind>,
@@ -94,7 +109,7 @@ pub(crate) fn trace_in_order(
 fn mean_steps(job: &TraceJob, options: &TraceOptions, buffers: &Arc<SceneBuffers>) -> Result<f64> {
     let rays: Vec<_> = job.rays.iter().step_by(job.rays.len().div_ceil(TRIAL_RAYS).max(1)).copied().collect();
     let options = TraceOptions { ray_order: RayOrder::Kept, counters: true, ..*options };
-    let trial = TraceJob { rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
+    let trial = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
     let work = ReferenceTracer::new(buffers.clone(), options).trace(&trial, &|_| ())?.work;
     Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps))
 }

@@ -124,6 +124,9 @@ pub struct RunStats {
     /// Sorting the rays of a batch and putting their hits back into the caller's order, where that was done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sort_s: Option<f64>,
+    /// Seconds that the host took for rays whose numbers tracing space cannot hold; not in `kernel_s`. `None` where there were none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extreme_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
     /// Rays (of a batch, or of split kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see

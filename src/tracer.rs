@@ -2,6 +2,7 @@
 
 use crate::adaptive::{Adaptive, AdaptiveStats};
 use crate::error::Result;
+use crate::extreme::ExtremeRay;
 use crate::film::Film;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
@@ -16,6 +17,8 @@ pub struct TraceJob<'a> {
     pub rays: &'a [TraceRay],
     /// Directions (x, y, z; w unused) of second rays that start where the first ones hit; as many as rays. Only with closest hits.
     pub next_directions: Option<&'a [Float4]>,
+    /// Those of the rays, or of their second rays, that tracing space cannot hold; [`SceneBuffers::batch`] finds them.
+    pub extreme: &'a [ExtremeRay],
     /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer; t, u and v of a hit are 0.
     pub any_hit: bool,
     /// How often to trace the batch, for timing; at least 1.
@@ -44,6 +47,8 @@ pub struct TraceResult {
     /// Seconds that it took to sort the rays, once for all repeats, and to put the hits back into the caller's order; `None` where the
     /// rays were traced in that order.
     pub sort_s: Option<f64>,
+    /// Seconds that the host took for extreme rays; `None` where there were none.
+    pub extreme_s: Option<f64>,
 }
 
 /// A rendered picture and what it took.
@@ -191,7 +196,7 @@ pub trait Tracer {
 }
 
 impl SceneBuffers {
-    /// A ray in world units as the tracers take it.
+    /// A ray in world units as the tracers take it. Extreme numbers lose bits; [`SceneBuffers::batch`] looks after them.
     pub fn trace_ray(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
         TraceRay {
             origin_t_min: Float4::new(origin * self.params.scale, t_min),

@@ -288,7 +288,7 @@ impl Run {
 }
 
 fn job(batch: &Batch) -> TraceJob<'_> {
-    TraceJob { rays: &batch.rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 }
+    TraceJob { extreme: &[], rays: &batch.rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 }
 }
 
 /// 1 of no numbers.

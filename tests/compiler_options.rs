@@ -88,7 +88,7 @@ fn hits_keep_their_bits() {
     ] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays = rays(&buffers, &triangles, &mut random);
-        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         let any_hit = TraceJob { any_hit: true, ..job };
         let mut reference = open_tracer(None, &buffers, &options, 4, None).unwrap();
         let expected = reference.trace(&job, &|_| ()).unwrap().hits;

@@ -238,7 +238,10 @@ fn trace(
     rays: &[TraceRay],
 ) -> Vec<Hit> {
     let mut tracer = open_tracer(device, buffers, options, 1, None).unwrap();
-    tracer.trace(&TraceJob { rays, next_directions: None, any_hit: false, repeat: 1 }, &|_| ()).unwrap().hits
+    tracer
+        .trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit: false, repeat: 1 }, &|_| ())
+        .unwrap()
+        .hits
 }
 
 /// Layers that differ by a few units in the last place, through which rays run to where they cross or coincide.
@@ -336,8 +339,7 @@ fn the_smallest_turns_count() {
 
 #[test]
 fn numbers_of_the_most_bits_fit() {
-    // The positions of this ray and these triangles take 255 bits, more than the 247 that are kept beside a direction of 5. Two hits at
-    // the same t are compared as the longest numbers that there are: of 1280 bits, all that there is room for.
+    // The positions of this ray and these triangles take 255 bits; two hits at the same t are compared as numbers of 1280 bits.
     let smallest = f32::from_bits(1);
     let triangle = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(smallest, 1.0, 0.0)];
     let options = TraceOptions { intersector: Intersector::Exact, accel: Accel::Brute, ..TraceOptions::DEFAULT };
@@ -375,4 +377,165 @@ fn rays_start_where_their_triangle_is() {
         }
     }
     assert!(nonzero > 100_000, "{nonzero} starts with a second part");
+}
+
+/// A ray of a table: where it goes, its limits, and the hit that exact arithmetic finds.
+struct Row {
+    name: &'static str,
+    triangles: Vec<[[f32; 3]; 3]>,
+    origin: [f32; 3],
+    direction: [f32; 3],
+    limits: [f32; 2],
+    hit: Option<(u32, f32)>,
+    /// The direction of a second ray, and its hit.
+    next: Option<([f32; 3], Option<(u32, f32)>)>,
+}
+
+fn power(exponent: i32) -> f32 {
+    2f64.powi(exponent) as f32
+}
+
+const UP: f32 = f32::INFINITY;
+const DOWN: [f32; 3] = [0.0, 0.0, -1.0];
+
+/// A right triangle of `size` at the height `z`.
+fn flat(size: f32, z: f32) -> [[f32; 3]; 3] {
+    [[0.0, 0.0, z], [size, 0.0, z], [0.0, size, z]]
+}
+
+/// Rays at the ends of float32, each of which was answered wrongly once.
+fn rows_at_the_ends() -> Vec<Row> {
+    let p = power;
+    let row = |name, triangles: &[[[f32; 3]; 3]], origin, direction, limits, hit| Row {
+        name,
+        triangles: triangles.to_vec(),
+        origin,
+        direction,
+        limits,
+        hit,
+        next: None,
+    };
+    let all = [0.0, UP];
+    let tiny = f32::from_bits(1);
+    vec![
+        row("an origin below the scene's bits", &[flat(4.0, 0.0)], [-tiny, 1.0, 1.0], DOWN, all, None),
+        row("the same, inside", &[flat(4.0, 0.0)], [tiny, 1.0, 1.0], DOWN, all, Some((0, 1.0))),
+        row("an origin beyond floats", &[flat(1e-20, 0.0)], [1e-21, 1e-21, 1e20], DOWN, all, Some((0, 1e20))),
+        row(
+            "a vertex below bits",
+            &[flat(1e18, 0.0), flat(1e18, p(-100))],
+            [1e17, 1e17, 1.0],
+            DOWN,
+            all,
+            Some((1, 1.0)),
+        ),
+        row(
+            "the same, limits",
+            &[flat(1e18, 0.0), flat(1e18, p(-100))],
+            [1e17, 1e17, 0.0],
+            DOWN,
+            [-UP, UP],
+            Some((1, -p(-100))),
+        ),
+        row(
+            "t below tracing space",
+            &[flat(1e18, 0.0), flat(1e18, 1.1e-12)],
+            [1e17, 1e17, 0.0],
+            [0.0, 0.0, 1.0],
+            [tiny, UP],
+            Some((1, 1.1e-12)),
+        ),
+        row("t that is subnormal", &[flat(1.0, 0.0)], [0.25, 0.25, 3.0 * p(-149)], DOWN, all, Some((0, 3.0 * p(-149)))),
+        row("t near 0", &[flat(1.0, 0.0)], [0.25, 0.25, p(-90)], DOWN, all, Some((0, p(-90)))),
+        row("t beyond a limit", &[flat(1.0, 0.0)], [0.25, 0.25, 3.0 * p(-149)], [0.0, 0.0, -p(-147)], [0.0, 0.7], None),
+        row(
+            "t at a limit",
+            &[flat(1.0, 0.0)],
+            [0.25, 0.25, 3.0 * p(-149)],
+            [0.0, 0.0, -p(-147)],
+            [0.0, 0.75],
+            Some((0, 0.75)),
+        ),
+        row("t = 0 is outside", &[flat(10.0, 0.0)], [1.0, 1.0, 0.0], DOWN, [tiny, UP], None),
+        row("t = 0 is outside of a large scene", &[flat(1e4, 0.0)], [1.0, 1.0, 0.0], DOWN, [tiny, UP], None),
+        row("t = 0 is inside", &[flat(1e4, 0.0)], [1.0, 1.0, 0.0], DOWN, [0.0, tiny], Some((0, 0.0))),
+        row("t = 0 is outside, from below", &[flat(1e4, 0.0)], [1.0, 1.0, 0.0], DOWN, [-UP, -tiny], None),
+        row("negative t", &[flat(1.0, 0.0)], [0.25, 0.25, -2.0], DOWN, [-UP, UP], Some((0, -2.0))),
+        row("t beyond floats", &[flat(1e21, 0.0)], [1e20, 1e20, 2e21], [0.0, 0.0, -1e-18], all, None),
+        row("the largest t", &[flat(1e21, 0.0)], [1e20, 1e20, 1e20], [0.0, 0.0, -1e-18], all, Some((0, 1e38))),
+        row(
+            "t beyond floats comes first",
+            &[flat(1e21, 0.0), flat(1e21, 1.95e21)],
+            [1e20, 1e20, 2e21],
+            [0.0, 0.0, -1e-18],
+            all,
+            Some((1, ((2e21f32 as f64 - 1.95e21f32 as f64) / 1e-18f32 as f64) as f32)),
+        ),
+        row("far below", &[flat(1e21, 0.0)], [1e20, 1e20, -2e21], [0.0, 0.0, -1e-18], [-UP, UP], None),
+        row(
+            "a direction of all sizes",
+            &[flat(1.0, 0.0)],
+            [0.25, 0.25, 1.0],
+            [p(-149), 0.0, -p(127)],
+            all,
+            Some((0, p(-127))),
+        ),
+        Row {
+            next: Some(([-p(-16), p(-146), 0.0], Some((1, p(-72))))),
+            ..row(
+                "a second ray that is hardly off its triangle",
+                &[flat(1.0, 0.0), [[1.0, 0.25, -1.0], [-2.0, 1.0, -1.0], [-1.0, 3.0, 1.0]]],
+                [p(-88), 0.25, 1.0],
+                DOWN,
+                all,
+                Some((0, 1.0)),
+            )
+        },
+        Row {
+            next: Some(([0.0, 0.0, 1.0], None)),
+            ..row(
+                "a second ray that starts where floats end",
+                &[
+                    [[0.0, 0.0, 0.0], [1.0, 0.0, p(-105)], [0.0, 1.0, 0.0]],
+                    [[0.0, -1.0, p(-107)], [1.0, -1.0, p(-107)], [0.0, 2.0, p(-107)]],
+                ],
+                [0.5, tiny, 1.0],
+                DOWN,
+                all,
+                Some((0, 1.0)),
+            )
+        },
+    ]
+}
+
+#[test]
+fn rays_at_the_ends_of_float32_are_answered_exactly() {
+    let device = device();
+    for row in rows_at_the_ends() {
+        let triangles: Vec<_> = row.triangles.iter().map(|triangle| triangle.map(Vec3::from)).collect();
+        for &accel in Accel::ALL {
+            let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+            let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &options).unwrap());
+            let [t_min, t_max] = row.limits;
+            let next = row.next.map(|(direction, _)| move |_: usize| Vec3::from(direction));
+            let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = next.as_ref().map(|next| next as _);
+            let batch = buffers.batch(1, |_| (row.origin.into(), row.direction.into(), t_min, t_max), next);
+            // Compilers take longer than all else here.
+            let on_device = device.as_ref().filter(|_| matches!(accel, Accel::Kd | Accel::Bvh2));
+            for device in [None].into_iter().chain(on_device.map(Some)) {
+                let what = format!("{}, {accel}, {}", row.name, device.map_or("reference", |device| &device.info.name));
+                let mut tracer = open_tracer(device, &buffers, &options, 1, None).unwrap();
+                let found = |hit: &Hit| (hit.primitive != NO_PRIMITIVE).then_some((hit.primitive, hit.t));
+                let result = tracer.trace(&batch.job(false, 1), &|_| ()).unwrap();
+                assert_eq!(found(&result.hits[0]), row.hit, "{what}");
+                if let (Some((_, expected)), Some(hits)) = (row.next, result.next_hits) {
+                    assert_eq!(found(&hits[0]), expected, "{what}, second ray");
+                }
+                if row.next.is_none() {
+                    let any = tracer.trace(&batch.job(true, 1), &|_| ()).unwrap().hits[0];
+                    assert_eq!(any.primitive != NO_PRIMITIVE, row.hit.is_some(), "{what}, any hit");
+                }
+            }
+        }
+    }
 }

@@ -119,7 +119,7 @@ fn trace(
     let turned = |d: Float4| Float4 { x: d.y, y: -d.x, z: 0.7, w: 0.0 };
     let next: Vec<Float4> = rays.iter().map(|ray| turned(ray.direction_t_max)).collect();
     let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
-    let job = |any_hit, next_directions| TraceJob { rays: &rays, any_hit, next_directions, repeat: 1 };
+    let job = |any_hit, next_directions| TraceJob { extreme: &[], rays: &rays, any_hit, next_directions, repeat: 1 };
     let closest = tracer.trace(&job(false, Some(&next)), &|_| ()).unwrap();
     let any = tracer.trace(&job(true, None), &|_| ()).unwrap();
     (bits(&closest.hits), bits(&closest.next_hits.unwrap()), any.hits.iter().map(is_hit).collect())

@@ -23,7 +23,7 @@ fn trace(scene: &Scene, intersector: Intersector, queries: &[Query]) -> Vec<Hit>
     let options = TraceOptions { accel: Accel::Brute, intersector, ..TraceOptions::default() };
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
     let rays: Vec<_> = queries.iter().map(|&(o, d)| buffers.trace_ray(o, d, 0.0, f32::INFINITY)).collect();
-    let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+    let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
     ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
 }
 

@@ -484,7 +484,7 @@ fn traversals_equal_their_twins() {
                 buffers.trace_ray(from, direction, 0.0, f32::INFINITY)
             })
             .collect();
-        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         for counters in [false, true] {
             let options = TraceOptions { counters, ..options };
             let got = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();

@@ -51,7 +51,7 @@ fn trace(device: Option<&DeviceHandle>, scene: &Scene, options: &TraceOptions) -
     let opened = build_and_open(device, scene, options, 1, None, &[Task::Batch]);
     let (buffers, mut tracer) = opened.unwrap_or_else(|error| panic!("{options:?}: {error}"));
     let rays = rays(&buffers, ray_count());
-    let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+    let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
     tracer.trace(&job, &|_| ()).unwrap().hits
 }
 

@@ -199,7 +199,7 @@ fn trace(scene: &Scene, options: &TraceOptions) -> Vec<Hit> {
     };
     let rays: Vec<_> = (0..2000).map(|_| ray()).collect();
     let mut tracer = open_tracer(None, &buffers, options, 1, None).unwrap();
-    let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+    let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
     tracer.trace(&job, &|_| ()).unwrap().hits
 }
 

@@ -71,7 +71,10 @@ fn rays(scene: &Scene, buffers: &SceneBuffers, count: usize) -> Vec<TraceRay> {
 }
 
 fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay]) -> Vec<Hit> {
-    tracer.trace(&TraceJob { rays, next_directions: None, any_hit: false, repeat: 1 }, &|_| ()).unwrap().hits
+    tracer
+        .trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit: false, repeat: 1 }, &|_| ())
+        .unwrap()
+        .hits
 }
 
 fn bits(hit: &Hit) -> [u32; 4] {

@@ -82,7 +82,7 @@ fn bits(hit: &Hit) -> [u32; 4] {
 }
 
 fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay], any_hit: bool) -> TraceResult {
-    tracer.trace(&TraceJob { rays, next_directions: None, any_hit, repeat: 1 }, &|_| ()).unwrap()
+    tracer.trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit, repeat: 1 }, &|_| ()).unwrap()
 }
 
 /// Asserts that packets give the twin's closest hits, and some hit where there is one: how many rays hit, and how many took the second pass.

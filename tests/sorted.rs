@@ -75,7 +75,7 @@ fn answers(
     let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
     let mut trace = |job: TraceJob| tracer.trace(&job, &|_| ()).unwrap();
     let of_batch = |(rays, next): &(Vec<TraceRay>, Vec<Float4>)| {
-        let closest = TraceJob { rays, next_directions: None, any_hit: false, repeat: 2 };
+        let closest = TraceJob { extreme: &[], rays, next_directions: None, any_hit: false, repeat: 2 };
         let second = TraceJob { next_directions: Some(next), ..closest };
         [closest, second, TraceJob { any_hit: true, ..closest }].map(&mut trace)
     };
@@ -144,7 +144,7 @@ fn auto_sorts_what_is_shuffled_where_packets_gain() {
         let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles()), options).unwrap());
         let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
         let mut is_sorted = |rays: &[TraceRay]| {
-            let job = TraceJob { rays, next_directions: None, any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays, next_directions: None, any_hit: false, repeat: 1 };
             tracer.trace(&job, &|_| ()).unwrap().sort_s.is_some()
         };
         batches.each_ref().map(|rays| is_sorted(rays))

@@ -207,7 +207,7 @@ fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
         let rays = queries_of(&scene, RAYS);
         for options in all_options() {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-            let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let mut tracer = ReferenceTracer::new(buffers, options);
             let hits = tracer.trace(&job, &|_| ()).unwrap().hits;
             if options.accel == Accel::Brute {
@@ -232,7 +232,7 @@ fn the_device_agrees_on_them_to_the_bit() {
         let rays = queries_of(&scene, 1400);
         for options in all_options().into_iter().skip(1).take(7).chain(cut(Accel::Bvh2)).chain(cut(Accel::Bvh8)) {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-            let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let expected = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let got =
                 open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits;
@@ -390,7 +390,7 @@ fn an_empty_scene_is_missed() {
         let buffers = Arc::new(SceneBuffers::new(&scene_of(&[]), &options).unwrap());
         let rays =
             [buffers.trace_ray(Vec3::ZERO, Vec3::X, 0.0, 1.0), buffers.trace_ray(Vec3::ONE, -Vec3::ONE, 0.0, 9.0)];
-        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
         assert!(!hits.iter().any(is_hit), "{options:?}");
     }

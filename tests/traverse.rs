@@ -190,7 +190,7 @@ fn device_and_twin_agree_to_the_bit() {
             let queries = queries(3000, &mut random);
             let rays = pack(&buffers, &queries);
             let next: Vec<_> = rays.iter().map(|_| Float4::new(random.vec3(), 0.0)).collect();
-            let job = TraceJob { rays: &rays, next_directions: Some(&next), any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: Some(&next), any_hit: false, repeat: 1 };
             let mut twin = ReferenceTracer::new(buffers.clone(), options);
             let expected = twin.trace(&job, &|_| ()).unwrap();
             let mut tracer = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
@@ -216,7 +216,7 @@ fn every_structure_gives_the_hits_of_brute_force() {
                 let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
                 let queries = queries(3000, &mut Random(SEED + 1));
                 let rays = pack(&buffers, &queries);
-                let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+                let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
                 let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
                 match &expected {
                     None => expected = Some(hits), // the first one is brute force
@@ -239,7 +239,7 @@ fn trace(
     device: Option<&DeviceHandle>,
 ) -> Vec<Hit> {
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
-    let job = TraceJob { rays, next_directions: None, any_hit, repeat: 1 };
+    let job = TraceJob { extreme: &[], rays, next_directions: None, any_hit, repeat: 1 };
     open_tracer(device, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits
 }
 
@@ -398,7 +398,7 @@ fn robust_tests_give_the_hits_of_brute_force_in_the_planes_of_triangles() {
             for options in all_options().into_iter().filter(|o| o.intersector == intersector) {
                 let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
                 let rays = pack(&buffers, &queries);
-                let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+                let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
                 let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
                 match &expected {
                     None => expected = Some(hits), // the first one is brute force
@@ -428,7 +428,7 @@ fn hits_are_those_of_the_oracle() {
             let options = TraceOptions { intersector, ..TraceOptions::default() };
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let rays = pack(&buffers, &queries);
-            let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let wrong = hits.iter().zip(&truth).filter(|(hit, truth)| {
                 match truth {
@@ -462,7 +462,7 @@ fn a_power_of_two_changes_nothing() {
             .filter(|q| q.1.to_array().iter().all(|&x| x == 0.0 || (1e-6..1e6).contains(&x.abs())))
             .map(|&(o, d, near, far)| buffers.trace_ray(o * factor, d * factor, near, far))
             .collect();
-        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
     };
     let expected = trace(0);
@@ -493,7 +493,7 @@ fn nonsense_rays_miss() {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays = pack(&buffers, &[&[down], &nonsense[..]].concat());
         for any_hit in [false, true] {
-            let job = TraceJob { rays: &rays, next_directions: None, any_hit, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit, repeat: 1 };
             let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             // Of any hit t is not computed.
             assert_eq!((hits[0].primitive, hits[0].t), (0, if any_hit { 0.0 } else { 1.0 }), "{options:?}");

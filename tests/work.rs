@@ -59,7 +59,7 @@ fn rays(buffers: &SceneBuffers, count: usize, random: &mut Random) -> Vec<TraceR
 }
 
 fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay], next: Option<&[Float4]>, any_hit: bool) -> TraceResult {
-    tracer.trace(&TraceJob { rays, next_directions: next, any_hit, repeat: 2 }, &|_| ()).unwrap()
+    tracer.trace(&TraceJob { extreme: &[], rays, next_directions: next, any_hit, repeat: 2 }, &|_| ()).unwrap()
 }
 
 fn assert_same_work(what: &str, got: &Option<Vec<RayWork>>, expected: &Option<Vec<RayWork>>) {

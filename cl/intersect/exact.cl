@@ -10,8 +10,8 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     const float3 best1 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1;
     const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
     const WideDecision closer =
-        decide_closer(start_of_ray(GEOMETRY, ray), starts_on_triangle(ray), ray->direction, p0, p1, p2, ray->t_near, ray->t_far,
-                      hit->u, hit->t, best0, best1, best2);
+        decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near, ray->t_far, hit->u, hit->t, best0, best1,
+                      best2);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != DOUBTFUL) return closer.decision;
@@ -53,13 +53,14 @@ bool is_settled_exactly(GEOMETRY_PARAMETERS) {
 #endif
 }
 
-// t, if it is wanted, and the weights that step 2 is not sure of.
+// t in the caller's units, if it is wanted, and the weights that step 2 is not sure of.
 void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, const bool wants_t, float* t,
                     SurfaceHit* hit) {
 #ifdef WIDE_IS_DOUBLE
     const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2);
-    if (closer.is_sure) {
-        if (wants_t) *t = closer.t;
+    const float callers = callers_t(ray, closer.t);
+    if (closer.is_sure && !(wants_t && !(is_normal(closer.t) && is_normal(callers)))) {
+        if (wants_t) *t = callers;
         hit->u = closer.u;
         hit->v = closer.v;
         hit->weight0 = closer.weight0;
@@ -122,16 +123,20 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
     return found;
 }
 
-// t, if it is wanted, and the weights of the triangle that a traversal has found: the floats nearest to them. Not a hit's t that is
-// not wanted; the weight of vertex 0 only if it is not the largest one, which the others tell.
+// t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats nearest to them. Not
+// a hit's t that is not wanted; the weight of vertex 0 only if it is not the largest one, which the others tell.
 SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
     const FinishedHit finished = finish_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2, wants_t);
     SurfaceHit hit = {finished.weight0, finished.u, finished.v, primitive};
-    if (wants_t) *t = finished.t;
-    if (!finished.is_sure) finish_closely(GEOMETRY, ray, p0, p1, p2, wants_t, t, &hit);
+    bool is_sure = finished.is_sure;
+    if (wants_t) {
+        *t = callers_t(ray, finished.t);
+        is_sure = is_sure && is_normal(*t);
+    }
+    if (!is_sure) finish_closely(GEOMETRY, ray, p0, p1, p2, wants_t, t, &hit);
     return hit;
 }
 
@@ -149,10 +154,10 @@ bool finish_mostly_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
     const FinishedHit finished =
         finish_wide(ray->origin, ray->origin_low, ray->direction, LOAD_SURFACE_VERTEX(geometry, primitive, 0),
                     LOAD_SURFACE_VERTEX(geometry, primitive, 1), LOAD_SURFACE_VERTEX(geometry, primitive, 2), true);
-    hit->t = finished.t;
+    hit->t = callers_t(ray, finished.t);
     hit->u = finished.u;
     hit->v = finished.v;
-    return finished.is_sure;
+    return finished.is_sure && is_normal(hit->t);
 }
 
 void surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {

@@ -65,10 +65,10 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
     return low == *rounded;
 }
 
-// As decide_wide and place_hit, of a ray that starts at `start`, or with `leaves` leaves there a triangle. best0 to best2 are the
+// As decide_wide and place_hit, of a ray that starts at `start`. best0 to best2 are the
 // vertices of the nearest hit so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far.
-RARE WideDecision decide_closer(TrianglePoint start, bool leaves, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
-                                float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1, float3 best2) {
+RARE WideDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2, float t_near, float t_far,
+                                float t_best_low, float t_best_high, float3 best0, float3 best1, float3 best2) {
     WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
@@ -80,11 +80,12 @@ RARE WideDecision decide_closer(TrianglePoint start, bool leaves, float3 directi
     if (sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign) return result;
     float t;
     if (!rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &t)) return result;
-    if (t < t_near || t > t_far || t > t_best_high || (leaves && t == 0.0f)) {
+    if (!(fabs(t) > LEAST_MAGNITUDE)) return result; // whether it is 0, and on which side of a limit, is open
+    if (t < t_near || t > t_far || t > t_best_high) {
         result.decision = MISS;
         return result;
     }
-    if (t == t_near || t == t_far || !(fabs(t) > LEAST_MAGNITUDE)) return result;
+    if (t == t_near || t == t_far) return result;
     if (t >= t_best_low) {
         CloserNumbers best;
         closer_numbers(&start, direction, best0, best1, best2, &best);

@@ -50,7 +50,8 @@ int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float*
 }
 
 // What limits of its t say of a hit: whether it is inside of the ray's interval and nearer than *hit, of which t and u are limits, too,
-// as long as the traversal goes on (no_hit_yet() in ray.cl). NaN says nothing.
+// as long as the traversal goes on (no_hit_yet() in ray.cl). NaN says nothing. The interval may be off by less than a float's last bit,
+// so that a float beyond its end is beyond what was given, too.
 int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
     if (t_high < ray->t_near || t_low > hit->t) return MISS;
     return t_low > ray->t_near && t_high < hit->u ? HIT : DOUBTFUL;
@@ -63,6 +64,9 @@ int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
 #define WIDE_ERROR (10.0f * WIDE_EPSILON)
 #define WIDE_ERROR_W (14.0f * WIDE_EPSILON)
 // a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this times that part.
+// And by what no float is small enough for (PLANE_ERROR in ray.cl): each of nine terms by up to 2^-149, which the bounds are to cover
+// whatever direction it is multiplied by, be it lifted to 2^61.
+#define LEAST_FROM (0x1p-145f * WIDE_PRECISION)
 #define START_ERROR (0.4f * EPSILON * WIDE_PRECISION) // 4 EPSILON / WIDE_ERROR: not every compiler divides constants
 // Below this a product of floats may have underflowed: nothing is certain.
 #define LEAST_MAGNITUDE 0x1p-80f
@@ -96,7 +100,7 @@ void wide_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3
     n->weight0 = wide_subtract(wide_subtract(n->det, n->weight1), n->weight2);
 
     const float3 magnitude1 = p1 - p0, magnitude2 = p2 - p0; // cheaper than what wide numbers round to
-    const float3 from_magnitude = fma3(abs3(origin_low), START_ERROR, abs3((p0 - origin) - origin_low));
+    const float3 from_magnitude = fma3(abs3(origin_low), START_ERROR, abs3((p0 - origin) - origin_low)) + LEAST_FROM;
     const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     const float3 moment_magnitude = magnitude_cross(from_magnitude, ray_direction);
     const float det_magnitude = magnitude_dot(normal_magnitude, ray_direction);
@@ -165,7 +169,8 @@ bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* r
     // 1.01: what is left out here of the quotient of two sums; 8: roundings of inverse, product and comparison.
     const float error = fma(1.01f * bound, fabs(wide_to_float(det->inverse)),
                             fabs(wide_to_float(quotient)) * fma(1.01f, det->det_error, 8.0f * WIDE_EPSILON));
-    return is_bound(bound) && wide_rounds_surely(quotient, error, rounded);
+    // Of smaller quotients the error may have underflowed.
+    return is_bound(bound) && wide_rounds_surely(quotient, error, rounded) && fabs(*rounded) > LEAST_MAGNITUDE;
 }
 
 // t, if it is wanted, and the weights of a triangle that is hit, if that is sure: the floats nearest to them. Else 0, and the weight of

@@ -19,8 +19,9 @@ void widen_exponents3(float3 v, int* lowest, int* highest) {
 
 // The units of a ray from `start` and of `count` triangles (three vertices each). Let p and d be the bits of the largest position and
 // direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the others 2 p + d + 6; a comparison of two t
-// multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a comparison with a limit 24, and all need a sign. MAX_LIMBS
-// suffice for p = 217: positions whose largest is 10^65 times the last bit of the smallest. Beyond that the lowest bits go.
+// multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a comparison with a limit 25, and all need a sign.
+// MAX_LIMBS suffice for every ray: vertices are below 2 in tracing space, and what is lowest of a float is 2^-149. A ray that starts at
+// a point has p = 128 + 149. One that leaves a triangle starts at vertices times weights: p = 1 + 149 + 149. Directions have d = 61 + 149.
 RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const float3* corners, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000, low_w = 0, high_w = 0;
     widen_exponents3(start->base, &low_p, &high_p);
@@ -34,13 +35,7 @@ RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const 
     WholeUnits units;
     units.position = low_p + low_w;
     units.direction = low_d;
-    int bits_p = max(high_p - units.position, 1);
-    const int bits_d = max(high_d - low_d, 1);
-    const int most = (32 * MAX_LIMBS - 40 - bits_d) / 5;
-    if (bits_p > most) {
-        units.position += bits_p - most;
-        bits_p = most;
-    }
+    const int bits_p = max(high_p - units.position, 1), bits_d = max(high_d - low_d, 1);
     units.weight = low_w;
     units.vertex = units.position - low_w;
     units.n = ((count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) + 31) / 32;
@@ -121,19 +116,49 @@ RARE float whole_quotient(const Integer* numerator, const Integer* denominator, 
     return integer_quotient(&above, &below, exponent, n);
 }
 
-// The sign of the exact t = T / D of a triangle minus `limit`, which is the float nearest to it. D > 0.
-RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, float limit) {
-    int exponent;
-    const float significand = (float)float_significand(limit, &exponent);
-    Integer factor, distance = numbers->distance, scaled;
-    integer_from_float(&factor, limit < 0.0f ? -significand : significand, 0, units->n);
-    integer_set_zero(&scaled, units->n);
-    integer_add_product(&scaled, &factor, &numbers->det, 1, units->n);
-    const int shift = significand == 0.0f ? 0 : units->position - units->direction - exponent;
-    if (shift > 0) integer_shift_up(&distance, shift, units->n);
-    if (shift < 0) integer_shift_up(&scaled, -shift, units->n);
-    integer_add(&distance, &scaled, -1, units->n);
-    return integer_sign(&distance, units->n);
+// Numbers from this on have no nearest float: FLT_MAX and half of its last bit.
+#define INFINITE_SIGNIFICAND 0x1ffffffu
+#define INFINITE_EXPONENT 103
+
+// The sign of the caller's t minus `limit`, where t is that of T / D times 2 to `exponent`; t whose nearest float is infinite is not less
+// than an infinite limit.
+RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, int exponent, float limit) {
+    const int n = units->n;
+    Integer distance = numbers->distance, det = numbers->det;
+    const int sign = integer_take_sign(&distance, n) * integer_take_sign(&det, n);
+    const int limit_sign = limit > 0.0f ? 1 : limit < 0.0f ? -1 : 0;
+    if (sign != limit_sign || sign == 0) return sign > limit_sign ? 1 : sign < limit_sign ? -1 : 0;
+    int limit_exponent = INFINITE_EXPONENT;
+    const uint significand = is_finite(limit) ? float_significand(limit, &limit_exponent) : INFINITE_SIGNIFICAND;
+    Integer factor, scaled;
+    integer_set_limb(&factor, significand, n);
+    integer_set_zero(&scaled, n);
+    integer_add_product(&scaled, &factor, &det, 1, n);
+    // Both have as many bits where they are shifted: none gets lost.
+    const int shift = units->position - units->direction + exponent - limit_exponent;
+    const int bits = integer_bits(&distance, n) + shift, limit_bits = integer_bits(&scaled, n);
+    if (bits != limit_bits) return bits < limit_bits ? -sign : sign;
+    if (shift > 0) integer_shift_up(&distance, shift, n);
+    if (shift < 0) integer_shift_up(&scaled, -shift, n);
+    integer_add(&distance, &scaled, -1, n);
+    return sign * integer_sign(&distance, n);
+}
+
+// Whether the ray meets the triangle, and inside of its interval.
+RARE bool is_hit_whole(const Ray* ray, const WholeNumbers* numbers, const WholeUnits* units) {
+    const int n = units->n;
+    Integer weight0;
+    whole_weight0(numbers, n, &weight0);
+    const int sign = integer_sign(&numbers->det, n);
+    // A ray in the triangle's plane has D = 0 and never hits.
+    if (sign == 0 || sign * integer_sign(&weight0, n) < 0 || sign * integer_sign(&numbers->weight1, n) < 0 ||
+        sign * integer_sign(&numbers->weight2, n) < 0)
+        return false;
+    const int after = compare_with_limit(numbers, units, t_exponent(ray), ray->t_min);
+    const int before = -compare_with_limit(numbers, units, t_exponent(ray), ray->t_max);
+    // What a ray that leaves a triangle starts on, too, it leaves with it.
+    const int least_after = starts_on_triangle(ray) || !is_finite(ray->t_min) ? 1 : 0;
+    return after >= least_after && before >= (is_finite(ray->t_max) ? 0 : 1);
 }
 
 // Whether the triangle with corners 0 to 2 is met before the one with corners 3 to 5; of two at the same t that with the lower number.
@@ -160,26 +185,8 @@ RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
     const WholeUnits units = whole_units(&start, ray->direction, corners, 1);
     WholeNumbers numbers;
     whole_numbers(&start, ray->direction, corners, &units, &numbers);
-    Integer weight0;
-    whole_weight0(&numbers, units.n, &weight0);
-    const int sign = integer_sign(&numbers.det, units.n);
-    // A ray in the triangle's plane has D = 0 and never hits.
-    if (sign == 0 || sign * integer_sign(&weight0, units.n) < 0 || sign * integer_sign(&numbers.weight1, units.n) < 0 ||
-        sign * integer_sign(&numbers.weight2, units.n) < 0)
-        return false;
+    if (!is_hit_whole(ray, &numbers, &units)) return false;
     const float t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
-    if (!(t >= ray->t_near && t <= ray->t_far)) return false;
-    if (t == ray->t_near || t == ray->t_far) {
-        if (integer_take_sign(&numbers.det, units.n) < 0) {
-            const Integer distance = numbers.distance;
-            integer_set_zero(&numbers.distance, units.n);
-            integer_add(&numbers.distance, &distance, -1, units.n);
-        }
-        // What a ray that leaves a triangle starts on, too, it leaves with it.
-        const int least = starts_on_triangle(ray) ? 1 : 0;
-        if (t == ray->t_near && compare_with_limit(&numbers, &units, ray->t_near) < least) return false;
-        if (t == ray->t_far && compare_with_limit(&numbers, &units, ray->t_far) > 0) return false;
-    }
     *t_low = next_down(t);
     *t_high = next_up(t);
     if (hit->primitive == NO_PRIMITIVE || t < hit->u) return true;
@@ -189,7 +196,7 @@ RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
     return is_nearer_whole(&start, ray->direction, corners, primitive < hit->primitive);
 }
 
-// t and the weights of a triangle that is hit.
+// t in the caller's units and the weights of a triangle that is hit.
 RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, SurfaceHit* hit) {
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     const float3 corners[3] = {p0, p1, p2};
@@ -198,7 +205,7 @@ RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1
     whole_numbers(&start, ray->direction, corners, &units, &numbers);
     Integer weight0;
     whole_weight0(&numbers, units.n, &weight0);
-    *t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
+    *t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction + t_exponent(ray), units.n);
     hit->weight0 = whole_quotient(&weight0, &numbers.det, 0, units.n);
     hit->u = whole_quotient(&numbers.weight1, &numbers.det, 0, units.n);
     hit->v = whole_quotient(&numbers.weight2, &numbers.det, 0, units.n);

@@ -54,7 +54,7 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
         Ray ray = leave_surface(&point, direction, INFINITY);
         if (ray.t_near <= ray.t_far) use_callers_units(&ray, direction, geometry.scale);
         if (trace_ray(GEOMETRY_AT(&geometry), &ray, false, &hit)) FINISH(GEOMETRY_AT(&geometry), &ray, &hit);
-        hit = batch_hit(&ray, hit);
+        hit = batch_hit(hit);
     }
     next_hits[index] = hit;
     STORE_WORK(&geometry, index);

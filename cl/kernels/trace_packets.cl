@@ -87,10 +87,10 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
             settle_lane(GEOMETRY, &ray, lane, &found[k], &doubtful[k]);
         }
         finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit, &doubtful[k]);
-        // batch_hit() takes care of a t that may have lost bits.
+        // A t that may have lost bits is left to single rays.
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
-        const int16 is_exact = is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
+        const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
         store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
         answered[k] = answered[k] && !doubtful[k] && is_exact;
     }

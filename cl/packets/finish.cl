@@ -52,7 +52,8 @@ int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_
     const float8 error = fma(1.01f * bound, fabs(convert_float8(inverse)),
                              fabs(convert_float8(quotient)) * fma((float8)(1.01f), det_error, (float8)(8.0f * WIDE_EPSILON)));
     *rounded = convert_float8(quotient + convert_double8(error));
-    return bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= FLT_MAX && convert_float8(quotient - convert_double8(error)) == *rounded;
+    return bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= FLT_MAX && fabs(*rounded) > LEAST_MAGNITUDE &&
+           convert_float8(quotient - convert_double8(error)) == *rounded;
 }
 
 Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float8 by, float8 bz) {

@@ -125,7 +125,7 @@ int16 make_packet(RayPacket* p, float scale, float16* unit) {
     }
     const float16 to_own = scale * (used ? as_float16(as_uint16(size) >> 23 << 23) : (float16)(1.0f)); // scale / unit
     p->t_near *= to_own;
-    p->t_far = smaller16(p->t_far * to_own, (float16)(FLT_MAX));
+    p->t_far = smaller16(smaller16(p->t_far, (float16)(FLT_MAX)) * to_own, (float16)(FLT_MAX));
     leave_out_others(p, used);
     return used;
 }

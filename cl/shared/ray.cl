@@ -52,15 +52,19 @@ typedef struct {
     float3 direction;
     float3 inv_direction; // +infinity for a zero component; NaN where the reciprocal overflows: no plane of that axis is decisive
     Shear shear;          // here because not every compiler moves divisions out of the loop over triangles
-    float t_near, t_far;  // closed interval; t_far is finite or -infinity
+    float t_near, t_far;  // closed interval, off by less than a float's last bit; t_far is finite or -infinity
+    float t_min, t_max;   // the interval as it was given, in the caller's units: where whole numbers decide
     float t_scale, t_lift; // two factors, because one would overflow for the shortest directions
     uint skip;            // triangle that is never hit: the one that the ray starts on
     float3 start_weights; // where on it: weights of its vertices; the largest is -1, which means what the others leave of 1. Or all 0:
                           // the ray starts at origin, as a camera ray does
 } Ray;
 
-// t in the caller's units.
+// t in the caller's units: exactly, where it is a normal number in both.
 float callers_t(const Ray* ray, float t) { return t * ray->t_lift * ray->t_scale; }
+// The power of two by which the caller's t is the ray's.
+int t_exponent(const Ray* ray) { return exponent_field(ray->t_lift) + exponent_field(ray->t_scale) - 254; }
+bool is_normal(float x) { return fabs(x) >= FLT_MIN && fabs(x) <= FLT_MAX; }
 
 // A power of two mostly has an inverse that is a normal number, and a product with that rounds as the division does.
 bool has_inverse(float power) { return as_uint(power) - 0x00800000u <= 0x7e000000u; }
@@ -69,18 +73,33 @@ float inverse_power(float power) { return as_float(0x7f000000u - as_uint(power))
 // Calls, because they are rare.
 RARE float divide_by_power(float x, float power) { return x / power; }
 
-// Sets the interval, in the caller's units; to an empty one where the ray is not sound.
-void limit_ray(Ray* ray, bool sound, float t_near, float t_far) {
+float clamp_to_floats(float t) { return min_or(max_or(t, -FLT_MAX), FLT_MAX); }
+
+// What becomes of a limit, given as a float that is no infinity, by both divisions. It is off by less than the last bit of a float, which
+// the tests know (place_hit in exact_filter.cl), and only where it is subnormal: both factors are above 1, or both below. A limit that
+// is not 0 does not become 0: what is met where the ray starts stays outside.
+float own_limit(float limit, float divided) {
+    const float own = clamp_to_floats(divided);
+    return own == 0.0f && limit != 0.0f ? (limit < 0.0f ? as_float(0x80000001u) : as_float(1u)) : own;
+}
+
+// Sets the interval, in the caller's units; to an empty one where the ray is not sound. Infinity ends at the largest float of the caller's:
+// nothing farther is hit.
+void limit_ray(Ray* ray, bool sound, float t_min, float t_max) {
+    ray->t_min = t_min;
+    ray->t_max = t_max;
+    const float limit_min = clamp_to_floats(t_min), limit_max = clamp_to_floats(t_max);
+    float t_near, t_far;
     if (has_inverse(ray->t_lift) && has_inverse(ray->t_scale)) {
         const float inv_lift = inverse_power(ray->t_lift), inv_scale = inverse_power(ray->t_scale);
-        t_near = t_near * inv_lift * inv_scale;
-        t_far = t_far * inv_lift * inv_scale;
+        t_near = limit_min * inv_lift * inv_scale;
+        t_far = limit_max * inv_lift * inv_scale;
     } else {
-        t_near = divide_by_power(divide_by_power(t_near, ray->t_lift), ray->t_scale);
-        t_far = divide_by_power(divide_by_power(t_far, ray->t_lift), ray->t_scale);
+        t_near = divide_by_power(divide_by_power(limit_min, ray->t_lift), ray->t_scale);
+        t_far = divide_by_power(divide_by_power(limit_max, ray->t_lift), ray->t_scale);
     }
-    ray->t_near = sound ? t_near : INFINITY;
-    ray->t_far = sound ? min_or(t_far, FLT_MAX) : -INFINITY;
+    ray->t_near = sound ? own_limit(limit_min, t_near) : INFINITY;
+    ray->t_far = sound ? own_limit(limit_max, t_far) : -INFINITY;
 }
 
 // Numbers from its reciprocal up to this, and 0, lose no bits here and in packets, and nothing that is made of them overflows.
@@ -159,6 +178,11 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
 float widen_up(float t) { return t * (t > 0.0f ? WIDEN_UP : WIDEN_DOWN); }
 float widen_down(float t) { return t * (t > 0.0f ? WIDEN_DOWN : WIDEN_UP); }
 
+// Beside the relative error a plane's distance from the origin has one that does not shrink with it: what the second part of the start
+// leaves out, below 2^-66 of vertices below 2 (rounding_errors.cl), or all of that part where no float is so small. This is twice that.
+// Without it the product with a large reciprocal made much of nothing, and one that is subnormal was not widened by any factor.
+#define PLANE_ERROR 0x1p-64f
+
 // Narrows *t_near..*t_far to the time between two planes, a little more rather than less. The comparisons are false for NaN.
 void narrow_interval(float t_low, float t_high, float inv_direction, float* t_near, float* t_far) {
     const bool ascending = inv_direction >= 0.0f;
@@ -173,10 +197,9 @@ void narrow_interval(float t_low, float t_high, float inv_direction, float* t_ne
 bool clip_to_box(const Ray* ray, float3 low, float3 high, float* t_near, float* t_far) {
     *t_near = ray->t_near;
     *t_far = ray->t_far;
-    // A NaN arises when the ray runs in a face of the box (0 * infinity) or when the reciprocal overflowed: the slab then does not
-    // narrow the interval.
-    const float3 t_low = from_origin(ray, low) * ray->inv_direction;
-    const float3 t_high = from_origin(ray, high) * ray->inv_direction;
+    // A NaN arises when the reciprocal overflowed, or from 0 * infinity: the slab then does not narrow the interval.
+    const float3 t_low = (from_origin(ray, low) - PLANE_ERROR) * ray->inv_direction;
+    const float3 t_high = (from_origin(ray, high) + PLANE_ERROR) * ray->inv_direction;
     narrow_interval(t_low.x, t_high.x, ray->inv_direction.x, t_near, t_far);
     narrow_interval(t_low.y, t_high.y, ray->inv_direction.y, t_near, t_far);
     narrow_interval(t_low.z, t_high.z, ray->inv_direction.z, t_near, t_far);

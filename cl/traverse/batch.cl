@@ -53,19 +53,13 @@ Ray batch_ray(__global const TraceRay* rays, uint index, float scale) {
     return ray;
 }
 
-// In the caller's units of t, in which what is farther than every float is not hit.
-Hit batch_hit(const Ray* ray, Hit hit) {
-    hit.t = callers_t(ray, hit.t);
-    return hit.primitive != NO_PRIMITIVE && is_finite(hit.t) ? hit : no_hit();
-}
+// A finished hit: what is farther than every float is not hit.
+Hit batch_hit(Hit hit) { return hit.primitive != NO_PRIMITIVE && is_finite(hit.t) ? hit : no_hit(); }
 
-// What answers a query for any hit: that there is one, of which t, u and v are not computed. What a traversal knows of the exact t is a
-// limit from above.
-Hit batch_any_hit(GEOMETRY_PARAMETERS, const Ray* ray, Hit hit) {
-    if (hit.primitive != NO_PRIMITIVE && !is_finite(callers_t(ray, hit.t))) FINISH(GEOMETRY, ray, &hit);
-    hit = batch_hit(ray, hit);
+// What answers a query for any hit: that there is one, of which t, u and v are not computed.
+Hit batch_any_hit(Hit hit) {
     const Hit answer = {0.0f, 0.0f, 0.0f, hit.primitive};
-    return hit.primitive == NO_PRIMITIVE ? hit : answer;
+    return hit.primitive == NO_PRIMITIVE ? no_hit() : answer;
 }
 
 // Traces a ray of a batch, and writes its hit if that takes nothing rare. Whether it does; else settle_batch() goes on with `hit`.
@@ -75,13 +69,11 @@ bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hi
     if (!IS_SETTLED(GEOMETRY)) return false;
     Hit finished = *hit;
     if (any_hit) {
-        if (found && !is_finite(callers_t(&ray, hit->t))) return false;
-        finished.t = finished.u = finished.v = 0.0f;
-        hits[index] = found ? finished : no_hit();
+        hits[index] = batch_any_hit(finished);
         return true;
     }
     if (found && !FINISH_MOSTLY(GEOMETRY, &ray, &finished)) return false;
-    hits[index] = batch_hit(&ray, finished);
+    hits[index] = batch_hit(finished);
     return true;
 }
 
@@ -90,10 +82,10 @@ void settle_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global H
     const Ray ray = batch_ray(rays, index, geometry->scale);
     SETTLE(GEOMETRY, &ray, any_hit, &hit);
     if (any_hit) {
-        hits[index] = batch_any_hit(GEOMETRY, &ray, hit);
+        hits[index] = batch_any_hit(hit);
     } else {
         FINISH(GEOMETRY, &ray, &hit);
-        hits[index] = batch_hit(&ray, hit);
+        hits[index] = batch_hit(hit);
     }
 }
 

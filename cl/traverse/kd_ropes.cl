@@ -22,9 +22,15 @@
 #define NO_AXIS 3u
 
 // One axis of a leaf, as src/accel/ropes.rs packs it: {low, high, rope below, rope above}, the ropes' bits being node indices.
-// The t at which the ray leaves it, not widened; infinity when it runs along, NaN when it runs in its face.
-float leave_slab(float4 slab, float origin, float origin_low, float direction, float inv_direction) {
-    return (((direction >= 0.0f ? slab.y : slab.x) - origin) - origin_low) * inv_direction;
+// The t at which the ray leaves it, at the earliest (`error` negative) or latest, not widened; infinite when it runs along or in its face.
+float leave_slab(float4 slab, float origin, float origin_low, float direction, float inv_direction, float error) {
+    const float to_plane = ((direction >= 0.0f ? slab.y : slab.x) - origin) - origin_low;
+    return (to_plane + (direction >= 0.0f ? error : -error)) * inv_direction;
+}
+float3 leave_slabs(const Ray* ray, float4 x, float4 y, float4 z, float error) {
+    return (float3)(leave_slab(x, ray->origin.x, ray->origin_low.x, ray->direction.x, ray->inv_direction.x, error),
+                    leave_slab(y, ray->origin.y, ray->origin_low.y, ray->direction.y, ray->inv_direction.y, error),
+                    leave_slab(z, ray->origin.z, ray->origin_low.z, ray->direction.z, ray->inv_direction.z, error));
 }
 
 uint rope_ahead(float4 slab, float direction) { return as_uint(direction >= 0.0f ? slab.w : slab.z); }
@@ -61,14 +67,13 @@ bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, 
         const float4 x = LOAD_BOUNDS(geometry, 3u * (uint)node.w);
         const float4 y = LOAD_BOUNDS(geometry, 3u * (uint)node.w + 1u);
         const float4 z = LOAD_BOUNDS(geometry, 3u * (uint)node.w + 2u);
-        const float3 t = (float3)(leave_slab(x, ray->origin.x, ray->origin_low.x, ray->direction.x, ray->inv_direction.x),
-                                  leave_slab(y, ray->origin.y, ray->origin_low.y, ray->direction.y, ray->inv_direction.y),
-                                  leave_slab(z, ray->origin.z, ray->origin_low.z, ray->direction.z, ray->inv_direction.z));
+        const float3 t = leave_slabs(ray, x, y, z, -PLANE_ERROR);
         const uint axis = t.y < t.x ? (t.z < t.y ? 2u : 1u) : (t.z < t.x ? 2u : 0u);
         const float exit_low = widen_down(component(t, axis));
-        const float exit_high = widen_up(component(t, axis));
+        const float exit_high = widen_up(component(leave_slabs(ray, x, y, z, PLANE_ERROR), axis));
 
-        // Start over unless the chain is single (1 and 2 above). A NaN, of a ray in a face, fails a comparison.
+        // Start over unless the chain is single (1 and 2 above). A ray in a face leaves it at -infinity at the earliest, and a NaN fails
+        // a comparison.
         const bool single = (axis == 0u || widen_down(t.x) > exit_high) && (axis == 1u || widen_down(t.y) > exit_high) &&
                             (axis == 2u || widen_down(t.z) > exit_high) && (axis == face_axis || exit_low > face_high);
         if (!single) {

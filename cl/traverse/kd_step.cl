@@ -2,8 +2,8 @@
 // Havran, "Heuristic Ray Shooting Algorithms", PhD thesis, Czech Technical University 2000, appendix C; thesis, section 5.6.
 //
 // The children are ordered by the sign of the direction, so a plane behind the ray's start (t_split < 0) leaves only the
-// SECOND child, and every t of a plane is widened by its rounding error in both directions. A ray that runs in a plane has
-// t_split = 0 * infinity = NaN: both comparisons fail and both children are visited with the whole interval.
+// SECOND child, and every t of a plane is widened by its rounding error in both directions. A ray that runs in a plane has limits of
+// t_split that are infinite: both children are visited with the whole interval.
 //
 // All of a cell's t are those of its own six faces, because a computed t never decreases along an axis. So a ray meets a leaf
 // by these steps exactly when clip_to_box() of the leaf's box says so, and the intervals of neighbours overlap by the widening.
@@ -25,13 +25,14 @@ typedef struct {
 KdSplit kd_split(const Ray* ray, int4 node) {
     const uint axis = (uint)node.x;
     const float to_split = (as_float(node.w) - component(ray->origin, axis)) - component(ray->origin_low, axis);
-    const float t_split = to_split * component(ray->inv_direction, axis);
+    const float inv_direction = component(ray->inv_direction, axis);
     const bool ascending = component(ray->direction, axis) >= 0.0f;
+    const float outwards = ascending ? PLANE_ERROR : -PLANE_ERROR;
     KdSplit split;
     split.first = (uint)(ascending ? node.y : node.z);
     split.second = (uint)(ascending ? node.z : node.y);
-    split.t_low = widen_down(t_split);
-    split.t_high = widen_up(t_split);
+    split.t_low = widen_down((to_split - outwards) * inv_direction);
+    split.t_high = widen_up((to_split + outwards) * inv_direction);
     return split;
 }
 

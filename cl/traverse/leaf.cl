@@ -3,8 +3,8 @@
 // Every traversal has the signature
 //     bool traverse_…(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit)
 // and, but for what is settled behind it (query.cl, batch.cl), finds the closest hit of the ray, or with any_hit (a constant at every call,
-// so that inlining folds it away) some hit. *hit is written in the ray's own units of t, its t, u and v by FINISH; its primitive is
-// NO_PRIMITIVE on a miss. Returns whether anything was hit.
+// so that inlining folds it away) some hit. *hit is written in the ray's own units of t; FINISH writes t, in the caller's units, u and v.
+// Its primitive is NO_PRIMITIVE on a miss. Returns whether anything was hit.
 
 // HITS says which kind of triangle test there is, and names its functions:
 //     test_HITS     what becomes of *hit by a triangle that the ray may hit
@@ -35,9 +35,12 @@ void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     hit->primitive = primitive;
 }
 bool settle_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) { return false; }
-void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {}
+void finish_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) { hit->t = callers_t(ray, hit->t); }
 bool is_settled_rounded(GEOMETRY_PARAMETERS) { return true; }
-bool finish_mostly_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) { return true; }
+bool finish_mostly_rounded(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
+    hit->t = callers_t(ray, hit->t);
+    return true;
+}
 void surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
     at->weight0 = max_or(0.0f, (1.0f - hit->u) - hit->v);
     at->u = hit->u;

@@ -88,7 +88,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
 
     let rays = camera_rays(&opened.buffers, &picture);
-    let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+    let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
     let silent = |_: f64| ();
     let device_hits = opened.tracer.trace(&job, &silent)?.hits;
     let reference_hits = reference.trace(&job, &silent)?.hits;

@@ -4,14 +4,14 @@ use super::explain::{Chooser, ExplainArgs};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
-use raybrook::layout::Float4;
+use raybrook::extreme::TracingBatch;
 use raybrook::options::Kernels;
 use raybrook::output::check_writable;
 use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
-use raybrook::shared::{Hit, TraceRay};
+use raybrook::shared::Hit;
 use raybrook::stats::{RayCount, WorkStats};
-use raybrook::tracer::{Task, TraceJob, TraceResult, is_hit};
+use raybrook::tracer::{Task, TraceResult, is_hit};
 use raybrook::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
@@ -50,14 +50,16 @@ pub struct TraceArgs {
 }
 
 /// The rays as the tracers take them.
-fn job_rays(batch: &RayBatch, buffers: &SceneBuffers) -> Vec<TraceRay> {
+fn tracing_batch(batch: &RayBatch, buffers: &SceneBuffers) -> TracingBatch {
     let limit = |values: &Option<Vec<f32>>, i: usize, default: f32| values.as_ref().map_or(default, |v| v[i]);
-    let rays = batch.origins.iter().zip(&batch.directions).enumerate();
-    rays.map(|(i, (&origin, &direction))| {
+    let ray = |i: usize| {
         let (t_min, t_max) = (limit(&batch.t_min, i, 0.0), limit(&batch.t_max, i, f32::INFINITY));
-        buffers.trace_ray(Vec3::from(origin), Vec3::from(direction), t_min, t_max)
-    })
-    .collect()
+        (Vec3::from(batch.origins[i]), Vec3::from(batch.directions[i]), t_min, t_max)
+    };
+    match &batch.next_directions {
+        Some(next) => buffers.batch(batch.len(), ray, Some(&|i| Vec3::from(next[i]))),
+        None => buffers.batch(batch.len(), ray, None),
+    }
 }
 
 /// The hits as NumPy users take them.
@@ -110,12 +112,16 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let chosen = chooser.choose(&loaded.scene)?;
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, &[Task::Batch], talk)?;
 
-    let rays = job_rays(&batch, &opened.buffers);
-    let next: Option<Vec<Float4>> =
-        batch.next_directions.as_ref().map(|all| all.iter().map(|&d| Float4::new(Vec3::from(d), 0.0)).collect());
-    let job = TraceJob { rays: &rays, next_directions: next.as_deref(), any_hit: args.any_hit, repeat: args.repeat };
+    let rays = tracing_batch(&batch, &opened.buffers);
+    if !rays.extreme.is_empty() && !talk.quiet {
+        let count = rays.extreme.len();
+        eprintln!(
+            "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (README, \"How right it is\")"
+        );
+    }
+    let job = rays.job(args.any_hit, args.repeat);
     let bar = Bar::new("trace", talk);
-    let million_rays = rays.len() as f64 * f64::from(args.repeat) / 1e6;
+    let million_rays = batch.len() as f64 * f64::from(args.repeat) / 1e6;
     let result = opened.tracer.trace(&job, &|done| bar.update(done, million_rays, "M rays"))?;
     drop(bar);
 
@@ -125,19 +131,20 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let hits = result.hits.iter().filter(|hit| is_hit(hit)).count();
     let stats = &mut opened.stats;
     // The rays of a batch count as camera rays, whatever the caller makes of them.
-    stats.rays.camera = RayCount { cast: rays.len() as u64, hit: hits as u64 };
+    stats.rays.camera = RayCount { cast: batch.len() as u64, hit: hits as u64 };
     if let Some(first) = &result.work {
         let next = result.next_work.as_deref().unwrap_or_default();
         // A ray that missed has no second one.
         let next_count = if next.is_empty() { 0 } else { hits as u64 };
         stats.work = Some(WorkStats {
-            camera: WorkSum::new(rays.len() as u64, first.iter().copied()),
-            all: WorkSum::new(rays.len() as u64 + next_count, first.iter().chain(next).copied()),
+            camera: WorkSum::new(batch.len() as u64, first.iter().copied()),
+            all: WorkSum::new(batch.len() as u64 + next_count, first.iter().chain(next).copied()),
             aovs: Vec::new(),
         });
     }
     stats.kernel_s = result.kernel_s;
     stats.sort_s = result.sort_s;
+    stats.extreme_s = result.extreme_s;
     stats.second_pass = result.second_pass;
     stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
     stats.set_rate();
@@ -151,7 +158,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         let sorted = stats.sort_s.map_or(String::new(), |s| format!(" (sorted in {s:.3} s)"));
         say!(
             "{} rays{sorted}, {hits} hit, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
-            rays.len(),
+            batch.len(),
             stats.triangle_count,
             stats.device,
             stats.mrays_per_s.unwrap_or_default(),

@@ -67,6 +67,7 @@ const WIDE_EPSILON: f32 = (f64::EPSILON / 2.0) as f32;
 const WIDE_ERROR: f32 = 10.0 * WIDE_EPSILON;
 const WIDE_ERROR_W: f32 = 14.0 * WIDE_EPSILON;
 const START_ERROR: f32 = 4.0 * EPSILON / WIDE_ERROR;
+const LEAST_FROM: f32 = f32::from_bits((127 - 92) << 23);
 const LEAST_MAGNITUDE: f32 = 1.0 / (1u128 << 80) as f32;
 
 #[inline(always)]
@@ -103,7 +104,7 @@ fn wide_numbers(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> WideNumbers {
     let weight0 = det - weight1 - weight2;
 
     let (magnitude1, magnitude2) = (p1 - p0, p2 - p0);
-    let from_magnitude = fma3(abs3(ray.origin_low), START_ERROR, abs3((p0 - ray.origin) - ray.origin_low));
+    let from_magnitude = fma3(abs3(ray.origin_low), START_ERROR, abs3((p0 - ray.origin) - ray.origin_low)) + LEAST_FROM;
     let normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     let moment_magnitude = magnitude_cross(from_magnitude, ray.direction);
     let det_magnitude = magnitude_dot(normal_magnitude, ray.direction);
@@ -169,19 +170,18 @@ fn rounds_surely(
     let relative = 1.01f32.mul_add(det_error, 8.0 * WIDE_EPSILON);
     let error = f64::from((1.01 * numerator_bound).mul_add((inverse as f32).abs(), (quotient as f32).abs() * relative));
     let rounded = (quotient + error) as f32;
-    (det_error < 1.0 / 1024.0 && (quotient - error) as f32 == rounded).then_some(rounded)
+    let is_sure = det_error < 1.0 / 1024.0 && (quotient - error) as f32 == rounded && rounded.abs() > LEAST_MAGNITUDE;
+    is_sure.then_some(rounded)
 }
 
-/// t, u and v of a triangle that is hit, where step 2 is sure how they round.
+/// t in the caller's units, u and v of a triangle that is hit, where step 2 is sure how they round.
 #[inline(always)]
 pub fn finish_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
     let n = wide_numbers(ray, triangle);
     let [_, weight1, weight2] = n.weights;
-    Some(Intersection {
-        t: rounds_surely(n.distance, n.det)?,
-        u: rounds_surely(weight1, n.det)?,
-        v: rounds_surely(weight2, n.det)?,
-    })
+    let t = ray.callers_t(rounds_surely(n.distance, n.det)?);
+    t.is_normal().then_some(())?;
+    Some(Intersection { t, u: rounds_surely(weight1, n.det)?, v: rounds_surely(weight2, n.det)? })
 }
 
 /// Twin of `test_exactly`.

@@ -9,6 +9,9 @@ use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 
+/// Numbers from this times a power of two on, its exponent the second one, have no nearest float: FLT_MAX and half of its last bit.
+const INFINITE_LIMIT: (u32, i32) = ((1 << 25) - 1, 103);
+
 /// The units in which everything is whole, as exponents of 2, and the limbs that hold every number.
 #[derive(Debug, Clone, Copy)]
 struct WholeUnits {
@@ -19,12 +22,30 @@ struct WholeUnits {
     n: usize,
 }
 
-/// Where the ray starts.
-fn start_of_ray(buffers: &SceneBuffers, ray: &Ray) -> TrianglePoint {
-    if ray.starts_on_triangle() {
-        TrianglePoint::of_weights(vertices(buffers, ray.skip), ray.start_weights)
-    } else {
-        TrianglePoint::at(ray.origin)
+/// A ray as whole numbers take it, in any units.
+#[derive(Debug, Clone, Copy)]
+pub struct WholeRay {
+    /// Where it starts.
+    pub start: TrianglePoint,
+    /// Where it goes.
+    pub direction: Vec3,
+    /// The closed interval of t, in the caller's units; an infinite end is open.
+    pub limits: [f32; 2],
+    /// The caller's t is that of `direction` times 2 to this.
+    pub t_exponent: i32,
+    /// Whether it leaves a triangle, with all that it starts on, too.
+    pub leaves: bool,
+}
+
+impl WholeRay {
+    fn new(buffers: &SceneBuffers, ray: &Ray) -> WholeRay {
+        let leaves = ray.starts_on_triangle();
+        let start = match leaves {
+            true => TrianglePoint::of_weights(vertices(buffers, ray.skip), ray.start_weights),
+            false => TrianglePoint::at(ray.origin),
+        };
+        let (direction, limits) = (ray.direction, [ray.t_min, ray.t_max]);
+        WholeRay { start, direction, limits, t_exponent: ray.t_exponent(), leaves }
     }
 }
 
@@ -37,14 +58,8 @@ impl WholeUnits {
         }
         direction.to_array().iter().for_each(|&x| widen_exponents(x, &mut low_d, &mut high_d));
         start.weights.iter().for_each(|&x| widen_exponents(x, &mut low_w, &mut high_w));
-        let mut position = low_p + low_w;
-        let mut bits_p = (high_p - position).max(1);
-        let bits_d = (high_d - low_d).max(1);
-        let most = (32 * MAX_LIMBS as i32 - 40 - bits_d) / 5;
-        if bits_p > most {
-            position += bits_p - most;
-            bits_p = most;
-        }
+        let position = low_p + low_w;
+        let (bits_p, bits_d) = ((high_p - position).max(1), (high_d - low_d).max(1));
         let bits = if triangles.len() > 1 { 5 * bits_p + bits_d + 40 } else { 3 * bits_p.max(bits_d) + 34 };
         let n = (bits as usize).div_ceil(32);
         WholeUnits { position, vertex: position - low_w, weight: low_w, direction: low_d, n }
@@ -65,6 +80,7 @@ macro_rules! with_room {
         match $n {
             0..=8 => $function::<8>($($argument),*),
             9..=16 => $function::<16>($($argument),*),
+            17..=32 => $function::<32>($($argument),*),
             _ => $function::<MAX_LIMBS>($($argument),*),
         }
     };
@@ -115,30 +131,49 @@ impl<const ROOM: usize> WholeNumbers<ROOM> {
         weight0
     }
 
-    /// The float nearest to t.
-    fn t(&self, units: &WholeUnits) -> f32 {
-        integer_quotient(self.distance, self.det, units.position - units.direction, units.n)
+    /// The float nearest to t times 2 to `exponent`.
+    fn t(&self, units: &WholeUnits, exponent: i32) -> f32 {
+        integer_quotient(self.distance, self.det, units.position - units.direction + exponent, units.n)
     }
 
-    /// The sign of t minus `limit`, which is the float nearest to t.
-    fn compare_with_limit(&self, units: &WholeUnits, limit: f32) -> i32 {
-        let (significand, exponent) = float_significand(limit);
+    /// The sign of the caller's t minus `limit`; t whose nearest float is infinite is not less than an infinite limit.
+    fn compare_with_limit(&self, units: &WholeUnits, t_exponent: i32, limit: f32) -> i32 {
         let n = units.n;
         let (mut distance, mut det, mut scaled) = (self.distance, self.det, Integer::ZERO);
-        if det.take_sign(n) < 0 {
-            distance = distance.negated(n);
+        let sign = distance.take_sign(n) * det.take_sign(n);
+        let limit_sign = i32::from(limit > 0.0) - i32::from(limit < 0.0);
+        if sign != limit_sign || sign == 0 {
+            return (sign - limit_sign).signum();
         }
-        let factor = Integer::from_float(if limit < 0.0 { -(significand as f32) } else { significand as f32 }, 0, n);
-        scaled.add_product(&factor, &det, 1, n);
-        let shift = if significand == 0 { 0 } else { units.position - units.direction - exponent };
+        let (significand, exponent) = if limit.is_infinite() { INFINITE_LIMIT } else { float_significand(limit) };
+        scaled.add_product(&Integer::from_limb(significand), &det, 1, n);
+        let shift = units.position - units.direction + t_exponent - exponent;
+        let (bits, limit_bits) = (distance.bits(n) + shift, scaled.bits(n));
+        if bits != limit_bits {
+            return if bits < limit_bits { -sign } else { sign };
+        }
         if shift > 0 {
             distance.shift_up(shift as usize, n);
-        }
-        if shift < 0 {
+        } else {
             scaled.shift_up(-shift as usize, n);
         }
         distance.add(&scaled, -1, n);
-        distance.sign(n)
+        sign * distance.sign(n)
+    }
+
+    /// Whether the ray meets the triangle, and inside of its interval.
+    fn is_hit(&self, ray: &WholeRay, units: &WholeUnits) -> bool {
+        let n = units.n;
+        let sign = self.det.sign(n);
+        let is_outside = |weight: &Integer<ROOM>| sign * weight.sign(n) < 0;
+        if sign == 0 || [&self.weight0(n), &self.weight1, &self.weight2].into_iter().any(is_outside) {
+            return false;
+        }
+        let [t_min, t_max] = ray.limits;
+        let after = self.compare_with_limit(units, ray.t_exponent, t_min);
+        let before = -self.compare_with_limit(units, ray.t_exponent, t_max);
+        // What a ray that leaves a triangle starts on, too, it leaves with it.
+        after >= i32::from(ray.leaves || t_min.is_infinite()) && before >= i32::from(t_max.is_infinite())
     }
 }
 
@@ -160,33 +195,36 @@ fn is_nearer<const ROOM: usize>(
     order < 0 || (order == 0 && is_lower)
 }
 
-/// The float nearest to the t of a triangle that is hit inside of the ray's interval.
-fn t_inside<const ROOM: usize>(
-    start: &TrianglePoint,
-    ray: &Ray,
-    triangle: [Vec3; 3],
-    units: &WholeUnits,
-) -> Option<f32> {
-    let n = units.n;
-    let numbers = WholeNumbers::<ROOM>::new(start, ray.direction, triangle, units);
-    let sign = numbers.det.sign(n);
-    let is_outside = |weight: &Integer<ROOM>| sign * weight.sign(n) < 0;
-    if sign == 0 || [&numbers.weight0(n), &numbers.weight1, &numbers.weight2].into_iter().any(is_outside) {
-        return None;
+/// The float nearest to the t, in the ray's own units, of a triangle that is hit inside of the ray's interval.
+fn t_inside<const ROOM: usize>(ray: &WholeRay, triangle: [Vec3; 3], units: &WholeUnits) -> Option<f32> {
+    let numbers = WholeNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
+    numbers.is_hit(ray, units).then(|| numbers.t(units, 0))
+}
+
+impl WholeRay {
+    /// Whether the triangle is hit inside of the ray's interval, and the float nearest to its t in the ray's own units.
+    pub fn t_inside(&self, triangle: [Vec3; 3]) -> Option<f32> {
+        let units = WholeUnits::new(&self.start, self.direction, &[triangle]);
+        with_room!(units.n, t_inside(self, triangle, &units))
     }
-    let t = numbers.t(units);
-    let is_inside = t >= ray.t_near && t <= ray.t_far;
-    if !is_inside {
-        return None;
+
+    /// Whether the first of two triangles that are hit is nearer than the second one, or as near and `is_lower`.
+    pub fn is_nearer(&self, triangles: [[Vec3; 3]; 2], is_lower: bool) -> bool {
+        let units = WholeUnits::new(&self.start, self.direction, &triangles);
+        with_room!(units.n, is_nearer(&self.start, self.direction, triangles, &units, is_lower))
     }
-    let least = i32::from(ray.starts_on_triangle());
-    if t == ray.t_near && numbers.compare_with_limit(units, ray.t_near) < least {
-        return None;
+
+    /// t in the caller's units, u and v of a triangle that is hit.
+    pub fn finish(&self, triangle: [Vec3; 3]) -> Intersection {
+        let units = WholeUnits::new(&self.start, self.direction, &[triangle]);
+        with_room!(units.n, finish(self, triangle, &units))
     }
-    if t == ray.t_far && numbers.compare_with_limit(units, ray.t_far) > 0 {
-        return None;
+
+    /// The weight of vertex 0 of a triangle that is hit.
+    pub fn weight0(&self, triangle: [Vec3; 3]) -> f32 {
+        let units = WholeUnits::new(&self.start, self.direction, &[triangle]);
+        with_room!(units.n, weight0(&self.start, self.direction, triangle, &units))
     }
-    Some(t)
 }
 
 /// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Doubtful`].
@@ -196,46 +234,31 @@ pub fn decide_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3], prim
     if !has_interval {
         return Decision::Miss;
     }
-    let start = start_of_ray(buffers, ray);
-    let units = WholeUnits::new(&start, ray.direction, &[triangle]);
-    let Some(t) = with_room!(units.n, t_inside(&start, ray, triangle, &units)) else { return Decision::Miss };
+    let whole = WholeRay::new(buffers, ray);
+    let Some(t) = whole.t_inside(triangle) else { return Decision::Miss };
     let limits = Decision::Hit([t.next_down(), t.next_up()]);
     if hit.primitive == NO_PRIMITIVE || t < hit.u {
         return limits;
     }
-    if t > hit.t {
+    if t > hit.t || !whole.is_nearer([triangle, vertices(buffers, hit.primitive)], primitive < hit.primitive) {
         return Decision::Miss;
     }
-    let triangles = [triangle, vertices(buffers, hit.primitive)];
-    let units = WholeUnits::new(&start, ray.direction, &triangles);
-    let is_lower = primitive < hit.primitive;
-    if with_room!(units.n, is_nearer(&start, ray.direction, triangles, &units, is_lower)) {
-        limits
-    } else {
-        Decision::Miss
-    }
+    limits
 }
 
-fn finish<const ROOM: usize>(
-    start: &TrianglePoint,
-    direction: Vec3,
-    triangle: [Vec3; 3],
-    units: &WholeUnits,
-) -> Intersection {
-    let numbers = WholeNumbers::<ROOM>::new(start, direction, triangle, units);
+fn finish<const ROOM: usize>(ray: &WholeRay, triangle: [Vec3; 3], units: &WholeUnits) -> Intersection {
+    let numbers = WholeNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
     Intersection {
-        t: numbers.t(units),
+        t: numbers.t(units, ray.t_exponent),
         u: integer_quotient(numbers.weight1, numbers.det, 0, units.n),
         v: integer_quotient(numbers.weight2, numbers.det, 0, units.n),
     }
 }
 
-/// t, u and v of a triangle that is hit.
+/// t in the caller's units, u and v of a triangle that is hit.
 #[inline(never)]
 pub fn finish_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> Intersection {
-    let start = start_of_ray(buffers, ray);
-    let units = WholeUnits::new(&start, ray.direction, &[triangle]);
-    with_room!(units.n, finish(&start, ray.direction, triangle, &units))
+    WholeRay::new(buffers, ray).finish(triangle)
 }
 
 fn weight0<const ROOM: usize>(start: &TrianglePoint, direction: Vec3, triangle: [Vec3; 3], units: &WholeUnits) -> f32 {
@@ -246,7 +269,5 @@ fn weight0<const ROOM: usize>(start: &TrianglePoint, direction: Vec3, triangle: 
 /// The weight of vertex 0 of a triangle that is hit.
 #[inline(never)]
 pub fn weight0_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> f32 {
-    let start = start_of_ray(buffers, ray);
-    let units = WholeUnits::new(&start, ray.direction, &[triangle]);
-    with_room!(units.n, weight0(&start, ray.direction, triangle, &units))
+    WholeRay::new(buffers, ray).weight0(triangle)
 }

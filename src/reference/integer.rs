@@ -1,7 +1,8 @@
 //! Twin of `cl/shared/integer.cl`: whole numbers of any length that a ray-triangle test needs. The reasons are there.
 
-/// The most limbs of a number.
-pub const MAX_LIMBS: usize = 40;
+/// The most limbs of a number: those that `whole_units()` of `cl/intersect/exact_whole.cl` takes where positions are any floats, which
+/// rays of extreme numbers need (`src/extreme.rs`). In the bits of its formula such positions have p = 277 + 149 and directions d = 277.
+pub const MAX_LIMBS: usize = 77;
 
 /// Two's complement, least significant limb first; the first `n` limbs, which every function is told, count. There is room for `ROOM`:
 /// most numbers have a fifth of the most limbs, and copying the others took most of the time.
@@ -13,6 +14,13 @@ pub struct Integer<const ROOM: usize> {
 impl<const ROOM: usize> Integer<ROOM> {
     /// Zero.
     pub const ZERO: Self = Integer { limbs: [0; ROOM] };
+
+    /// A small number.
+    pub fn from_limb(limb: u32) -> Self {
+        let mut r = Self::ZERO;
+        r.limbs[0] = limb;
+        r
+    }
 
     /// `x / 2^exponent`; bits below 1 are dropped. `x` is finite.
     pub fn from_float(x: f32, exponent: i32, n: usize) -> Self {
@@ -102,7 +110,7 @@ impl<const ROOM: usize> Integer<ROOM> {
     }
 
     /// Position of the highest bit of a number that is not negative, counted from 1; 0 for zero.
-    fn bits(&self, n: usize) -> i32 {
+    pub fn bits(&self, n: usize) -> i32 {
         let highest = self.limbs[..n].iter().rposition(|&limb| limb != 0);
         highest.map_or(0, |i| 32 * (i as i32 + 1) - self.limbs[i].leading_zeros() as i32)
     }

@@ -129,9 +129,8 @@ with_fma! {
 
 /// A hit in the caller's units of t, in which what is farther than every float is not hit.
 #[inline(always)]
-fn batch_hit(ray: &Ray, hit: Hit) -> Hit {
-    let t = ray.callers_t(hit.t);
-    if is_hit(&hit) && t.is_finite() { Hit { t, ..hit } } else { NO_HIT }
+fn batch_hit(hit: Hit) -> Hit {
+    if is_hit(&hit) && hit.t.is_finite() { hit } else { NO_HIT }
 }
 
 /// Twin of `use_callers_units` in `cl/traverse/batch.cl`.
@@ -185,14 +184,11 @@ impl ReferenceTracer {
     fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
         let ray = batch_ray(query, self.buffers.params.scale);
         let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
-        // As batch_any_hit() in `cl/traverse/batch.cl`: that there is a hit is the answer.
-        if !any_hit || !ray.callers_t(hit.t).is_finite() {
-            finish(&self.buffers, &self.options, &ray, &mut hit);
+        if any_hit {
+            return if is_hit(&hit) { Hit { t: 0.0, u: 0.0, v: 0.0, ..hit } } else { NO_HIT };
         }
-        match batch_hit(&ray, hit) {
-            hit if any_hit && is_hit(&hit) => Hit { t: 0.0, u: 0.0, v: 0.0, ..hit },
-            hit => hit,
-        }
+        finish(&self.buffers, &self.options, &ray, &mut hit);
+        batch_hit(hit)
     }
 
     #[inline(always)]
@@ -207,8 +203,7 @@ impl ReferenceTracer {
         if ray.t_near <= ray.t_far {
             use_callers_units(&mut ray, direction.xyz(), scale);
         }
-        let hit = closest_hit(&self.buffers, &self.options, &ray, work);
-        batch_hit(&ray, hit)
+        batch_hit(closest_hit(&self.buffers, &self.options, &ray, work))
     }
 
     /// Room for the work on `count` rays or pixels, if it is to be counted.

@@ -4,7 +4,7 @@ mod bvh;
 
 use crate::scene::Scene;
 use crate::shared::NO_PRIMITIVE;
-use bvh::{Box64, Bvh, Line};
+pub(crate) use bvh::{Box64, Bvh, Line};
 use glam::{DVec3, Vec3};
 
 /// A ray in f64.

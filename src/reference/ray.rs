@@ -1,7 +1,7 @@
 //! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there. A ray's shear is not kept
 //! here: `shear_triangle` in `intersect.rs` computes it.
 
-use super::math::{LIFT, abs3, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
+use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
 use crate::shared::Hit;
 use glam::Vec3;
 
@@ -9,6 +9,8 @@ use glam::Vec3;
 pub const EPSILON: f32 = 1.0 / 16_777_216.0;
 const WIDEN_UP: f32 = 1.0 + 10.0 * EPSILON;
 const WIDEN_DOWN: f32 = 1.0 - 10.0 * EPSILON;
+/// What the distance of a plane from the origin is off by, however small it is.
+pub const PLANE_ERROR: f32 = 1.0 / (1u128 << 64) as f32;
 
 /// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
 pub const HIT_ERROR: f32 = 32.0;
@@ -30,6 +32,10 @@ pub struct Ray {
     pub t_near: f32,
     /// End of the closed interval.
     pub t_far: f32,
+    /// The interval as the caller gave it, in the caller's units.
+    pub t_min: f32,
+    /// Its end.
+    pub t_max: f32,
     /// Factor from the ray's t to the caller's.
     pub t_scale: f32,
     /// Another one.
@@ -42,6 +48,11 @@ pub struct Ray {
 
 const SHORT_DIRECTION: f32 = 1.0 / (1u128 << 100) as f32;
 const SMALL_TURN_LIFT: f32 = (1u64 << 60) as f32;
+
+#[inline(always)]
+fn clamp_to_floats(t: f32) -> f32 {
+    min_or(max_or(t, -f32::MAX), f32::MAX)
+}
 
 #[inline(always)]
 fn reciprocal_or_nan(x: f32) -> f32 {
@@ -76,6 +87,8 @@ impl Ray {
             ),
             t_near: f32::INFINITY,
             t_far: f32::NEG_INFINITY,
+            t_min: t_near,
+            t_max: t_far,
             t_scale,
             t_lift,
             skip,
@@ -90,8 +103,22 @@ impl Ray {
     /// Sets the interval, in the caller's units.
     #[inline(always)]
     pub fn limit(&mut self, t_near: f32, t_far: f32) {
-        self.t_near = t_near / self.t_lift / self.t_scale;
-        self.t_far = min_or(t_far / self.t_lift / self.t_scale, f32::MAX);
+        (self.t_min, self.t_max) = (t_near, t_far);
+        self.t_near = self.own_limit(t_near);
+        self.t_far = self.own_limit(t_far);
+    }
+
+    /// Twin of `own_limit`.
+    #[inline(always)]
+    fn own_limit(&self, limit: f32) -> f32 {
+        let limit = clamp_to_floats(limit);
+        let own = clamp_to_floats(limit / self.t_lift / self.t_scale);
+        if own == 0.0 && limit != 0.0 { f32::from_bits(1).copysign(limit) } else { own }
+    }
+
+    /// The power of two by which the caller's t is the ray's.
+    pub fn t_exponent(&self) -> i32 {
+        exponent_field(self.t_lift) + exponent_field(self.t_scale) - 254
     }
 
     /// Whether it starts at an exact point of triangle `skip`.
@@ -119,8 +146,8 @@ impl Ray {
         let (to_low, to_high) = (self.from_origin(low), self.from_origin(high));
         for axis in 0..3 {
             let inv_direction = self.inv_direction[axis];
-            let t_low = to_low[axis] * inv_direction;
-            let t_high = to_high[axis] * inv_direction;
+            let t_low = (to_low[axis] - PLANE_ERROR) * inv_direction;
+            let t_high = (to_high[axis] + PLANE_ERROR) * inv_direction;
             narrow_interval(t_low, t_high, inv_direction, &mut t_near, &mut t_far);
         }
         (t_near <= t_far).then_some((t_near, t_far))

@@ -67,8 +67,9 @@ pub fn surface_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hi
     SurfaceHit { weight0, u: hit.u, v: hit.v, primitive: hit.primitive }
 }
 
+/// The weights of a hit as a ray that leaves it has them.
 #[inline(always)]
-fn start_weights(hit: &SurfaceHit) -> Vec3 {
+pub fn start_weights(hit: &SurfaceHit) -> Vec3 {
     if is_nearest_vertex0(hit.u, hit.v) {
         Vec3::new(-1.0, hit.u, hit.v)
     } else if hit.u >= hit.v {

@@ -4,12 +4,10 @@ use super::case::Case;
 use super::judge::{Answers, Fault};
 use crate::device::{Cache, DeviceHandle};
 use crate::error::Result;
-use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::session::open_tracer;
 use crate::shared::Hit;
-use crate::tracer::TraceJob;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -34,13 +32,15 @@ impl Found {
         cache: Option<&Cache>,
     ) -> Result<Found> {
         let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
-        let rays: Vec<_> =
-            case.rays.iter().map(|ray| buffers.trace_ray(ray.origin, ray.direction, ray.t_min, ray.t_max)).collect();
-        let next: Vec<_> = case.rays.iter().map(|ray| Float4::new(ray.next.unwrap_or(Vec3::ZERO), 0.0)).collect();
-        let next_directions = case.has_second_rays().then_some(&next[..]);
+        let ray = |i: usize| {
+            let ray = &case.rays[i];
+            (ray.origin, ray.direction, ray.t_min, ray.t_max)
+        };
+        let next = |i: usize| case.rays[i].next.unwrap_or(Vec3::ZERO);
+        let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = if case.has_second_rays() { Some(&next) } else { None };
+        let batch = buffers.batch(case.rays.len(), ray, next);
         let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
-        let job = TraceJob { rays: &rays, next_directions, any_hit: false, repeat: 1 };
-        let result = tracer.trace(&job, &|_| ())?;
+        let result = tracer.trace(&batch.job(false, 1), &|_| ())?;
         Ok(Found { hits: result.hits, next_hits: result.next_hits })
     }
 

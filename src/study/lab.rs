@@ -240,7 +240,7 @@ impl<'a> Lab<'a> {
             // A tree for packets has leaves of its own: counted ray by ray it would not say what the packets did.
             Err(_) => return Ok(Row::new()),
         };
-        let job = TraceJob { rays: &rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 };
         let work = ReferenceTracer::new(buffers, options).trace(&job, &|_| ())?.work.unwrap_or_default();
         let sum = WorkSum::new(rays.len() as u64, work);
         let mean = |counter| json!(sum.mean(counter));
@@ -258,7 +258,7 @@ impl<'a> Lab<'a> {
 }
 
 fn job(batch: &Batch) -> TraceJob<'_> {
-    TraceJob { rays: &batch.rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 }
+    TraceJob { extreme: &[], rays: &batch.rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 }
 }
 
 /// The columns of so many wrong answers of so many.

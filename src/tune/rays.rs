@@ -52,7 +52,7 @@ pub fn batches(scene: &Scene, side: u32, seed: u64) -> Result<[Batch; 3]> {
         .collect();
     let camera_rays: Vec<_> =
         directions.iter().map(|&direction| buffers.trace_ray(camera.eye, direction, 0.0, f32::INFINITY)).collect();
-    let job = TraceJob { rays: &camera_rays, next_directions: None, any_hit: false, repeat: 1 };
+    let job = TraceJob { extreme: &[], rays: &camera_rays, next_directions: None, any_hit: false, repeat: 1 };
     let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ())?.hits;
 
     let (low, high) = scene.bounds().unwrap_or_default();

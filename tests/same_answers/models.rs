@@ -133,7 +133,7 @@ impl Model {
                 direction_t_max: Float4::new(ray.direction, f32::INFINITY),
             })
             .collect();
-        let job = TraceJob { rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
         let mut tracer = open_tracer(None, &buffers, &options, DEPTH, None).unwrap();
         let hits = tracer.trace(&job, &|_| ()).unwrap().hits;
         assert!(hits.iter().filter(|hit| is_hit(hit)).count() > hits.len() / 10, "{name} is hardly seen");
@@ -173,7 +173,7 @@ impl Model {
             let bits = |hit: Hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive];
             let bits = |hits: Vec<Hit>| hits.into_iter().map(bits).collect();
             let next_directions = Some(&self.next_directions[..]);
-            let job = TraceJob { rays: &self.rays, next_directions, any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &self.rays, next_directions, any_hit: false, repeat: 1 };
             let result = tracer.trace(&job, &|_| ())?;
             answers.hits = [bits(result.hits), bits(result.next_hits.unwrap_or_default())];
             let job = TraceJob { next_directions: None, any_hit: true, ..job };

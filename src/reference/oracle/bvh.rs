@@ -28,7 +28,7 @@ const DOWN: f64 = 1.0 - 2.0 * f64::EPSILON;
 
 /// A box.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Box64 {
+pub(crate) struct Box64 {
     low: DVec3,
     high: DVec3,
 }
@@ -47,7 +47,7 @@ impl Box64 {
 
 /// The whole straight line of a ray.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
+pub(crate) struct Line {
     origin: DVec3,
     inv_direction: DVec3,
 }
@@ -92,7 +92,7 @@ struct Node {
 
 /// The hierarchy over some triangles.
 #[derive(Debug, Clone)]
-pub(super) struct Bvh {
+pub(crate) struct Bvh {
     nodes: Vec<Node>,
     order: Vec<u32>,
 }

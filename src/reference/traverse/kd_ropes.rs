@@ -8,16 +8,17 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::memory::{Work, load_bounds, load_node};
-use crate::reference::ray::{Ray, widen_down, widen_up};
+use crate::reference::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
 use crate::shared::{Hit, KD_LEAF, NO_ROPE, WorkCounter};
 
 const NO_AXIS: usize = 3;
 
-/// The t at which the ray leaves one axis of a leaf.
+/// The t at which the ray leaves one axis of a leaf, at the earliest (`error` negative) or latest.
 #[inline(always)]
-fn leave_slab(slab: &Float4, ray: &Ray, axis: usize) -> f32 {
-    let plane = if ray.direction[axis] >= 0.0 { slab.y } else { slab.x };
-    ((plane - ray.origin[axis]) - ray.origin_low[axis]) * ray.inv_direction[axis]
+fn leave_slab(slab: &Float4, ray: &Ray, axis: usize, error: f32) -> f32 {
+    let (plane, error) = if ray.direction[axis] >= 0.0 { (slab.y, error) } else { (slab.x, -error) };
+    let to_plane = (plane - ray.origin[axis]) - ray.origin_low[axis];
+    (to_plane + error) * ray.inv_direction[axis]
 }
 
 #[inline(always)]
@@ -59,7 +60,7 @@ pub fn traverse_kd_ropes(
         }
         let first_slab = 3 * node.split.to_bits() as usize;
         let slabs = [0, 1, 2].map(|axis| load_bounds(buffers, first_slab + axis, work));
-        let t: [f32; 3] = std::array::from_fn(|axis| leave_slab(&slabs[axis], ray, axis));
+        let t: [f32; 3] = std::array::from_fn(|axis| leave_slab(&slabs[axis], ray, axis, -PLANE_ERROR));
         let axis = if t[1] < t[0] {
             if t[2] < t[1] { 2 } else { 1 }
         } else if t[2] < t[0] {
@@ -68,7 +69,7 @@ pub fn traverse_kd_ropes(
             0
         };
         let exit_low = widen_down(t[axis]);
-        let exit_high = widen_up(t[axis]);
+        let exit_high = widen_up(leave_slab(&slabs[axis], ray, axis, PLANE_ERROR));
         let single = (axis == 0 || widen_down(t[0]) > exit_high)
             && (axis == 1 || widen_down(t[1]) > exit_high)
             && (axis == 2 || widen_down(t[2]) > exit_high)

@@ -2,7 +2,7 @@
 
 use crate::pack::SceneBuffers;
 use crate::reference::math::{max_or, min_or};
-use crate::reference::ray::{Ray, widen_down, widen_up};
+use crate::reference::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
 use crate::shared::KdNode;
 
 /// A node, and the part of the ray in its cell.
@@ -32,10 +32,14 @@ pub struct KdSplit {
 #[inline(always)]
 pub fn kd_split(ray: &Ray, node: &KdNode) -> KdSplit {
     let axis = node.flags as usize;
-    let t_split = ((node.split - ray.origin[axis]) - ray.origin_low[axis]) * ray.inv_direction[axis];
+    let to_split = (node.split - ray.origin[axis]) - ray.origin_low[axis];
+    let inv_direction = ray.inv_direction[axis];
     let ascending = ray.direction[axis] >= 0.0;
+    let outwards = if ascending { PLANE_ERROR } else { -PLANE_ERROR };
     let (first, second) = if ascending { (node.left, node.right) } else { (node.right, node.left) };
-    KdSplit { first, second, t_low: widen_down(t_split), t_high: widen_up(t_split) }
+    let t_low = widen_down((to_split - outwards) * inv_direction);
+    let t_high = widen_up((to_split + outwards) * inv_direction);
+    KdSplit { first, second, t_low, t_high }
 }
 
 /// Goes from the inner node `node` of `cell` to the child that the ray meets, the first one if it meets both; then returns the

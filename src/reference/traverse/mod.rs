@@ -48,7 +48,7 @@ pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
     [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
 }
 
-/// The closest hit of the ray, with t, u and v in full; in the ray's own units of t. Adds to `work` what that took.
+/// The closest hit of the ray, with t, u and v in full; in the caller's units of t. Adds to `work` what that took.
 #[inline(always)]
 pub fn closest_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, work: &mut impl Work) -> Hit {
     let mut hit = traverse(buffers, options, ray, false, work);
@@ -56,11 +56,13 @@ pub fn closest_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, wo
     hit
 }
 
-/// Writes t, u and v of what [`traverse`] has found.
+/// Writes t, u and v of what [`traverse`] has found, t in the caller's units.
 #[inline(always)]
 pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &mut Hit) {
     if options.intersector == Intersector::Exact {
         finish_exactly(buffers, ray, hit);
+    } else {
+        hit.t = ray.callers_t(hit.t);
     }
 }
 

@@ -128,7 +128,7 @@ impl Watch<'_> {
     }
 
     fn trace(&self, batch: Batch, tracer: &mut dyn Tracer, leaks: &mut Leaks) -> Result<()> {
-        let job = TraceJob { rays: &batch.rays, next_directions: None, any_hit: false, repeat: 1 };
+        let job = TraceJob { extreme: &[], rays: &batch.rays, next_directions: None, any_hit: false, repeat: 1 };
         let TraceResult { hits, second_pass, kernel_s, .. } = tracer.trace(&job, &|_| ())?;
         leaks.kernel_s += kernel_s.iter().sum::<f64>();
         leaks.second_pass = second_pass.map(|rays| leaks.second_pass.unwrap_or_default() + rays);

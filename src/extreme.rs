@@ -1,0 +1,315 @@
+//! Rays whose numbers tracing space cannot hold: they are answered on the host, exactly as all others, whatever the device and the method.
+//!
+//! Scenes are brought to tracing space by a power of two ([`crate::pack`]), which is exact until a number gets lost below 2^-149 or grows
+//! beyond 2^128: the origin 1.4e-45 in a scene of size 4, the origin 1e20 in one of size 1e-20, a vertex of 1e-38 in a scene of size 1000.
+//! The kernels see of such a ray that it is none, and miss; here each is traced through the scene as it was given, in f64, whose range
+//! holds every product of floats, and what that leaves open is decided in exact integers.
+//!
+//! Filter after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational
+//! Geometry 18, 1997. Bad at speed: a scalar search with a plain hierarchy for what is rare. A scene whose own vertices cannot be brought
+//! to tracing space has all its batches traced here; its pictures have vertices without their lowest bits.
+
+use crate::layout::Float4;
+use crate::options::{Intersector, TraceOptions};
+use crate::pack::SceneBuffers;
+use crate::reference::exact_whole::WholeRay;
+use crate::reference::integer::float_significand;
+use crate::reference::oracle::{Box64, Bvh, Line};
+use crate::reference::ray::TrianglePoint;
+use crate::reference::surface::start_weights;
+use crate::reference::traverse::{NO_HIT, vertices};
+use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
+use crate::tracer::{TraceJob, TraceResult, is_hit};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// A ray of a batch that tracing space cannot hold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExtremeRay {
+    /// Its number in the batch.
+    pub index: usize,
+    /// Where it starts, world units.
+    pub origin: Vec3,
+    /// Whether that is so of the second ray alone.
+    pub is_second: bool,
+}
+
+/// A batch as the tracers take it.
+#[derive(Debug, Clone, Default)]
+pub struct TracingBatch {
+    /// In tracing space; those that it cannot hold start nowhere.
+    pub rays: Vec<TraceRay>,
+    /// Directions of second rays.
+    pub next_directions: Option<Vec<Float4>>,
+    /// The rays, or second rays, that tracing space cannot hold.
+    pub extreme: Vec<ExtremeRay>,
+}
+
+impl TracingBatch {
+    /// What a tracer is asked for.
+    pub fn job(&self, any_hit: bool, repeat: u32) -> TraceJob<'_> {
+        let next_directions = self.next_directions.as_deref();
+        TraceJob { rays: &self.rays, next_directions, extreme: &self.extreme, any_hit, repeat }
+    }
+}
+
+/// The largest coordinate of an origin in tracing space: sums and differences with such numbers are floats.
+const LARGEST_ORIGIN: f32 = f32::from_bits((127 + 126) << 23);
+/// A ray's largest component is in [1, 2), or in [2^60, 2^61) where others would lose bits below 2^-149 (`aim_ray` in `cl/shared/ray.cl`).
+const LOWEST_DIRECTION_BIT: i32 = -149 - 60;
+
+/// Whether an origin times `scale` is exactly what it was.
+fn has_room(origin: Vec3, scale: f32) -> bool {
+    let scaled = origin * scale;
+    // Most numbers stay normal; the others are looked at one by one, by a division that undoes a product of powers of two exactly.
+    scaled.to_array().iter().zip(origin.to_array()).all(|(&scaled, given)| {
+        scaled.abs() <= LARGEST_ORIGIN && (scaled.abs() >= f32::MIN_POSITIVE || scaled / scale == given)
+    })
+}
+
+/// Whether a direction is brought to its unit without losing bits.
+fn has_room_for_direction(direction: Vec3) -> bool {
+    let parts = direction.to_array().map(f32::abs);
+    let largest = parts.iter().fold(0.0, |a, &b| f32::max(a, b));
+    // A ratio of 2^-180 leaves room for the 24 bits of the smaller number.
+    const SAFE: f32 = f32::from_bits((127 - 90) << 23);
+    if parts.iter().all(|&x| x == 0.0 || x / SAFE >= largest * SAFE) {
+        return true;
+    }
+    let (significand, exponent) = float_significand(largest);
+    let unit = exponent + 31 - significand.leading_zeros() as i32;
+    parts.iter().filter(|&&x| x != 0.0).all(|&x| {
+        let (significand, exponent) = float_significand(x);
+        exponent + significand.trailing_zeros() as i32 - unit >= LOWEST_DIRECTION_BIT
+    })
+}
+
+impl SceneBuffers {
+    /// `count` rays in world units as the tracers take them: `ray` makes number i of them (origin, direction, t_min, t_max), `next` the
+    /// direction of its second ray.
+    pub fn batch(
+        &self,
+        count: usize,
+        ray: impl Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync,
+        next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
+    ) -> TracingBatch {
+        let scale = self.params.scale;
+        let made = |i: usize| {
+            let (origin, direction, t_min, t_max) = ray(i);
+            let is_ray = origin.is_finite() && direction.is_finite();
+            let is_first =
+                is_ray && !(self.keeps_vertices() && has_room(origin, scale) && has_room_for_direction(direction));
+            let is_second = is_first
+                || next.is_some_and(|next| {
+                    let direction = next(i);
+                    is_ray && direction.is_finite() && !has_room_for_direction(direction)
+                });
+            let start = if is_first { Vec3::NAN } else { origin };
+            (
+                self.trace_ray(start, direction, t_min, t_max),
+                is_second.then_some(ExtremeRay { index: i, origin, is_second: !is_first }),
+            )
+        };
+        let (rays, extreme): (Vec<_>, Vec<_>) = (0..count).into_par_iter().map(made).unzip();
+        let next_directions = next.map(|next| (0..count).map(|i| Float4::new(next(i), 0.0)).collect());
+        TracingBatch { rays, next_directions, extreme: extreme.into_iter().flatten().collect() }
+    }
+}
+
+/// From this number of extreme rays on a hierarchy is built for them: before, it takes longer than testing every triangle.
+const RAYS_FOR_HIERARCHY: usize = 64;
+
+/// The triangles of a scene in world units.
+struct World<'a> {
+    buffers: &'a SceneBuffers,
+    count: usize,
+    hierarchy: Option<Bvh>,
+}
+
+impl World<'_> {
+    fn new(buffers: &SceneBuffers, rays: usize) -> World<'_> {
+        let mut world = World { buffers, count: buffers.triangle_count(), hierarchy: None };
+        // What instances share is not spread out for a few rays.
+        if rays >= RAYS_FOR_HIERARCHY && !buffers.has_instances() {
+            let boxes: Vec<_> =
+                (0..world.count).map(|i| Box64::around(&world.triangle(i as u32).map(DVec3::from))).collect();
+            world.hierarchy = Some(Bvh::new(&boxes));
+        }
+        world
+    }
+
+    fn triangle(&self, primitive: u32) -> [Vec3; 3] {
+        match self.buffers.given_vertices() {
+            Some(given) => given[primitive as usize],
+            None => vertices(self.buffers, primitive).map(|p| p / self.buffers.params.scale),
+        }
+    }
+
+    /// The closest hit, or with `any_hit` some hit; never `skip`.
+    fn trace(&self, ray: &WholeRay, skip: u32, any_hit: bool) -> Hit {
+        let line = FilterRay::new(ray);
+        let mut best: Option<(u32, [Vec3; 3], f64)> = None; // with a bound of t from above
+        let mut test = |primitive: u32| {
+            let triangle = self.triangle(primitive);
+            let farthest = best.map_or(f64::INFINITY, |best| best.2);
+            let is_candidate = primitive != skip && !(any_hit && best.is_some());
+            let limits = if is_candidate { line.limits(triangle) } else { None };
+            if let Some([_, t_high]) = limits.filter(|[t_low, _]| *t_low <= farthest)
+                && ray.t_inside(triangle).is_some()
+            {
+                let is_nearer =
+                    best.is_none_or(|(other, vertices, _)| ray.is_nearer([triangle, vertices], primitive < other));
+                if is_nearer {
+                    best = Some((primitive, triangle, t_high.min(farthest)));
+                }
+            }
+            match best {
+                Some(_) if any_hit => f64::NEG_INFINITY,
+                Some((_, _, t_high)) => t_high,
+                None => f64::INFINITY,
+            }
+        };
+        match &self.hierarchy {
+            Some(hierarchy) if ray.start.weights == [0.0; 2] => {
+                let along = Line::new(ray.start.vertices[0].into(), ray.direction.into());
+                hierarchy.visit(&along, f64::NEG_INFINITY, f64::INFINITY, test);
+            }
+            _ => (0..self.count as u32).for_each(|primitive| {
+                test(primitive);
+            }),
+        }
+        let Some((primitive, triangle, _)) = best else { return NO_HIT };
+        if any_hit {
+            return Hit { t: 0.0, u: 0.0, v: 0.0, primitive };
+        }
+        let at = ray.finish(triangle);
+        Hit { t: at.t, u: at.u, v: at.v, primitive }
+    }
+
+    fn first_ray(&self, ray: &TraceRay, origin: Vec3) -> WholeRay {
+        WholeRay {
+            start: TrianglePoint::at(origin),
+            direction: ray.direction_t_max.xyz(),
+            limits: [ray.origin_t_min.w, ray.direction_t_max.w],
+            t_exponent: 0,
+            leaves: false,
+        }
+    }
+
+    /// The second ray from the hit of a first one, as `leave_surface` starts it.
+    fn second_ray(&self, first: &WholeRay, from: &Hit, direction: Vec3, is_exact: bool) -> WholeRay {
+        let triangle = self.triangle(from.primitive);
+        let weight0 = if is_exact { first.weight0(triangle) } else { ((1.0 - from.u) - from.v).max(0.0) };
+        let at = SurfaceHit { weight0, u: from.u, v: from.v, primitive: from.primitive };
+        WholeRay {
+            start: TrianglePoint::of_weights(triangle, start_weights(&at)),
+            direction,
+            limits: [0.0, f32::INFINITY],
+            t_exponent: 0,
+            leaves: true,
+        }
+    }
+}
+
+/// A ray in f64 with bounds, for all that is certain without exact integers.
+struct FilterRay {
+    start: DVec3,
+    /// By how much `start` may be off, as magnitudes that times f64's rounding error are bounds.
+    start_magnitude: DVec3,
+    direction: DVec3,
+}
+
+/// With u = 2^-53 none of the numbers below is off by more than 9 u P, W by 12 u P, as `cl/intersect/exact_filter.cl` derives, P the same
+/// expression of magnitudes; half as much again is for the rounding of the bounds. Products of four floats are within f64's range.
+const FILTER_ERROR: f64 = 9.0 * f64::EPSILON;
+
+impl FilterRay {
+    fn new(ray: &WholeRay) -> FilterRay {
+        let [base, other1, other2] = ray.start.vertices.map(DVec3::from);
+        let [weight1, weight2] = ray.start.weights.map(f64::from);
+        let (edge1, edge2) = (other1 - base, other2 - base);
+        let starts_at_vertex = ray.start.weights == [0.0; 2];
+        FilterRay {
+            start: base + edge1 * weight1 + edge2 * weight2,
+            // Of a sum of five roundings; FILTER_ERROR is for one.
+            start_magnitude: if starts_at_vertex { DVec3::ZERO } else { base.abs() + edge1.abs() + edge2.abs() },
+            direction: ray.direction.into(),
+        }
+    }
+
+    /// Limits of t where the triangle may be hit; infinite ones where t is open. `None` where it is surely missed.
+    fn limits(&self, triangle: [Vec3; 3]) -> Option<[f64; 2]> {
+        let [p0, p1, p2] = triangle.map(DVec3::from);
+        let (edge1, edge2, from) = (p1 - p0, p2 - p0, p0 - self.start);
+        let (normal, moment) = (edge1.cross(edge2), from.cross(self.direction));
+        let (distance, det) = (normal.dot(from), normal.dot(self.direction));
+        let (weight1, weight2) = (edge2.dot(moment), -edge1.dot(moment));
+        let weight0 = det - weight1 - weight2;
+
+        let (size1, size2, size) = (edge1.abs(), edge2.abs(), self.direction.abs());
+        let from_size = from.abs() + self.start_magnitude;
+        let normal_size = magnitude_cross(size1, size2);
+        let moment_size = magnitude_cross(from_size, size);
+        let (distance_bound, det_bound) =
+            (FILTER_ERROR * normal_size.dot(from_size), FILTER_ERROR * normal_size.dot(size));
+        let (bound1, bound2) = (FILTER_ERROR * size2.dot(moment_size), FILTER_ERROR * size1.dot(moment_size));
+        let bound0 = det_bound + bound1 + bound2;
+        let signs = [(weight0, bound0), (weight1, bound1), (weight2, bound2), (det, det_bound)]
+            .map(|(number, bound)| i32::from(number > bound) - i32::from(number < -bound));
+        if signs.contains(&1) && signs.contains(&-1) {
+            return None;
+        }
+        let rest = det.abs() - det_bound;
+        if rest <= 0.25 * det.abs() {
+            return Some([f64::NEG_INFINITY, f64::INFINITY]);
+        }
+        let t = distance / det;
+        let error = 1.01 * (t.abs() * det_bound + distance_bound) / rest + 4.0 * f64::EPSILON * t.abs();
+        Some([t - error, t + error])
+    }
+}
+
+fn magnitude_cross(a: DVec3, b: DVec3) -> DVec3 {
+    DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
+}
+
+/// Answers the extreme rays of a job in `result`, which has the answers of all others.
+pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &SceneBuffers, result: &mut TraceResult) {
+    if job.extreme.is_empty() {
+        return;
+    }
+    let world = World::new(buffers, job.extreme.len());
+    let is_exact = options.intersector == Intersector::Exact;
+    let given = &*result;
+    let answered: Vec<_> = job
+        .extreme
+        .par_iter()
+        .map(|extreme| {
+            let first = world.first_ray(&job.rays[extreme.index], extreme.origin);
+            let hit = if extreme.is_second { given.hits[extreme.index] } else { traced(&world, &first, job.any_hit) };
+            let next = job.next_directions.map(|directions| {
+                let direction = directions[extreme.index].xyz();
+                if !is_hit(&hit) || !direction.is_finite() || direction == Vec3::ZERO {
+                    return NO_HIT;
+                }
+                let second = world.second_ray(&first, &hit, direction, is_exact || !extreme.is_second);
+                world.trace(&second, hit.primitive, false)
+            });
+            (extreme.index, hit, next)
+        })
+        .collect();
+    for (index, hit, next) in answered {
+        result.hits[index] = hit;
+        if let (Some(all), Some(next)) = (&mut result.next_hits, next) {
+            all[index] = next;
+        }
+    }
+}
+
+fn traced(world: &World, ray: &WholeRay, any_hit: bool) -> Hit {
+    let [t_min, t_max] = ray.limits;
+    if ray.direction == Vec3::ZERO || t_min.is_nan() || t_max.is_nan() || t_min > t_max {
+        return NO_HIT;
+    }
+    world.trace(ray, NO_PRIMITIVE, any_hit)
+}
