@@ -158,7 +158,9 @@ fn case(i: usize, random: &mut Random) -> (Ray, [Vec3; 3]) {
         4 => origin + (triangle[1] - triangle[0]) * a.round() + (triangle[2] - triangle[0]),
         _ => point(kind, random),
     };
-    (Ray::new(origin, target - origin, f32::NEG_INFINITY, f32::INFINITY, NO_PRIMITIVE), triangle)
+    let mut ray = Ray::new(origin, target - origin, f32::NEG_INFINITY, f32::INFINITY, NO_PRIMITIVE);
+    (ray.t_scale, ray.t_lift) = (1.0, 1.0); // the caller's t is that of the ray's own direction
+    (ray, triangle)
 }
 
 #[test]
@@ -352,14 +354,29 @@ fn numbers_of_the_most_bits_fit() {
     }
 }
 
+/// A point with coordinates of `octaves` powers of two below 2 and their signs, of few or many bits.
+fn wild(octaves: u64, random: &mut Random) -> Vec3 {
+    let mut coordinate = || {
+        let bits =
+            [1.0, 1.0 + power(-1 - (random.bits() % 23) as i32), 1.0 + random.unit()][random.bits() as usize % 3];
+        let sign = if random.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
+        sign * bits * power(-((random.bits() % octaves) as i32))
+    };
+    Vec3::new(coordinate(), coordinate(), coordinate())
+}
+
 #[test]
 fn rays_start_where_their_triangle_is() {
     // Positions are whole multiples of 2^-149, weights of 2^-149, too: of 2^-298 their products.
     let mut random = Random(SEED);
     let mut nonzero = 0;
     for i in 0..100_000 {
-        let triangle = [(); 3].map(|()| point(i % 4, &mut random));
-        let mut weights = Vec3::new(random.unit(), random.unit(), random.unit()) * [0.3, 1e-4, 1e-9][i as usize % 3];
+        let is_wild = i % 2 == 1; // of all exponents, down to the last bit of a float
+        let triangle = [(); 3].map(|()| if is_wild { wild(120, &mut random) } else { point(i % 4, &mut random) });
+        let mut weights = match is_wild {
+            true => wild(149, &mut random).abs() * 0.25,
+            false => Vec3::new(random.unit(), random.unit(), random.unit()) * [0.3, 1e-4, 1e-9][i as usize % 3],
+        };
         weights[i as usize % 3] = -1.0;
         let at = TrianglePoint::of_weights(triangle, weights);
         let (high, low) = start_on_triangle(&at);
@@ -368,10 +385,9 @@ fn rays_start_where_their_triangle_is() {
             let [weight1, weight2] = at.weights.map(whole);
             let exact: BigInt = (&base << 149u32) + weight1 * (other1 - &base) + weight2 * (other2 - &base);
             let rest: BigInt = exact - (whole(high[k]) << 149u32);
-            // Off by 2 EPSILON of itself, or by what the passes leave out.
+            // Off by 2 EPSILON of itself, or by what no float is small enough for: a product's last bits, nine times.
             let error: BigInt = &rest - (whole(low[k]) << 149u32);
-            let largest = triangle.iter().map(|p| p[k].abs()).fold(0.0, f32::max);
-            let bound = (rest.magnitude() >> 23u32) + (whole(largest).magnitude() << 149u32 >> 66u32);
+            let bound = (rest.magnitude() >> 23u32) + (whole(9.0 * f32::from_bits(1)).magnitude() << 149u32);
             assert!(*error.magnitude() <= bound, "point {i} (seed {SEED}), axis {k}: {at:?} {high} {low}");
             nonzero += usize::from(rest.bits() > 0);
         }
@@ -484,7 +500,7 @@ fn rows_at_the_ends() -> Vec<Row> {
             next: Some(([-p(-16), p(-146), 0.0], Some((1, p(-72))))),
             ..row(
                 "a second ray that is hardly off its triangle",
-                &[flat(1.0, 0.0), [[1.0, 0.25, -1.0], [-2.0, 1.0, -1.0], [-1.0, 3.0, 1.0]]],
+                &[flat(1.0, 0.0), [[1.0, 0.25, -1.0], [-1.0, -2.0, 1.0], [-1.0, 3.0, 1.0]]],
                 [p(-88), 0.25, 1.0],
                 DOWN,
                 all,
