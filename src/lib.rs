@@ -34,7 +34,7 @@
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
 //! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
-//! |  [`film`], [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
+//! |  [`film`], `input.rs`, [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
 //! | [`study`] | studies: methods timed by turns and judged, charts of speed against accuracy, the thesis's tables and graphs, and the report (`study/studies/` one question each, `lab.rs` measures, `draw.rs` and `page.rs` show) |
 //! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file (triangles of instances are placed in `shared/instances.cl`), `packets/` sixteen rays at a time, or four times sixteen, through the kd-tree or the wide hierarchy, and what they have hit (`packets/surfaces.cl`), `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
@@ -86,6 +86,7 @@ pub mod error;
 pub mod extreme;
 pub mod features;
 pub mod film;
+mod input;
 pub mod layout;
 mod npz;
 pub mod options;

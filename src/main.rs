@@ -5,11 +5,6 @@ mod cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match cli::run() {
-        Ok(code) => code,
-        Err(error) => {
-            eprintln!("raybrook: {}", cli::chain(&error));
-            ExitCode::from(error.exit_code())
-        }
-    }
+    let code = cli::run().unwrap_or_else(|error| cli::print::error(&error));
+    cli::print::finish(code)
 }

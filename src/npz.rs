@@ -7,7 +7,7 @@
 //! Bad at: anything but float arrays of one shape; parallel decompression.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
@@ -16,7 +16,8 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use crate::error::{Error, Result};
-use crate::output::write_atomically;
+use crate::input::open_regular;
+use crate::output::{Output, write_atomically};
 
 /// Headers above this are refused, as NumPy itself does by default; ours and NumPy's have 128 bytes.
 const HEADER_LIMIT_BYTES: usize = 10_000;
@@ -45,8 +46,9 @@ impl NpzFile {
     /// [`Error::Io`] when it cannot be read, [`Error::Input`] when it is not an `.npz` file.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let to_io = |e| Error::io("read", path, e);
-        let mut file = BufReader::new(File::open(path).map_err(to_io)?);
-        let file_bytes = file.seek(SeekFrom::End(0)).map_err(to_io)?;
+        let (file, file_bytes) = open_regular(path)?;
+        let mut file = BufReader::new(file);
+        // What is given as /dev/stdin need not be at its beginning.
         file.rewind().map_err(to_io)?;
         let mut magic = Vec::new();
         file.by_ref().take(6).read_to_end(&mut magic).map_err(to_io)?;
@@ -256,17 +258,31 @@ pub(crate) struct NpyArray<'a> {
 pub(crate) fn write_npz(path: &Path, arrays: &[NpyArray]) -> Result<()> {
     write_atomically(path, |out| {
         let mut archive = ZipWriter::new(out);
-        for array in arrays {
-            let options = SimpleFileOptions::DEFAULT
-                .compression_method(CompressionMethod::Stored)
-                .large_file(array.bytes.len() >= LARGE_MEMBER_BYTES);
-            archive.start_file(npyz::npz::file_name_from_array_name(array.name), options)?;
-            archive.write_all(&header_of(array))?;
-            archive.write_all(array.bytes)?;
+        let written = arrays.iter().try_for_each(|array| write_array(&mut archive, array));
+        if written.is_err() {
+            // Dropped, it would try to end the archive, fail once more, and say so on standard error.
+            std::mem::forget(archive);
+            return written;
         }
-        archive.finish()?;
-        Ok(())
+        archive.finish().map(drop).map_err(io_error)
     })
+}
+
+fn write_array(archive: &mut ZipWriter<&mut dyn Output>, array: &NpyArray) -> io::Result<()> {
+    let options = SimpleFileOptions::DEFAULT
+        .compression_method(CompressionMethod::Stored)
+        .large_file(array.bytes.len() >= LARGE_MEMBER_BYTES);
+    archive.start_file(npyz::npz::file_name_from_array_name(array.name), options).map_err(io_error)?;
+    archive.write_all(&header_of(array))?;
+    archive.write_all(array.bytes)
+}
+
+/// What the system said, without what the ZIP writer says of it.
+fn io_error(error: ZipError) -> io::Error {
+    match error {
+        ZipError::Io(source) => source,
+        other => other.into(),
+    }
 }
 
 /// The header of an array, to the byte as NumPy writes it: version 1.0, the data begins at a multiple of 64 bytes.

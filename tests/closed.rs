@@ -39,7 +39,7 @@ fn meshes() -> Vec<(&'static str, ClosedMesh)> {
 const EXACT: TraceOptions = TraceOptions { intersector: Intersector::Exact, ..TraceOptions::DEFAULT };
 
 fn on_reference(mesh: &ClosedMesh, options: &TraceOptions, rays: u64) -> Leaks {
-    find_leaks(mesh, options, None, None, SEED, rays, &|_| ()).unwrap()
+    find_leaks(mesh, options, None, None, SEED, rays, &|_| Ok(())).unwrap()
 }
 
 /// Every structure, and every build and traversal of a kd-tree that finds every hit.
@@ -113,7 +113,7 @@ fn exact_lets_no_ray_through_on_a_device() {
     for (name, closed) in meshes().into_iter().take(4) {
         for traversal in [Traversal::Stack, Traversal::Ropes] {
             let options = TraceOptions { traversal, ..EXACT };
-            let leaks = find_leaks(&closed, &options, Some(&device), None, SEED, 20_000, &|_| ()).unwrap();
+            let leaks = find_leaks(&closed, &options, Some(&device), None, SEED, 20_000, &|_| Ok(())).unwrap();
             assert_eq!(
                 (leaks.rays, leaks.misses, leaks.behind, leaks.cleared),
                 (20_000, 0, 0, 0),
@@ -152,7 +152,9 @@ fn a_ray_that_slipped_through_does_so_again() {
     let case = Case { mesh: sphere.mesh().clone(), rays: leaks.wrong.iter().map(|&(ray, _)| ray).collect() };
     let numbers: Vec<usize> = (0..case.rays.len()).collect();
     let folder = tempfile::tempdir().unwrap();
-    let again = Replay::write(folder.path(), &case, &numbers, "sphere", "rays").unwrap().read().unwrap();
+    let replay = Replay::in_folder(folder.path(), "sphere", "rays");
+    replay.write(&case, &numbers).unwrap();
+    let again = replay.read().unwrap();
     let faults = Found::new(&again, &options, None, None).unwrap().faults(&Answers::new(&again), false);
     let expected: Vec<_> = leaks.wrong.iter().map(|&(_, fault)| fault).enumerate().collect();
     assert_eq!(faults, expected);

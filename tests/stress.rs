@@ -340,7 +340,9 @@ fn a_replay_is_wrong_again() {
         let faults = Found::new(&case, &options, None, None).unwrap().faults(&Answers::new(&case), false);
         assert!(!faults.is_empty(), "{kind}");
         let numbers: Vec<usize> = faults.iter().map(|&(i, _)| i).collect();
-        let again = Replay::write(folder.path(), &case, &numbers, kind, method).unwrap().read().unwrap();
+        let replay = Replay::in_folder(folder.path(), kind, method);
+        replay.write(&case, &numbers).unwrap();
+        let again = replay.read().unwrap();
         assert_eq!(again.rays, numbers.iter().map(|&i| case.rays[i]).collect::<Vec<_>>());
         let faults_again = Found::new(&again, &options, None, None).unwrap().faults(&Answers::new(&again), false);
         let sorts = |faults: &[(usize, Fault)]| faults.iter().map(|&(_, fault)| fault).collect::<Vec<_>>();

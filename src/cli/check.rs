@@ -1,6 +1,7 @@
 //! `raybrook check`: the device against the reference, in pictures and in hits.
 
 use super::explain::{Chooser, ExplainArgs};
+use super::files::{self, Files};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
 use raybrook::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
@@ -16,7 +17,7 @@ use raybrook::shared::{COUNTER_NAMES, TraceRay};
 use raybrook::tracer::{RenderResult, Task, TraceJob, Tracer};
 use raybrook::{Error, Result};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Steps of 8-bit sRGB by which a pixel may differ. The twin repeats the kernels' arithmetic, so that a device of IEEE division
@@ -43,6 +44,18 @@ pub struct CheckArgs {
     stats: Option<PathBuf>,
 }
 
+impl CheckArgs {
+    /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`, which are read.
+    fn output(&self, wanted: &Path, mut files: Files) -> Result<PathBuf> {
+        files.write_if(self.stats.as_deref(), "--stats")?;
+        let claim = |output: PathBuf| files.clone().write(&output, "-o").map(|()| output);
+        match &self.output {
+            Some(output) => claim(output.clone()),
+            None => files::first_free(wanted, "check", claim),
+        }
+    }
+}
+
 /// What a check found.
 #[derive(Serialize)]
 struct Findings {
@@ -59,11 +72,13 @@ struct Findings {
 
 pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     args.method.check(false)?;
-    let output = match &args.output {
+    let wanted = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, "-difference.png")?,
     };
-    check_output(&output, None)?;
+    let mut files = Files::default();
+    files.read(&args.scene.scene, "the scene");
+    check_output(&args.output(&wanted, files.clone())?, None)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let Some(device) = open::choose(&args.device, Talk { quiet: true, ..talk })? else {
         let message =
@@ -71,6 +86,9 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
         return Err(Error::NoDevice(message.into()));
     };
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
+    files.read_scene(&loaded.scene);
+    let output = args.output(&wanted, files)?;
+    open::note_name(&output, &wanted, talk);
     let chooser = Chooser {
         method: &args.method,
         counters: false,
@@ -142,7 +160,7 @@ fn camera_rays(buffers: &SceneBuffers, picture: &Picture) -> Vec<TraceRay> {
         .collect()
 }
 
-fn print_findings(findings: &Findings, device: &RenderResult, reference: &RenderResult, output: &std::path::Path) {
+fn print_findings(findings: &Findings, device: &RenderResult, reference: &RenderResult, output: &Path) {
     let Findings { hits, picture, .. } = findings;
     say!("device       {}", findings.device);
     say!("rays         {} on the device, {}", findings.rays, {

@@ -1,17 +1,19 @@
 //! `raybrook stress --closed`: rays at edges and vertices of closed models, and how many of them slip through.
 
+use super::files::Files;
 use super::progress::Bar;
-use super::stress::{StressArgs, replay_command};
-use super::{Talk, open};
+use super::stress::{StressArgs, keep, replay_command};
+use super::{Talk, open, stop};
 use raybrook::device::{Cache, DeviceHandle};
-use raybrook::options::TraceOptions;
+use raybrook::options::{Accel, TraceOptions};
 use raybrook::output::{check_writable, write_json};
 use raybrook::scene;
 use raybrook::stress::closed::{ClosedMesh, Leaks, NotClosed, find_leaks};
 use raybrook::stress::{Case, Mesh, Method, Replay, StressRay};
 use raybrook::{Error, Result};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::cell::Cell;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -19,7 +21,7 @@ use std::time::Instant;
 const DEFAULT_RAYS: u64 = 1_000_000;
 
 /// What became of one model's rays.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Row {
     model: String,
     triangles: usize,
@@ -29,11 +31,13 @@ struct Row {
 }
 
 /// What `--json` writes.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Report {
     seed: u64,
     device: String,
     options: TraceOptions,
+    /// False where the run was stopped: these are the rays until then.
+    finished: bool,
     rays: u64,
     misses: u64,
     behind: u64,
@@ -45,57 +49,125 @@ struct Report {
 }
 
 /// A model that was left out.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Skipped {
     model: String,
     #[serde(flatten)]
     why: NotClosed,
 }
 
-/// The file's name, or all of the path where that is no name.
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+/// A name for each model: its file's, or all of the path where that is no name or the name of a model before it.
+fn names_of(models: &[PathBuf]) -> Vec<(String, PathBuf)> {
+    let mut names: Vec<(String, PathBuf)> = Vec::new();
+    for path in models {
+        let short = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let is_taken = names.iter().any(|(name, _)| plain(name) == plain(&short));
+        let name = if is_taken { path.display().to_string() } else { short };
+        names.push((name, path.clone()));
+    }
+    names
+}
+
+/// `name` as a part of the name of a file.
+fn plain(name: &str) -> String {
+    name.replace(['.', '/', '\\'], "-")
+}
+
+/// The names, without endings, of the files that [`StressArgs::write`] asks for: of the mesh and of the rays.
+fn replay_names(name: &str, args: &StressArgs, method: &Method) -> (String, String) {
+    let mesh = format!("closed-{}", plain(name));
+    let rays = format!("{mesh}-{}-{}", args.seed, method.name);
+    (mesh, rays)
+}
+
+fn method_of(options: TraceOptions) -> Method {
+    Method { name: options.intersector.name().into(), options }
+}
+
+impl Report {
+    fn new(args: &StressArgs, device: &str, options: TraceOptions, start: Instant) -> Report {
+        Report {
+            seed: args.seed,
+            device: device.to_owned(),
+            options,
+            finished: false,
+            rays: 0,
+            misses: 0,
+            behind: 0,
+            second_pass: None,
+            total_s: start.elapsed().as_secs_f64(),
+            models: Vec::new(),
+            not_closed: Vec::new(),
+        }
+    }
+
+    /// The same with these models, and the sums of all.
+    fn with(&self, models: Vec<Row>, start: Instant) -> Report {
+        let sum = |count: fn(&Leaks) -> u64| models.iter().map(|row| count(&row.leaks)).sum::<u64>();
+        let (rays, misses, behind) = (sum(|l| l.rays), sum(|l| l.misses), sum(|l| l.behind));
+        let second_pass = models.iter().map(|row| row.leaks.second_pass).sum();
+        let total_s = start.elapsed().as_secs_f64();
+        Report { rays, misses, behind, second_pass, total_s, models, ..self.clone() }
+    }
+}
+
+/// Keeps that the models are read, and checks that nothing is written over them, or twice.
+fn claim(args: &StressArgs, names: &[(String, PathBuf)], mut files: Files) -> Result<()> {
+    files.write_if(args.json.as_deref(), "--json")?;
+    let Some(folder) = &args.write else { return Ok(()) };
+    let method = method_of(args.method.options(Accel::Kd, false)?);
+    for (name, _) in names {
+        let (mesh, rays) = replay_names(name, args, &method);
+        Replay::in_folder(folder, &mesh, &rays).files().iter().try_for_each(|path| files.write(path, "--write"))?;
+    }
+    Ok(())
 }
 
 pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode> {
     let start = Instant::now();
+    let mut files = Files::default();
+    models.iter().for_each(|path| files.read(path, "a model"));
+    let names = names_of(models);
+    claim(args, &names, files.clone())?;
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let options = args.method.options_for(device.as_ref(), false, talk)?;
     let cache = args.device.cache()?;
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
-    for path in models {
-        match ClosedMesh::new(Mesh::try_from(&scene::load(path)?)?) {
-            Ok(mesh) => closed.push((name_of(path), mesh)),
-            Err(why) => not_closed.push((path, why)),
+    for (name, path) in &names {
+        let scene = scene::load(path)?;
+        files.read_scene(&scene);
+        match ClosedMesh::new(Mesh::try_from(&scene)?) {
+            Ok(mesh) => closed.push((name.clone(), mesh)),
+            Err(why) => not_closed.push((path, Skipped { model: name.clone(), why })),
         }
     }
-    if let ([], Some((path, why))) = (&closed[..], not_closed.first()) {
-        return Err(Error::input(path, None, why.to_string()));
+    claim(args, &names, files)?;
+    if let ([], Some((path, skipped))) = (&closed[..], not_closed.first()) {
+        return Err(Error::input(path, None, skipped.why.to_string()));
     }
+    let not_closed: Vec<Skipped> = not_closed.into_iter().map(|(_, skipped)| skipped).collect();
     if !talk.quiet {
-        for (path, why) in &not_closed {
-            say!("left out: {}: {why}", name_of(path));
+        for Skipped { model, why } in &not_closed {
+            say!("left out: {model}: {why}");
         }
     }
-    let run = Run { args, options, talk, device, cache };
-    let models = run.all(&closed)?;
-    let sum = |count: fn(&Leaks) -> u64| models.iter().map(|row| count(&row.leaks)).sum::<u64>();
-    let (rays, misses, behind) = (sum(|l| l.rays), sum(|l| l.misses), sum(|l| l.behind));
-    let total_s = start.elapsed().as_secs_f64();
-    let device = run.device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
+    let name = device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
+    let empty = Report { not_closed, ..Report::new(args, &name, options, start) };
+    let run = Run { args, options, talk, device, cache, start, empty };
+    let found = run.all(&closed);
+    if found.is_err() {
+        stop::work_now();
+    }
+    let report = Report { finished: true, ..run.empty.with(found?, start) };
+    let Report { rays, misses, behind, total_s, .. } = report;
     if !talk.quiet {
         say!(
-            "{rays} rays on {device}, {total_s:.1} s: {misses} hit nothing, {behind} something behind what they must hit"
+            "{rays} rays on {name}, {total_s:.1} s: {misses} hit nothing, {behind} something behind what they must hit"
         );
     }
     if let Some(path) = &args.json {
-        let second_pass = models.iter().map(|row| row.leaks.second_pass).sum();
-        let skipped = |(path, why): &(&PathBuf, NotClosed)| Skipped { model: name_of(path), why: *why };
-        let not_closed = not_closed.iter().map(skipped).collect();
-        let seed = args.seed;
-        let report = Report { seed, device, options, rays, misses, behind, second_pass, total_s, models, not_closed };
-        write_json(path, &report)?;
+        stop::finish(|| write_json(path, &report))?;
     }
     Ok(if misses + behind == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
@@ -106,6 +178,9 @@ struct Run<'a> {
     talk: Talk,
     device: Option<DeviceHandle>,
     cache: Option<Cache>,
+    start: Instant,
+    /// The report without models.
+    empty: Report,
 }
 
 impl Run<'_> {
@@ -131,26 +206,12 @@ impl Run<'_> {
         for (i, (name, mesh)) in closed.iter().enumerate() {
             let (number, count) = (i as u64, closed.len() as u64);
             let rays = total * (number + 1) / count - total * number / count;
-            let bar = Bar::new(name.clone(), self.talk);
-            let millions = rays as f64 / 1e6;
-            let leaks = find_leaks(
-                mesh,
-                &self.options,
-                self.device.as_ref(),
-                self.cache.as_ref(),
-                // Other rays for each model, the same ones whichever models there are.
-                self.args.seed ^ u64::from(crc32fast::hash(name.as_bytes())) << 32,
-                rays,
-                &|done| bar.update(done, millions, "M rays"),
-            )?;
-            drop(bar);
-            let row =
-                Row { model: name.clone(), triangles: mesh.mesh().triangles.len(), edges: mesh.edge_count(), leaks };
+            let row = self.one(name, mesh, rays, &rows)?;
             if !self.talk.quiet {
                 row.say();
             }
-            if let Some(folder) = self.args.write.as_deref().filter(|_| !row.leaks.wrong.is_empty()) {
-                commands.push(self.write(folder, name, mesh, &row.leaks)?);
+            if let Some(replay) = self.replay(name).filter(|_| !row.leaks.wrong.is_empty()) {
+                commands.push(replay_command(&replay, &method_of(self.options), self.args));
             }
             rows.push(row);
         }
@@ -162,16 +223,45 @@ impl Run<'_> {
         Ok(rows)
     }
 
-    /// Writes the rays that went wrong, and tells how to trace them again.
-    fn write(&self, folder: &Path, name: &str, mesh: &ClosedMesh, leaks: &Leaks) -> Result<String> {
+    /// Traces one model's rays; what is found is kept as it comes, for a run that is stopped.
+    fn one(&self, name: &str, mesh: &ClosedMesh, rays: u64, before: &[Row]) -> Result<Row> {
+        let bar = Bar::new(name, self.talk);
+        let row = |leaks: Leaks| Row {
+            model: name.to_owned(),
+            triangles: mesh.mesh().triangles.len(),
+            edges: mesh.edge_count(),
+            leaks,
+        };
+        let written = Cell::new(0);
+        let so_far = |leaks: &Leaks| {
+            bar.update(leaks.rays as f64 / rays as f64, rays as f64 / 1e6, "M rays");
+            if leaks.wrong.len() > written.replace(leaks.wrong.len()) {
+                self.write(name, mesh, leaks)?;
+            }
+            if let Some(path) = self.args.json.clone() {
+                let report = self.empty.with([before, &[row(leaks.clone())]].concat(), self.start);
+                stop::before_stop(move || keep(&path, &report));
+            }
+            Ok(())
+        };
+        // Other rays for each model, the same ones whichever models there are.
+        let seed = self.args.seed ^ u64::from(crc32fast::hash(name.as_bytes())) << 32;
+        let (device, cache) = (self.device.as_ref(), self.cache.as_ref());
+        find_leaks(mesh, &self.options, device, cache, seed, rays, &so_far).map(row)
+    }
+
+    /// The files of the rays that went wrong, if they are to be written.
+    fn replay(&self, name: &str) -> Option<Replay> {
+        let (mesh, rays) = replay_names(name, self.args, &method_of(self.options));
+        self.args.write.as_ref().map(|folder| Replay::in_folder(folder, &mesh, &rays))
+    }
+
+    /// Writes the rays that went wrong.
+    fn write(&self, name: &str, mesh: &ClosedMesh, leaks: &Leaks) -> Result<()> {
+        let Some(replay) = self.replay(name) else { return Ok(()) };
         let rays: Vec<StressRay> = leaks.wrong.iter().map(|&(ray, _)| ray).collect();
         let numbers: Vec<usize> = (0..rays.len()).collect();
-        let case = Case { mesh: mesh.mesh().clone(), rays };
-        let method = Method { name: self.options.intersector.name().into(), options: self.options };
-        let mesh_name = format!("closed-{}", name.replace('.', "-"));
-        let rays_name = format!("{mesh_name}-{}-{}", self.args.seed, method.name);
-        let replay = Replay::write(folder, &case, &numbers, &mesh_name, &rays_name)?;
-        Ok(replay_command(&replay, &method, self.args))
+        replay.write(&Case { mesh: mesh.mesh().clone(), rays }, &numbers)
     }
 }
 

@@ -1,6 +1,6 @@
 //! `raybrook devices`.
 
-use super::{CompilerArgs, MethodArgs, Talk, kernels};
+use super::{CompilerArgs, DEVICE_VARIABLE, MethodArgs, Talk, kernels, print};
 use clap::parser::ValueSource;
 use raybrook::device::{devices_json, devices_report, list_devices};
 use raybrook::options::{Accel, OPTIONS, TraceOptions};
@@ -27,7 +27,7 @@ pub struct DevicesArgs {
     #[command(flatten)]
     kernels: KernelsGiven,
     /// Device: its number or a part of its name, cpu or gpu [default: every usable one].
-    #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
+    #[arg(long, value_name = "DEVICE", env = DEVICE_VARIABLE)]
     pub device: Option<String>,
     /// Scene to build the kernels for, which sets the size of stacks [default: a sphere].
     #[arg(long, value_name = "SCENE")]
@@ -78,7 +78,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     }
     let list = list_devices()?;
     if args.json {
-        say!("{}", devices_json(&list));
+        print::json_text(&devices_json(&list));
     } else {
         say!("{}", devices_report(&list).trim_end());
     }

@@ -25,8 +25,8 @@ impl ExplainArgs {
         }
         for decision in decisions {
             match decision.origin {
-                Origin::Given => eprintln!("{decision} on the command line"),
-                _ => eprintln!("{decision}"),
+                Origin::Given => tell!("{decision} on the command line"),
+                _ => tell!("{decision}"),
             }
         }
     }
@@ -69,7 +69,7 @@ impl Chooser<'_> {
         let key = DeviceKey::new(self.device.map(|device| &device.info));
         TunedFile::in_folder(cache_folder()?).find(&key, triangle_count).unwrap_or_else(|why| {
             if !self.talk.quiet {
-                eprintln!("note: {why}");
+                tell!("note: {why}");
             }
             None
         })

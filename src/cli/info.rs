@@ -1,7 +1,7 @@
 //! `raybrook info`.
 
 use super::explain::ExplainArgs;
-use super::{AccelChoice, MethodArgs, SceneArgs, Talk, open};
+use super::{AccelChoice, MethodArgs, SceneArgs, Talk, open, print};
 use raybrook::Result;
 use raybrook::accel::{KdTree, StructureStats, TreeStats};
 use raybrook::options::{Accel, Decision, Origin, TraceOptions};
@@ -88,7 +88,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         }),
     };
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&info).expect("numbers and names serialise"));
+        print::json(&info);
     } else {
         print_info(&info);
     }

@@ -2,7 +2,7 @@
 
 use super::devices::DevicesArgs;
 use super::text::wrapped;
-use super::{Talk, open};
+use super::{Talk, open, print};
 use raybrook::device::{
     DeviceHandle, KernelResources, ProgramResources, Selection, kernel_resources, list_devices, select,
 };
@@ -66,11 +66,11 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
         entries.push(entry);
     }
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&entries).expect("strings and numbers are always JSON"));
+        print::json(&entries);
     }
     for entry in &entries {
         for program in entry.programs.iter().filter(|program| talk.verbose && !program.log.is_empty()) {
-            eprintln!("{}", program.log);
+            tell!("{}", program.log);
         }
         if !args.json && entry.error.is_none() {
             say!("{}", report(entry).trim_end());
@@ -78,7 +78,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     }
     let last = errors.pop();
     for error in &errors {
-        eprintln!("raybrook: {}", super::chain(error));
+        print::error(error);
     }
     last.map_or(Ok(()), Err)
 }

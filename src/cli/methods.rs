@@ -1,7 +1,7 @@
 //! `raybrook methods`: what exists, what it needs, and what never goes together, from the library's own table.
 
-use super::MethodArgs;
 use super::text::wrapped;
+use super::{MethodArgs, print};
 use clap::Args;
 use raybrook::Result;
 use raybrook::options::{Accel, Choice, MethodOption, NeverTogether, OPTIONS, needs, never_together};
@@ -51,7 +51,7 @@ struct NumberEntry {
 pub fn run(args: &MethodsArgs) -> Result<()> {
     let methods = Methods::collect();
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&methods).expect("strings and lists are always JSON"));
+        print::json(&methods);
     } else {
         say!("{}", methods.text().trim_end());
     }

@@ -1,18 +1,14 @@
 //! The command line: what can be asked for, and its conversion to the library's types. Together with `main.rs` this is the only
 //! code that prints, reads arguments or decides exit codes.
 
-/// Prints a line, also into a pipe that nobody reads any more (`raybrook info | head`), where `println!` would panic.
-macro_rules! say {
-    ($($argument:tt)*) => {{
-use std::io::Write;
-        let _ = writeln!(std::io::stdout(), $($argument)*);
-    }};
-}
+#[macro_use]
+pub mod print;
 
 mod check;
 mod closed;
 mod devices;
 mod explain;
+mod files;
 mod info;
 mod kd;
 mod kernels;
@@ -20,6 +16,7 @@ mod methods;
 mod open;
 mod progress;
 mod render;
+mod stop;
 mod stress;
 mod study;
 mod text;
@@ -36,13 +33,14 @@ use raybrook::options::{
     Workload,
 };
 use raybrook::scene::{PictureDefaults, Samples};
+use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different ones; 2 wrong option or argument; 3 the scene or another input is \
-missing or wrong; 4 no such device, or the device failed; 5 the output could not be written.
+missing or wrong; 4 no such device, or the device failed; 5 an output could not be written; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
 
 Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of what `tune` found (default: \
 $XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
@@ -198,7 +196,7 @@ impl MethodArgs {
     ) -> Result<Chosen, Error> {
         let chosen = self.request(counters).choose(workload, tuned)?;
         if let Some(limit) = chosen.limit.as_ref().filter(|_| !talk.quiet) {
-            eprintln!("note: --accel auto takes {}: {limit}", chosen.options.accel);
+            tell!("note: --accel auto takes {}: {limit}", chosen.options.accel);
         }
         Ok(chosen)
     }
@@ -253,12 +251,15 @@ fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
     Workload { device: device.map(|device| &device.info), triangle_count: None, features: None, shared_triangles: 0 }
 }
 
+/// The variable that sets the default of `--device`.
+const DEVICE_VARIABLE: &str = "RAYBROOK_DEVICE";
+
 /// Where to trace.
 #[derive(Args)]
 struct DeviceArgs {
     /// Device: its number or a part of its name (see `raybrook devices`), cpu, gpu, or reference
     /// [default: the fastest GPU, else a CPU, else the reference].
-    #[arg(long, value_name = "DEVICE", env = "RAYBROOK_DEVICE")]
+    #[arg(long, value_name = "DEVICE", env = DEVICE_VARIABLE)]
     device: Option<String>,
     /// Compile the kernels anew, ignore what `raybrook tune` found, and keep nothing.
     #[arg(long)]
@@ -369,7 +370,13 @@ fn keep_threads_on_their_cores() {
 /// Parses the arguments and does what they ask. To be called before any thread is started.
 pub fn run() -> Result<ExitCode, Error> {
     keep_threads_on_their_cores();
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(other) => return Ok(end_of_arguments(&other)),
+    };
+    if let Err(error) = stop::watch_signals() {
+        tell!("warning: files that are not finished will be left behind when the program is stopped: {error}");
+    }
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
@@ -382,6 +389,27 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Tune(args) => tune::run(&args, cli.talk),
     }
 }
+
+/// Prints help, the version, or what is wrong with the arguments, and returns the exit code.
+fn end_of_arguments(other: &clap::Error) -> ExitCode {
+    let is_safe = |text: &OsStr| text.to_str().is_some_and(|text| print::escaped(text) == text);
+    // Help shows the variable, too.
+    let is_all_safe = std::env::args_os().chain(std::env::var_os(DEVICE_VARIABLE)).all(|text| is_safe(&text));
+    let is_wrong = other.use_stderr();
+    // Without colours where what is quoted could not be told from them.
+    let text = other.render().to_string();
+    match (is_wrong, is_all_safe) {
+        (false, true) => print::remember(other.print()),
+        (false, false) => say!("{}", text.trim_end()),
+        // Whether anyone can read it changes nothing.
+        (true, true) => _ = other.print(),
+        (true, false) => tell!("{}", text.trim_end()),
+    }
+    if is_wrong { ExitCode::from(WRONG_ARGUMENTS) } else { ExitCode::SUCCESS }
+}
+
+/// The exit code of a wrong option or argument; that of [`Error::Option`].
+const WRONG_ARGUMENTS: u8 = 2;
 
 /// An error and what caused it, in one line.
 pub fn chain(error: &dyn std::error::Error) -> String {

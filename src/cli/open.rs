@@ -34,10 +34,10 @@ pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loade
     if !talk.quiet {
         let shown = if talk.verbose { scene.warnings.len() } else { WARNINGS_SHOWN };
         for warning in scene.warnings.iter().take(shown) {
-            eprintln!("warning: {warning}");
+            tell!("warning: {warning}");
         }
         if scene.warnings.len() > shown {
-            eprintln!("warning: {} more; -v shows them", scene.warnings.len() - shown);
+            tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
     let size = args.and_then(|a| a.size).or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
@@ -58,7 +58,7 @@ pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
         }
         Selection::Reference { notice } => {
             if let Some(notice) = notice.filter(|_| !talk.quiet) {
-                eprintln!("note: {notice}");
+                tell!("note: {notice}");
             }
             None
         }
@@ -89,9 +89,9 @@ pub fn open(
     let (buffers, tracer) = build_and_open(device, &loaded.scene, &options, depth, cache.as_ref(), tasks)?;
     if talk.verbose {
         for note in tracer.notes() {
-            eprintln!("note: {note}");
+            tell!("note: {note}");
         }
-        eprintln!(
+        tell!(
             "{}: {} triangles in {}, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",
             tracer.device_name(),
             loaded.scene.triangle_count(),
@@ -121,5 +121,15 @@ pub fn open(
 /// `path` with the stem of `scene` and another ending, in the current folder.
 pub fn default_output(scene: &Path, ending: &str) -> Result<PathBuf> {
     let stem = scene.file_stem().ok_or_else(|| Error::input(scene, None, "not the name of a file"))?;
-    Ok(PathBuf::from(format!("{}{ending}", stem.to_string_lossy())))
+    let mut name = stem.to_owned();
+    name.push(ending);
+    Ok(PathBuf::from(name))
+}
+
+/// Tells that an output has another name than it would have by itself.
+pub fn note_name(output: &Path, wanted: &Path, talk: Talk) {
+    if output != wanted && !talk.quiet {
+        let (output, wanted) = (output.display(), wanted.display());
+        tell!("note: the picture is '{output}': '{wanted}' belongs to the scene or is written for another option");
+    }
 }

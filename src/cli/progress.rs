@@ -1,6 +1,6 @@
 //! A progress bar on the terminal, for work that takes longer than a moment.
 
-use super::Talk;
+use super::{Talk, print};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::OnceLock;
@@ -22,7 +22,8 @@ impl Bar {
     /// A bar for work named `what`.
     pub fn new(what: impl Into<String>, talk: Talk) -> Bar {
         let shown = !talk.quiet && std::io::stderr().is_terminal();
-        Bar { start: Instant::now(), what: what.into(), shown, bar: OnceLock::new() }
+        let what = print::escaped(&what.into()).into_owned();
+        Bar { start: Instant::now(), what, shown, bar: OnceLock::new() }
     }
 
     /// Shows that the part `done` (0..=1) is done; `units` is how much work there is, for the rate.

@@ -1,6 +1,7 @@
 //! `raybrook render`.
 
 use super::explain::{Chooser, ExplainArgs};
+use super::files::{self, Files};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::adaptive::MOST_SAMPLES;
@@ -14,14 +15,15 @@ use raybrook::stats::{FullPicture, RayCounts, WorkStats};
 use raybrook::tracer::Task;
 use raybrook::work::WorkSum;
 use raybrook::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(clap::Args)]
 pub struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png, in this folder].
+    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png, in this folder, or with
+    /// -render.png where that is one of the scene's files].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
@@ -66,21 +68,43 @@ impl PictureArgs {
     }
 }
 
+impl RenderArgs {
+    /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`, which are read.
+    fn output(&self, wanted: &Path, format: ImageFormat, mut files: Files) -> Result<PathBuf> {
+        files.write_if(self.stats.as_deref(), "--stats")?;
+        let claim = |output: PathBuf| {
+            let mut files = files.clone();
+            files.write(&output, "-o")?;
+            work::claim_aovs(&output, format, &self.aov, &mut files).map(|()| output)
+        };
+        match &self.output {
+            Some(output) => claim(output.clone()),
+            None => files::first_free(wanted, "render", claim),
+        }
+    }
+}
+
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
     args.method.check(counters)?;
-    let output = match &args.output {
+    let wanted = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
     };
-    let format = ImageFormat::from_path(&output)?;
+    let format = ImageFormat::from_path(&wanted)?;
     let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
+    let mut files = Files::default();
+    files.read(&args.scene.scene, "the scene");
+    let output = args.output(&wanted, format, files.clone())?;
     check_output(&output, Some(format))?;
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
+    files.read_scene(&loaded.scene);
+    let output = args.output(&wanted, format, files)?;
+    open::note_name(&output, &wanted, talk);
     if args.measure_error && loaded.scene.picture.samples == Some(Samples::Corners) {
         let message =
             "rays through corners are no samples of pixels; leave it out, or ask for --samples N or --error E";
@@ -107,7 +131,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
 
     let bad = result.film.non_finite();
     if bad > 0 && !talk.quiet {
-        eprintln!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
+        tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
     }
     result.film.write(&output, Some(format))?;
 

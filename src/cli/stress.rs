@@ -1,9 +1,11 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
-use super::{DeviceArgs, MethodArgs, Talk, closed, open};
+use super::files::Files;
+use super::{DeviceArgs, MethodArgs, Talk, closed, open, print, stop};
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{Accel, Intersector, TraceOptions};
 use raybrook::output::{check_writable, write_json};
+use raybrook::scene;
 use raybrook::shared::{Hit, NO_PRIMITIVE};
 use raybrook::stress::{Answers, Case, Fault, Found, Kind, Method, Replay};
 use raybrook::{Error, Result};
@@ -68,7 +70,7 @@ pub struct StressArgs {
 }
 
 /// Wrong answers of one method to the rays of one kind.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Row {
     kind: String,
     rays: usize,
@@ -78,7 +80,7 @@ struct Row {
 }
 
 /// Wrong answers of one method.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Sheet {
     method: String,
     options: TraceOptions,
@@ -94,7 +96,16 @@ struct Sheet {
 struct Report {
     seed: Option<u64>,
     device: String,
+    /// False where the run was stopped: these are the kinds until then.
+    finished: bool,
     methods: Vec<Sheet>,
+}
+
+/// Writes `report` of a run that is stopped. That it cannot be written is told, but changes nothing.
+pub(super) fn keep(path: &Path, report: &impl Serialize) {
+    if let Err(error) = write_json(path, report) {
+        print::error(&error);
+    }
 }
 
 /// Where and how to trace.
@@ -124,6 +135,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
         Some(names) => names.iter().map(|name| Method::parse(name, options)).collect::<Result<_>>()?,
     };
     let kinds = chosen_kinds(&args.kinds)?;
+    claim(args, &kinds, &methods)?;
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     if args.methods.is_none() {
@@ -137,16 +149,46 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     }
     let run = Run { args, talk, device, cache, rays: rays as usize };
     let mut sheets: Vec<Sheet> = methods.iter().map(|method| run.sheet(method)).collect();
-    match &args.replay {
-        Some(files) => run.replay(files, &methods[0], &mut sheets[0])?,
-        None => run.all_kinds(&kinds, &methods, &mut sheets)?,
+    let done = match &args.replay {
+        Some(files) => run.replay(files, &methods[0], &mut sheets[0]),
+        None => run.all_kinds(&kinds, &methods, &mut sheets),
+    };
+    if done.is_err() {
+        stop::work_now();
     }
+    done?;
     let wrong: usize = sheets.iter().map(|sheet| sheet.wrong).sum();
     if let Some(path) = &args.json {
-        let device = run.device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
-        write_json(path, &Report { seed: args.replay.is_none().then_some(args.seed), device, methods: sheets })?;
+        let report = run.report(sheets, true);
+        stop::finish(|| write_json(path, &report))?;
     }
     Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Checks that nothing is written that is read, or written twice.
+fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
+    let mut files = Files::default();
+    for path in args.replay.iter().flatten() {
+        files.read(path, "what --replay traces");
+    }
+    files.write_if(args.json.as_deref(), "--json")?;
+    let Some(folder) = &args.write else { return Ok(()) };
+    for kind in kinds {
+        let mut written: Vec<_> = methods.iter().map(|method| replay_of(folder, kind, args.seed, method)).collect();
+        // All methods have the same mesh.
+        written.dedup_by(|a, b| a.mesh == b.mesh && a.rays == b.rays);
+        if let Some(first) = written.first() {
+            files.write(&first.mesh, "--write")?;
+        }
+        written.iter().try_for_each(|replay| files.write(&replay.rays, "--write"))?;
+    }
+    Ok(())
+}
+
+/// The files of the rays of `kind` that a method gets wrong.
+fn replay_of(folder: &Path, kind: &Kind, seed: u64, method: &Method) -> Replay {
+    let mesh = format!("{}-{seed}", kind.name);
+    Replay::in_folder(folder, &mesh, &format!("{mesh}-{}", method.name))
 }
 
 fn chosen_kinds(names: &[String]) -> Result<Vec<&'static Kind>> {
@@ -170,6 +212,11 @@ impl Run<'_> {
         }
     }
 
+    fn report(&self, methods: Vec<Sheet>, finished: bool) -> Report {
+        let device = self.device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
+        Report { seed: self.args.replay.is_none().then_some(self.args.seed), device, finished, methods }
+    }
+
     fn all_kinds(&self, kinds: &[&Kind], methods: &[Method], sheets: &mut [Sheet]) -> Result<()> {
         let table = Table { methods, is_wide: self.args.methods.is_some() };
         let mut commands = Vec::new();
@@ -186,6 +233,10 @@ impl Run<'_> {
                 if let Some(folder) = self.args.write.as_deref().filter(|_| !faults.is_empty()) {
                     commands.push(self.write(folder, kind, &case, method, &faults)?);
                 }
+            }
+            if let Some(path) = self.args.json.clone() {
+                let report = self.report(sheets.to_vec(), false);
+                stop::before_stop(move || keep(&path, &report));
             }
             if !self.talk.quiet {
                 table.say_row(kind.name, sheets.iter().filter_map(|sheet| sheet.kinds.last()));
@@ -210,9 +261,8 @@ impl Run<'_> {
         faults: &[(usize, Fault)],
     ) -> Result<String> {
         let numbers: Vec<usize> = faults.iter().map(|&(i, _)| i).collect();
-        let mesh = format!("{}-{}", kind.name, self.args.seed);
-        let rays = format!("{mesh}-{}", method.name);
-        let replay = Replay::write(folder, case, &numbers, &mesh, &rays)?;
+        let replay = replay_of(folder, kind, self.args.seed, method);
+        replay.write(case, &numbers)?;
         Ok(replay_command(&replay, method, self.args))
     }
 
@@ -221,7 +271,11 @@ impl Run<'_> {
         let [mesh, rays] = files else {
             return Err(Error::option("--replay", "needs a model and a file of rays"));
         };
-        let case = Replay { mesh: mesh.clone(), rays: rays.clone() }.read()?;
+        let scene = scene::load(mesh)?;
+        let mut read = Files::default();
+        read.read_scene(&scene);
+        read.write_if(self.args.json.as_deref(), "--json")?;
+        let case = Replay { mesh: mesh.clone(), rays: rays.clone() }.case_of(&scene)?;
         let answers = Answers::new(&case);
         let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
         let faults = found.faults(&answers, sheet.strict);

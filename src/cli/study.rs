@@ -1,10 +1,11 @@
 //! `raybrook study`.
 
+use super::files::Files;
 use super::{DeviceArgs, Talk, open};
-use raybrook::Result;
 use raybrook::output::check_writable;
 use raybrook::study::{Header, Lab, Report, State, Study};
-use std::path::PathBuf;
+use raybrook::{Error, Result};
+use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct StudyArgs {
@@ -36,6 +37,35 @@ pub struct StudyArgs {
     device: DeviceArgs,
 }
 
+impl StudyArgs {
+    /// Checks that nothing is written that is read as one of `files`, or written twice.
+    fn claim(&self, mut files: Files) -> Result<()> {
+        let folder = canonical(&self.output);
+        let is_written = |path: &Path| Report::writes(&folder, &canonical(path));
+        let lost = |option, path: &Path, role: &str| {
+            let message = format!("'{}' is {role}, which would be lost; choose another name", path.display());
+            Err(Error::option(option, message))
+        };
+        if let Some((path, role)) = files.inputs().find(|(path, _)| is_written(path)) {
+            return lost("-o", path, role);
+        }
+        match &self.markdown {
+            Some(path) if is_written(path) => lost("--markdown", path, "what -o writes"),
+            Some(path) => files.write(path, "--markdown"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The path without links as far as it is there.
+fn canonical(path: &Path) -> PathBuf {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    path.canonicalize().unwrap_or_else(|_| match path.file_name() {
+        Some(name) if parent != path => canonical(parent).join(name),
+        _ => path.to_owned(),
+    })
+}
+
 pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     if args.list {
         for study in Study::all() {
@@ -44,26 +74,31 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         return Ok(());
     }
     let studies = chosen(&args.names)?;
+    let mut files = Files::default();
+    args.scene.iter().for_each(|scene| files.read(scene, "a scene"));
+    args.claim(files.clone())?;
     // Before an hour of studies, not after it.
     args.markdown.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let cache = args.device.cache()?;
     let load = |path: &PathBuf| Ok((path.display().to_string(), open::load(path, None, talk)?.scene));
     let scenes = args.scene.iter().map(load).collect::<Result<Vec<_>>>()?;
+    scenes.iter().for_each(|(_, scene)| files.read_scene(scene));
+    args.claim(files)?;
     let progress = |what: &str| {
         if !talk.quiet {
-            eprintln!("  {what}");
+            tell!("  {what}");
         }
     };
     let mut lab = Lab::new(device.as_ref(), cache.as_ref(), &scenes, args.quick, args.seed, &progress);
     let mut report = Report::open(&args.output, Header::new(&lab), &command(), args.again)?;
     for (i, study) in studies.iter().enumerate() {
         if !talk.quiet {
-            eprintln!("{} of {}: {}: {}", i + 1, studies.len(), study.name, study.title);
+            tell!("{} of {}: {}: {}", i + 1, studies.len(), study.name, study.title);
         }
         let state = report.make(study, &mut lab)?;
         if state == State::Found && !talk.quiet {
-            eprintln!("  it is there already; --again makes it anew");
+            tell!("  it is there already; --again makes it anew");
         }
     }
     report.write_page()?;
@@ -101,7 +136,8 @@ fn chosen(names: &[String]) -> Result<Vec<&'static Study>> {
     Ok(studies)
 }
 
-/// What the user typed, but for the place of the program.
+/// What the user typed, but for the place of the program; what is no text is shown with replacements.
 fn command() -> String {
-    std::iter::once("raybrook".to_owned()).chain(std::env::args().skip(1)).collect::<Vec<_>>().join(" ")
+    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    std::iter::once("raybrook".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }

@@ -1,6 +1,7 @@
 //! `raybrook trace`.
 
 use super::explain::{Chooser, ExplainArgs};
+use super::files::Files;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
@@ -49,6 +50,14 @@ pub struct TraceArgs {
     stats: Option<PathBuf>,
 }
 
+impl TraceArgs {
+    /// Checks that nothing is written that is read as one of `files`, or written twice.
+    fn claim(&self, mut files: Files) -> Result<()> {
+        files.write_if(self.output.as_deref(), "-o")?;
+        files.write_if(self.stats.as_deref(), "--stats")
+    }
+}
+
 /// The rays as the tracers take them.
 fn tracing_batch(batch: &RayBatch, buffers: &SceneBuffers) -> TracingBatch {
     let limit = |values: &Option<Vec<f32>>, i: usize, default: f32| values.as_ref().map_or(default, |v| v[i]);
@@ -87,6 +96,10 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         let message = format!("{} is for pictures: a batch of rays has one kernel, {}", options.kernels, Kernels::Mega);
         return Err(Error::option("--kernels", message));
     }
+    let mut files = Files::default();
+    files.read(&args.scene.scene, "the scene");
+    files.read(&args.rays, "the file of rays");
+    args.claim(files.clone())?;
     for output in args.output.iter().chain(&args.stats) {
         check_writable(output)?;
     }
@@ -97,9 +110,11 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         return Err(Error::option("--any-hit", message));
     }
     if talk.verbose && !batch.ignored.is_empty() {
-        eprintln!("note: {}: arrays that mean nothing here: {}", args.rays.display(), batch.ignored.join(", "));
+        tell!("note: {}: arrays that mean nothing here: {}", args.rays.display(), batch.ignored.join(", "));
     }
     let loaded = open::load(&args.scene.scene, None, talk)?;
+    files.read_scene(&loaded.scene);
+    args.claim(files)?;
     let chooser = Chooser {
         method: &args.method,
         counters: args.counters,

@@ -1,6 +1,6 @@
 //! `raybrook tune`: measures what is fastest on a device, prints it, and remembers it for `--accel auto`.
 
-use super::{DeviceArgs, Talk, open};
+use super::{DeviceArgs, Talk, open, print};
 use raybrook::Result;
 use raybrook::device::cache_folder;
 use raybrook::options::{Accel, PacketSize, SceneSize};
@@ -55,7 +55,7 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
     let cache = args.device.cache()?;
     let progress = |what: &str| {
         if !talk.quiet {
-            eprintln!("{what}");
+            tell!("{what}");
         }
     };
     let mut scenes = Vec::new();
@@ -73,13 +73,13 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
     let remembered = file.map(|file| file.path().to_owned());
     if args.json {
         let report = Report { device: &key, scenes: &scenes, fastest: &fastest, remembered };
-        say!("{}", serde_json::to_string_pretty(&report).expect("numbers and names serialise"));
+        print::json(&report);
     } else if !talk.quiet {
         scenes.iter().for_each(print_scene);
         print_fastest(&fastest, remembered);
     }
     if differing > 0 {
-        eprintln!(
+        tell!(
             "raybrook: {differing} answers differ between structures, so nothing is remembered; `raybrook check` and `raybrook stress` \
              tell more"
         );

@@ -1,6 +1,7 @@
 //! Counted work on the command line: what is printed of it, and the false-colour pictures of `raybrook render --aov`.
 
 use super::Talk;
+use super::files::Files;
 use raybrook::Result;
 use raybrook::aov::{Aov, AovRange};
 use raybrook::film::ImageFormat;
@@ -12,8 +13,9 @@ use std::path::{Path, PathBuf};
 
 /// `out.png` and a counter to `out-steps.png`, or another ending.
 fn aov_path(output: &Path, counter: WorkCounter, ending: &str) -> PathBuf {
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    output.with_file_name(format!("{stem}-{counter}.{ending}"))
+    let mut name = output.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{counter}.{ending}"));
+    output.with_file_name(name)
 }
 
 /// The files of one counter: its picture, and beside a linear picture its numbers in the same format.
@@ -32,6 +34,16 @@ pub fn check_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter]) 
         let (colours, numbers) = aov_paths(output, format, counter);
         check_writable(&colours)?;
         numbers.as_deref().map_or(Ok(()), check_writable)?;
+    }
+    Ok(())
+}
+
+/// Keeps that these files are written.
+pub fn claim_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter], files: &mut Files) -> Result<()> {
+    for &counter in counters {
+        let (colours, numbers) = aov_paths(output, format, counter);
+        files.write(&colours, "--aov")?;
+        files.write_if(numbers.as_deref(), "--aov")?;
     }
     Ok(())
 }
@@ -68,7 +80,7 @@ pub fn say_ranges(output: &Path, ranges: &[AovRange]) {
 /// Says what was counted, on average.
 pub fn say_work(stats: &WorkStats, talk: Talk) {
     if stats.all.saturated > 0 {
-        eprintln!(
+        tell!(
             "warning: {} counts outgrew 32 bits, sums and means are too small; take fewer samples a pixel",
             stats.all.saturated
         );

@@ -16,9 +16,10 @@
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};
+use crate::input::read_regular;
+use crate::output::{is_unfinished, replace};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -27,7 +28,7 @@ const HASH_BYTES: usize = 32;
 const HEADER_BYTES: usize = MAGIC.len() + HASH_BYTES + size_of::<u64>() + HASH_BYTES;
 
 const SUFFIX: &str = ".clbin";
-/// What the name of a file begins with while it is written.
+/// What the name of a file began with while earlier versions wrote it.
 const UNFINISHED: &str = "unfinished-";
 /// A file that is unfinished for so long is one whose process came to a sudden end.
 const UNFINISHED_AT_MOST: Duration = Duration::from_secs(3600);
@@ -105,8 +106,8 @@ impl Entry {
     /// `None` for what is not ours, what vanishes, and what may still be written.
     fn of(found: &std::fs::DirEntry) -> Option<Entry> {
         let name = found.file_name().into_string().ok()?;
-        let stem = name.strip_suffix(SUFFIX)?;
-        let is_unfinished = stem.starts_with(UNFINISHED);
+        let stem = name.strip_suffix(SUFFIX).unwrap_or_default();
+        let is_unfinished = stem.starts_with(UNFINISHED) || is_unfinished(&name);
         let is_key = stem.len() == 2 * HASH_BYTES && stem.bytes().all(|byte| byte.is_ascii_hexdigit());
         let metadata = found.metadata().ok().filter(|metadata| metadata.is_file())?;
         let last_used = metadata.modified().ok()?;
@@ -155,7 +156,11 @@ impl Cache {
     /// The binary for `key`; `None` if there is none or the folder cannot be read. The error says how a file is damaged.
     pub(super) fn load(&self, key: &CacheKey) -> std::result::Result<Option<Vec<u8>>, String> {
         let path = self.path(key);
-        let Ok(mut bytes) = std::fs::read(&path) else { return Ok(None) };
+        // A pipe would block.
+        if path.metadata().is_ok_and(|found| !found.is_file()) {
+            return Err("it is not a regular file".to_owned());
+        }
+        let Ok(mut bytes) = read_regular(&path) else { return Ok(None) };
         check(&bytes, key)?;
         bytes.drain(..HEADER_BYTES);
         // In a folder that cannot be written it is not removed either.
@@ -184,12 +189,11 @@ impl Cache {
         }
         let write = || -> std::io::Result<()> {
             std::fs::create_dir_all(&self.folder)?;
-            let mut file = tempfile::Builder::new().prefix(UNFINISHED).suffix(SUFFIX).tempfile_in(&self.folder)?;
-            file.write_all(&header(key, binary))?;
-            file.write_all(binary)?;
             // A reader sees the old file or the new one, whole.
-            file.persist(&path)?;
-            Ok(())
+            replace(&path, &self.folder, None, |file| {
+                file.write_all(&header(key, binary))?;
+                file.write_all(binary)
+            })
         };
         write().map_err(|error| format!("cannot write '{}': {error}", path.display()))?;
         self.remove_oldest(&path);
@@ -331,7 +335,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::at(folder.path()).with_limit(FILE_BYTES);
         let kept = ["notes.txt", "program.clbin", "unfinished-now.clbin", "unfinished-paper.txt"];
-        for name in kept.into_iter().chain(["unfinished-long-ago.clbin"]) {
+        let removed = ["unfinished-long-ago.clbin", ".raybrook-f1le.tmp"];
+        for name in kept.into_iter().chain(removed) {
             std::fs::write(folder.path().join(name), BINARY).unwrap();
             age(&folder.path().join(name), if name.contains("now") { 60 } else { 86_400 });
         }
@@ -340,7 +345,7 @@ mod tests {
         cache.store(&key(2), BINARY).unwrap();
         assert!(!cache.path(&key(1)).exists() && cache.path(&key(2)).exists() && cache.path(&key(9)).is_dir());
         assert!(kept.iter().all(|name| folder.path().join(name).exists()));
-        assert!(!folder.path().join("unfinished-long-ago.clbin").exists());
+        assert!(removed.iter().all(|name| !folder.path().join(name).exists()));
         let refused = cache.store(&key(3), &[BINARY, b"x"].concat()).unwrap_err();
         assert!(refused.contains("may take") && cache.load(&key(3)) == Ok(None), "{refused}");
         assert!(cache.load(&key(2)).unwrap().is_some(), "what does not fit removes nothing");

@@ -343,7 +343,7 @@ impl Builder {
     }
 
     /// Adds the triangles of `other` with the current transform and with `material`, or their own materials without one.
-    /// Materials, textures and warnings come along; lights, camera, background and ambient light do not. Instances become triangles.
+    /// Materials, textures, warnings and names of files come along; lights, camera, background and ambient light do not. Instances become triangles.
     pub fn add_scene(&mut self, other: &Scene, material: Option<MaterialId>) -> &mut Self {
         if let Some(id) = material.filter(|&id| id as usize >= self.scene.materials.len()) {
             return self.fail(format!("add_scene: there is no material number {id}"));
@@ -353,6 +353,7 @@ impl Builder {
             Err(error) => return self.fail_with(error),
         };
         self.scene.warnings.extend_from_slice(&other.warnings);
+        self.scene.files.extend_from_slice(&other.files);
         let mut own_material: Vec<MaterialId> = Vec::new();
         if material.is_none() {
             let textures: Vec<TextureId> = other.textures.iter().map(|t| self.add_texture(t.clone())).collect();

@@ -10,9 +10,10 @@ mod texture;
 use super::check::{Fault, camera_fault, light_fault, material_fault};
 use super::{
     Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
-    TextureId,
+    SourceFile, TextureId,
 };
 use crate::error::{Error, Result};
+use crate::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::Read;
@@ -34,6 +35,8 @@ struct Reader<'a> {
     textures: HashMap<String, TextureId>,
     /// Object files that were read, so that ten objects of one file read it once.
     files: HashMap<PathBuf, Scene>,
+    /// Textures and pictures of heights that were read.
+    pictures: Vec<SourceFile>,
 }
 
 /// Loads the scene file `path`.
@@ -48,7 +51,8 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
     // The parent of a bare file name is "", which no system call takes for the current folder.
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (materials, textures, files) = (HashMap::new(), HashMap::new(), HashMap::new());
-    let mut reader = Reader { source, folder, builder: Builder::new(), materials, textures, files };
+    let (builder, pictures) = (Builder::new(), Vec::new());
+    let mut reader = Reader { source, folder, builder, materials, textures, files, pictures };
 
     const KEYS: [&str; 6] = ["image", "camera", "trace", "light", "material", "object"];
     let root = Table::root(source, root.get_ref()).allow("a scene file", &KEYS)?;
@@ -57,16 +61,15 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
     reader.read_lights(&root)?;
     reader.read_materials(&root)?;
     reader.read_objects(&root)?;
-    reader.builder.finish().map_err(|e| Error::input(path, None, e.to_string()))
+    let mut scene = reader.builder.finish().map_err(|e| Error::input(path, None, e.to_string()))?;
+    scene.files.append(&mut reader.pictures);
+    Ok(scene)
 }
 
 fn read_text(path: &Path) -> Result<String> {
-    let read = |path: &Path| {
-        let mut bytes = Vec::new();
-        std::fs::File::open(path)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    };
-    let bytes: Vec<u8> = read(path).map_err(|e| Error::io("read", path, e))?;
+    let (file, _) = open_regular(path)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io("read", path, e))?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         return Err(Error::input(path, None, format!("is larger than {MAX_FILE_BYTES} bytes; this is no scene file")));
     }
@@ -204,6 +207,12 @@ impl<'a> Reader<'a> {
         };
         table.check(material_fault(&material), "")?;
         Ok(material)
+    }
+
+    /// Keeps that the scene is made of the picture at `path`.
+    fn note_picture(&mut self, path: PathBuf, kind: &str) {
+        let role = format!("the {kind} that '{}' names", self.source.path.display());
+        self.pictures.push(SourceFile { path, role });
     }
 
     /// The path of `file`, which `key` of `table` names: in the scene file's folder or below, and there.

@@ -1,8 +1,7 @@
 //! Loads a scene by the kind of its file.
 
-use super::{Scene, file, nff, obj, ply, stl};
+use super::{Scene, SourceFile, file, nff, obj, ply, stl};
 use crate::error::{Error, Result};
-use std::fs::File;
 use std::path::Path;
 
 /// The endings of the files that hold a model: what an object of a scene file can name.
@@ -19,7 +18,7 @@ pub(super) fn ending(path: &Path) -> Option<String> {
 /// The file cannot be read, is not of a known kind, or what it holds is not usable; the error names file and line.
 pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
     let path = path.as_ref();
-    match ending(path).as_deref() {
+    let mut scene = match ending(path).as_deref() {
         Some("toml") => file::load(path),
         Some("obj") => obj::load(path),
         Some("ply") => ply::load(path),
@@ -30,18 +29,9 @@ pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
             None,
             "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl and Haines' .nff",
         )),
-    }
-}
-
-/// Opens the regular file `path` for reading, and tells its size in bytes.
-pub(super) fn open_regular(path: &Path) -> Result<(File, u64)> {
-    let unreadable = |e| Error::io("read", path, e);
-    let metadata = path.metadata().map_err(unreadable)?;
-    // Before opening: a pipe would block, a device may have no end.
-    if !metadata.is_file() {
-        return Err(Error::input(path, None, "is not a regular file"));
-    }
-    Ok((File::open(path).map_err(unreadable)?, metadata.len()))
+    }?;
+    scene.files.push(SourceFile { path: path.to_owned(), role: "the scene".to_owned() });
+    Ok(scene)
 }
 
 /// Pieces of `target` that are as long as `lengths` say; these add up to its own.

@@ -41,6 +41,7 @@ use crate::error::Result;
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
+use std::path::PathBuf;
 
 /// Marks a triangle corner without its own normal or texture coordinates.
 pub const NO_INDEX: u32 = u32::MAX;
@@ -93,6 +94,15 @@ impl PictureDefaults {
     pub const MAX_DEPTH: u32 = 64;
 }
 
+/// A file that a scene was read from, or that its files name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SourceFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What it is to the scene, as in "it is …": `the texture that 'scene.mtl' names`.
+    pub role: String,
+}
+
 /// A scene in world units.
 ///
 /// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated; those of `instances` come behind
@@ -126,6 +136,8 @@ pub struct Scene {
     pub picture: PictureDefaults,
     /// What was repaired, ignored or left out while loading; one sentence each, file named.
     pub warnings: Vec<String>,
+    /// The files that it was read from, and those that these name and that are there: whoever writes beside a scene leaves them alone.
+    pub files: Vec<SourceFile>,
 }
 
 /// The smallest box around some triangles.

@@ -25,9 +25,9 @@
 
 use super::text::{Ignored, Lines, Warnings, quote, split_keyword, words};
 use super::texture::{Texture, TextureId, decode, find_inside};
-use super::{Material, MaterialId};
+use super::{Material, MaterialId, SourceFile};
 use glam::Vec3;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The largest emission that is kept: sums of many samples of it stay far from the largest float.
@@ -47,6 +47,12 @@ const MAX_LIBRARIES: usize = 1000;
 
 /// How many materials the libraries of a file may define: each takes about a kilobyte.
 pub(super) const MAX_MATERIALS: usize = 65_536;
+
+/// How many pictures that statements name are looked for, beside those that are read: each costs some system calls.
+const MAX_MAPS: usize = MAX_MATERIALS;
+
+/// The statements that name a picture, beside those that begin with `map_`.
+const PICTURE_KEYWORDS: [&[u8]; 5] = [b"bump", b"disp", b"decal", b"norm", b"refl"];
 
 /// What a library says of one material.
 #[derive(Debug, Clone, Default)]
@@ -81,6 +87,8 @@ pub(super) struct Library {
     default: Option<MaterialId>,
     tried: HashSet<String>,
     read: HashSet<PathBuf>,
+    /// Folders and names of pictures that were looked for.
+    maps: HashSet<(PathBuf, String)>,
     texture_ids: HashMap<PathBuf, Option<TextureId>>,
     /// The materials in use.
     pub(super) materials: Vec<Material>,
@@ -88,6 +96,8 @@ pub(super) struct Library {
     pub(super) textures: Vec<Texture>,
     /// What was wrong so far.
     pub(super) warnings: Warnings,
+    /// Libraries and pictures that are there and that the OBJ file or a library names, whether they are of use or not.
+    files: BTreeMap<PathBuf, SourceFile>,
 }
 
 impl Library {
@@ -104,11 +114,24 @@ impl Library {
             default: None,
             tried: HashSet::new(),
             read: HashSet::new(),
+            maps: HashSet::new(),
             texture_ids: HashMap::new(),
             materials: Vec::new(),
             textures: Vec::new(),
             warnings: Warnings::default(),
+            files: BTreeMap::new(),
         }
+    }
+
+    /// Takes out the files that are named and there.
+    pub(super) fn take_files(&mut self) -> Vec<SourceFile> {
+        std::mem::take(&mut self.files).into_values().collect()
+    }
+
+    /// Keeps that `by` names the file at `path`, whose kind is `kind`.
+    fn note_file(&mut self, path: &Path, kind: &str, by: &Path) {
+        let role = || format!("the {kind} that '{}' names", by.display());
+        self.files.entry(path.to_owned()).or_insert_with(|| SourceFile { path: path.to_owned(), role: role() });
     }
 
     /// Reads the libraries that a `mtllib` statement on `line` names.
@@ -136,6 +159,8 @@ impl Library {
             if !self.read.insert(path.clone()) {
                 continue;
             }
+            let obj = self.obj.clone();
+            self.note_file(&path, "material library", &obj);
             match std::fs::metadata(&path).map(|m| m.len()) {
                 Ok(bytes) if bytes > MAX_LIBRARY_BYTES => {
                     self.warnings.add(
@@ -263,6 +288,7 @@ impl Library {
             if let Some(&id) = self.texture_ids.get(&path) {
                 return Ok(id);
             }
+            self.note_file(&path, "texture", &definition.library);
             let decoded = decode(&path, name);
             let id = decoded.is_ok().then_some(self.textures.len() as TextureId);
             self.texture_ids.insert(path, id);
@@ -294,6 +320,7 @@ impl Library {
                 current = Some(Definition { name, library: path.to_owned(), ..Definition::default() });
                 continue;
             }
+            self.note_map(path, keyword, rest);
             let Some(definition) = &mut current else {
                 ignored.note(keyword, line);
                 continue;
@@ -309,6 +336,22 @@ impl Library {
         }
         self.define(current);
         ignored.report(path, &mut self.warnings);
+    }
+
+    /// Keeps what picture a statement names, also one that is not read: it is no less the user's.
+    fn note_map(&mut self, library: &Path, keyword: &[u8], rest: &[u8]) {
+        let keyword = keyword.to_ascii_lowercase();
+        if !keyword.starts_with(b"map_") && !PICTURE_KEYWORDS.contains(&&keyword[..]) {
+            return;
+        }
+        let name = split_map(&String::from_utf8_lossy(rest)).0;
+        let folder = library.parent().unwrap_or(&self.root);
+        if self.maps.len() < MAX_MAPS
+            && self.maps.insert((folder.to_owned(), name.clone()))
+            && let Ok(path) = find_inside(&self.root, folder, &name)
+        {
+            self.note_file(&path, "texture", library);
+        }
     }
 
     fn define(&mut self, definition: Option<Definition>) {

@@ -19,11 +19,11 @@ mod survey;
 mod tests;
 mod vertices;
 
-use super::load::open_regular;
 use super::mtl::Library;
 use super::text::{Tally, Warnings};
 use super::{DropReason, Scene};
 use crate::error::{Error, Result};
+use crate::input::open_regular;
 use faces::{Materials, Tallies};
 use rayon::prelude::*;
 use std::io::Read;
@@ -73,6 +73,7 @@ fn load_in_parts(path: &Path, part_bytes: usize) -> Result<Scene> {
     let Vertices { positions, uvs, normals } = vertices;
     let mut scene = Scene { positions, normals, uvs, triangles, ..Scene::default() };
     warn_of_dropped(path, &scene, &mut library.warnings);
+    scene.files = library.take_files();
     scene.materials = library.materials;
     scene.textures = library.textures;
     scene.warnings = library.warnings.into_vec();

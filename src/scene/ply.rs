@@ -29,11 +29,11 @@ mod values;
 mod vertices;
 mod whole;
 
-use super::load::open_regular;
 use super::obj::warn_of_dropped;
 use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture};
 use crate::error::{Error, Result};
+use crate::input::open_regular;
 use faces::{FaceSink, Faces};
 use rows::{Element, Skip};
 use serde::de::MapAccess;
@@ -195,6 +195,7 @@ impl Mesh {
         let mut scene = Scene { positions, normals, uvs, triangles, materials, textures, ..Scene::default() };
         warn_of_dropped(path, &scene, &mut warnings);
         scene.warnings = warnings.into_vec();
+        scene.files = paint::named_files(path, &header.comments);
         Ok(scene)
     }
 

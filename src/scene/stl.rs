@@ -10,11 +10,11 @@
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
-use super::load::open_regular;
 use super::obj::warn_of_dropped;
 use super::text::{Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::error::{Error, Result};
+use crate::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::{Cursor, ErrorKind, Read};

@@ -5,7 +5,7 @@ use super::mesh::Mesh;
 use crate::error::{Error, Result};
 use crate::output::write_atomically;
 use crate::rays::RayBatch;
-use crate::scene;
+use crate::scene::{self, Scene};
 use std::path::{Path, PathBuf};
 
 /// The files of one case.
@@ -18,17 +18,26 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Writes the mesh of `case` and the rays of the given numbers to `folder`, which is made if it is not there. `mesh` and `rays`
-    /// are the files' names without ending.
+    /// Files in `folder`; `mesh` and `rays` are their names without ending.
+    pub fn in_folder(folder: &Path, mesh: &str, rays: &str) -> Replay {
+        Replay { mesh: folder.join(format!("{mesh}.obj")), rays: folder.join(format!("{rays}.npz")) }
+    }
+
+    /// Both files.
+    pub fn files(&self) -> [&Path; 2] {
+        [&self.mesh, &self.rays]
+    }
+
+    /// Writes the mesh of `case` and the rays of the given numbers. The folders are made if they are not there.
     ///
     /// # Errors
-    /// [`Error::Io`] when the folder or a file cannot be made.
-    pub fn write(folder: &Path, case: &Case, numbers: &[usize], mesh: &str, rays: &str) -> Result<Replay> {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
-        let replay = Replay { mesh: folder.join(format!("{mesh}.obj")), rays: folder.join(format!("{rays}.npz")) };
-        write_atomically(&replay.mesh, |out| out.write_all(case.mesh.to_obj().as_bytes()))?;
-        case.batch(numbers).write(&replay.rays)?;
-        Ok(replay)
+    /// [`Error::Io`] when a folder or a file cannot be made.
+    pub fn write(&self, case: &Case, numbers: &[usize]) -> Result<()> {
+        for folder in self.files().iter().filter_map(|file| file.parent()) {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e))?;
+        }
+        write_atomically(&self.mesh, |out| out.write_all(case.mesh.to_obj().as_bytes()))?;
+        case.batch(numbers).write(&self.rays)
     }
 
     /// The case in two files: of these, or any other model and rays.
@@ -36,7 +45,14 @@ impl Replay {
     /// # Errors
     /// The files cannot be read, or do not hold what they should.
     pub fn read(&self) -> Result<Case> {
-        let batch = RayBatch::read(&self.rays)?;
-        Ok(Case::from_batch(Mesh::try_from(&scene::load(&self.mesh)?)?, &batch))
+        self.case_of(&scene::load(&self.mesh)?)
+    }
+
+    /// The same where the model is loaded already.
+    ///
+    /// # Errors
+    /// The rays cannot be read, or do not hold what they should.
+    pub fn case_of(&self, scene: &Scene) -> Result<Case> {
+        Ok(Case::from_batch(Mesh::try_from(scene)?, &RayBatch::read(&self.rays)?))
     }
 }

@@ -5,6 +5,8 @@
 
 use super::table::Row;
 use crate::error::{Error, Result};
+use crate::input::read_regular;
+use crate::output::write_atomically;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs::{self, File};
@@ -30,8 +32,8 @@ impl Journal {
     /// # Errors
     /// [`Error::Io`] when the file cannot be written.
     pub fn open(path: &Path, settings: &Value) -> Result<Journal> {
-        let text = fs::read_to_string(path).unwrap_or_default();
-        let mut lines = text.lines();
+        let old = String::from_utf8(read_regular(path).unwrap_or_default()).unwrap_or_default();
+        let mut lines = old.lines();
         let is_same =
             lines.next().is_some_and(|line| serde_json::from_str::<Value>(line).ok().as_ref() == Some(settings));
         let entries = match is_same {
@@ -43,7 +45,8 @@ impl Journal {
         for entry in &journal.entries {
             text += &line_of(entry);
         }
-        fs::write(path, text).map_err(|error| Error::io("write", path, error))?;
+        // Whole, so that what is measured already outlives a run that is stopped here.
+        write_atomically(path, |out| out.write_all(text.as_bytes()))?;
         Ok(journal)
     }
 

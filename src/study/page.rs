@@ -12,6 +12,9 @@ use serde_json::Value;
 /// Rows of a table that the page shows; the CSV has all.
 const MOST_ROWS: usize = 400;
 
+/// What the title of every page begins with; by this a report knows its own page.
+pub const TITLE: &str = "raybrook study: ";
+
 const STYLE: &str = "
 :root { color-scheme: light dark; --ink: #1b1b1f; --muted: #5c5c66; --grid: #d8d8de; --paper: #ffffff; --holds: #00684c; --fails: #a3420a; }
 @media (prefers-color-scheme: dark) {
@@ -40,7 +43,7 @@ pub fn html(header: &Header, entries: &[Entry]) -> String {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "raybrook study: " (header.device) }
+                title { (TITLE) (header.device) }
                 style { (PreEscaped(STYLE)) }
             }
             body {

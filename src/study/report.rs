@@ -8,6 +8,7 @@ use super::page;
 use super::{Findings, Lab, Study};
 use crate::device::{DeviceHandle, DeviceInfo};
 use crate::error::{Error, Result};
+use crate::input::read_regular;
 use crate::output::{write_atomically, write_json};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -111,6 +112,8 @@ pub struct Report {
     entries: Vec<Entry>,
 }
 
+/// The page.
+const PAGE: &str = "index.html";
 /// Where data and charts lie.
 const DATA: &str = "data";
 const CHARTS: &str = "charts";
@@ -120,8 +123,10 @@ impl Report {
     /// again unless `again` says so. `command` is how those are made that are.
     ///
     /// # Errors
-    /// [`Error::Io`] when the folder cannot be made or read.
+    /// [`Error::Option`] when a file there that the report would replace is not one of a report, and [`Error::Io`] when the folder
+    /// cannot be made or read.
     pub fn open(folder: &Path, header: Header, command: &str, again: bool) -> Result<Report> {
+        refuse_foreign(folder)?;
         for folder in [folder.to_owned(), folder.join(DATA), folder.join(CHARTS)] {
             fs::create_dir_all(&folder).map_err(|error| Error::io("create", &folder, error))?;
         }
@@ -137,13 +142,22 @@ impl Report {
         &self.entries
     }
 
+    /// Whether a report in `folder` may write `path`, a file in it.
+    pub fn writes(folder: &Path, path: &Path) -> bool {
+        let Ok(inside) = path.strip_prefix(folder) else { return false };
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let of_study = |study: &Study| name.strip_prefix(study.name).is_some_and(|rest| rest.starts_with(['-', '.']));
+        let is_in = |part: &str| inside.parent() == Some(Path::new(part));
+        inside == Path::new(PAGE) || (is_in(DATA) || is_in(CHARTS)) && Study::all().any(of_study)
+    }
+
     fn data(&self, name: &str) -> PathBuf {
         self.folder.join(DATA).join(name)
     }
 
     /// A file that is not there, or not whole, or of another version of the program is made anew.
     fn read(&self, study: &str) -> Option<Entry> {
-        serde_json::from_slice(&fs::read(self.data(&format!("{study}.json"))).ok()?).ok()
+        serde_json::from_slice(&read_regular(&self.data(&format!("{study}.json"))).ok()?).ok()
     }
 
     /// Makes a study, or takes what is there, and writes all of its files and the page.
@@ -206,7 +220,7 @@ impl Report {
     /// [`Error::Io`] when it cannot be written.
     pub fn write_page(&self) -> Result<()> {
         let html = page::html(&self.header, &self.entries);
-        write_bytes(&self.folder.join("index.html"), html.as_bytes())
+        write_bytes(&self.folder.join(PAGE), html.as_bytes())
     }
 
     /// Writes verdicts and tables of some studies, as far as they are made, as Markdown.
@@ -221,7 +235,52 @@ impl Report {
 
     /// The page.
     pub fn page(&self) -> PathBuf {
-        self.folder.join("index.html")
+        self.folder.join(PAGE)
+    }
+}
+
+/// Refuses a folder in which a report would replace what is none of its own: every page of a report has the same beginning of a title,
+/// and every file of data tells its study and device, whatever version of the program made them.
+fn refuse_foreign(folder: &Path) -> Result<()> {
+    let data = |name: &str, ending: &str| folder.join(DATA).join(format!("{name}.{ending}"));
+    let title = format!("<title>{}", page::TITLE);
+    let is_page = |bytes: &[u8]| memchr::memmem::find(bytes, title.as_bytes()).is_some();
+    refuse_unless(is_page, &folder.join(PAGE))?;
+    for Study { name, .. } in Study::all() {
+        let is_data = |bytes: &[u8]| {
+            let beginning = format!("{{\n  \"study\": \"{name}\",");
+            match serde_json::from_slice::<Value>(bytes) {
+                Ok(value) => value["study"] == *name && value["header"]["device"].is_string(),
+                // Half a file, of a version that a full disk could do that to.
+                Err(_) => bytes.starts_with(beginning.as_bytes()),
+            }
+        };
+        refuse_unless(is_data, &data(name, "json"))?;
+        let beginning = format!("{{\"study\":\"{name}\"");
+        refuse_unless(|bytes: &[u8]| bytes.starts_with(beginning.as_bytes()), &data(name, "journal"))?;
+    }
+    Ok(())
+}
+
+/// Refuses what is there and not as it should be; an empty file is nobody's loss.
+fn refuse_unless(is_own: impl Fn(&[u8]) -> bool, path: &Path) -> Result<()> {
+    let is_foreign = match path.metadata() {
+        Ok(found) if found.is_file() => {
+            let bytes = read_regular(path).map_err(|error| Error::io("read", path, error))?;
+            !bytes.is_empty() && !is_own(&bytes)
+        }
+        Ok(_) => true,
+        Err(_) => false,
+    };
+    match is_foreign {
+        true => {
+            let message = format!(
+                "'{}' is not of a report by raybrook and would be replaced; choose another folder",
+                path.display()
+            );
+            Err(Error::option("-o", message))
+        }
+        false => Ok(()),
     }
 }
 

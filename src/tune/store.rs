@@ -7,6 +7,7 @@
 use super::{Candidate, SceneTuning, fastest};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
+use crate::input::read_regular;
 use crate::options::{SceneSize, TunedChoice};
 use crate::output::write_json;
 use serde::{Deserialize, Serialize};
@@ -143,7 +144,7 @@ impl TunedFile {
 
     /// The entries, none without a file; the error says what is wrong with the file.
     fn read(&self) -> std::result::Result<Entries, String> {
-        match std::fs::read(&self.path) {
+        match read_regular(&self.path) {
             Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| error.to_string()),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(Entries::default()),
             Err(error) => Err(error.to_string()),
@@ -193,6 +194,10 @@ impl TunedFile {
             model: tuning.model.to_string(),
             triangle_counts: tuning.triangle_counts.clone(),
         }));
+        if self.path.metadata().is_ok_and(|found| !found.is_file()) {
+            let source = std::io::Error::other("it is not a regular file; remove it");
+            return Err(Error::io("write", &self.path, source));
+        }
         if let Some(folder) = self.path.parent() {
             std::fs::create_dir_all(folder).map_err(|error| Error::io("create", folder, error))?;
         }

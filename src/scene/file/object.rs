@@ -120,13 +120,16 @@ impl<'a> Reader<'a> {
         let scene = match self.files.entry(path) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
-                let scene = load(new.key())?;
+                let mut scene = load(new.key())?;
+                let names_it = || format!("the model that '{}' names", self.source.path.display());
+                scene.files.iter_mut().filter(|file| file.path == *new.key()).for_each(|file| file.role = names_it());
                 new.insert(scene)
             }
         };
         self.builder.add_scene(scene, material);
         // Told once, however many objects show the file.
         scene.warnings.clear();
+        scene.files.clear();
         Ok(())
     }
 
@@ -187,7 +190,8 @@ impl<'a> Reader<'a> {
             if let Some(key) = ["formula", "amplitude", "frequency", "seed"].into_iter().find(|key| table.has(key)) {
                 return Err(table.error(key, "does not go with a picture; heights come from one or the other"));
             }
-            self.inside_folder(table, "picture", file)?;
+            let path = self.inside_folder(table, "picture", file)?;
+            self.note_picture(path, "picture of heights");
             let picture =
                 load_texture(self.folder, file).map_err(|e| table.error("picture", format!("'{file}': {e}")))?;
             let side = |texels: u32| own_segments.unwrap_or((texels.max(2) - 1).min(MAX_SEGMENTS));

@@ -40,7 +40,8 @@ impl Reader<'_> {
         if let Some(&id) = self.textures.get(file) {
             return Ok(id);
         }
-        self.inside_folder(material, "texture", file)?;
+        let path = self.inside_folder(material, "texture", file)?;
+        self.note_picture(path, "texture");
         let image = load_texture(self.folder, file).map_err(|e| material.error("texture", format!("'{file}': {e}")))?;
         let id = self.builder.add_texture(image);
         self.textures.insert(file.to_owned(), id);

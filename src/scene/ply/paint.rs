@@ -6,7 +6,7 @@
 use crate::scene::file::linear;
 use crate::scene::text::{Warnings, quote};
 use crate::scene::texture::{decode, find_inside};
-use crate::scene::{Image, Material, MaterialId, TextureId, Triangle};
+use crate::scene::{Image, Material, MaterialId, SourceFile, TextureId, Triangle};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -120,6 +120,15 @@ pub(super) fn load_textures(
         }));
     }
     (numbers, textures)
+}
+
+/// The pictures that `comments` of the PLY file `path` name and that are there, whether faces use them or not.
+pub(super) fn named_files(path: &Path, comments: &[String]) -> Vec<SourceFile> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(root) = folder.canonicalize() else { return Vec::new() };
+    let names = comments.iter().filter_map(|comment| comment.strip_prefix(TEXTURE_COMMENT));
+    let files = names.filter_map(|name| find_inside(&root, &root, name).ok());
+    files.map(|file| SourceFile { path: file, role: format!("the texture that '{}' names", path.display()) }).collect()
 }
 
 #[cfg(test)]

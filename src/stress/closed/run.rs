@@ -10,7 +10,7 @@ use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::session::open_tracer;
 use crate::shared::{Hit, TraceRay};
-use crate::tracer::{Progress, TraceJob, TraceResult, Tracer, is_hit};
+use crate::tracer::{TraceJob, TraceResult, Tracer, is_hit};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -68,8 +68,10 @@ struct Batch {
 /// miss or hit too late. Whatever seems to do so is judged by exact arithmetic: strictly for [`Intersector::Exact`], else as
 /// [`Answers::judge`] does it for float32 methods.
 ///
+/// `so_far` is called from time to time with what was found until then.
+///
 /// # Errors
-/// The options contradict each other, or the device failed.
+/// The options contradict each other, the device failed, or what `so_far` reports.
 pub fn find_leaks(
     closed: &ClosedMesh,
     options: &TraceOptions,
@@ -77,7 +79,7 @@ pub fn find_leaks(
     cache: Option<&Cache>,
     seed: u64,
     count: u64,
-    progress: Progress,
+    so_far: &dyn Fn(&Leaks) -> Result<()>,
 ) -> Result<Leaks> {
     let start = Instant::now();
     let buffers = Arc::new(SceneBuffers::new(&closed.mesh.scene(), options)?);
@@ -95,7 +97,8 @@ pub fn find_leaks(
         });
         for batch in receiver {
             watch.trace(batch, tracer.as_mut(), &mut leaks)?;
-            progress(leaks.rays as f64 / count as f64);
+            leaks.total_s = start.elapsed().as_secs_f64();
+            so_far(&leaks)?;
             if leaks.is_cut_short {
                 break;
             }
