@@ -55,6 +55,22 @@ pub enum Error {
         /// The limit that was met or the remedy; may be empty.
         hint: String,
     },
+    /// An OpenCL call did not return.
+    #[error(
+        "device '{device}': {}{call} did not return in {limit_s} s: the driver hangs; start again, choose another with --device, or \
+         let RAYBROOK_DRIVER_LIMIT be more seconds where the device is that slow",
+        failure.as_ref().map(|failure| format!("{failure}; then ")).unwrap_or_default()
+    )]
+    Hang {
+        /// The name of the device.
+        device: String,
+        /// The OpenCL call.
+        call: String,
+        /// How many seconds it was waited for.
+        limit_s: f64,
+        /// What failed before, if anything did.
+        failure: Option<String>,
+    },
     /// The device's compiler refused the kernels.
     #[error("device '{device}': the kernels do not build with '{options}':\n{log}")]
     Build {
@@ -104,7 +120,11 @@ impl Error {
         match self {
             Error::Option { .. } => 2,
             Error::Io { action: "read", .. } | Error::Input { .. } | Error::Scene(_) => 3,
-            Error::NoDevice(_) | Error::OpenCl { .. } | Error::Build { .. } | Error::TooLarge { .. } => 4,
+            Error::NoDevice(_)
+            | Error::OpenCl { .. }
+            | Error::Hang { .. }
+            | Error::Build { .. }
+            | Error::TooLarge { .. } => 4,
             Error::Io { .. } => 5,
         }
     }

@@ -5,6 +5,6 @@ mod cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let code = cli::run().unwrap_or_else(|error| cli::print::error(&error));
+    let code = cli::run().unwrap_or_else(|error| cli::fail(&error));
     cli::print::finish(code)
 }

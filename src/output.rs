@@ -1,10 +1,10 @@
 //! Output files that are either whole or absent.
 //!
-//! Everything is written to a file in the target's folder that gets the target's name when it is complete, so that neither a full
-//! disk nor an interruption leaves half a file, and the previous file lives until the new one is ready. Where the system can, this
-//! file has no name before (`open(2)`, `O_TMPFILE`), so that nothing is left of it however the program ends; elsewhere it has a
-//! temporary one, which [`stop`] removes. A device, a pipe or a socket (`/dev/stdout`) cannot be renamed over: it is written to
-//! directly, in one go, from memory.
+//! Everything is written to a file in the target's folder that gets the target's name when it is complete, so that
+//! neither a full disk nor an interruption leaves half a file, and the previous file lives until the new one is ready.
+//! Where the system can, this file has no name before (`open(2)`, `O_TMPFILE`), so that nothing is left of it however
+//! the program ends; elsewhere it has a temporary one, which [`stop`] removes. A device, a pipe or a socket
+//! (`/dev/stdout`) cannot be renamed over: it is written to directly, in one go, from memory.
 //!
 //! Bad at: keeping a file's owner and hard links, which the rename replaces.
 
@@ -69,7 +69,8 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Output) -> io::
     Ok(())
 }
 
-/// Writes the file `target` in `folder` as [`write_atomically`] does, whatever is there now: a link or a pipe is replaced.
+/// Writes the file `target` in `folder` as [`write_atomically`] does, whatever is there now: a link or a pipe is
+/// replaced.
 pub(crate) fn replace(
     target: &Path,
     folder: &Path,
@@ -189,7 +190,8 @@ impl Temporary {
         Ok(temporary)
     }
 
-    /// `None` where the system or the file system knows no such files, or whatever else is wrong; then a named one tells.
+    /// `None` where the system or the file system knows no such files, or whatever else is wrong; then a named one
+    /// tells.
     #[cfg(target_os = "linux")]
     fn unnamed(folder: &Path) -> Option<Temporary> {
         use rustix::fs::{Mode, OFlags};

@@ -1,7 +1,7 @@
 //! The one interface of everything that traces rays: OpenCL devices and the scalar reference (thesis, section 6.2.2).
 
 use crate::adaptive::{Adaptive, AdaptiveStats};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::extreme::ExtremeRay;
 use crate::film::Film;
 use crate::layout::Float4;
@@ -38,7 +38,7 @@ pub struct TraceResult {
     pub next_work: Option<Vec<RayWork>>,
     /// How many rays, over all repeats, only whole numbers could decide, in a second pass; `None` where there is no such pass.
     pub second_pass: Option<u64>,
-    /// Seconds of device time of each repeat, transfers left out; second rays included.
+    /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Tracer::has_clock`].
     pub kernel_s: Vec<f64>,
     /// Seconds that it took to send the rays.
     pub upload_s: f64,
@@ -63,7 +63,7 @@ pub struct RenderResult {
     /// How many pixels had a ray that only whole numbers could decide, and were rendered in a second pass; of split kernels how many
     /// rays. `None` where there is no such pass.
     pub second_pass: Option<u64>,
-    /// Seconds of device time, transfers left out.
+    /// Seconds of device time, transfers left out. See [`Tracer::has_clock`].
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.
     pub read_s: f64,
@@ -161,6 +161,12 @@ pub trait Tracer {
     /// Seconds that sending the scene took.
     fn upload_s(&self) -> f64;
 
+    /// Whether the device times its commands. Where it does not, times of the device's are the host's: from a command's
+    /// start to its end, those before it included. Some devices refuse only when they are asked for the first time.
+    fn has_clock(&self) -> bool {
+        true
+    }
+
     /// What a curious user should know, such as a kernel cache that cannot be used; one sentence each.
     fn notes(&self) -> &[String] {
         &[]
@@ -193,6 +199,19 @@ pub trait Tracer {
         let _ = (params, adaptive, progress);
         Ok(None)
     }
+}
+
+/// Refuses a device whose times are not its own, where times are what is asked for.
+pub(crate) fn require_clock(tracer: &dyn Tracer) -> Result<()> {
+    if tracer.has_clock() {
+        return Ok(());
+    }
+    let message = format!(
+        "device '{}' does not time its commands (clGetEventProfilingInfo fails, or there are no queues with CL_QUEUE_PROFILING_ENABLE), so \
+         that nothing can be measured on it; choose another with --device",
+        tracer.device_name()
+    );
+    Err(Error::NoDevice(message))
 }
 
 impl SceneBuffers {

@@ -26,7 +26,7 @@ use crate::scene::Scene;
 use crate::session::open_tracer;
 use crate::shared::Hit;
 use crate::stats::median;
-use crate::tracer::{TraceJob, Tracer, is_hit};
+use crate::tracer::{TraceJob, Tracer, is_hit, require_clock};
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::sync::Arc;
@@ -250,6 +250,7 @@ impl Run {
 
     fn time(&mut self, kind: usize, batch: &Batch) -> Result<()> {
         let result = self.tracer.trace(&job(batch), &|_| ())?;
+        require_clock(self.tracer.as_ref())?;
         self.seconds[kind].extend(result.kernel_s);
         Ok(())
     }

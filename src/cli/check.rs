@@ -45,7 +45,8 @@ pub struct CheckArgs {
 }
 
 impl CheckArgs {
-    /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`, which are read.
+    /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`,
+    /// which are read.
     fn output(&self, wanted: &Path, mut files: Files) -> Result<PathBuf> {
         files.write_if(self.stats.as_deref(), "--stats")?;
         let claim = |output: PathBuf| files.clone().write(&output, "-o").map(|()| output);
@@ -65,7 +66,7 @@ struct Findings {
     rays_differ: bool,
     hits: HitDifference,
     picture: FilmDifference,
-    device_s: f64,
+    device_s: Option<f64>,
     reference_s: f64,
     passed: bool,
 }
@@ -127,7 +128,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
         choices: opened.stats.choices.clone(),
         rays: on_device.counts.iter().step_by(2).sum(),
         rays_differ: on_device.counts != on_reference.counts,
-        device_s: on_device.kernel_s,
+        device_s: opened.tracer.has_clock().then_some(on_device.kernel_s),
         reference_s: on_reference.kernel_s,
         picture: picture_difference,
         hits,
@@ -185,12 +186,14 @@ fn print_findings(findings: &Findings, device: &RenderResult, reference: &Render
     );
     let flip = picture.flip_mean.map_or("not measured".to_owned(), |flip| format!("{flip:.6}"));
     say!("difference   RMS {:.3e} (linear), FLIP {flip}", picture.rms);
-    say!(
-        "time         device {:.3} s, reference {:.3} s: ratio {:.2}",
-        findings.device_s,
-        findings.reference_s,
-        findings.reference_s / findings.device_s
-    );
+    let reference_s = findings.reference_s;
+    match findings.device_s {
+        Some(device_s) => say!(
+            "time         device {device_s:.3} s, reference {reference_s:.3} s: ratio {:.2}",
+            reference_s / device_s
+        ),
+        None => say!("time         the device does not tell, reference {reference_s:.3} s"),
+    }
     say!("picture      {}", output.display());
     say!("{}", if findings.passed { "passed" } else { "FAILED" });
 }

@@ -1,7 +1,7 @@
 //! The files of a run: nothing that it reads is overwritten, and nothing is written twice.
 //!
-//! Files are the same if the system says so: by device and number after links are followed, so that no spelling of a name hides one.
-//! Those that are not there yet are known by their folder and name.
+//! Files are the same if the system says so: by device and number after links are followed, so that no spelling of a
+//! name hides one. Those that are not there yet are known by their folder and name.
 
 use raybrook::scene::Scene;
 use raybrook::{Error, Result};
@@ -98,8 +98,8 @@ impl Files {
     }
 }
 
-/// The first name for an output that the user has not named, of which `claim` is content: `wanted`, then with `word` and a number
-/// behind its stem.
+/// The first name for an output that the user has not named, of which `claim` is content: `wanted`, then with `word`
+/// and a number behind its stem.
 ///
 /// # Errors
 /// That of the last name, if there is none.

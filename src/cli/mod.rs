@@ -7,6 +7,7 @@ pub mod print;
 mod check;
 mod closed;
 mod devices;
+mod end;
 mod explain;
 mod files;
 mod info;
@@ -23,6 +24,8 @@ mod text;
 mod trace;
 mod tune;
 mod work;
+
+pub use end::fail;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
@@ -44,7 +47,8 @@ missing or wrong; 4 no such device, or the device failed; 5 an output could not 
 
 Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of what `tune` found (default: \
 $XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
-longest are removed first, 0 keeps nothing); NO_COLOR switches colours off.";
+longest are removed first, 0 keeps nothing); RAYBROOK_DRIVER_LIMIT how many seconds a call of the device's driver may take (default: 30 for \
+a release, 600 and more for others; 0 waits for ever); NO_COLOR switches colours off.";
 
 /// Fast and right ray tracing of triangle scenes on any OpenCL device, checked against a scalar reference.
 #[derive(Parser)]
@@ -377,6 +381,7 @@ pub fn run() -> Result<ExitCode, Error> {
     if let Err(error) = stop::watch_signals() {
         tell!("warning: files that are not finished will be left behind when the program is stopped: {error}");
     }
+    end::watch_drivers(cli.talk)?;
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),

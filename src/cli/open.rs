@@ -1,7 +1,7 @@
 //! What every command that traces does first: load the scene, choose the device, build, compile, upload.
 
 use super::{DeviceArgs, PictureArgs, Talk};
-use raybrook::device::{DeviceHandle, Selection, select};
+use raybrook::device::{DeviceHandle, Selection, select_working};
 use raybrook::options::Chosen;
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{self, Samples, Scene};
@@ -48,9 +48,13 @@ pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loade
     Ok(Loaded { scene, load_s: start.elapsed().as_secs_f64() })
 }
 
-/// A chosen device; `None` is the reference.
+/// A chosen device; `None` is the reference. Says which devices do not open, where nobody named one.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
-    Ok(match select(args.device.as_deref())? {
+    let (selection, notes) = select_working(args.device.as_deref())?;
+    for note in notes.iter().filter(|_| !talk.quiet) {
+        tell!("note: {note}");
+    }
+    Ok(match selection {
         Selection::OpenCl(device) => Some(args.compiler.apply(device)?),
         Selection::Reference { .. } if args.compiler.compiler_options.is_some() => {
             let message = "the reference has no compiler; leave it out, or choose an OpenCL device";
@@ -116,6 +120,25 @@ pub fn open(
         ..RunStats::default()
     };
     Ok(Opened { buffers, tracer, stats })
+}
+
+/// Seconds of device time for the statistics: none, with a note, where the device does not tell them.
+pub fn device_times(tracer: &dyn Tracer, seconds: Vec<f64>, talk: Talk) -> Vec<f64> {
+    if tracer.has_clock() {
+        return seconds;
+    }
+    if !talk.quiet {
+        tell!("note: device '{}' does not time its commands: there are no rates", tracer.device_name());
+    }
+    Vec::new()
+}
+
+/// `, 1.23 Mrays/s`, where the device tells its times.
+pub fn rate(stats: &RunStats) -> String {
+    match stats.kernel_s.is_empty() {
+        true => String::new(),
+        false => format!(", {:.2} Mrays/s", stats.mrays_per_s.unwrap_or_default()),
+    }
 }
 
 /// `path` with the stem of `scene` and another ending, in the current folder.

@@ -1,8 +1,8 @@
 //! All that is printed goes through here.
 //!
-//! Names and texts come from files and arguments, and may hold what a terminal takes for commands: such characters are escaped.
-//! Standard output is a result: that it cannot be written is an error in the end ([`finish`]). Standard error is a courtesy: a run
-//! whose messages nobody can read goes on.
+//! Names and texts come from files and arguments, and may hold what a terminal takes for commands: such characters are
+//! escaped. Standard output is a result: that it cannot be written is an error in the end ([`finish`]). Standard error
+//! is a courtesy: a run whose messages nobody can read goes on.
 
 use raybrook::Error;
 use serde::Serialize;

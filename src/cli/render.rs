@@ -22,8 +22,8 @@ use std::time::Instant;
 pub struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png, in this folder, or with
-    /// -render.png where that is one of the scene's files].
+    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png, in this folder, or
+    /// with -render.png where that is one of the scene's files].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
@@ -69,7 +69,8 @@ impl PictureArgs {
 }
 
 impl RenderArgs {
-    /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`, which are read.
+    /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`,
+    /// which are read.
     fn output(&self, wanted: &Path, format: ImageFormat, mut files: Files) -> Result<PathBuf> {
         files.write_if(self.stats.as_deref(), "--stats")?;
         let claim = |output: PathBuf| {
@@ -144,7 +145,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             aovs: work::write_aovs(&output, format, &args.aov, pixels, (result.film.width, result.film.height))?,
         });
     }
-    stats.kernel_s = vec![result.kernel_s];
+    stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
     stats.second_pass = result.second_pass;
     stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
     stats.set_rate();
@@ -172,13 +173,13 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     }
     if !talk.quiet {
         say!(
-            "{}: {}x{}, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
+            "{}: {}x{}, {} triangles on {}{}, {:.2} s",
             output.display(),
             picture.size.0,
             picture.size.1,
             stats.triangle_count,
             stats.device,
-            stats.mrays_per_s.unwrap_or_default(),
+            open::rate(stats),
             stats.total_s
         );
     }

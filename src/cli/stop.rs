@@ -1,4 +1,5 @@
-//! A run that is stopped leaves nothing unfinished behind: Ctrl-C, `kill`, a terminal that is closed, a limit of file size.
+//! A run that is stopped leaves nothing unfinished behind: Ctrl-C, `kill`, a terminal that is closed, a limit of file
+//! size.
 
 #[cfg(unix)]
 use signal_hook::consts::signal::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -79,7 +80,8 @@ fn ignored_signals() -> u64 {
 /// Ends the program.
 #[cfg(unix)]
 fn stop(signal: i32) {
-    // In this order: the last work may write files. The main thread cannot end meanwhile with other work for the same file.
+    // In this order: the last work may write files. The main thread cannot end meanwhile with other work for the same
+    // file.
     let mut work = last_work();
     if let Some(work) = work.take() {
         work();

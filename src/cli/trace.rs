@@ -130,7 +130,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let rays = tracing_batch(&batch, &opened.buffers);
     if !rays.extreme.is_empty() && !talk.quiet {
         let count = rays.extreme.len();
-        eprintln!(
+        tell!(
             "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (README, \"How right it is\")"
         );
     }
@@ -157,7 +157,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
             aovs: Vec::new(),
         });
     }
-    stats.kernel_s = result.kernel_s;
+    stats.kernel_s = open::device_times(opened.tracer.as_ref(), result.kernel_s, talk);
     stats.sort_s = result.sort_s;
     stats.extreme_s = result.extreme_s;
     stats.second_pass = result.second_pass;
@@ -172,11 +172,11 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     if !talk.quiet {
         let sorted = stats.sort_s.map_or(String::new(), |s| format!(" (sorted in {s:.3} s)"));
         say!(
-            "{} rays{sorted}, {hits} hit, {} triangles on {}, {:.2} Mrays/s, {:.2} s",
+            "{} rays{sorted}, {hits} hit, {} triangles on {}{}, {:.2} s",
             batch.len(),
             stats.triangle_count,
             stats.device,
-            stats.mrays_per_s.unwrap_or_default(),
+            open::rate(stats),
             stats.total_s
         );
     }

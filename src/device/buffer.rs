@@ -60,10 +60,11 @@ impl Memory {
         let wanted = len.checked_mul(element_bytes).ok_or_else(|| too_large(context, what, u64::MAX))?;
         let bytes = wanted.max(MIN_BYTES);
         check_limits(context, what, bytes as u64)?;
+        let _watched = context.watch("clCreateBuffer");
         // SAFETY: no host pointer is given.
         let raw = unsafe { ClBuffer::<u8>::create(&context.0.context, flags, bytes, ptr::null_mut()) };
         let raw = raw
-            .map(Owned::new)
+            .map(|raw| Owned::new(raw, &context.0.owner))
             .map_err(|e| context.error(&format!("clCreateBuffer of {bytes} bytes for {what}"), e))?;
         context.0.allocated_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
         Ok(Memory { raw, bytes, what: what.to_owned(), context: context.clone() })
@@ -168,11 +169,13 @@ impl<T: Pod> Buffer<T> {
         let Memory { raw, context, .. } = &*self.memory;
         let bytes: &[u8] = bytemuck::cast_slice(data);
         // The plain call: opencl3's method wants `&mut`, although the runtime does the writing.
+        let watched = context.watch_transfer("clEnqueueWriteBuffer");
         // SAFETY: the call blocks, so `bytes` outlives the transfer, and it fits (asserted above).
         let event = unsafe {
             let (queue, data) = (context.0.queue.get(), bytes.as_ptr().cast_mut().cast());
             enqueue_write_buffer(queue, raw.get(), CL_TRUE, 0, bytes.len(), data, 0, ptr::null())
         };
+        drop(watched);
         let event = event.map(opencl3::event::Event::new).map_err(ClError);
         self.done("clEnqueueWriteBuffer", event)
     }
@@ -224,17 +227,19 @@ impl<T: Pod> Buffer<T> {
         }
         let Memory { raw, context, .. } = &*self.memory;
         let offset = first * size_of::<T>();
+        let watched = context.watch_transfer("clEnqueueReadBuffer");
         // SAFETY: the call blocks, so `data` outlives the transfer, and the range is inside the buffer (asserted above).
         let event =
             unsafe { context.0.queue.enqueue_read_buffer(raw, CL_TRUE, offset, bytemuck::cast_slice_mut(data), &[]) };
+        drop(watched);
         self.done("clEnqueueReadBuffer", event)
     }
 
-    /// Looks at a finished transfer's status as well: some drivers return success from a blocking call that failed.
+    /// Looks at a finished transfer's status as well.
     fn done(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<()> {
         let Memory { context, what, .. } = &*self.memory;
         let call = format!("{call} of {what}");
         let event = event.map_err(|e| context.error(&call, e))?;
-        Event::new(context.clone(), call, event).check()
+        Event::check_transfer(context.clone(), call, event)
     }
 }

@@ -4,7 +4,9 @@
 //! finds devices, and a GPU's driver opens a node under `/dev`. Each link can be missing, and the drivers' own errors
 //! (`CL_PLATFORM_NOT_FOUND_KHR`) do not say which. The looks at files are for Linux; elsewhere only the loader's answer counts.
 
+use super::errors::code_name;
 use super::list::{DeviceKind, DeviceList};
+use opencl3::error_codes::ClError;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -27,6 +29,12 @@ pub struct Problem {
 impl Problem {
     fn new(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Problem { what: what.into(), remedy: remedy.into() }
+    }
+
+    /// The driver failed when it was asked for its devices.
+    pub(super) fn of_failed_driver(name: &str, error: &ClError) -> Self {
+        let what = format!("the OpenCL driver '{name}' failed: clGetDeviceIDs: {}", code_name(error.0));
+        Problem::new(what, "start again, or restart the computer; or use --device reference")
     }
 }
 

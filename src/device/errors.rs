@@ -7,8 +7,10 @@ use opencl3::error_codes::{ClError, error_text};
 pub(super) const NO_LOADER: i32 = -2000;
 /// The loader found no usable driver (ICD).
 pub(super) const NO_PLATFORM: i32 = -1001;
+/// The driver has no such device.
+pub(super) const NOT_FOUND: i32 = -1;
 /// The compiler refused the source.
-pub(super) const BUILD_FAILURE: i32 = -11;
+const BUILD_FAILURE: i32 = -11;
 
 /// What the log of a command that failed long ago may say on NVIDIA: a code that no header names.
 const NVIDIA_ILLEGAL_ACCESS: i32 = -9999;

@@ -1,37 +1,118 @@
-//! OpenCL objects that are released quietly.
+//! OpenCL objects that are released quietly, and what all objects of an opened device share.
 //!
-//! opencl3's objects panic when their release call reports an error, which a runtime does once a kernel has crashed the device:
-//! the panic would then hide the error that says so, and abort the process if another panic is under way. Here such a failure is
-//! ignored: nothing can be done about it, and the object is gone with the context anyway. (The
-//! context itself stays with opencl3, which does not offer its release call; it is released last, when nothing is left to fail.)
+//! opencl3's objects panic when their release call reports an error, which a runtime does once the device is lost: the
+//! panic would hide the error that says so, and abort the process if another panic is under way. Here such a failure is
+//! ignored: nothing can be done about it, and the object is gone with the context anyway.
 
+use super::watchdog::{Limit, watch};
 use opencl3::command_queue::{CommandQueue, release_command_queue};
+use opencl3::context::{Context, context::release_context};
 use opencl3::event::{Event, release_event};
 use opencl3::kernel::{Kernel, release_kernel};
 use opencl3::memory::{Buffer, ClMem, Image, release_mem_object};
 use opencl3::program::{Program, release_program};
 use std::mem::ManuallyDrop;
 use std::ops::{Deref, DerefMut};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// What the objects of an opened device share: its name, and how it fares.
+#[derive(Debug)]
+pub(super) struct Owner {
+    pub device: String,
+    /// What failed first.
+    failure: OnceLock<String>,
+    /// How many commands were started, and how many of them, from the first one on, are known to be done.
+    started: AtomicU64,
+    done: AtomicU64,
+    /// Whether the device times its commands.
+    has_clock: AtomicBool,
+}
+
+impl Owner {
+    pub fn new(device: &str) -> Arc<Self> {
+        Arc::new(Owner {
+            device: device.to_owned(),
+            failure: OnceLock::new(),
+            started: AtomicU64::new(0),
+            done: AtomicU64::new(0),
+            has_clock: AtomicBool::new(true),
+        })
+    }
+
+    /// Remembers a failure, if it is the first.
+    pub fn remember_failure(&self, failure: &str) {
+        self.failure.get_or_init(|| failure.to_owned());
+    }
+
+    pub fn failure(&self) -> Option<&String> {
+        self.failure.get()
+    }
+
+    /// A command was started. Its number, counted from 1.
+    pub fn start_command(&self) -> u64 {
+        self.started.fetch_add(1, Ordering::Relaxed) + 1
+    }
+
+    /// The command of that number is done, and so are those before it: the queue runs them in their order.
+    pub fn command_done(&self, number: u64) {
+        self.done.fetch_max(number, Ordering::Relaxed);
+    }
+
+    /// Whatever was started until now is done.
+    pub fn all_done(&self) {
+        self.command_done(self.started.load(Ordering::Relaxed));
+    }
+
+    /// Whether commands may still be running.
+    pub fn is_busy(&self) -> bool {
+        self.done.load(Ordering::Relaxed) < self.started.load(Ordering::Relaxed)
+    }
+
+    pub fn has_clock(&self) -> bool {
+        self.has_clock.load(Ordering::Relaxed)
+    }
+
+    pub fn has_no_clock(&self) {
+        self.has_clock.store(false, Ordering::Relaxed);
+    }
+}
 
 /// An OpenCL object that knows how to give back its one reference.
 pub(super) trait Release {
+    /// The OpenCL call.
+    const CALL: &'static str;
+
     /// Gives the reference back; the object is never used again.
     fn release(&mut self);
 }
 
 /// Owns an OpenCL object and releases it without a panic.
 #[derive(Debug)]
-pub(super) struct Owned<T: Release>(ManuallyDrop<T>);
+pub(super) struct Owned<T: Release> {
+    object: ManuallyDrop<T>,
+    owner: Arc<Owner>,
+}
 
 impl<T: Release> Owned<T> {
-    pub fn new(object: T) -> Self {
-        Owned(ManuallyDrop::new(object))
+    pub fn new(object: T, owner: &Arc<Owner>) -> Self {
+        Owned { object: ManuallyDrop::new(object), owner: Arc::clone(owner) }
+    }
+
+    /// Never releases the object.
+    pub fn leak(self) {
+        std::mem::forget(self);
     }
 }
 
 impl<T: Release> Drop for Owned<T> {
     fn drop(&mut self) {
-        self.0.release();
+        // Drivers may wait for the commands that use an object. After a failure they are of no use, and the failure is
+        // to be told soon.
+        let waits = self.owner.is_busy() && self.owner.failure().is_none();
+        let limit = if waits { Limit::Commands } else { Limit::Release };
+        let _watched = watch(&self.owner, T::CALL, limit);
+        self.object.release();
     }
 }
 
@@ -39,34 +120,37 @@ impl<T: Release> Deref for Owned<T> {
     type Target = T;
 
     fn deref(&self) -> &T {
-        &self.0
+        &self.object
     }
 }
 
 impl<T: Release> DerefMut for Owned<T> {
     fn deref_mut(&mut self) -> &mut T {
-        &mut self.0
+        &mut self.object
     }
 }
 
-/// `Release` for an opencl3 type: its raw handle and the call that releases it.
+/// `Release` for an opencl3 type: its raw handle, the function that releases it, and the name of OpenCL's.
 macro_rules! release {
-    ($($type:ty => $call:ident;)+) => {$(
+    ($($type:ty => $function:ident, $call:literal;)+) => {$(
         impl Release for $type {
+            const CALL: &'static str = $call;
+
             fn release(&mut self) {
                 // SAFETY: `Owned` holds the only reference, its ManuallyDrop keeps opencl3 from releasing it a second time, and
                 // it calls this once, when it is dropped itself.
-                let _ = unsafe { $call(self.get()) };
+                let _ = unsafe { $function(self.get()) };
             }
         }
     )+};
 }
 
 release! {
-    CommandQueue => release_command_queue;
-    Program => release_program;
-    Kernel => release_kernel;
-    Buffer<u8> => release_mem_object;
-    Image => release_mem_object;
-    Event => release_event;
+    Context => release_context, "clReleaseContext";
+    CommandQueue => release_command_queue, "clReleaseCommandQueue";
+    Program => release_program, "clReleaseProgram";
+    Kernel => release_kernel, "clReleaseKernel";
+    Buffer<u8> => release_mem_object, "clReleaseMemObject";
+    Image => release_mem_object, "clReleaseMemObject";
+    Event => release_event, "clReleaseEvent";
 }

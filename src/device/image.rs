@@ -46,8 +46,8 @@ unsafe impl Sync for ImageMemory {}
 impl Image {
     /// An image of `data`, records of 16 or 4 bytes; `what` names it in errors. `data` may be empty.
     ///
-    /// # Errors
-    /// [`Error::Option`] when the device has no images, [`Error::TooLarge`] over its limits, [`Error::OpenCl`] when the driver refuses.
+    /// # Errors [`Error::NoDevice`] when the device has no images, [`Error::TooLarge`] over its limits,
+    /// [`Error::OpenCl`] when the driver refuses.
     ///
     /// # Panics
     /// When records have another size.
@@ -60,8 +60,9 @@ impl Image {
         let format = cl_image_format { image_channel_order: order, image_channel_data_type: kind };
         let info = context.info();
         if !info.images {
-            let message = format!("device '{}' has no images; take --memory global", info.name);
-            return Err(Error::option("--memory", message));
+            let message =
+                format!("device '{}' has no images, which {what} were to lie in; take --memory global", info.name);
+            return Err(Error::NoDevice(message));
         }
         // No image is empty. A texel that no index reaches is zero.
         let texels = data.len().max(1);
@@ -148,9 +149,10 @@ fn create(
     format: &cl_image_format,
     desc: &cl_image_desc,
 ) -> Result<Owned<ClImage>> {
+    let _watched = context.watch("clCreateImage");
     // SAFETY: format and description live through the call, which copies them; no host pointer is given.
     let raw = unsafe { ClImage::create(&context.0.context, CL_MEM_READ_ONLY, format, desc, ptr::null_mut()) };
-    raw.map(Owned::new).map_err(|e| context.error(&format!("clCreateImage for {what}"), e))
+    raw.map(|raw| Owned::new(raw, &context.0.owner)).map_err(|e| context.error(&format!("clCreateImage for {what}"), e))
 }
 
 fn write_rows(
@@ -161,12 +163,14 @@ fn write_rows(
     bytes: &mut [u8],
 ) -> Result<()> {
     let (origin, region) = ([0usize; 3], [IMAGE_WIDTH, rows, 1]);
+    let watched = context.watch_transfer("clEnqueueWriteImage");
     // SAFETY: the call blocks, so `bytes` outlives the transfer; they are exactly the region's texels, rows without gaps.
     let event: std::result::Result<_, ClError> = unsafe {
         let (origin, region) = (origin.as_ptr(), region.as_ptr());
         context.0.queue.enqueue_write_image(image, CL_TRUE, origin, region, 0, 0, bytes.as_mut_ptr().cast(), &[])
     };
+    drop(watched);
     let call = format!("clEnqueueWriteImage of {what}");
     let event = event.map_err(|e| context.error(&call, e))?;
-    Event::new(context.clone(), call, event).check()
+    Event::check_transfer(context.clone(), call, event)
 }

@@ -4,6 +4,7 @@ use super::buffer::{Buffer, Memory};
 use super::errors::{cl_error_with_hint, code_hint};
 use super::handle::Owned;
 use super::image::{Image, ImageMemory};
+use super::watchdog::{Limit, watch};
 use super::{DeviceContext, Program};
 use crate::error::{Error, Result};
 use bytemuck::Pod;
@@ -14,6 +15,7 @@ use opencl3::memory::ClMem;
 use std::ffi::c_void;
 use std::ptr;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// OpenCL's code for a work-group that does not fit.
 const INVALID_WORK_GROUP_SIZE: i32 = -54;
@@ -89,8 +91,11 @@ impl Kernel {
     pub(super) fn create(program: &Program, name: &str) -> Result<Self> {
         let context = program.context().clone();
         let fail = |call: &str, error| context.error(&format!("{call} '{name}'"), error);
-        let raw = ClKernel::create(program.raw(), name).map(Owned::new).map_err(|e| fail("clCreateKernel", e))?;
+        let watched = context.watch("clCreateKernel");
+        let raw = ClKernel::create(program.raw(), name).map(|raw| Owned::new(raw, &context.0.owner));
+        let raw = raw.map_err(|e| fail("clCreateKernel", e))?;
         let count = raw.num_args().map_err(|e| fail("clGetKernelInfo of", e))?;
+        drop(watched);
         Ok(Kernel { raw, name: name.to_owned(), args: vec![Slot::Unset; count as usize], context })
     }
 
@@ -127,6 +132,7 @@ impl Kernel {
             Passed::Word(word) => (word, Slot::Value),
             Passed::Null => (&0_usize.to_ne_bytes(), Slot::Value),
         };
+        let _watched = self.context.watch("clSetKernelArg");
         // SAFETY: the driver copies `bytes` before it returns and checks index and size against the kernel's signature; a
         // buffer's memory lives as long as the slot that is filled below.
         let result =
@@ -156,21 +162,17 @@ impl Kernel {
             return Err(cl_error_with_hint(device, &call, INVALID_KERNEL_ARGS, hint));
         }
         if global.contains(&0) {
-            return Ok(Event { raw: None, call, context: self.context.clone() });
+            return Ok(Event::of_nothing(self.context.clone(), call));
         }
         let local_sizes = local.map_or(ptr::null(), <[usize]>::as_ptr);
+        // PoCL compiles kernels once more when they are started; simulators may run them at once.
+        let watched = watch(&self.context.0.owner, "clEnqueueNDRangeKernel", Limit::Commands);
+        let (raw, dimensions) = (self.raw.get(), global.len() as u32);
+        let queue = &self.context.0.queue;
         // SAFETY: all arguments are set and alive, both size arrays have as many elements as there are dimensions.
-        let event = unsafe {
-            let (raw, dimensions) = (self.raw.get(), global.len() as u32);
-            self.context.0.queue.enqueue_nd_range_kernel(
-                raw,
-                dimensions,
-                ptr::null(),
-                global.as_ptr(),
-                local_sizes,
-                &[],
-            )
-        };
+        let event = watched.call(|| unsafe {
+            queue.enqueue_nd_range_kernel(raw, dimensions, ptr::null(), global.as_ptr(), local_sizes, &[])
+        });
         let event = event.map_err(|e| match (e.0, self.max_work_group_size()) {
             (INVALID_WORK_GROUP_SIZE, Ok(limit)) => {
                 let hint = format!("{}: at most {limit} items, and a divisor of the work items", code_hint(e.0));
@@ -178,9 +180,11 @@ impl Kernel {
             }
             _ => self.context.error(&call, e),
         })?;
+        let event = Event::new(self.context.clone(), call, event);
+        let watched = watch(&self.context.0.owner, "clFlush", Limit::Commands);
         // Without this some drivers do not start before somebody waits, and the host's work would not overlap.
-        self.context.0.queue.flush().map_err(|e| self.context.error(&call, e))?;
-        Ok(Event::new(self.context.clone(), call, event))
+        watched.call(|| self.context.0.queue.flush()).map_err(|e| event.error_of("clFlush", e))?;
+        Ok(event)
     }
 
     /// `CL_KERNEL_WORK_GROUP_SIZE`: the most work items in a work-group of this kernel.
@@ -223,7 +227,7 @@ impl Kernel {
     }
 
     fn info_error(&self, query: &str, error: ClError) -> Error {
-        self.context.error(&format!("{query} of '{}'", self.name), error)
+        self.context.error(&format!("clGetKernelWorkGroupInfo ({query}) of '{}'", self.name), error)
     }
 }
 
@@ -234,35 +238,87 @@ pub struct Event {
     raw: Option<Owned<ClEvent>>,
     call: String,
     context: DeviceContext,
+    /// See [`Owner::start_command`](super::handle::Owner::start_command).
+    number: u64,
+    started: Instant,
+    limit: Limit,
 }
 
 impl Event {
-    pub(super) fn new(context: DeviceContext, call: String, event: ClEvent) -> Self {
-        Event { raw: Some(Owned::new(event)), call, context }
+    fn new(context: DeviceContext, call: String, event: ClEvent) -> Self {
+        let number = context.0.owner.start_command();
+        let raw = Some(Owned::new(event, &context.0.owner));
+        Event { raw, call, context, number, started: Instant::now(), limit: Limit::Commands }
     }
 
-    /// Waits until the command is done; the seconds that it ran on the device, by the device's own clock.
+    /// A command that has nothing to do.
+    fn of_nothing(context: DeviceContext, call: String) -> Self {
+        Event { raw: None, call, context, number: 0, started: Instant::now(), limit: Limit::Commands }
+    }
+
+    /// The error that a transfer ended with, which the host has waited for, if it did: some drivers return success from
+    /// a blocking call that failed.
+    pub(super) fn check_transfer(context: DeviceContext, call: String, event: ClEvent) -> Result<()> {
+        let raw = Some(Owned::new(event, &context.0.owner));
+        let event = Event { raw, ..Event::of_nothing(context, call) };
+        event.check()?;
+        event.context.0.owner.all_done();
+        Ok(())
+    }
+
+    /// The same command, which is believed to take so many seconds, where that is known: how long it is waited for
+    /// follows from that.
+    pub(super) fn estimated(self, seconds: Option<f64>) -> Self {
+        Event { limit: seconds.map_or(Limit::Commands, Limit::Estimate), ..self }
+    }
+
+    /// Waits until the command is done; the seconds that it ran on the device, by the device's own clock. Where the
+    /// device refuses to time its commands ([`DeviceContext::has_clock`]) they are the host's, from when it was
+    /// started, the commands before it included.
     ///
     /// # Errors
     /// [`Error::OpenCl`] when the command failed; drivers report here what went wrong inside a kernel.
     pub fn wait(&self) -> Result<f64> {
         let Some(event) = &self.raw else { return Ok(0.0) };
+        let watched = watch(&self.context.0.owner, "clWaitForEvents", self.limit);
         // Its code only says that some event failed: the event's own status, asked for next, says why.
-        let waited = event.wait();
+        let waited = watched.call(|| event.wait());
         self.check()?;
-        waited.map_err(|e| self.context.error(&self.call, e))?;
-        let times = event.profiling_command_start().and_then(|start| Ok((start, event.profiling_command_end()?)));
-        let (start_ns, end_ns) =
-            times.map_err(|e| self.context.error(&format!("clGetEventProfilingInfo after {}", self.call), e))?;
+        waited.map_err(|e| self.error_of("clWaitForEvents", e))?;
+        self.context.0.owner.command_done(self.number);
+        let host_s = self.started.elapsed().as_secs_f64();
+        Ok(self.device_s(event).unwrap_or(host_s))
+    }
+
+    /// What the device's clock says of a command that is done. A picture needs no times, so a device that refuses them
+    /// is none that fails.
+    fn device_s(&self, event: &ClEvent) -> Option<f64> {
         const SECONDS_PER_NS: f64 = 1e-9;
-        Ok(end_ns.saturating_sub(start_ns) as f64 * SECONDS_PER_NS)
+        if !self.context.has_clock() {
+            return None;
+        }
+        let _watched = self.context.watch("clGetEventProfilingInfo");
+        let times = event.profiling_command_start().and_then(|start| Ok((start, event.profiling_command_end()?)));
+        match times {
+            Ok((start_ns, end_ns)) => Some(end_ns.saturating_sub(start_ns) as f64 * SECONDS_PER_NS),
+            Err(_) => {
+                self.context.0.owner.has_no_clock();
+                None
+            }
+        }
     }
 
     /// The error that the command ended with, if it did.
-    pub(super) fn check(&self) -> Result<()> {
+    fn check(&self) -> Result<()> {
         let Some(event) = &self.raw else { return Ok(()) };
-        let status = event.command_execution_status().map_err(|e| self.context.error(&self.call, e))?.0;
+        let _watched = self.context.watch("clGetEventInfo");
+        let status = event.command_execution_status().map_err(|e| self.error_of("clGetEventInfo", e))?.0;
         // 0 to 3 are complete, running, submitted and queued.
         if status < 0 { Err(self.context.error(&self.call, ClError(status))) } else { Ok(()) }
+    }
+
+    /// The error of a later call about this command.
+    fn error_of(&self, later: &str, error: ClError) -> Error {
+        self.context.error(&format!("{later} after {}", self.call), error)
     }
 }

@@ -49,6 +49,11 @@ impl LaunchPlan {
         if items + items / 2 >= left { left } else { items }
     }
 
+    /// Seconds that a launch of `items` items may take, if something is known of such items.
+    pub fn estimate(&self, items: usize) -> Option<f64> {
+        (self.seconds_per_item > 0.0).then_some(self.doubt * self.seconds_per_item * items as f64)
+    }
+
     /// Learns from a launch of `items` items.
     pub fn learn(&mut self, items: usize, seconds: f64) {
         self.learn_from_several(items, items, seconds);
@@ -120,7 +125,7 @@ pub(super) fn launch(
         kernel.set_arg(bounds + 1, (first + items) as u32)?;
         let work_items = workers.unwrap_or(items.div_ceil(items_of_one));
         let event = kernel.launch(&[work_items.next_multiple_of(work_group)], Some(&[work_group]))?;
-        let launch_s = event.wait()?;
+        let launch_s = event.estimated(plan.estimate(items)).wait()?;
         plan.learn(items, launch_s);
         seconds += launch_s;
         first += items;
@@ -183,6 +188,16 @@ mod tests {
         assert!((200_000..=250_100).contains(&first), "{first}");
         plan.learn(first, 20.0 * 0.1 * first as f64 / 2e6);
         assert!(plan.next(2_000_000 - first, 64) <= 100_032);
+    }
+
+    #[test]
+    fn only_what_was_learnt_is_an_estimate() {
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU, DeviceKind::Gpu);
+        assert_eq!(plan.estimate(1000), None);
+        plan.learn(1000, 0.5);
+        assert_eq!(plan.estimate(2000), Some(1.0));
+        plan.begin_others();
+        assert_eq!(plan.estimate(1000), Some(0.5 * OTHER_ITEMS));
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Every OpenCL device of this computer, with what matters to a tracer.
 
-use super::diagnosis::Diagnosis;
-use super::errors::cl_error;
-use super::lock_runtime;
+use super::diagnosis::{Diagnosis, Problem};
+use super::errors::{NOT_FOUND, cl_error, code_name};
+use super::handle::Owner;
+use super::watchdog::{Limit, watch};
+use super::{DeviceContext, lock_runtime};
 use crate::error::Result;
-use opencl3::command_queue::CL_QUEUE_PROFILING_ENABLE;
 use opencl3::device::{
     CL_DEVICE_TYPE_ACCELERATOR, CL_DEVICE_TYPE_ALL, CL_DEVICE_TYPE_CPU, CL_DEVICE_TYPE_GPU, CL_EXEC_KERNEL,
     CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT, CL_FP_DENORM, CL_FP_FMA, CL_FP_INF_NAN, CL_FP_ROUND_TO_NEAREST, Device,
@@ -12,6 +13,7 @@ use opencl3::device::{
 use opencl3::platform::{Platform, get_platforms};
 use serde::Serialize;
 use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a device is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
@@ -143,6 +145,21 @@ pub struct DeviceHandle {
     pub(super) device: Device,
     /// See [`DeviceHandle::with_compiler_options`].
     pub(super) compiler_options: String,
+    /// The device, opened already; whoever opens it next has it.
+    opened: Arc<Mutex<Option<DeviceContext>>>,
+}
+
+impl DeviceHandle {
+    /// Keeps the opened device for whoever opens it next.
+    pub(super) fn keep_opened(&self, context: DeviceContext) {
+        *self.opened.lock().unwrap_or_else(PoisonError::into_inner) = Some(context);
+    }
+
+    /// The opened device, if it was kept and has the same options for the compiler.
+    pub(super) fn take_opened(&self) -> Option<DeviceContext> {
+        let kept = self.opened.lock().unwrap_or_else(PoisonError::into_inner).take();
+        kept.filter(|context| context.0.compiler_options == self.compiler_options)
+    }
 }
 
 /// What there is on this computer.
@@ -170,6 +187,8 @@ impl DeviceList {
 pub fn list_devices() -> Result<DeviceList> {
     let _lock = lock_runtime();
     let mut list = DeviceList::default();
+    // One call may be many of the drivers', which are loaded now.
+    let _watched = watch(&Owner::new("none yet"), "clGetPlatformIDs, clGetDeviceIDs or clGetDeviceInfo", Limit::Call);
     let mut platforms = match get_platforms() {
         Ok(platforms) => platforms,
         Err(error) if error.0 == super::errors::NO_LOADER => {
@@ -182,38 +201,70 @@ pub fn list_devices() -> Result<DeviceList> {
 
     // Loaders read the drivers in the folder's order or by their own preference: sort for indices that stay the same.
     platforms.sort_by_cached_key(|p| p.name().unwrap_or_default());
+    let mut failures = Vec::new();
     for platform in &platforms {
         // A driver whose device list fails (PoCL without its libraries, say) must not hide the others.
-        let devices = platform.get_devices(CL_DEVICE_TYPE_ALL).unwrap_or_default();
+        let name = || platform.name().unwrap_or_default().trim().to_owned();
+        let devices = platform.get_devices(CL_DEVICE_TYPE_ALL).unwrap_or_else(|error| {
+            failures.extend((error.0 != NOT_FOUND).then(|| Problem::of_failed_driver(&name(), &error)));
+            Vec::new()
+        });
         if devices.is_empty() {
-            list.empty_platforms.push(platform.name().unwrap_or_default().trim().to_owned());
+            list.empty_platforms.push(name());
         }
         for id in devices {
             let device = Device::new(id);
             let info = query(list.devices.len(), platform, &device);
-            list.devices.push(DeviceHandle { info, device, compiler_options: String::new() });
+            list.devices.push(DeviceHandle { info, device, compiler_options: String::new(), opened: Arc::default() });
         }
     }
     list.diagnosis = Diagnosis::of_this_computer(&list);
+    list.diagnosis.problems.splice(0..0, failures);
     Ok(list)
 }
 
+/// Answers of a driver that kernels depend on.
+#[derive(Default)]
+struct Answers {
+    /// The first one that failed.
+    failure: Option<String>,
+}
+
+impl Answers {
+    /// An answer that must not fail. A device that does not tell is none to trust: which instructions it gets, and so which bits come
+    /// out, hangs on some answers, and the cache knows it by others.
+    fn must<T: Default>(&mut self, call: &str, answer: opencl3::Result<T>) -> T {
+        answer.unwrap_or_else(|error| {
+            self.failure.get_or_insert_with(|| format!("{call} failed: {}", code_name(error.0)));
+            T::default()
+        })
+    }
+
+    fn of_device<T: Default>(&mut self, answer: opencl3::Result<T>) -> T {
+        self.must("clGetDeviceInfo", answer)
+    }
+
+    fn text(&mut self, answer: opencl3::Result<String>) -> String {
+        self.of_device(answer).trim().to_owned()
+    }
+}
+
 fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
-    let text = |value: opencl3::Result<String>| value.unwrap_or_default().trim().to_owned();
-    let single = device.single_fp_config().unwrap_or(0);
+    let mut answers = Answers::default();
+    let single = answers.of_device(device.single_fp_config());
     let images = device.image_support().unwrap_or(false);
     let image_size = |value: opencl3::Result<usize>| if images { value.unwrap_or(0) } else { 0 };
-    let extensions = text(device.extensions());
+    let extensions = answers.text(device.extensions());
     let has = |name: &str| extensions.split_whitespace().any(|e| e == name);
-    DeviceInfo {
+    let mut info = DeviceInfo {
         index,
-        platform_name: text(platform.name()),
-        platform_version: text(platform.version()),
-        name: text(device.name()),
-        kind: DeviceKind::from_bits(device.dev_type().unwrap_or(0)),
-        vendor: text(device.vendor()),
-        driver_version: text(device.driver_version()),
-        opencl_c_version: text(device.opencl_c_version()),
+        platform_name: answers.must("clGetPlatformInfo", platform.name()).trim().to_owned(),
+        platform_version: answers.must("clGetPlatformInfo", platform.version()).trim().to_owned(),
+        name: answers.text(device.name()),
+        kind: DeviceKind::from_bits(answers.of_device(device.dev_type())),
+        vendor: device.vendor().unwrap_or_default().trim().to_owned(),
+        driver_version: answers.text(device.driver_version()),
+        opencl_c_version: answers.text(device.opencl_c_version()),
         compute_units: device.max_compute_units().unwrap_or(0),
         clock_mhz: device.max_clock_frequency().unwrap_or(0),
         global_memory_bytes: device.global_mem_size().unwrap_or(0),
@@ -231,31 +282,30 @@ fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
         correctly_rounded_divide_sqrt: single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT != 0,
         denormals: single & CL_FP_DENORM != 0,
         fast_fma: single & CL_FP_FMA != 0,
-        little_endian: device.endian_little().unwrap_or(false),
+        little_endian: answers.of_device(device.endian_little()),
         profiling_timer_resolution_ns: device.profiling_timer_resolution().unwrap_or(0),
-        unusable: reason_against(device).map(str::to_owned),
-    }
+        unusable: None,
+    };
+    let lack = reason_against(&mut answers, device, &info, single);
+    info.unusable = answers.failure.or(lack);
+    info
 }
 
-/// The first thing that the kernels or the timings need and the device lacks.
-fn reason_against(device: &Device) -> Option<&'static str> {
-    let single = device.single_fp_config().unwrap_or(0);
+/// The first thing that the kernels need and the device lacks.
+fn reason_against(answers: &mut Answers, device: &Device, info: &DeviceInfo, single: u64) -> Option<String> {
+    let runs_kernels = answers.of_device(device.execution_capabilities()) & CL_EXEC_KERNEL != 0;
     let needs = [
-        (device.available(), "the driver says that it is not available"),
-        (device.compiler_available(), "its driver has no compiler"),
-        (device.endian_little(), "it is big endian"),
-        (device.execution_capabilities().map(|bits| bits & CL_EXEC_KERNEL != 0), "it runs no kernels"),
+        (answers.of_device(device.available()), "the driver says that it is not available"),
+        (answers.of_device(device.compiler_available()), "its driver has no compiler"),
+        (info.little_endian, "it is big endian"),
+        (runs_kernels, "it runs no kernels"),
+        (is_at_least_1_2(&info.opencl_c_version), "it lacks OpenCL C 1.2"),
         (
-            device.queue_on_host_properties().map(|bits| bits & CL_QUEUE_PROFILING_ENABLE != 0),
-            "it cannot time its commands",
-        ),
-        (device.opencl_c_version().map(|version| is_at_least_1_2(&version)), "it lacks OpenCL C 1.2"),
-        (
-            Ok(single & CL_FP_INF_NAN != 0 && single & CL_FP_ROUND_TO_NEAREST != 0),
+            single & CL_FP_INF_NAN != 0 && single & CL_FP_ROUND_TO_NEAREST != 0,
             "its arithmetic lacks infinities or rounding to nearest",
         ),
     ];
-    needs.into_iter().find(|(fulfilled, _)| !matches!(fulfilled, Ok(true))).map(|(_, reason)| reason)
+    needs.into_iter().find(|(fulfilled, _)| !fulfilled).map(|(_, reason)| reason.to_owned())
 }
 
 /// Whether `version`, such as `OpenCL C 3.0 vendor's words`, is 1.2 or newer.

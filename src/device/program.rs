@@ -6,13 +6,15 @@
 
 use super::cache::{Cache, CacheKey};
 use super::compiler_options::find_refused;
-use super::errors::BUILD_FAILURE;
 use super::handle::Owned;
+use super::watchdog::{Limit, watch};
 use super::{DeviceContext, DeviceKind, Kernel, ProgramSource};
 use crate::error::{Error, Result};
 use opencl3::error_codes::ClError;
-use opencl3::program::Program as ClProgram;
+use opencl3::program::{Program as ClProgram, build_program};
+use std::ffi::CString;
 use std::fmt;
+use std::ptr;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -93,6 +95,9 @@ pub struct Program {
     context: DeviceContext,
 }
 
+/// OpenCL's code for build options that are none.
+const INVALID_BUILD_OPTIONS: i32 = -43;
+
 impl Program {
     /// A kernel of the program, with no argument set yet.
     ///
@@ -103,14 +108,21 @@ impl Program {
     }
 
     /// The names of its kernels, sorted.
-    pub fn kernel_names(&self) -> Vec<&str> {
-        let mut names: Vec<_> = self.raw.kernel_names().split(';').filter(|name| !name.is_empty()).collect();
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver does not tell.
+    pub fn kernel_names(&self) -> Result<Vec<String>> {
+        let _watched = self.context.watch("clGetProgramInfo");
+        let names = self.raw.get_kernel_names();
+        let names = names.map_err(|e| self.context.error("clGetProgramInfo (CL_PROGRAM_KERNEL_NAMES)", e))?;
+        let mut names: Vec<_> = names.split(';').filter(|name| !name.is_empty()).map(str::to_owned).collect();
         names.sort_unstable();
-        names
+        Ok(names)
     }
 
     /// Size of the binary, bytes; `None` when the driver gives none.
     pub fn binary_bytes(&self) -> Option<u64> {
+        let _watched = self.context.watch("clGetProgramInfo");
         self.raw.get_binary_sizes().ok()?.first().map(|&bytes| bytes as u64).filter(|&bytes| bytes > 0)
     }
 
@@ -190,7 +202,10 @@ impl Built {
 
     /// Puts the binary into the cache; a failure is only a note.
     fn stored(mut self, cache: &Cache, key: &CacheKey) -> Self {
-        let problem = match self.program.raw.get_binaries() {
+        // PoCL compiles every kernel once more when it is asked for them.
+        let watched = watch(&self.program.context.0.owner, "clGetProgramInfo", Limit::Build);
+        let binaries = watched.call(|| self.program.raw.get_binaries());
+        let problem = match binaries {
             Ok(binaries) => match binaries.first() {
                 Some(binary) if !binary.is_empty() => cache.store(key, binary).err(),
                 _ => Some("the driver gives no binary".to_owned()),
@@ -208,27 +223,53 @@ fn build_binary(
     options: &str,
 ) -> std::result::Result<Owned<ClProgram>, ClError> {
     let device = context.0.device.id();
+    let watched = context.watch("clCreateProgramWithBinary");
     // SAFETY: the context has this one device; the cache's checksum says that the driver wrote exactly these bytes.
     let program = unsafe { ClProgram::create_from_binary(&context.0.context, &[device], &[binary]) };
-    let mut program = program.map(Owned::new)?;
-    program.build(&[device], options)?;
-    Ok(program)
+    let program = program.map(|program| Owned::new(program, &context.0.owner))?;
+    drop(watched);
+    match compile(context, &program, options) {
+        Ok(()) => Ok(program),
+        Err(error) => {
+            program.leak();
+            Err(error)
+        }
+    }
+}
+
+/// Compiles, or links, a program. A program of which that fails is not to be released: PoCL 3.1 leaves a build that ran
+/// out of memory with the program's lock taken, and waits for it in the release for ever.
+fn compile(context: &DeviceContext, program: &ClProgram, options: &str) -> std::result::Result<(), ClError> {
+    // No text that a user types at a command line has a zero byte.
+    let options = CString::new(options).map_err(|_| ClError(INVALID_BUILD_OPTIONS))?;
+    let watched = watch(&context.0.owner, "clBuildProgram", Limit::Build);
+    let device = context.0.device.id();
+    watched.call(|| build_program(program.get(), &[device], &options, None, ptr::null_mut())).map_err(ClError)
 }
 
 fn build_source(context: &DeviceContext, source: &ProgramSource, options: &str) -> Result<(Owned<ClProgram>, String)> {
-    let device = context.0.device.id();
-    let program = ClProgram::create_from_source(&context.0.context, source.text()).map(Owned::new);
-    let mut program = program.map_err(|e| context.error("clCreateProgramWithSource", e))?;
-    let result = program.build(&[device], options);
-    let log = program.get_build_log(device).unwrap_or_default();
+    let watched = context.watch("clCreateProgramWithSource");
+    let program = ClProgram::create_from_source(&context.0.context, source.text());
+    drop(watched);
+    let program = program.map_err(|e| context.error("clCreateProgramWithSource", e))?;
+    let program = Owned::new(program, &context.0.owner);
+    let result = compile(context, &program, options);
+    let result = result.map_err(|error| context.error(&format!("clBuildProgram with '{options}'"), error));
+    let watched = context.watch("clGetProgramBuildInfo");
+    let log = program.get_build_log(context.0.device.id()).unwrap_or_default();
+    drop(watched);
     let log = source.map_log(log.trim());
     match result {
         Ok(()) => Ok((program, log)),
-        // Some drivers use other codes than CL_BUILD_PROGRAM_FAILURE for errors in the source; a log tells more than any code.
-        Err(error) if error.0 == BUILD_FAILURE || !log.is_empty() => {
+        Err(error) => {
+            program.leak();
+            // Some drivers use other codes than CL_BUILD_PROGRAM_FAILURE for errors in the source; a log tells more
+            // than any code.
+            if log.is_empty() {
+                return Err(error);
+            }
             Err(Error::Build { device: context.info().name.clone(), options: options.to_owned(), log })
         }
-        Err(error) => Err(context.error(&format!("clBuildProgram with '{options}'"), error)),
     }
 }
 

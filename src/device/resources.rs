@@ -72,12 +72,12 @@ fn program_resources(context: &DeviceContext, file: &str, options: &CompileOptio
     let unique = options.clone().define("BUILD_TIME", format!("{now}ul"));
     let built = build(context, &ProgramSource::kernels(&[file]), &unique, None)?;
     let told = ptxas::parse(&built.log);
-    let kernels = built.program.kernel_names().into_iter().map(|name| {
-        let kernel = built.program.kernel(name)?;
+    let kernels = built.program.kernel_names()?.into_iter().map(|name| {
+        let kernel = built.program.kernel(&name)?;
         let PtxasInfo { registers, stack_frame_bytes, spill_store_bytes, spill_load_bytes } =
-            told.get(name).copied().unwrap_or_default();
+            told.get(name.as_str()).copied().unwrap_or_default();
         Ok(KernelResources {
-            kernel: name.to_owned(),
+            kernel: name,
             registers,
             spill_store_bytes,
             spill_load_bytes,

@@ -64,7 +64,7 @@ impl DeviceScene {
                 "device '{}' has {} bytes of constant memory, {CONSTANT_BYTES} are needed; take --memory global",
                 info.name, info.constant_memory_bytes
             );
-            return Err(Error::option("--memory", message));
+            return Err(Error::NoDevice(message));
         }
         let constant_nodes = match memory {
             Memory::Constant => Some(Buffer::from_slice(context, "nodes in constant memory", arranged.constant_nodes)?),

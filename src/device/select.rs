@@ -1,5 +1,6 @@
 //! Which device `--device` means.
 
+use super::DeviceContext;
 use super::list::{DeviceHandle, DeviceInfo, DeviceKind, DeviceList, list_devices};
 use crate::error::{Error, Result};
 
@@ -34,6 +35,39 @@ pub fn select(spec: Option<&str>) -> Result<Selection> {
         return Ok(Selection::Reference { notice: None });
     }
     list_devices()?.select(spec)
+}
+
+/// Like [`select`], where the choice is left to it, among the devices that open: with one line for the user of each
+/// that was passed over. The device that is taken is open already.
+///
+/// # Errors
+/// Those of [`select`], where a device was asked for.
+pub fn select_working(spec: Option<&str>) -> Result<(Selection, Vec<String>)> {
+    if spec.is_some() {
+        return Ok((select(spec)?, Vec::new()));
+    }
+    let mut list = match list_devices() {
+        Ok(list) => list,
+        Err(error) => {
+            let notice = Some(format!("tracing with the slow scalar reference, as the OpenCL loader failed: {error}"));
+            return Ok((Selection::Reference { notice }, Vec::new()));
+        }
+    };
+    let opens = |handle: &DeviceHandle| match DeviceContext::open(handle) {
+        Ok(context) => {
+            handle.keep_opened(context);
+            None
+        }
+        Err(error) => Some(error.to_string()),
+    };
+    let mut notes = Vec::new();
+    loop {
+        let selection = list.select(None)?;
+        let Selection::OpenCl(handle) = &selection else { return Ok((selection, notes)) };
+        let Some(failure) = opens(handle) else { return Ok((selection, notes)) };
+        list.devices[handle.info.index].info.unusable = Some("it does not open".to_owned());
+        notes.push(format!("the next best device is taken, as the best does not open: {failure}"));
+    }
 }
 
 impl DeviceList {
@@ -148,8 +182,11 @@ fn what_there_is(infos: &[&DeviceInfo]) -> String {
 }
 
 fn numbered(infos: &[&DeviceInfo]) -> String {
-    let names: Vec<_> = infos.iter().map(|info| format!("{} = {} ({})", info.index, info.name, info.kind)).collect();
-    names.join(", ")
+    let shown = |info: &&DeviceInfo| {
+        let reason = info.unusable.as_ref().map_or(String::new(), |reason| format!("; cannot be used: {reason}"));
+        format!("{} = {} ({}{reason})", info.index, info.name, info.kind)
+    };
+    infos.iter().map(shown).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -217,6 +254,16 @@ mod tests {
         }
         let only_cpu = [infos[2]];
         assert!(choose(&only_cpu, Some("gpu")).unwrap_err().starts_with("no gpu offers OpenCL; there is: "));
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_listed_with_the_reason() {
+        let infos = computer();
+        let message = choose(&infos.iter().collect::<Vec<_>>(), Some("voodoo")).unwrap_err();
+        assert!(
+            message.ends_with("4 = Broken (gpu; cannot be used: its driver has no compiler), reference"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -263,6 +263,10 @@ impl Tracer for OpenClTracer {
         self.upload_s
     }
 
+    fn has_clock(&self) -> bool {
+        self.context.has_clock()
+    }
+
     fn notes(&self) -> &[String] {
         &self.passes.notes
     }

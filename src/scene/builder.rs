@@ -343,7 +343,8 @@ impl Builder {
     }
 
     /// Adds the triangles of `other` with the current transform and with `material`, or their own materials without one.
-    /// Materials, textures, warnings and names of files come along; lights, camera, background and ambient light do not. Instances become triangles.
+    /// Materials, textures, warnings and names of files come along; lights, camera, background and ambient light do
+    /// not. Instances become triangles.
     pub fn add_scene(&mut self, other: &Scene, material: Option<MaterialId>) -> &mut Self {
         if let Some(id) = material.filter(|&id| id as usize >= self.scene.materials.len()) {
             return self.fail(format!("add_scene: there is no material number {id}"));

@@ -136,7 +136,8 @@ pub struct Scene {
     pub picture: PictureDefaults,
     /// What was repaired, ignored or left out while loading; one sentence each, file named.
     pub warnings: Vec<String>,
-    /// The files that it was read from, and those that these name and that are there: whoever writes beside a scene leaves them alone.
+    /// The files that it was read from, and those that these name and that are there: whoever writes beside a scene
+    /// leaves them alone.
     pub files: Vec<SourceFile>,
 }
 

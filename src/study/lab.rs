@@ -18,7 +18,7 @@ use crate::scene::Scene;
 use crate::session::open_tracer;
 use crate::shared::WorkCounter;
 use crate::stats::median;
-use crate::tracer::{TraceJob, Tracer};
+use crate::tracer::{TraceJob, Tracer, require_clock};
 use crate::tune::Batch;
 use crate::work::WorkSum;
 use serde_json::{Value, json};
@@ -178,6 +178,7 @@ impl<'a> Lab<'a> {
                 for turn in 0..runs.len() {
                     let next = (turn + round) % runs.len();
                     let result = runs[next].tracer.trace(&job(&subject.batches[kind]), &|_| ())?;
+                    require_clock(runs[next].tracer.as_ref())?;
                     // Sorting a shuffled batch is part of tracing it.
                     let sorting = result.sort_s.unwrap_or(0.0);
                     runs[next].seconds[kind].extend(result.kernel_s.iter().map(|seconds| seconds + sorting));

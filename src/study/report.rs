@@ -123,8 +123,8 @@ impl Report {
     /// again unless `again` says so. `command` is how those are made that are.
     ///
     /// # Errors
-    /// [`Error::Option`] when a file there that the report would replace is not one of a report, and [`Error::Io`] when the folder
-    /// cannot be made or read.
+    /// [`Error::Option`] when a file there that the report would replace is not one of a report, and [`Error::Io`] when
+    /// the folder cannot be made or read.
     pub fn open(folder: &Path, header: Header, command: &str, again: bool) -> Result<Report> {
         refuse_foreign(folder)?;
         for folder in [folder.to_owned(), folder.join(DATA), folder.join(CHARTS)] {
@@ -239,8 +239,8 @@ impl Report {
     }
 }
 
-/// Refuses a folder in which a report would replace what is none of its own: every page of a report has the same beginning of a title,
-/// and every file of data tells its study and device, whatever version of the program made them.
+/// Refuses a folder in which a report would replace what is none of its own: every page of a report has the same
+/// beginning of a title, and every file of data tells its study and device, whatever version of the program made them.
 fn refuse_foreign(folder: &Path) -> Result<()> {
     let data = |name: &str, ending: &str| folder.join(DATA).join(format!("{name}.{ending}"));
     let title = format!("<title>{}", page::TITLE);

@@ -1,5 +1,5 @@
-//! Nothing that a user has is lost: inputs are not overwritten, what cannot be written is told, and a run that is stopped leaves
-//! nothing unfinished. `tests/faults/` has the long form of the latter two.
+//! Nothing that a user has is lost: inputs are not overwritten, what cannot be written is told, and a run that is
+//! stopped leaves nothing unfinished. `tests/faults/` has the long form of the latter two.
 
 use super::{assert_fails, folder, raybrook, stderr, write_npz};
 use std::path::Path;

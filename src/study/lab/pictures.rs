@@ -13,7 +13,7 @@ use crate::stats::{RayCounts, median};
 use crate::study::fingerprint::fingerprint;
 use crate::study::scenes::mirror_room;
 use crate::study::table::{Row, row};
-use crate::tracer::{RenderResult, Tracer};
+use crate::tracer::{RenderResult, Tracer, require_clock};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -142,6 +142,7 @@ impl Lab<'_> {
             for turn in 0..runs.len() {
                 let next = (turn + round) % runs.len();
                 let result = runs[next].render()?;
+                require_clock(runs[next].tracer.as_ref())?;
                 // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next or starts what does.
                 let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
                 runs[next].seconds.push(result.kernel_s + decide_s);
