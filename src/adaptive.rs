@@ -72,6 +72,26 @@ const AIM: f64 = 0.85;
 /// Pixels whose positions one thread makes at a time.
 const PIXELS_AT_A_TIME: usize = 1 << 12;
 
+/// Bytes for each pixel of a picture whose pixels the host keeps, beside the picture: sums, estimates, their errors and order, and the
+/// list of pixels that are traced next.
+const PIXEL_BYTES: u64 = Film::PIXEL_BYTES + estimate::PIXEL_BYTES + size_of::<usize>() as u64;
+
+/// Bytes for each ray of a list: its position twice, where parts of the list are joined, and its radiance.
+const RAY_BYTES: u64 = 2 * size_of::<CameraSample>() as u64 + Film::PIXEL_BYTES;
+
+/// Rays of a list for each pixel, that pictures of hard scenes took at the most at a time.
+const RAYS_PER_PIXEL: u64 = 3;
+
+/// About how many bytes [`render_adaptive`] takes of so many pixels, beside the picture: on the host, and on a device that has a copy of
+/// the lists, which it counts with its queues.
+pub(crate) fn estimated_bytes(pixels: u64, counters: bool, is_device: bool) -> u64 {
+    let work = if counters { size_of::<PixelWork>() as u64 } else { 0 };
+    let rays = (RAYS_PER_PIXEL * pixels).min(Adaptive::LIST_RAYS as u64);
+    // On a device lists of rays are there once more, and what was counted of them is fetched in parts.
+    let of_ray = if is_device { 2 * RAY_BYTES + 2 * work } else { RAY_BYTES + work };
+    pixels * (PIXEL_BYTES + work) + rays * of_ray
+}
+
 /// What an adaptive picture took.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct AdaptiveStats {
@@ -212,7 +232,7 @@ pub fn render_adaptive(
     if let Some(result) = tracer.render_by_error(params, adaptive, progress)? {
         return Ok(result);
     }
-    let mut sampler = Sampler::new(tracer, params, adaptive);
+    let mut sampler = Sampler::new(tracer, params, adaptive)?;
     let size = sampler.size;
     let stats = refine(&mut sampler, size, adaptive, progress)?;
     let stats = AdaptiveStats { decide_s: sampler.decide_s, ..stats };
@@ -264,20 +284,21 @@ impl Pixels for Sampler<'_> {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(tracer: &'a mut dyn Tracer, params: &RenderParams, adaptive: Adaptive) -> Self {
+    fn new(tracer: &'a mut dyn Tracer, params: &RenderParams, adaptive: Adaptive) -> Result<Self> {
         let size = (params.width as usize, params.height as usize);
-        let film = Film { width: params.width, height: params.height, pixels: vec![[0.0; 3]; size.0 * size.1] };
-        Sampler {
+        let pixels = Film::try_pixels(size.0 * size.1)?;
+        let film = Film { width: params.width, height: params.height, pixels };
+        Ok(Sampler {
             tracer,
             params: *params,
             sequence: sample_sequence(),
             size,
             list_rays: adaptive.list_rays,
-            sums: film.pixels.clone(),
+            sums: Film::try_pixels(size.0 * size.1)?,
             estimates: Estimates::new(size, adaptive.step()),
             result: RenderResult::of_film(film),
             decide_s: 0.0,
-        }
+        })
     }
 
     /// Counts the time of what the host does.

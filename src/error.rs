@@ -1,5 +1,6 @@
 //! The one error type of the crate. Every variant names the file, option or device at fault and, where there is one, the remedy.
 
+use crate::budget::{Bytes, DecidedBy, MemoryBudget};
 use std::path::{Path, PathBuf};
 
 /// Shorthand for results of this crate.
@@ -81,14 +82,14 @@ pub enum Error {
         /// The compiler's log; it names the file and line under `cl/`.
         log: String,
     },
-    /// The device's memory cannot hold the scene.
+    /// The device's memory cannot hold the scene or the picture.
     #[error(
-        "device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; use --device reference or a smaller scene"
+        "device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; use --device reference or a smaller {}", if what.starts_with("picture") { "picture" } else { "scene" }
     )]
     TooLarge {
         /// The name of the device.
         device: String,
-        /// The buffer that does not fit.
+        /// The buffer that does not fit; that of a picture is called so.
         what: String,
         /// Its size.
         needed_bytes: u64,
@@ -96,6 +97,20 @@ pub enum Error {
         limit_name: &'static str,
         /// The value of that limit.
         limit_bytes: u64,
+    },
+    /// The host's memory cannot hold what was asked for, or may not.
+    #[error("{what} takes the process to about {} of memory, but {budget}; {remedy}", Bytes(*needed_bytes))]
+    OutOfMemory {
+        /// What does not fit.
+        what: String,
+        /// The bytes that the process would have.
+        needed_bytes: u64,
+        /// The bytes that it may have.
+        budget: MemoryBudget,
+        /// Whether an input or the picture that is asked for takes so much.
+        decided_by: DecidedBy,
+        /// What takes less.
+        remedy: String,
     },
 }
 
@@ -120,6 +135,8 @@ impl Error {
         match self {
             Error::Option { .. } => 2,
             Error::Io { action: "read", .. } | Error::Input { .. } | Error::Scene(_) => 3,
+            Error::OutOfMemory { decided_by: DecidedBy::Input, .. } => 3,
+            Error::OutOfMemory { decided_by: DecidedBy::Picture, .. } => 4,
             Error::NoDevice(_)
             | Error::OpenCl { .. }
             | Error::Hang { .. }

@@ -12,6 +12,7 @@ use exr::image::write::WritableImage;
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
 use rayon::prelude::*;
 
+use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::output::{Output, check_writable, write_atomically};
 
@@ -56,6 +57,16 @@ impl ImageFormat {
                 let message = format!("the name '{}' must end in .png, .exr or .pfm", path.display());
                 Err(Error::option("-o", message))
             }
+        }
+    }
+
+    /// Bytes that writing a picture takes for each pixel, beside the picture.
+    pub(crate) fn bytes_per_pixel(self) -> u64 {
+        match self {
+            ImageFormat::Png8 => 3,
+            ImageFormat::Png16 => 12,
+            ImageFormat::Exr => 1,
+            ImageFormat::Pfm => 0,
         }
     }
 
@@ -110,6 +121,20 @@ fn quantise(linear: f32, max: f64) -> u16 {
 }
 
 impl Film {
+    /// Bytes of a pixel.
+    pub(crate) const PIXEL_BYTES: u64 = size_of::<[f32; 3]>() as u64;
+
+    /// So many black pixels.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] when the system has no memory for them.
+    pub(crate) fn try_pixels(count: usize) -> Result<Vec<[f32; 3]>> {
+        let bytes = Self::PIXEL_BYTES * count as u64;
+        let what = format!("a picture of {count} pixels");
+        let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower --size" };
+        try_repeat([0.0; 3], count).map_err(|_| need.refused())
+    }
+
     /// A black film.
     pub fn black(width: u32, height: u32) -> Self {
         Film { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }

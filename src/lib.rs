@@ -33,6 +33,7 @@
 //! | [`session`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
 //! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
+//! | [`budget`] | how much memory may be taken, checked against estimates before it is |
 //! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
 //! |  [`film`], `input.rs`, [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
@@ -80,6 +81,7 @@
 pub mod accel;
 pub mod adaptive;
 pub mod aov;
+pub mod budget;
 pub mod compare;
 pub mod device;
 pub mod error;

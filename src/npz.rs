@@ -15,6 +15,7 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use crate::budget::{DecidedBy, MemoryBudget, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::input::open_regular;
 use crate::output::{Output, write_atomically};
@@ -30,9 +31,13 @@ const CHUNK_ROWS: usize = 1 << 14;
 /// From this size on a ZIP member needs 64-bit fields; the margin is room for the header.
 const LARGE_MEMBER_BYTES: usize = u32::MAX as usize - (1 << 16);
 
+/// What to do about arrays that do not fit.
+const REMEDY: &str = "split the batch, or raise --memory-limit";
+
 /// An open `.npz` file.
 pub(crate) struct NpzFile {
     path: PathBuf,
+    budget: MemoryBudget,
     file_bytes: u64,
     archive: ZipArchive<BufReader<File>>,
     /// Names of all members; `.npy` is taken off, as NumPy does.
@@ -44,7 +49,7 @@ impl NpzFile {
     ///
     /// # Errors
     /// [`Error::Io`] when it cannot be read, [`Error::Input`] when it is not an `.npz` file.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
+    pub(crate) fn open(path: &Path, budget: MemoryBudget) -> Result<Self> {
         let to_io = |e| Error::io("read", path, e);
         let (file, file_bytes) = open_regular(path)?;
         let mut file = BufReader::new(file);
@@ -62,7 +67,7 @@ impl NpzFile {
         }
         let names = archive.file_names_raw().map(String::from_utf8_lossy);
         let names = names.map(|n| npyz::npz::array_name_from_file_name(&n).unwrap_or(&n).to_owned()).collect();
-        Ok(NpzFile { path: path.to_owned(), file_bytes, archive, names })
+        Ok(NpzFile { path: path.to_owned(), budget, file_bytes, archive, names })
     }
 
     /// The names of all arrays.
@@ -73,16 +78,22 @@ impl NpzFile {
     /// The array `name` as rows of `N` numbers, or `None` if there is none. Its shape is [n] for `N` = 1, [n, `N`] otherwise.
     ///
     /// # Errors
-    /// [`Error::Input`] for another shape or type, or damaged data; [`Error::Io`] when the system cannot read.
+    /// [`Error::Input`] for another shape or type, or damaged data; [`Error::Io`] when the system cannot read;
+    /// [`Error::OutOfMemory`] when there is not enough memory.
     pub(crate) fn read_rows<const N: usize>(&mut self, name: &str) -> Result<Option<Vec<[f32; N]>>> {
         let Some(index) = self.names.iter().position(|n| n == name) else { return Ok(None) };
         let path = &self.path;
         let refuse = |message: String| Error::input(path, None, format!("array '{name}' {message}"));
         let damaged = format!("array '{name}' is damaged or cut short");
-        let to_error = |e| read_error(path, &damaged, e);
+        let what = format!("array '{name}' of {}", path.display());
+        let need = |bytes| Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy: REMEDY };
+        let member_bytes = self.archive.by_index(index).map_or(0, |member| member.size());
+        let to_error = |e: io::Error| match e.kind() {
+            io::ErrorKind::OutOfMemory => need(member_bytes).refused(),
+            _ => read_error(path, &damaged, e),
+        };
 
         let mut member = self.archive.by_index(index).map_err(|e| zip_error(path, &damaged, e))?;
-        let member_bytes = member.size();
         let (header, header_bytes) = read_header(&mut member).map_err(to_error)?;
         let layout = Layout::of::<N>(&header).map_err(refuse)?;
         let data_bytes = layout.rows as u128 * N as u128 * layout.item_bytes() as u128;
@@ -92,6 +103,10 @@ impl NpzFile {
                 "should have {data_bytes} bytes by its shape, but has {held}; the file is damaged"
             )));
         }
+        // Rows of float32 are converted from larger ones piece by piece, and from columns when all are there.
+        let row_bytes = (N * size_of::<f32>()) as u128 * if layout.fortran { 2 } else { 1 };
+        let bytes = u64::try_from(layout.rows as u128 * row_bytes).unwrap_or(u64::MAX);
+        self.budget.check(&need(bytes))?;
         // A claim within the size of the file costs no more memory than the file; beyond it, memory grows with the data.
         let chunk_rows = if data_bytes <= u128::from(self.file_bytes) { layout.rows.max(1) } else { CHUNK_ROWS };
         let rows = layout.read::<N>(&mut member, chunk_rows).map_err(to_error)?;
@@ -196,7 +211,7 @@ impl Layout {
         let native = !self.double && self.big_endian == cfg!(target_endian = "big");
         let chunk_rows = if native { chunk_rows } else { chunk_rows.min(CHUNK_ROWS) };
         // The first chunk is fresh zero pages from the system, filled in place; in the usual case it is the only one.
-        let mut rows = vec![[0.0_f32; N]; self.rows.min(chunk_rows)];
+        let mut rows = try_repeat([0.0_f32; N], self.rows.min(chunk_rows))?;
         let mut buffer = Vec::new();
         let mut done = 0;
         while done < self.rows {
@@ -219,7 +234,13 @@ impl Layout {
         }
         if self.fortran {
             let numbers = rows.as_flattened();
-            rows = (0..self.rows).map(|row| std::array::from_fn(|column| numbers[column * self.rows + row])).collect();
+            let mut turned: Vec<[f32; N]> = Vec::new();
+            turned.try_reserve_exact(self.rows)?;
+            turned.extend(
+                (0..self.rows)
+                    .map(|row| -> [f32; N] { std::array::from_fn(|column| numbers[column * self.rows + row]) }),
+            );
+            rows = turned;
         }
         Ok(rows)
     }

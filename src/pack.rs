@@ -2,6 +2,7 @@
 
 mod arrangement;
 mod instances;
+mod memory;
 mod shading;
 mod texture_levels;
 mod textures;
@@ -11,9 +12,10 @@ pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
-    Aabb, BuildOptions, Structure, build_boxes, build_bvh, build_grid, build_kd_tree, build_octree, build_spheres,
-    link_leaves, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
+    Aabb, BuildOptions, Structure, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
+    build_octree_within, build_spheres, link_leaves, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
@@ -26,6 +28,7 @@ use crate::shared::{
 };
 use glam::{DVec3, Vec3};
 use instances::pack_instances;
+use memory::Room;
 use rayon::prelude::*;
 use shading::{ShadingArrays, shading_of};
 use std::borrow::Cow;
@@ -136,14 +139,23 @@ pub(crate) fn scale_of(scene: &Scene) -> f32 {
 }
 
 impl SceneBuffers {
-    /// Builds the structure that `options` asks for and packs everything.
+    /// Builds the structure that `options` asks for and packs everything, in what memory there is ([`MemoryBudget::available`]).
     ///
     /// # Errors
-    /// [`Scene`](crate::Error::Scene) when an array or a hierarchy of boxes outgrows its indices, as [`Scene::check_values`], or when a
-    /// light is too far away to be a point; [`Option`](crate::Error::Option) when the options are out of range.
+    /// As [`SceneBuffers::within`].
     pub fn new(scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
+        Self::within(scene, options, &MemoryBudget::available())
+    }
+
+    /// Builds the structure that `options` asks for and packs everything, unless that takes more memory than `budget` has.
+    ///
+    /// # Errors
+    /// [`OutOfMemory`](crate::Error::OutOfMemory) when it does, before anything is built; [`Scene`](crate::Error::Scene) when an array or a hierarchy of boxes outgrows its indices, as [`Scene::check_values`], or when a
+    /// light is too far away to be a point; [`Option`](crate::Error::Option) when the options are out of range.
+    pub fn within(scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
+        let memory = Room::for_scene(scene, options, budget)?;
         let is_flat = options.accel != Accel::Instances;
         let flat = if is_flat { scene.flattened()? } else { Cow::Borrowed(scene) };
         let scene = flat.as_ref();
@@ -185,7 +197,9 @@ impl SceneBuffers {
                 Structure { nodes: vec![leaf], references: primitives, bounds: Vec::new() }
             }
             Accel::Kd => {
-                let mut tree = build_kd_tree(options.build, &triangles, &primitives, &build_options);
+                let limit = memory.growth_limit();
+                let mut tree = build_kd_tree_within(options.build, &triangles, &primitives, &build_options, &limit);
+                memory.check_growth(&limit)?;
                 if top > 0 || options.node_order != NodeOrder::Preorder {
                     tree.nodes = reorder(&tree.nodes, options.node_order, top);
                 }
@@ -207,8 +221,16 @@ impl SceneBuffers {
                 stack_entries = packed.stack_entries;
                 packed.structure
             }
-            Accel::Grid => build_grid(&triangles, &primitives, bounding_box, options.grid_size)?,
-            Accel::Octree => build_octree(&triangles, &primitives, bounding_box, &build_options),
+            Accel::Grid => {
+                let check = |bytes| memory.check_structure(bytes);
+                build_grid_within(&triangles, &primitives, bounding_box, options.grid_size, &check)?
+            }
+            Accel::Octree => {
+                let limit = memory.growth_limit();
+                let octree = build_octree_within(&triangles, &primitives, bounding_box, &build_options, &limit);
+                memory.check_growth(&limit)?;
+                octree
+            }
             Accel::Boxes => build_boxes(&triangles, &primitives, options.leaf_size),
             Accel::Spheres => build_spheres(&triangles, &primitives, options.leaf_size),
         };

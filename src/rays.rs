@@ -14,6 +14,7 @@
 
 use std::path::Path;
 
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::npz::{NpyArray, NpzFile, write_npz};
 use crate::shared::WorkCounter;
@@ -46,8 +47,16 @@ impl RayBatch {
     /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is no `.npz` file, is damaged, lacks `origin` or
     /// `direction`, or has an array of another type, shape or length than described above.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        Self::read_within(path, &MemoryBudget::available())
+    }
+
+    /// As [`RayBatch::read`], with a memory of its own choice.
+    ///
+    /// # Errors
+    /// As there, and [`Error::OutOfMemory`] when an array takes more than `budget` has.
+    pub fn read_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Self> {
         let path = path.as_ref();
-        let mut file = NpzFile::open(path)?;
+        let mut file = NpzFile::open(path, *budget)?;
         let names = file.names().to_vec();
         let missing = |name: &str| {
             let found =

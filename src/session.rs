@@ -1,15 +1,18 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
-use crate::adaptive::{Adaptive, MOST_SAMPLES, render_adaptive, sample_sequence};
-use crate::device::{Cache, CompiledAhead, DeviceHandle, OpenClTracer};
+use crate::adaptive::{Adaptive, MOST_SAMPLES, estimated_bytes, render_adaptive, sample_sequence};
+use crate::budget::MemoryBudget;
+use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClTracer};
 use crate::error::Result;
 use crate::features::Features;
-use crate::options::TraceOptions;
+use crate::film::{Film, ImageFormat};
+use crate::options::{Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceTracer;
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::RenderParams;
 use crate::tracer::{Progress, RenderResult, Task, Tracer};
+use crate::work::PixelWork;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -52,11 +55,30 @@ pub fn build_and_open(
     cache: Option<&Cache>,
     tasks: &[Task],
 ) -> Result<(Arc<SceneBuffers>, Box<dyn Tracer>)> {
+    build_and_open_within(device, scene, options, max_depth, cache, tasks, &MemoryBudget::available())
+}
+
+/// As [`build_and_open`], with no more memory than `budget` has.
+///
+/// # Errors
+/// As there, and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+pub fn build_and_open_within(
+    device: Option<&DeviceHandle>,
+    scene: &Scene,
+    options: &TraceOptions,
+    max_depth: u32,
+    cache: Option<&Cache>,
+    tasks: &[Task],
+    budget: &MemoryBudget,
+) -> Result<(Arc<SceneBuffers>, Box<dyn Tracer>)> {
+    if device.is_some_and(shares_host_memory) {
+        SceneBuffers::check_memory(scene, options, budget, COMPILER_BYTES)?;
+    }
     let (buffers, ahead) = std::thread::scope(|scope| {
         let features = Features::of_scene(scene);
         let compile = |device| move || CompiledAhead::new(device, features, options, max_depth, cache, tasks);
         let ahead = device.map(|device| scope.spawn(compile(device)));
-        let buffers = SceneBuffers::new(scene, options);
+        let buffers = SceneBuffers::within(scene, options, budget);
         // What failed is done again below, and fails there.
         (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()))
     });
@@ -81,6 +103,46 @@ pub fn complete(scene: &mut Scene, aspect: f32) {
         scene.lights.push(Scene::key_light(&camera));
         scene.ambient = scene.ambient.max(Vec3::splat(KEY_AMBIENT));
     }
+}
+
+/// What a device's compiler takes of the host's memory where it runs in the process: 150 MB of PoCL's for a kernel that renders.
+const COMPILER_BYTES: u64 = 150 << 20;
+
+/// The most that paths in flight of split kernels take, and bytes for each pixel where there are fewer.
+const SPLIT_BYTES: u64 = 256 << 20;
+const SPLIT_PIXEL_BYTES: u64 = 256;
+
+/// Bytes of a device's picture, of which a pixel has four numbers.
+const DEVICE_PIXEL_BYTES: u64 = 16;
+
+/// About how many bytes of the host's memory [`render`] and writing the picture to `format` take at the most at a time, on `device`, or on
+/// the reference when there is none.
+pub fn picture_bytes(
+    (width, height): (u32, u32),
+    samples: Samples,
+    options: &TraceOptions,
+    device: Option<&DeviceHandle>,
+    format: Option<ImageFormat>,
+) -> u64 {
+    let pixels = u64::from(width) * u64::from(height);
+    let shares_memory = device.is_some_and(shares_host_memory);
+    let of_sampling = match (samples, options.counters) {
+        (Samples::Error(_), counters) => estimated_bytes(pixels, counters, shares_memory),
+        (_, true) => 2 * size_of::<PixelWork>() as u64 * pixels,
+        (_, false) => 0,
+    };
+    let of_device = match (shares_memory, options.kernels) {
+        (false, _) => 0,
+        (true, Kernels::Mega) => DEVICE_PIXEL_BYTES * pixels,
+        (true, Kernels::Split) => DEVICE_PIXEL_BYTES * pixels + SPLIT_BYTES.min(SPLIT_PIXEL_BYTES * pixels),
+    };
+    let of_file = format.map_or(0, ImageFormat::bytes_per_pixel) * pixels;
+    Film::PIXEL_BYTES * pixels + of_sampling.max(of_file) + of_device
+}
+
+/// Whether the memory of `device` is the host's.
+fn shares_host_memory(device: &DeviceHandle) -> bool {
+    device.info.kind == DeviceKind::Cpu
 }
 
 /// A picture to render.

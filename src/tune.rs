@@ -17,6 +17,7 @@ pub use rays::{Batch, batches};
 pub use scenes::{balls, cubes, scene_of};
 pub use store::{DeviceKey, TunedFile, Tuning};
 
+use crate::budget::MemoryBudget;
 use crate::compare::compare_hits;
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
@@ -28,6 +29,7 @@ use crate::shared::Hit;
 use crate::stats::median;
 use crate::tracer::{TraceJob, Tracer, is_hit, require_clock};
 use serde::{Serialize, Serializer};
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
@@ -90,12 +92,14 @@ pub struct Plan {
     pub rounds: u32,
     /// Which diffuse rays.
     pub seed: u64,
+    /// How much memory each structure may take; `None`: what there is when it is built.
+    pub memory: Option<MemoryBudget>,
 }
 
 impl Default for Plan {
     /// Every structure, 262,144 camera rays, seven rounds.
     fn default() -> Self {
-        Plan { structures: Accel::ALL.to_vec(), rays: 1 << 18, rounds: 7, seed: 1 }
+        Plan { structures: Accel::ALL.to_vec(), rays: 1 << 18, rounds: 7, seed: 1, memory: None }
     }
 }
 
@@ -175,6 +179,23 @@ impl SceneTuning {
     }
 }
 
+/// `scene`, or where it is so large that a camera which frames it has no place in float32's range, a smaller one: structures are as fast
+/// in it, as all of them are built in one range of numbers.
+fn moderate(scene: &Scene) -> Result<Cow<'_, Scene>> {
+    let (low, high) = scene.bounds().unwrap_or_default();
+    if low.abs().max(high.abs()).max_element() < LARGE {
+        return Ok(Cow::Borrowed(scene));
+    }
+    let mut smaller = scene.flattened()?.into_owned();
+    smaller.positions.iter_mut().for_each(|p| *p /= LARGE);
+    smaller.camera = None;
+    smaller.lights.clear();
+    Ok(Cow::Owned(smaller))
+}
+
+/// Far from both ends of float32.
+const LARGE: f32 = (1u64 << 60) as f32;
+
 /// Measures the candidates of `plan` on `device` (`None`: the reference) in a scene named `name`. `progress` is told what is being done.
 ///
 /// # Errors
@@ -187,13 +208,15 @@ pub fn tune_scene(
     plan: &Plan,
     progress: &dyn Fn(&str),
 ) -> Result<SceneTuning> {
+    let scene = &moderate(scene)?;
     let batches = batches(scene, plan.side()?, plan.seed)?;
     let triangle_count = scene.hittable().len();
     let candidates = plan.candidates(Candidate::of_model(device, triangle_count)?, triangle_count);
     let mut runs = Vec::new();
     for (i, candidate) in candidates.iter().enumerate() {
         progress(&format!("{name}: candidate {} of {}: {candidate}", i + 1, candidates.len()));
-        runs.push(Run::new(device, cache, scene, *candidate, &batches)?);
+        let memory = plan.memory.unwrap_or_else(MemoryBudget::available);
+        runs.push(Run::new((device, cache), scene, *candidate, &batches, &memory)?);
     }
     for round in 0..plan.rounds.max(1) {
         progress(&format!("{name}: round {} of {}", round + 1, plan.rounds.max(1)));
@@ -231,14 +254,14 @@ struct Run {
 impl Run {
     /// Builds, compiles, and traces each batch once, which is not timed: drivers do much at a first launch.
     fn new(
-        device: Option<&DeviceHandle>,
-        cache: Option<&Cache>,
+        (device, cache): (Option<&DeviceHandle>, Option<&Cache>),
         scene: &Scene,
         candidate: Candidate,
         batches: &[Batch; 3],
+        memory: &MemoryBudget,
     ) -> Result<Run> {
         let options = candidate.options();
-        let buffers = Arc::new(SceneBuffers::new(scene, &options)?);
+        let buffers = Arc::new(SceneBuffers::within(scene, &options, memory)?);
         let build_s = buffers.build_s;
         let mut tracer = open_tracer(device, &buffers, &options, 1, cache)?;
         let mut hits = [const { Vec::new() }; 3];

@@ -5,6 +5,7 @@
 //! extent, and a node also lists some that only pass by its cell; clipping them is what [`super::sah`] does.
 
 use super::cost::{Costs, Measure, Split};
+use super::memory::GrowthLimit;
 use super::stop::{Place, Stops};
 use super::subtree::{Cell, Subtree, ascending};
 use super::{BuildOptions, KdTree};
@@ -22,10 +23,11 @@ pub(super) fn build(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],
     options: &BuildOptions,
+    growth: &GrowthLimit,
     plane: impl Fn(usize, &[u32], &Place) -> f32 + Sync,
 ) -> KdTree {
     let costs = Costs::new(Measure::Surface, options);
-    let stops = Stops::new(costs, options);
+    let stops = Stops::new(costs, options, growth);
     let builder = Divider { vertices, plane, costs, stops, split_axis: options.split_axis };
     let cell = Cell::around(vertices, primitives);
     let mut tree = Subtree::default();
@@ -37,7 +39,7 @@ struct Divider<'a, P> {
     vertices: &'a [[Vec3; 3]],
     plane: P,
     costs: Costs,
-    stops: Stops,
+    stops: Stops<'a>,
     split_axis: SplitAxis,
 }
 

@@ -10,6 +10,7 @@ use super::{Aabb, Structure};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::options::TraceOptions;
+use crate::shared::KdNode;
 use glam::Vec3;
 
 /// Cells for each triangle, unless told otherwise: "several", as everywhere since Cleary et al. (1983); the 35³ cells that Havran
@@ -144,6 +145,12 @@ fn default_size(extent: Vec3, triangle_count: usize, cells_per_triangle: f64) ->
     std::array::from_fn(|k| if divided.contains(&k) { (f64::from(extent[k]) * per_unit).max(1.0) as u32 } else { 1 })
 }
 
+/// What a cell takes while it is filled: a counter, and its record.
+const CELL_BYTES: u64 = (size_of::<usize>() + size_of::<KdNode>()) as u64;
+
+/// What a grid of the default size takes for each triangle, which some cells list.
+pub(super) const DEFAULT_BYTES: f64 = CELLS_PER_TRIANGLE * CELL_BYTES as f64;
+
 /// Builds a grid over the triangles `primitives` (ascending indices into `vertices`) in `bounds`, the box around them all, with
 /// `size` cells along the axes, or by the cube-root rule of 8 cells for each triangle.
 ///
@@ -155,6 +162,21 @@ pub fn build_grid(
     bounds: Aabb,
     size: Option<[u32; 3]>,
 ) -> Result<Structure> {
+    build_grid_within(vertices, primitives, bounds, size, &|_| Ok(()))
+}
+
+/// As [`build_grid`], when `check` has nothing against the bytes that the grid takes.
+pub(crate) fn build_grid_within(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    bounds: Aabb,
+    size: Option<[u32; 3]>,
+    check: &dyn Fn(u64) -> Result<()>,
+) -> Result<Structure> {
+    let fill = |grid: Grid, references: usize| {
+        check(CELL_BYTES * grid.cell_count() as u64 + size_of::<u32>() as u64 * references as u64)?;
+        Ok(grid.fill(vertices, primitives))
+    };
     if let Some(size) = size {
         let grid = Grid::new(bounds, size);
         let references = grid.reference_count(vertices, primitives);
@@ -162,15 +184,16 @@ pub fn build_grid(
             let message = format!("{references} references are over the limit of {MAX_REFERENCES}; take fewer cells");
             return Err(Error::option("--grid-size", message));
         }
-        return Ok(grid.fill(vertices, primitives));
+        return fill(grid, references);
     }
     let mut cells_per_triangle = CELLS_PER_TRIANGLE;
     loop {
         let size = default_size(bounds.high - bounds.low, primitives.len(), cells_per_triangle);
         let grid = Grid::new(bounds, size);
+        let references = grid.reference_count(vertices, primitives);
         // One cell lists each triangle once.
-        if grid.reference_count(vertices, primitives) <= MAX_GROWTH * primitives.len() || grid.cell_count() == 1 {
-            return Ok(grid.fill(vertices, primitives));
+        if references <= MAX_GROWTH * primitives.len() || grid.cell_count() == 1 {
+            return fill(grid, references);
         }
         cells_per_triangle /= 2.0;
     }

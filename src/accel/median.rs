@@ -7,12 +7,18 @@
 //! Two things keep the tree finite where the thesis' rule alone does not: a split whose children are nearly alike is
 //! refused (thesis, section 5.5.2: "at most ~5 %"), and references are limited ([`super::stop`]).
 
+use super::memory::GrowthLimit;
 use super::{BuildOptions, KdTree, divide};
 use glam::Vec3;
 
 /// Builds the tree; see [`super::build_kd_tree`].
-pub(super) fn build(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
-    divide::build(vertices, primitives, options, |axis, triangles, _| {
+pub(super) fn build(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    options: &BuildOptions,
+    growth: &GrowthLimit,
+) -> KdTree {
+    divide::build(vertices, primitives, options, growth, |axis, triangles, _| {
         median_plane(vertices, axis, triangles.iter().copied())
     })
 }

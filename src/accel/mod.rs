@@ -11,6 +11,7 @@ mod grid;
 mod leaf_packets;
 mod link;
 mod median;
+mod memory;
 mod node_order;
 mod octree;
 mod ropes;
@@ -42,7 +43,10 @@ pub use validate::check_tree;
 pub use volumes::{build_boxes, build_spheres};
 
 pub(crate) use bvh::{MAX_TRIANGLES, check_triangle_count};
+pub(crate) use grid::build_grid_within;
 pub(crate) use link::{instance_link, instance_of, leaf_link, leaf_range};
+pub(crate) use memory::{GrowthLimit, TRIANGLE_BYTES, structure_bytes};
+pub(crate) use octree::build_octree_within;
 
 use crate::options::{Accel, Build, KdOptions, PacketSize, SplitAxis, Stop, TraceOptions};
 use crate::shared::KdNode;
@@ -182,11 +186,22 @@ pub struct KdTree {
 /// # Panics
 /// When there are more than 2^30 primitives, or more nodes or references than 32 bits can number.
 pub fn build_kd_tree(build: Build, vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
+    build_kd_tree_within(build, vertices, primitives, options, &GrowthLimit::none())
+}
+
+/// As [`build_kd_tree`], unless there are more references than `limit` has room for: the tree is then not finished.
+pub(crate) fn build_kd_tree_within(
+    build: Build,
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    options: &BuildOptions,
+    limit: &GrowthLimit,
+) -> KdTree {
     match build {
-        Build::Median => median::build(vertices, primitives, options),
-        Build::SampledMedian => sampled_median::build(vertices, primitives, options),
-        Build::SpatialMedian => spatial_median::build(vertices, primitives, options),
-        Build::Sah => sah::build(Measure::Surface, vertices, primitives, options),
-        Build::Volume => sah::build(Measure::Volume, vertices, primitives, options),
+        Build::Median => median::build(vertices, primitives, options, limit),
+        Build::SampledMedian => sampled_median::build(vertices, primitives, options, limit),
+        Build::SpatialMedian => spatial_median::build(vertices, primitives, options, limit),
+        Build::Sah => sah::build(Measure::Surface, vertices, primitives, options, limit),
+        Build::Volume => sah::build(Measure::Volume, vertices, primitives, options, limit),
     }
 }

@@ -7,6 +7,7 @@
 //! Bad at: triangles around one point or through one line, which no division separates; the limits below end that.
 
 use super::clip::Reference;
+use super::memory::GrowthLimit;
 use super::subtree::{Cell, ascending, growth_after};
 use super::{Aabb, BuildOptions, Structure};
 use crate::layout::Float4;
@@ -51,6 +52,17 @@ struct Open {
 /// # Panics
 /// When there are more nodes or references than 32 bits can number.
 pub fn build_octree(vertices: &[[Vec3; 3]], primitives: &[u32], bounds: Aabb, options: &BuildOptions) -> Structure {
+    build_octree_within(vertices, primitives, bounds, options, &GrowthLimit::none())
+}
+
+/// As [`build_octree`], unless there are more references than `limit` has room for: the octree is then not finished.
+pub(crate) fn build_octree_within(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    bounds: Aabb,
+    options: &BuildOptions,
+    limit: &GrowthLimit,
+) -> Structure {
     let mut structure = Structure { nodes: vec![KdNode::default()], references: vec![], bounds: vec![] };
     let side = (bounds.high - bounds.low).max_element();
     // The sum may round below the high corner.
@@ -64,7 +76,8 @@ pub fn build_octree(vertices: &[[Vec3; 3]], primitives: &[u32], bounds: Aabb, op
             .flatten()
             .and_then(|(centre, children)| {
                 let parts = children.iter().map(|(_, references)| references.len()).sum();
-                growth_after(growth, count, parts).map(|growth| (centre, children, growth))
+                let growth = growth_after(growth, count, parts)?;
+                limit.allows(count, parts).then_some((centre, children, growth))
             });
         let Some((centre, children, growth)) = divided else {
             let first = structure.references.len();

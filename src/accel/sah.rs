@@ -13,6 +13,7 @@
 use super::clip::Reference;
 use super::cost::{Costs, Measure, Split};
 use super::events::{EventNode, MAX_REFERENCES};
+use super::memory::GrowthLimit;
 use super::small::{self, SmallNode};
 use super::stop::{Place, Stops};
 use super::subtree::{Cell, Subtree, ascending};
@@ -24,8 +25,14 @@ use rayon::prelude::*;
 const PARALLEL_REFERENCES: usize = 1024;
 
 /// Builds the tree; see [`super::build_kd_tree`].
-pub(super) fn build(measure: Measure, vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
-    build_with(measure, vertices, primitives, options, small::CAPACITY)
+pub(super) fn build(
+    measure: Measure,
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    options: &BuildOptions,
+    growth: &GrowthLimit,
+) -> KdTree {
+    build_with(measure, vertices, primitives, options, small::CAPACITY, growth)
 }
 
 /// As [`build`], with the largest number of references of the nodes that [`super::small`] builds.
@@ -35,10 +42,11 @@ fn build_with(
     primitives: &[u32],
     options: &BuildOptions,
     small_count: usize,
+    growth: &GrowthLimit,
 ) -> KdTree {
     assert!(primitives.len() < MAX_REFERENCES, "more triangles than an event can number");
     let costs = Costs::new(measure, options);
-    let builder = SahBuilder { vertices, costs, stops: Stops::new(costs, options), small_count };
+    let builder = SahBuilder { vertices, costs, stops: Stops::new(costs, options, growth), small_count };
     let cell = Cell::around(vertices, primitives);
     let triangles = ascending(primitives);
     let references = triangles.par_iter().map(|&triangle| Reference::whole(vertices, triangle)).collect();
@@ -50,7 +58,7 @@ fn build_with(
 struct SahBuilder<'a> {
     vertices: &'a [[Vec3; 3]],
     costs: Costs,
-    stops: Stops,
+    stops: Stops<'a>,
     small_count: usize,
 }
 
@@ -131,9 +139,10 @@ mod tests {
         let by_size = BuildOptions { stop: Stop::Size, ..by_cost };
         for (measure, options) in [(Measure::Surface, by_cost), (Measure::Volume, by_cost), (Measure::Surface, by_size)]
         {
-            let default = build(measure, &vertices, &primitives, &options);
+            let no_limit = GrowthLimit::none();
+            let default = build(measure, &vertices, &primitives, &options, &no_limit);
             for small_count in [0, 1, 7, small::CAPACITY - 1] {
-                let other = build_with(measure, &vertices, &primitives, &options, small_count);
+                let other = build_with(measure, &vertices, &primitives, &options, small_count, &no_limit);
                 assert!(
                     other == default,
                     "{measure:?}, {options:?}: small nodes of up to {small_count} change the tree"

@@ -7,15 +7,21 @@
 //! Bad at: what the median is bad at. Small samples make uneven children, hence deeper trees.
 
 use super::median::median_plane;
+use super::memory::GrowthLimit;
 use super::{BuildOptions, KdTree, divide};
 use glam::Vec3;
 use rand_xoshiro::SplitMix64;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 /// Builds the tree; see [`super::build_kd_tree`].
-pub(super) fn build(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
+pub(super) fn build(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    options: &BuildOptions,
+    growth: &GrowthLimit,
+) -> KdTree {
     let size = options.sample_size.max(1) as usize;
-    divide::build(vertices, primitives, options, |axis, triangles, place| {
+    divide::build(vertices, primitives, options, growth, |axis, triangles, place| {
         if triangles.len() <= size {
             return median_plane(vertices, axis, triangles.iter().copied());
         }

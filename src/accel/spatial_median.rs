@@ -7,10 +7,16 @@
 //! Bad at: scenes of uneven detail. A small model in a large scene takes a level for each halving down to it, and there the
 //! depth ends before the triangles are apart.
 
+use super::memory::GrowthLimit;
 use super::{BuildOptions, KdTree, divide};
 use glam::Vec3;
 
 /// Builds the tree; see [`super::build_kd_tree`].
-pub(super) fn build(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> KdTree {
-    divide::build(vertices, primitives, options, |axis, _, place| place.cell.middle(axis))
+pub(super) fn build(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    options: &BuildOptions,
+    growth: &GrowthLimit,
+) -> KdTree {
+    divide::build(vertices, primitives, options, growth, |axis, _, place| place.cell.middle(axis))
 }

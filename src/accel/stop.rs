@@ -1,13 +1,14 @@
 //! Stops: when a node of a kd-tree becomes a leaf, for all builds alike.
 //!
 //! Thesis, section 5.5: a limit of triangles, a limit of depth, or a split that does not pay ([`super::cost`]); section
-//! 5.5.2: children that are nearly alike. [`super::subtree::MAX_GROWTH`] limits what is left.
+//! 5.5.2: children that are nearly alike. [`super::subtree::MAX_GROWTH`] limits what is left, and so does memory ([`GrowthLimit`]).
 //!
 //! The two limits are bad at scenes of uneven detail. The cost looks one split ahead and misses gains that take two. Children that
 //! are alike may still be worth it further down.
 
 use super::BuildOptions;
 use super::cost::{Costs, Split};
+use super::memory::GrowthLimit;
 use super::subtree::{Cell, growth_after};
 use crate::options::{Stop, TraceOptions};
 
@@ -34,22 +35,24 @@ impl Place {
 
 /// The stops of a build.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Stops {
+pub(super) struct Stops<'a> {
     costs: Costs,
     leaf_size: usize,
     max_depth: u32,
     by_cost: bool,
     similar_children: f32,
+    growth: &'a GrowthLimit,
 }
 
-impl Stops {
-    pub fn new(costs: Costs, options: &BuildOptions) -> Stops {
+impl<'a> Stops<'a> {
+    pub fn new(costs: Costs, options: &BuildOptions, growth: &'a GrowthLimit) -> Stops<'a> {
         Stops {
             costs,
             leaf_size: options.leaf_size as usize,
             max_depth: options.max_depth.min(TraceOptions::MAX_DEPTH),
             by_cost: options.stop == Stop::Cost,
             similar_children: options.similar_children,
+            growth,
         }
     }
 
@@ -69,7 +72,11 @@ impl Stops {
         if share > self.similar_children {
             return None;
         }
-        let growth = growth_after(place.growth, count, split.left as usize + split.right as usize)?;
+        let parts = split.left as usize + split.right as usize;
+        let growth = growth_after(place.growth, count, parts)?;
+        if !self.growth.allows(count, parts) {
+            return None;
+        }
         let (left, right) = place.cell.split(split.axis, split.plane);
         let child = |cell, side| Place { cell, number: 2 * place.number + side, growth };
         Some((child(left, 0), child(right, 1)))

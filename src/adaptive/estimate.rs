@@ -72,6 +72,9 @@ impl Estimate {
     }
 }
 
+/// Bytes of [`Estimates`] for each pixel: the estimate itself, its place in the order, and its error.
+pub const PIXEL_BYTES: u64 = (size_of::<Estimate>() + size_of::<u32>() + size_of::<f32>()) as u64;
+
 /// The estimates of a picture.
 pub struct Estimates {
     size: (usize, usize),

@@ -4,15 +4,17 @@ use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
+use raybrook::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
+use raybrook::device::DeviceHandle;
 use raybrook::film::check_output;
-use raybrook::options::Decision;
+use raybrook::options::{Decision, TraceOptions};
 use raybrook::output::{check_writable, write_json};
 use raybrook::pack::{SceneBuffers, sample_positions};
 use raybrook::reference::ReferenceTracer;
 use raybrook::reference::render::camera_direction;
 use raybrook::scene::Samples;
-use raybrook::session::{Picture, render};
+use raybrook::session::{Picture, picture_bytes, render};
 use raybrook::shared::{COUNTER_NAMES, TraceRay};
 use raybrook::tracer::{RenderResult, Task, TraceJob, Tracer};
 use raybrook::{Error, Result};
@@ -71,6 +73,24 @@ struct Findings {
     passed: bool,
 }
 
+/// Bytes of a pixel that is compared: its ray and two hits of that on the host and on the device, and what FLIP keeps of it.
+const COMPARED_BYTES: u64 = 250;
+
+/// Checks that there is memory for two pictures and all that is compared of them.
+fn check_pictures(
+    picture: &Picture,
+    options: &TraceOptions,
+    device: &DeviceHandle,
+    budget: &MemoryBudget,
+) -> Result<()> {
+    let of = |device| picture_bytes(picture.size, picture.samples, options, device, None);
+    let pixels = u64::from(picture.size.0) * u64::from(picture.size.1);
+    let what = format!("comparing two pictures of {}x{} pixels", picture.size.0, picture.size.1);
+    let bytes = of(Some(device)) + of(None) + COMPARED_BYTES * pixels;
+    let remedy = "lower --size (a scene file's width and height), or raise --memory-limit";
+    budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
+}
+
 pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     args.method.check(false)?;
     let wanted = match &args.output {
@@ -86,7 +106,8 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
             "there is no OpenCL device to check against the reference; `raybrook devices` tells what is missing";
         return Err(Error::NoDevice(message.into()));
     };
-    let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
+    let budget = args.scene.memory.budget();
+    let loaded = open::load_for_picture(&args.scene, &args.picture, &budget, talk)?;
     files.read_scene(&loaded.scene);
     let output = args.output(&wanted, files)?;
     open::note_name(&output, &wanted, talk);
@@ -102,8 +123,10 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let chosen = chooser.choose(&loaded.scene)?;
     let options = chosen.options;
     let picture = args.picture.picture(&loaded.scene);
-    let mut opened =
-        open::open(&loaded, Some(&device), &args.device, chosen, picture.depth, &[Task::Batch, Task::Picture], talk)?;
+    check_pictures(&picture, &options, &device, &budget)?;
+    let tasks = (&[Task::Batch, Task::Picture][..], &budget);
+    let mut opened = open::open(&loaded, Some(&device), &args.device, chosen, picture.depth, tasks, talk)?;
+    check_pictures(&picture, &options, &device, &budget)?;
     let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
 
     let rays = camera_rays(&opened.buffers, &picture);

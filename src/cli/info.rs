@@ -50,9 +50,12 @@ struct SceneInfo {
 
 pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     let options = args.method.options(Accel::Kd, false)?;
-    let loaded = open::load(&args.scene.scene, None, talk)?;
+    let budget = args.scene.memory.budget();
+    let mut loaded = open::load(&args.scene.scene, &budget, talk)?;
+    // No picture is made of it.
+    let lights = std::mem::take(&mut loaded.scene.lights);
     let scene = &loaded.scene;
-    let buffers = SceneBuffers::new(scene, &options)?;
+    let buffers = SceneBuffers::within(scene, &options, &budget)?;
     let reasons: Vec<_> = (0..scene.triangle_count()).filter_map(|i| scene.drop_reason(i)).collect();
     let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
     let (low, high) = scene.bounds().unwrap_or_default();
@@ -71,7 +74,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         materials: scene.materials.len(),
         textures: scene.textures.len(),
         texels: scene.textures.iter().filter_map(Texture::image).map(|image| image.rgba.len()).sum(),
-        lights: scene.lights.len(),
+        lights: lights.len(),
         low: low.to_array(),
         high: high.to_array(),
         load_s: loaded.load_s,

@@ -3,6 +3,7 @@
 use super::devices::DevicesArgs;
 use super::text::wrapped;
 use super::{Talk, open, print};
+use raybrook::budget::MemoryBudget;
 use raybrook::device::{
     DeviceHandle, KernelResources, ProgramResources, Selection, kernel_resources, list_devices, select,
 };
@@ -44,7 +45,7 @@ struct Entry {
 pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     let devices = devices(args.device.as_deref())?;
     let scene = match &args.scene {
-        Some(path) => open::load(path, None, talk)?.scene,
+        Some(path) => open::load(path, &MemoryBudget::available(), talk)?.scene,
         None => sphere()?,
     };
     let mut entries = Vec::new();

@@ -29,6 +29,7 @@ pub use end::fail;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
+use raybrook::budget::MemoryBudget;
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{
     Accel, Build, Chosen, Decisions, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize,
@@ -43,7 +44,8 @@ use std::str::FromStr;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different ones; 2 wrong option or argument; 3 the scene or another input is \
-missing or wrong; 4 no such device, or the device failed; 5 an output could not be written; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
+missing or wrong, or takes more memory than there is; 4 no such device, or the device failed, or the picture takes more memory than there is; 5 an output could not be \
+written; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
 
 Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of what `tune` found (default: \
 $XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
@@ -360,6 +362,46 @@ struct SceneArgs {
     /// Scene: a .toml scene file (see scenes/README.md), a Wavefront .obj, a .ply, a .stl or Haines' .nff.
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
+    /// Take a scene file without any object: every ray misses.
+    #[arg(long)]
+    allow_empty: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
+}
+
+/// How much memory may be taken.
+#[derive(Args, Clone, Copy)]
+struct MemoryArgs {
+    /// Refuse what takes the program to more memory than this, such as 8G or 512M, before it is taken [default: nine tenths of what the
+    /// machine has available, its container has left, or ulimit leaves].
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    memory_limit: Option<u64>,
+}
+
+impl MemoryArgs {
+    /// What may be taken, now.
+    fn budget(self) -> MemoryBudget {
+        self.memory_limit.map_or_else(MemoryBudget::available, MemoryBudget::of_bytes)
+    }
+}
+
+/// A number of bytes, with K, M, G or T behind it for powers of 1024.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let lower = text.trim().to_ascii_lowercase();
+    let digits = lower.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor: Option<f64> = match &lower[digits.len()..] {
+        "" | "b" => Some(1.0),
+        "k" | "kb" | "kib" => Some(1024.0),
+        "m" | "mb" | "mib" => Some(1024f64.powi(2)),
+        "g" | "gb" | "gib" => Some(1024f64.powi(3)),
+        "t" | "tb" | "tib" => Some(1024f64.powi(4)),
+        _ => None,
+    };
+    let bytes = digits.trim().parse::<f64>().ok().zip(factor).map(|(number, factor)| number * factor);
+    match bytes.filter(|&bytes| (1.0..9e18).contains(&bytes)) {
+        Some(bytes) => Ok(bytes as u64),
+        None => Err("expected a number of bytes above 0, such as 8G, 512M or 1.5g".into()),
+    }
 }
 
 /// Has PoCL keep each of its threads on a core of its own, unless the user has said how its threads are to run. Otherwise Linux often
@@ -371,9 +413,19 @@ fn keep_threads_on_their_cores() {
     }
 }
 
+/// Has empty variables of this program mean what those mean that are not set: shells and services make such.
+fn forget_empty_variables() {
+    let is_ours = |name: &OsStr| name.as_encoded_bytes().starts_with(b"RAYBROOK_");
+    for (name, _) in std::env::vars_os().filter(|(name, value)| value.is_empty() && is_ours(name)) {
+        // SAFETY: nothing but this thread runs yet, so nobody reads the environment meanwhile.
+        unsafe { std::env::remove_var(name) };
+    }
+}
+
 /// Parses the arguments and does what they ask. To be called before any thread is started.
 pub fn run() -> Result<ExitCode, Error> {
     keep_threads_on_their_cores();
+    forget_empty_variables();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(other) => return Ok(end_of_arguments(&other)),

@@ -1,11 +1,13 @@
 //! What every command that traces does first: load the scene, choose the device, build, compile, upload.
 
-use super::{DeviceArgs, PictureArgs, Talk};
+use super::{DeviceArgs, PictureArgs, SceneArgs, Talk};
+use raybrook::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::device::{DeviceHandle, Selection, select_working};
-use raybrook::options::Chosen;
+use raybrook::film::ImageFormat;
+use raybrook::options::{Chosen, TraceOptions};
 use raybrook::pack::SceneBuffers;
 use raybrook::scene::{self, Samples, Scene};
-use raybrook::session::{build_and_open, complete};
+use raybrook::session::{build_and_open_within, complete, picture_bytes};
 use raybrook::stats::RunStats;
 use raybrook::tracer::{Task, Tracer};
 use raybrook::{Error, Result};
@@ -16,7 +18,7 @@ use std::time::Instant;
 /// Warnings that are printed without `-v`; the rest are counted.
 const WARNINGS_SHOWN: usize = 10;
 
-/// A scene that is loaded and has a camera and light.
+/// A scene that is loaded.
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
@@ -27,10 +29,76 @@ pub struct Loaded {
 /// Size of a picture that neither the scene nor an option sizes.
 const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
-/// Loads a scene, prints its warnings, and gives it what it needs to be rendered: also a size and samples, which `args` override.
-pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loaded> {
+/// Loads the scene that is asked for, which must have objects unless it may be empty, and gives it what it needs to be rendered: a
+/// camera, light, a size and samples, which `args` override.
+pub fn load_for_picture(scene: &SceneArgs, args: &PictureArgs, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
+    let mut loaded = load_with_objects(&scene.scene, scene.allow_empty, budget, talk)?;
     let start = Instant::now();
-    let mut scene = scene::load(path)?;
+    complete_for_picture(&mut loaded.scene, &scene.scene, Some(args))?;
+    loaded.load_s += start.elapsed().as_secs_f64();
+    Ok(loaded)
+}
+
+/// Loads a scene for rays alone, which need neither camera nor light.
+pub fn load_for_rays(path: &Path, may_be_empty: bool, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
+    let mut loaded = load_with_objects(path, may_be_empty, budget, talk)?;
+    loaded.scene.lights.clear();
+    Ok(loaded)
+}
+
+/// Loads a scene that must have objects unless it `may_be_empty`.
+pub fn load_with_objects(path: &Path, may_be_empty: bool, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
+    let loaded = load(path, budget, talk)?;
+    if loaded.scene.triangle_count() == 0 && !may_be_empty {
+        let message =
+            "has no objects, so that there is nothing to see or to hit; is it whole? --allow-empty takes it as it is";
+        return Err(Error::input(path, None, message));
+    }
+    Ok(loaded)
+}
+
+/// Loads a scene that must have objects, for pictures and rays of any size.
+pub fn load_completed(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Scene> {
+    let mut scene = load_with_objects(path, false, budget, talk)?.scene;
+    complete_for_picture(&mut scene, path, None)?;
+    Ok(scene)
+}
+
+fn complete_for_picture(scene: &mut Scene, path: &Path, args: Option<&PictureArgs>) -> Result<()> {
+    let size = args.and_then(|args| args.size).or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
+    let samples = args.and_then(PictureArgs::samples).or(scene.picture.samples).unwrap_or(Samples::DEFAULT);
+    samples.check(size)?;
+    (scene.picture.size, scene.picture.samples) = (Some(size), Some(samples));
+    let has_camera = scene.camera.is_some();
+    complete(scene, samples.aspect(size) as f32);
+    match scene.camera.filter(|camera| has_camera || camera.eye.is_finite() && camera.target.is_finite()) {
+        Some(_) => Ok(()),
+        None => Err(cannot_be_framed(scene, path)),
+    }
+}
+
+/// Why there is no place for a camera: which vertex is too far away.
+fn cannot_be_framed(scene: &Scene, path: &Path) -> Error {
+    let reach = |i: u32| scene.vertices(i as usize).map(|p| p.abs().max_element()).into_iter().fold(0.0, f32::max);
+    let farthest = scene.hittable().into_iter().max_by(|&a, &b| reach(a).total_cmp(&reach(b)));
+    let Some(primitive) = farthest else { return Error::input(path, None, "cannot be framed") };
+    let corners = scene.vertices(primitive as usize);
+    let corner = (0..3).max_by(|&a, &b| corners[a].abs().max_element().total_cmp(&corners[b].abs().max_element()));
+    let position = corners[corner.unwrap_or(0)];
+    let vertex = scene.triangles.get(primitive as usize).map(|t| t.positions[corner.unwrap_or(0)] as usize);
+    let line = vertex.and_then(|vertex| scene::line_of_vertex(path, vertex));
+    let message = format!(
+        "the vertex at {position} of triangle {primitive} is so far away that no camera which shows the scene has a place in float32's \
+         range; correct it, make the scene smaller, or give a camera in a scene file"
+    );
+    Error::input(path, line, message)
+}
+
+/// Loads a scene as it is, and prints its warnings.
+pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
+    let start = Instant::now();
+    let scene = scene::load_within(path, budget)?;
+    check_list(&scene, path, budget)?;
     if !talk.quiet {
         let shown = if talk.verbose { scene.warnings.len() } else { WARNINGS_SHOWN };
         for warning in scene.warnings.iter().take(shown) {
@@ -40,12 +108,34 @@ pub fn load(path: &Path, args: Option<&PictureArgs>, talk: Talk) -> Result<Loade
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    let size = args.and_then(|a| a.size).or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
-    let samples = args.and_then(PictureArgs::samples).or(scene.picture.samples).unwrap_or(Samples::DEFAULT);
-    samples.check(size)?;
-    (scene.picture.size, scene.picture.samples) = (Some(size), Some(samples));
-    complete(&mut scene, samples.aspect(size) as f32);
     Ok(Loaded { scene, load_s: start.elapsed().as_secs_f64() })
+}
+
+/// Checks that there is memory for the numbers of all triangles, which instances can make many of.
+fn check_list(scene: &Scene, path: &Path, budget: &MemoryBudget) -> Result<()> {
+    let what = format!("{}: the list of {} triangles", path.display(), scene.triangle_count());
+    let bytes = size_of::<u32>() as u64 * scene.triangle_count() as u64;
+    budget.check(&Need {
+        what: &what,
+        bytes,
+        decided_by: DecidedBy::Input,
+        remedy: "take fewer instances, or raise --memory-limit",
+    })
+}
+
+/// Checks that there is memory for a picture.
+pub fn check_picture(
+    size: (u32, u32),
+    samples: Samples,
+    options: &TraceOptions,
+    device: Option<&DeviceHandle>,
+    format: ImageFormat,
+    budget: &MemoryBudget,
+) -> Result<()> {
+    let what = format!("a picture of {}x{} pixels", size.0, size.1);
+    let bytes = picture_bytes(size, samples, options, device, Some(format));
+    let remedy = "lower --size (a scene file's width and height), or raise --memory-limit";
+    budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
 }
 
 /// A chosen device; `None` is the reference. Says which devices do not open, where nobody named one.
@@ -86,11 +176,12 @@ pub fn open(
     args: &DeviceArgs,
     Chosen { options, decisions, .. }: Chosen,
     depth: u32,
-    tasks: &[Task],
+    (tasks, budget): (&[Task], &MemoryBudget),
     talk: Talk,
 ) -> Result<Opened> {
     let cache = args.cache()?;
-    let (buffers, tracer) = build_and_open(device, &loaded.scene, &options, depth, cache.as_ref(), tasks)?;
+    let (buffers, tracer) =
+        build_and_open_within(device, &loaded.scene, &options, depth, cache.as_ref(), tasks, budget)?;
     if talk.verbose {
         for note in tracer.notes() {
             tell!("note: {note}");

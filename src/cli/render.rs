@@ -7,6 +7,7 @@ use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::adaptive::MOST_SAMPLES;
 use raybrook::compare::compare_films;
 use raybrook::film::{ImageFormat, check_output};
+use raybrook::options::TraceOptions;
 use raybrook::output::check_writable;
 use raybrook::scene::{Samples, Scene};
 use raybrook::session::{DEFAULT_DEPTH, Picture, render, render_full};
@@ -102,7 +103,13 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
-    let loaded = open::load(&args.scene.scene, Some(&args.picture), talk)?;
+    let budget = args.scene.memory.budget();
+    let options = TraceOptions { counters, kernels: args.method.kernels, ..TraceOptions::DEFAULT };
+    let check_picture = |size, samples| open::check_picture(size, samples, &options, device.as_ref(), format, &budget);
+    if let Some(size) = args.picture.size {
+        check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
+    }
+    let loaded = open::load_for_picture(&args.scene, &args.picture, &budget, talk)?;
     files.read_scene(&loaded.scene);
     let output = args.output(&wanted, format, files)?;
     open::note_name(&output, &wanted, talk);
@@ -122,7 +129,10 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     };
     let chosen = chooser.choose(&loaded.scene)?;
     let picture = args.picture.picture(&loaded.scene);
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, &[Task::Picture], talk)?;
+    check_picture(picture.size, picture.samples)?;
+    let tasks = (&[Task::Picture][..], &budget);
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
+    check_picture(picture.size, picture.samples)?;
 
     let bar = Bar::new("render", talk);
     let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples.per_pixel());

@@ -1,7 +1,7 @@
 //! `raybrook study`.
 
 use super::files::Files;
-use super::{DeviceArgs, Talk, open};
+use super::{DeviceArgs, MemoryArgs, Talk, open};
 use raybrook::output::check_writable;
 use raybrook::study::{Header, Lab, Report, State, Study};
 use raybrook::{Error, Result};
@@ -35,6 +35,8 @@ pub struct StudyArgs {
     list: bool,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 impl StudyArgs {
@@ -81,7 +83,8 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     args.markdown.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let cache = args.device.cache()?;
-    let load = |path: &PathBuf| Ok((path.display().to_string(), open::load(path, None, talk)?.scene));
+    let budget = args.memory.budget();
+    let load = |path: &PathBuf| Ok((path.display().to_string(), open::load_completed(path, &budget, talk)?));
     let scenes = args.scene.iter().map(load).collect::<Result<Vec<_>>>()?;
     scenes.iter().for_each(|(_, scene)| files.read_scene(scene));
     args.claim(files)?;

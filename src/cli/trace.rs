@@ -5,15 +5,17 @@ use super::files::Files;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
 use glam::Vec3;
+use raybrook::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::extreme::TracingBatch;
+use raybrook::layout::Float4;
 use raybrook::options::Kernels;
 use raybrook::output::check_writable;
 use raybrook::pack::SceneBuffers;
 use raybrook::rays::{HitBatch, RayBatch};
-use raybrook::shared::Hit;
+use raybrook::shared::{Hit, TraceRay};
 use raybrook::stats::{RayCount, WorkStats};
 use raybrook::tracer::{Task, TraceResult, is_hit};
-use raybrook::work::WorkSum;
+use raybrook::work::{RayWork, WorkSum};
 use raybrook::{Error, Result};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -89,6 +91,23 @@ fn hit_batch(result: &TraceResult, any_hit: bool) -> HitBatch {
     }
 }
 
+/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as NumPy takes hits.
+const RAY_BYTES: usize = 3 * (size_of::<TraceRay>() + size_of::<Hit>()) + 16;
+
+/// The same of a second ray.
+const NEXT_BYTES: usize = 3 * (size_of::<Float4>() + size_of::<Hit>()) + 8;
+
+/// Checks that there is memory for tracing `batch`.
+fn check_memory(batch: &RayBatch, args: &TraceArgs, budget: &MemoryBudget) -> Result<()> {
+    let second = if batch.next_directions.is_some() { NEXT_BYTES } else { 0 };
+    let rays = if batch.next_directions.is_some() { 2 } else { 1 };
+    let work = if args.counters { 3 * rays * size_of::<RayWork>() } else { 0 };
+    let what = format!("tracing {} rays of {}", batch.len(), args.rays.display());
+    let bytes = batch.len() as u64 * (RAY_BYTES + second + work) as u64;
+    let remedy = "split the batch, or raise --memory-limit";
+    budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
+}
+
 pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let options = args.method.check(args.counters)?;
@@ -104,7 +123,8 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         check_writable(output)?;
     }
     let device = open::choose(&args.device, talk)?;
-    let batch = RayBatch::read(&args.rays)?;
+    let budget = args.scene.memory.budget();
+    let batch = RayBatch::read_within(&args.rays, &budget)?;
     if args.any_hit && batch.next_directions.is_some() {
         let message = "cannot be combined with the array 'next_direction': a second ray starts at the closest hit";
         return Err(Error::option("--any-hit", message));
@@ -112,7 +132,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     if talk.verbose && !batch.ignored.is_empty() {
         tell!("note: {}: arrays that mean nothing here: {}", args.rays.display(), batch.ignored.join(", "));
     }
-    let loaded = open::load(&args.scene.scene, None, talk)?;
+    let loaded = open::load_for_rays(&args.scene.scene, args.scene.allow_empty, &budget, talk)?;
     files.read_scene(&loaded.scene);
     args.claim(files)?;
     let chooser = Chooser {
@@ -125,7 +145,9 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         talk,
     };
     let chosen = chooser.choose(&loaded.scene)?;
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, &[Task::Batch], talk)?;
+    let tasks = (&[Task::Batch][..], &budget);
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, tasks, talk)?;
+    check_memory(&batch, args, &budget)?;
 
     let rays = tracing_batch(&batch, &opened.buffers);
     if !rays.extreme.is_empty() && !talk.quiet {

@@ -1,7 +1,8 @@
 //! `raybrook tune`: measures what is fastest on a device, prints it, and remembers it for `--accel auto`.
 
-use super::{DeviceArgs, Talk, open, print};
+use super::{DeviceArgs, MemoryArgs, Talk, open, print};
 use raybrook::Result;
+use raybrook::budget::MemoryBudget;
 use raybrook::device::cache_folder;
 use raybrook::options::{Accel, PacketSize, SceneSize};
 use raybrook::scene::Scene;
@@ -29,6 +30,8 @@ pub struct TuneArgs {
     forget: bool,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 /// What `--json` prints.
@@ -49,9 +52,14 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
     let plan = Plan {
         structures: if args.accel.is_empty() { defaults.structures } else { args.accel.clone() },
         rays: args.rays.unwrap_or(defaults.rays),
+        memory: args.memory.memory_limit.map(MemoryBudget::of_bytes),
         ..defaults
     };
+    let file = file.filter(|_| !args.device.no_cache);
+    // Before minutes of measurements, not after them.
+    file.as_ref().map_or(Ok(()), TunedFile::check_writable)?;
     let device = open::choose(&args.device, talk)?;
+    let budget = args.memory.budget();
     let cache = args.device.cache()?;
     let progress = |what: &str| {
         if !talk.quiet {
@@ -60,13 +68,13 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
     };
     let mut scenes = Vec::new();
     for source in Source::all(&args.scenes) {
-        let (name, scene) = (source.name(), source.scene(talk)?);
+        let (name, scene) = (source.name(), source.scene(&budget, talk)?);
         scenes.push(tune_scene(device.as_ref(), cache.as_ref(), (&name, &scene), &plan, &progress)?);
     }
     let key = DeviceKey::new(device.as_ref().map(|device| &device.info));
     let fastest = Tuning::of(&scenes);
     let differing: usize = scenes.iter().map(SceneTuning::differing).sum();
-    let file = file.filter(|_| differing == 0 && !args.device.no_cache);
+    let file = file.filter(|_| differing == 0);
     if let Some(note) = file.as_ref().map(|file| file.remember(&key, &fastest)).transpose()?.flatten() {
         progress(&format!("note: {note}"));
     }
@@ -123,9 +131,9 @@ impl Source<'_> {
         }
     }
 
-    fn scene(&self, talk: Talk) -> Result<Scene> {
+    fn scene(&self, budget: &MemoryBudget, talk: Talk) -> Result<Scene> {
         match self {
-            Source::File(path) => open::load(path, None, talk).map(|loaded| loaded.scene),
+            Source::File(path) => open::load_with_objects(path, false, budget, talk).map(|loaded| loaded.scene),
             Source::Made(size) => scene_of(*size),
         }
     }

@@ -315,7 +315,7 @@ fn what_the_writer_writes_the_reader_reads() {
     let (_folder, path) = saved(b"old");
     let hits = sample_hits();
     hits.write(&path).unwrap();
-    let mut file = NpzFile::open(&path).unwrap();
+    let mut file = NpzFile::open(&path, crate::budget::MemoryBudget::UNLIMITED).unwrap();
     assert_eq!(file.read_rows::<1>("t").unwrap().unwrap().as_flattened(), hits.t);
     assert_eq!(file.read_rows::<1>("v").unwrap().unwrap().as_flattened(), hits.v);
     assert!(file.read_rows::<1>("none").unwrap().is_none());

@@ -260,7 +260,7 @@ impl Tracer for ReferenceTracer {
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         let start = Instant::now();
         let width = params.width as usize;
-        let mut pixels = vec![[0.0; 3]; params.film_len()];
+        let mut pixels = Film::try_pixels(params.film_len())?;
         let mut work = self.room_for_work(pixels.len());
         let done = AtomicUsize::new(0);
         let counts = pixels

@@ -4,11 +4,12 @@
 //! Transforms are kept in f64 and every vertex is rounded once, so that a stack of many transforms costs no accuracy.
 
 use super::check::{none_of, value_faults};
-use super::mesh::{Corner, Mesh, sin_cos_degrees};
+use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
 use super::{
     Background, Camera, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectId, PictureDefaults,
     Scene, Texture, TextureId, Transform, Triangle,
 };
+use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
 
@@ -65,7 +66,13 @@ pub struct Builder {
     pending: Option<Pending>,
     outside: Option<Outside>,
     faults: Vec<String>,
+    budget: MemoryBudget,
+    /// Bytes of meshes that were added since memory was looked at.
+    unchecked_bytes: u64,
 }
+
+/// Memory is looked at when so many bytes were added: that takes the time of some thousand triangles.
+const CHECK_EVERY_BYTES: u64 = 16 << 20;
 
 /// What waits until an object is ended.
 #[derive(Debug, Clone)]
@@ -90,6 +97,11 @@ impl Builder {
     /// An empty scene; material and transform are the default ones.
     pub fn new() -> Builder {
         Builder::default()
+    }
+
+    /// As [`Builder::new`], with this much memory instead of what there is: a solid that takes more is a fault.
+    pub fn within(budget: MemoryBudget) -> Builder {
+        Builder { budget, ..Builder::default() }
     }
 
     /// Remembers `fault` for [`Builder::finish`].
@@ -336,6 +348,19 @@ impl Builder {
         self.add_mesh(&mesh)
     }
 
+    /// Whether there is memory for a mesh of so many parts, and for what it becomes in the scene. It is a fault if not.
+    pub(super) fn has_room(&mut self, what: &str, counts: Counts) -> bool {
+        self.unchecked_bytes = self.unchecked_bytes.saturating_add(counts.bytes());
+        if self.unchecked_bytes < CHECK_EVERY_BYTES {
+            return true;
+        }
+        let what = format!("{what} of {} triangles", counts.triangles);
+        let remedy = "lower its segments, or raise --memory-limit";
+        let bytes = std::mem::take(&mut self.unchecked_bytes);
+        let need = Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy };
+        self.budget.check(&need).map_err(|error| self.faults.push(error.to_string())).is_ok()
+    }
+
     /// Adds `mesh` with the current material and transform.
     pub(super) fn add_mesh(&mut self, mesh: &Mesh) -> &mut Self {
         let material = self.current_material();
@@ -348,6 +373,12 @@ impl Builder {
     pub fn add_scene(&mut self, other: &Scene, material: Option<MaterialId>) -> &mut Self {
         if let Some(id) = material.filter(|&id| id as usize >= self.scene.materials.len()) {
             return self.fail(format!("add_scene: there is no material number {id}"));
+        }
+        let mut counts = Counts { triangles: other.triangle_count() as u64, ..Counts::default() };
+        let lists = [&other.positions, &other.normals].map(|list| list.len() as u64);
+        [counts.positions, counts.normals, counts.uvs] = [lists[0], lists[1], other.uvs.len() as u64];
+        if !self.has_room("the model", counts.and_bytes(other.flattened_bytes())) {
+            return self;
         }
         let other = match other.flattened() {
             Ok(flat) => flat,

@@ -12,6 +12,7 @@ use super::{
     Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
     SourceFile, TextureId,
 };
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::input::open_regular;
 use glam::Vec3;
@@ -31,6 +32,7 @@ struct Reader<'a> {
     /// The scene file's folder.
     folder: &'a Path,
     builder: Builder,
+    budget: MemoryBudget,
     materials: HashMap<&'a str, MaterialId>,
     textures: HashMap<String, TextureId>,
     /// Object files that were read, so that ten objects of one file read it once.
@@ -40,7 +42,7 @@ struct Reader<'a> {
 }
 
 /// Loads the scene file `path`.
-pub(super) fn load(path: &Path) -> Result<Scene> {
+pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     let text = read_text(path)?;
     let source = Source { path, text: &text };
     let root = DeTable::parse(&text).map_err(|e| {
@@ -51,8 +53,8 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
     // The parent of a bare file name is "", which no system call takes for the current folder.
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (materials, textures, files) = (HashMap::new(), HashMap::new(), HashMap::new());
-    let (builder, pictures) = (Builder::new(), Vec::new());
-    let mut reader = Reader { source, folder, builder, materials, textures, files, pictures };
+    let (builder, pictures) = (Builder::within(*budget), Vec::new());
+    let mut reader = Reader { source, folder, builder, budget: *budget, materials, textures, files, pictures };
 
     const KEYS: [&str; 6] = ["image", "camera", "trace", "light", "material", "object"];
     let root = Table::root(source, root.get_ref()).allow("a scene file", &KEYS)?;

@@ -291,6 +291,23 @@ impl Scene {
         Ok(Cow::Owned(flat))
     }
 
+    /// Bytes that [`Scene::flattened`] takes.
+    pub(crate) fn flattened_bytes(&self) -> u64 {
+        if self.instances.is_empty() {
+            return 0;
+        }
+        let bytes = |positions: usize, normals: usize, uvs: usize, triangles: usize| {
+            (size_of::<Vec3>() * (positions + normals) + size_of::<Vec2>() * uvs + size_of::<Triangle>() * triangles)
+                as u64
+        };
+        let own = bytes(self.positions.len(), self.normals.len(), self.uvs.len(), self.triangles.len());
+        let of_object =
+            |object: &Object| bytes(object.positions.len(), object.normals.len(), 0, object.triangles.len());
+        let of_uvs = |object: &Arc<Object>| bytes(0, 0, object.uvs.len(), 0);
+        let placed = self.instances.placed.iter().map(|i| of_object(&self.instances.objects[i.object as usize]));
+        own + placed.sum::<u64>() + self.instances.objects.iter().map(of_uvs).sum::<u64>()
+    }
+
     /// Triangles of the scene, those of its instances among them: primitives are numbered below this.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len() + self.instances.triangle_count()

@@ -4,8 +4,8 @@
 //! shading does not tear the surface: neighbours share their positions, and the mesh stays closed.
 //! Everything is in f64; the builder rounds each vertex once.
 
-use super::NO_INDEX;
-use glam::{DVec3, Vec2};
+use super::{NO_INDEX, Triangle};
+use glam::{DVec3, Vec2, Vec3};
 
 /// One corner of a triangle: indices into the mesh's arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +24,45 @@ pub(super) struct Mesh {
     pub normals: Vec<DVec3>,
     pub uvs: Vec<Vec2>,
     pub triangles: Vec<[Corner; 3]>,
+}
+
+/// How large a mesh will be.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Counts {
+    pub positions: u64,
+    pub normals: u64,
+    pub uvs: u64,
+    pub triangles: u64,
+    /// What is needed beside.
+    pub more_bytes: u64,
+}
+
+impl Counts {
+    /// Those of [`Mesh::add_grid`].
+    pub fn of_grid(columns: u32, rows: u32, has_normals: bool) -> Counts {
+        let (columns, rows) = (u64::from(columns), u64::from(rows));
+        let points = (columns + 1) * (rows + 1);
+        let more_bytes = points * size_of::<(u32, u32)>() as u64;
+        Counts {
+            positions: points,
+            normals: if has_normals { points } else { 0 },
+            uvs: points,
+            triangles: 2 * columns * rows,
+            more_bytes,
+        }
+    }
+
+    pub fn and_bytes(self, bytes: u64) -> Counts {
+        Counts { more_bytes: self.more_bytes + bytes, ..self }
+    }
+
+    /// Bytes of the mesh, and of its copy in a scene.
+    pub fn bytes(&self) -> u64 {
+        const VECTOR: u64 = (size_of::<DVec3>() + size_of::<Vec3>()) as u64;
+        const UV: u64 = 2 * size_of::<Vec2>() as u64;
+        const TRIANGLE: u64 = (size_of::<[Corner; 3]>() + size_of::<Triangle>()) as u64;
+        VECTOR * (self.positions + self.normals) + UV * self.uvs + TRIANGLE * self.triangles + self.more_bytes
+    }
 }
 
 impl Mesh {

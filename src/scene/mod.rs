@@ -30,7 +30,7 @@ pub use camera::Camera;
 pub use instances::{Instance, Instances, Object, ObjectId, Transform};
 pub(crate) use instances::{row_times_direction, row_times_point, turned};
 pub use light::{Falloff, Light, LightKind};
-pub use load::load;
+pub use load::{line_of_vertex, load, load_within};
 pub use material::{Material, MaterialId, Toon};
 pub use procedural::{Pattern, Procedural, TextureSpace};
 pub use samples::Samples;

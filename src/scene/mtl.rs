@@ -26,6 +26,7 @@
 use super::text::{Ignored, Lines, Warnings, quote, split_keyword, words};
 use super::texture::{Texture, TextureId, decode, find_inside};
 use super::{Material, MaterialId, SourceFile};
+use crate::budget::MemoryBudget;
 use glam::Vec3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -76,6 +77,7 @@ struct Definition {
 /// The materials of an OBJ file: those its libraries define and, of these, those it uses.
 pub(super) struct Library {
     obj: PathBuf,
+    budget: MemoryBudget,
     root: PathBuf,
     definitions: Vec<Definition>,
     by_name: HashMap<String, usize>,
@@ -102,9 +104,10 @@ pub(super) struct Library {
 
 impl Library {
     /// No materials yet, for the file `obj`; nothing outside the folder `root`, which is canonical, will be opened.
-    pub(super) fn new(obj: &Path, root: PathBuf) -> Self {
+    pub(super) fn new(obj: &Path, root: PathBuf, budget: MemoryBudget) -> Self {
         Library {
             obj: obj.to_owned(),
+            budget,
             root,
             definitions: Vec::new(),
             by_name: HashMap::new(),
@@ -289,7 +292,7 @@ impl Library {
                 return Ok(id);
             }
             self.note_file(&path, "texture", &definition.library);
-            let decoded = decode(&path, name);
+            let decoded = decode(&path, name, &self.budget);
             let id = decoded.is_ok().then_some(self.textures.len() as TextureId);
             self.texture_ids.insert(path, id);
             self.textures.push(decoded?.into());

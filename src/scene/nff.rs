@@ -21,10 +21,12 @@ mod solids;
 mod words;
 
 use super::check::{camera_fault, light_fault};
+use super::load::check_memory;
 use super::obj::{read_text, warn_of_dropped};
 use super::text::{Ignored, Tally, Warnings, quote};
 use super::triangulate::{MAX_CORNERS, Triangulator};
 use super::{Background, Builder, Camera, Light, MaterialId, Normals, PictureDefaults, Scene};
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -33,6 +35,9 @@ use std::iter::Peekable;
 use std::ops::RangeInclusive;
 use std::path::Path;
 use words::{Word, Words};
+
+/// What a file takes while it is turned into a scene, in its own size, without the solids.
+const BYTES_PER_BYTE: u64 = 9;
 
 /// A part of the view and the line it stands on.
 type Placed<T> = Option<(T, usize)>;
@@ -72,14 +77,15 @@ struct Reader<'a> {
 }
 
 /// Loads the NFF file at `path`.
-pub(super) fn load(path: &Path) -> Result<Scene> {
-    let text = read_text(path)?;
+pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
+    let text = read_text(path, budget)?;
+    check_memory(path, BYTES_PER_BYTE * text.len() as u64, budget)?;
     let mut warnings = Warnings::default();
     let mut reader = Reader {
         path,
         words: Words::new(&text).peekable(),
         line: 1,
-        builder: Builder::new(),
+        builder: Builder::within(*budget),
         view: View::default(),
         lights: Vec::new(),
         materials: HashMap::new(),

@@ -19,13 +19,17 @@ mod survey;
 mod tests;
 mod vertices;
 
+use super::load::{check_memory, refused};
 use super::mtl::Library;
-use super::text::{Tally, Warnings};
-use super::{DropReason, Scene};
+use super::text::{Tally, Warnings, split_keyword};
+use super::{DropReason, Scene, Triangle};
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::input::open_regular;
 use faces::{Materials, Tallies};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::Path;
 use survey::{PART_BYTES, Survey};
@@ -42,20 +46,37 @@ const HEAD_BYTES: usize = 1024;
 type Fault = (usize, String);
 
 /// Loads the OBJ file at `path`: a scene without lights and camera. Only files in its folder and below are opened.
-pub(super) fn load(path: &Path) -> Result<Scene> {
-    load_in_parts(path, PART_BYTES)
+pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
+    load_in_parts(path, PART_BYTES, budget)
+}
+
+/// The line of vertex statement number `vertex`, counted from 0.
+pub(super) fn line_of_vertex(path: &Path, vertex: usize) -> Option<usize> {
+    let text = read_text(path, &MemoryBudget::UNLIMITED).ok()?;
+    let survey = Survey::new(&text, PART_BYTES);
+    let part = survey.parts.iter().rev().find(|part| part.before[0] <= vertex)?;
+    let is_vertex = |line: &(usize, Cow<[u8]>)| split_keyword(&line.1).0 == b"v";
+    part.lines().filter(is_vertex).nth(vertex - part.before[0]).map(|(line, _)| line)
+}
+
+/// Bytes of a scene's arrays with so many positions, texture coordinates and normals, and so many triangles.
+fn scene_bytes([positions, uvs, normals]: [usize; 3], triangles: usize) -> u64 {
+    let vectors = size_of::<Vec3>() as u64 * (positions as u64 + normals as u64);
+    vectors + size_of::<Vec2>() as u64 * uvs as u64 + size_of::<Triangle>() as u64 * triangles as u64
 }
 
 /// Loads a file in parts of about `part_bytes`.
-fn load_in_parts(path: &Path, part_bytes: usize) -> Result<Scene> {
-    let text = read_text(path)?;
+fn load_in_parts(path: &Path, part_bytes: usize, budget: &MemoryBudget) -> Result<Scene> {
+    let text = read_text(path, budget)?;
     let survey = Survey::new(&text, part_bytes);
     if survey.faces == 0 {
         return Err(Error::input(path, None, "has no faces (lines that begin with 'f'); is it a Wavefront OBJ file?"));
     }
+    let bytes = scene_bytes(survey.counts, survey.triangles);
+    check_memory(path, bytes, budget)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let root = folder.canonicalize().map_err(|e| Error::io("read", folder, e))?;
-    let mut library = Library::new(path, root);
+    let mut library = Library::new(path, root, *budget);
     survey.ignored.report(path, &mut library.warnings);
     for (line, names) in &survey.libraries {
         library.read_libraries(*line, names);
@@ -89,7 +110,7 @@ fn materials<'a>(survey: &'a Survey, library: &mut Library) -> Materials<'a> {
 }
 
 /// Reads a regular file that may be OBJ or NFF text.
-pub(super) fn read_text(path: &Path) -> Result<Vec<u8>> {
+pub(super) fn read_text(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>> {
     let unreadable = |e| Error::io("read", path, e);
     let (mut file, bytes) = open_regular(path)?;
     if bytes > MAX_FILE_BYTES {
@@ -104,7 +125,8 @@ pub(super) fn read_text(path: &Path) -> Result<Vec<u8>> {
     if text.contains(&0) {
         return Err(Error::input(path, None, "is not text (it has NUL bytes); only the text form is read"));
     }
-    text.reserve_exact(bytes as usize);
+    check_memory(path, bytes, budget)?;
+    text.try_reserve_exact(bytes as usize).map_err(|_| refused(path, bytes))?;
     file.take(MAX_FILE_BYTES).read_to_end(&mut text).map_err(unreadable)?;
     Ok(text)
 }

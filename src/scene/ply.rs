@@ -29,9 +29,11 @@ mod values;
 mod vertices;
 mod whole;
 
+use super::load::{check_memory, refused};
 use super::obj::warn_of_dropped;
 use super::text::{Warnings, quote};
-use super::{Image, Scene, Texture};
+use super::{Image, Scene, Texture, Triangle};
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::input::open_regular;
 use faces::{FaceSink, Faces};
@@ -52,7 +54,7 @@ const MAX_NAMES: usize = 12;
 const MAX_WHOLE_BYTES: u64 = 1 << 30;
 
 /// Loads the PLY file at `path`: a scene without lights and camera. Only textures in its folder and below are opened.
-pub(super) fn load(path: &Path) -> Result<Scene> {
+pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     let row_ended = Cell::new(true);
     let (file, bytes) = open_regular(path)?;
     let mut source = Source::new(path, file, &row_ended)?;
@@ -61,7 +63,8 @@ pub(super) fn load(path: &Path) -> Result<Scene> {
         Err(fault) => return Err(header_fault(path, &source, fault)),
     };
     let mut warnings = Warnings::default();
-    let mut mesh = Mesh::new(path, &header, &mut warnings)?;
+    let mut mesh = Mesh::new(path, &header, &mut warnings, budget)?;
+    check_memory(path, mesh.estimated_bytes(&header, bytes), budget)?;
     let whole = if bytes <= MAX_WHOLE_BYTES { mesh.read_whole(path, &mut source, &header)? } else { None };
     let (has_more, left_out) = match whole {
         Some(found) => found,
@@ -91,7 +94,7 @@ struct Mesh {
 
 impl Mesh {
     /// Nothing read yet; the textures that `header` names are loaded.
-    fn new(path: &Path, header: &PlyHeader, warnings: &mut Warnings) -> Result<Mesh> {
+    fn new(path: &Path, header: &PlyHeader, warnings: &mut Warnings, budget: &MemoryBudget) -> Result<Mesh> {
         let fault = |message: String| Error::input(path, None, message);
         let find = |name: &str| header.elem_defs.iter().position(|e| e.name == name && e.count > 0);
         let (Some(vertex), Some(face)) = (find("vertex"), find("face")) else {
@@ -100,17 +103,28 @@ impl Mesh {
         let [vertex_element, face_element] = [vertex, face].map(|i| &header.elem_defs[i]);
         let vertices = Vertices::new(vertex_element).map_err(fault)?;
         let (numbers, textures) = match vertices.has_uvs || Faces::has_texcoords(face_element) {
-            true => paint::load_textures(path, &header.comments, warnings),
+            true => paint::load_textures(path, &header.comments, warnings, budget),
             false => Default::default(),
         };
         let faces = Faces::new(face_element, &vertices, numbers).map_err(fault)?;
         Ok(Mesh { vertex, face, vertices, faces, textures })
     }
 
+    /// About how many bytes are taken while a file of `file_bytes` is read: most faces are triangles, and parts that were read by several
+    /// threads are there once more when they are joined. Rows that a header promises beyond the file's end count for nothing.
+    fn estimated_bytes(&self, header: &PlyHeader, file_bytes: u64) -> u64 {
+        let rows = |element: usize| (header.elem_defs[element].count as u64).min(file_bytes);
+        let text = if file_bytes <= MAX_WHOLE_BYTES { file_bytes } else { 0 };
+        text + self.vertices.row_bytes() * rows(self.vertex) + 2 * size_of::<Triangle>() as u64 * rows(self.face)
+    }
+
     /// Reads the file into memory and all of it at the same time: whether there is more after its rows, and in lines beside them.
     /// None if that cannot be done, and nothing is read.
     fn read_whole(&mut self, path: &Path, source: &mut Source, header: &PlyHeader) -> Result<Option<(bool, bool)>> {
-        let data = source.data().map_err(|e| Error::io("read", path, e))?;
+        let data = source.data().map_err(|e| match e.kind() {
+            ErrorKind::OutOfMemory => refused(path, MAX_WHOLE_BYTES),
+            _ => Error::io("read", path, e),
+        })?;
         let (vertices, faces) = ((self.vertex, &self.vertices), (self.face, &self.faces));
         let whole = whole::read(header, &data, source.line_end, vertices, faces);
         Ok(whole.map(|Whole { vertices, faces, has_more, left_out }| {

@@ -7,7 +7,7 @@
 
 use super::NO_INDEX;
 use super::builder::Builder;
-use super::mesh::{Corner, Mesh, sin_cos_degrees};
+use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
 use glam::{DVec3, Vec3};
 
 /// The most segments that a solid is broken into along one direction: a sphere then has 16.8 million triangles, and a slip of
@@ -41,6 +41,11 @@ impl Builder {
             return self;
         }
         let (radius, rings) = (f64::from(radius), (segments / 2).max(2));
+        // Each corner of a quadrilateral has texture coordinates of its own.
+        let counts = Counts::of_grid(segments, rings, true);
+        if !self.has_room("the sphere", Counts { uvs: 2 * counts.triangles, ..counts }) {
+            return self;
+        }
         let mut mesh = Mesh::default();
         let direction = |i: u32, j: u32| {
             let (sin, cos) = sin_cos_degrees(180.0 * f64::from(j) / f64::from(rings));
@@ -205,6 +210,9 @@ impl Builder {
         if !(origin.is_finite() && u.cross(v).is_finite() && u.cross(v) != DVec3::ZERO) {
             return self.fail("quad: its edges are parallel, zero or not finite");
         }
+        if !self.has_room("the quad", Counts::of_grid(segments, segments, false)) {
+            return self;
+        }
         let mut mesh = Mesh::default();
         let share = |i: u32| f64::from(i) / f64::from(segments);
         mesh.add_grid(segments, segments, [false; 2], |i, j| (origin + u * share(i) + v * share(j), None));
@@ -223,6 +231,9 @@ impl Builder {
             return self
                 .fail(format!("torus: the minor radius {minor_radius} is not below the major radius {major_radius}"));
         }
+        if !self.has_room("the torus", Counts::of_grid(segments, sides, true)) {
+            return self;
+        }
         let (major, minor) = (f64::from(major_radius), f64::from(minor_radius));
         let mut mesh = Mesh::default();
         mesh.add_grid(segments, sides, [true; 2], |i, j| {
@@ -237,6 +248,9 @@ impl Builder {
     /// x times `rows` along z times 2 triangles. u runs along x and v against z. Not closed; scale it to the size it should have.
     pub fn height_field(&mut self, columns: u32, rows: u32, height: impl Fn(f32, f32) -> f32) -> &mut Self {
         if !(self.fine("height field: columns", columns, 1) & self.fine("height field: rows", rows, 1)) {
+            return self;
+        }
+        if !self.has_room("the height field", Counts::of_grid(columns, rows, true)) {
             return self;
         }
         let mut mesh = Mesh::default();

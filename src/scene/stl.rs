@@ -10,9 +10,11 @@
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
+use super::load::{check_memory, refused};
 use super::obj::warn_of_dropped;
 use super::text::{Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::input::open_regular;
 use glam::Vec3;
@@ -28,17 +30,23 @@ const HEADER_BYTES: usize = 80;
 const COUNT_BYTES: usize = 4;
 const FACET_BYTES: usize = 50;
 
+/// What a file takes while it is read, in its own size: of a binary one itself, its triangles, and its corners by their positions. A text
+/// is copied, but has fewer triangles.
+const BYTES_PER_BYTE: u64 = 5;
+
 /// How much of a file is searched for NUL bytes, which no text has. The count of a binary file lies within.
 const HEAD_BYTES: usize = 1024;
 
 /// Loads the STL file at `path`: a scene without lights and camera.
-pub(super) fn load(path: &Path) -> Result<Scene> {
+pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     let (file, bytes) = open_regular(path)?;
     if bytes > MAX_FILE_BYTES {
         let message = format!("is larger than {} MiB, the most that is read; split it", MAX_FILE_BYTES >> 20);
         return Err(Error::input(path, None, message));
     }
-    let mut data = Vec::with_capacity(bytes as usize);
+    check_memory(path, BYTES_PER_BYTE * bytes, budget)?;
+    let mut data = Vec::new();
+    data.try_reserve_exact(bytes as usize).map_err(|_| refused(path, bytes))?;
     file.take(MAX_FILE_BYTES).read_to_end(&mut data).map_err(|e| Error::io("read", path, e))?;
 
     let facets = binary_facets(&data);

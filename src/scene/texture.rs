@@ -4,6 +4,7 @@
 //! bits shows. Colour profiles and EXIF orientation are not read.
 
 use super::Procedural;
+use crate::budget::{DecidedBy, MemoryBudget, Need};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs::File;
 use std::io::BufReader;
@@ -70,9 +71,9 @@ const MAX_BYTES: u64 = 160 << 20;
 /// # Errors
 /// One clause for a warning, without the name: not found, outside, not a regular file, too large, not a picture.
 #[allow(dead_code)] // for textures that a scene file names itself
-pub(super) fn load_texture(folder: &Path, name: &str) -> Result<Image, String> {
+pub(super) fn load_texture(folder: &Path, name: &str, budget: &MemoryBudget) -> Result<Image, String> {
     let root = folder.canonicalize().map_err(|e| format!("its folder cannot be found: {e}"))?;
-    decode(&find_inside(&root, &root, name)?, name)
+    decode(&find_inside(&root, &root, name)?, name, budget)
 }
 
 /// The canonical path of the regular file `name`, relative to `folder`, if it lies inside `root`, which is canonical.
@@ -88,7 +89,7 @@ pub(super) fn find_inside(root: &Path, folder: &Path, name: &str) -> Result<Path
 }
 
 /// Decodes the picture at `path`; `name` is for messages.
-pub(super) fn decode(path: &Path, name: &str) -> Result<Image, String> {
+pub(super) fn decode(path: &Path, name: &str, budget: &MemoryBudget) -> Result<Image, String> {
     let unreadable = |e: std::io::Error| format!("cannot be read: {e}");
     let file = File::open(path).map_err(unreadable)?;
     let file_bytes = file.metadata().map_err(unreadable)?.len();
@@ -119,6 +120,9 @@ pub(super) fn decode(path: &Path, name: &str) -> Result<Image, String> {
     if bytes > MAX_BYTES {
         return Err(too_large(bytes));
     }
+    let need =
+        Need { what: "it", bytes, decided_by: DecidedBy::Input, remedy: "take a smaller one, or raise --memory-limit" };
+    budget.check(&need).map_err(|e| e.to_string())?;
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| format!("cannot be decoded: {e}"))?;
     Ok(Image { name: name.to_owned(), width, height, rgba: texels(picture) })
 }

@@ -9,7 +9,7 @@ use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::input::read_regular;
 use crate::options::{SceneSize, TunedChoice};
-use crate::output::write_json;
+use crate::output::{check_writable, write_json};
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -198,10 +198,22 @@ impl TunedFile {
             let source = std::io::Error::other("it is not a regular file; remove it");
             return Err(Error::io("write", &self.path, source));
         }
-        if let Some(folder) = self.path.parent() {
-            std::fs::create_dir_all(folder).map_err(|error| Error::io("create", folder, error))?;
-        }
+        self.make_folder()?;
         write_json(&self.path, &all).map(|()| note)
+    }
+
+    /// Checks that it can be written, and makes the folder that it belongs into.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the folder cannot be made or the file not be written.
+    pub fn check_writable(&self) -> Result<()> {
+        self.make_folder()?;
+        check_writable(&self.path)
+    }
+
+    fn make_folder(&self) -> Result<()> {
+        let folder = self.path.parent();
+        folder.map_or(Ok(()), |folder| std::fs::create_dir_all(folder).map_err(|e| Error::io("create", folder, e)))
     }
 
     /// Removes the file; whether there was one.

@@ -3,7 +3,7 @@
 use super::Reader;
 use super::table::{Table, suggestion};
 use crate::error::Result;
-use crate::scene::load::{MODELS, ending, load};
+use crate::scene::load::{MODELS, ending, load_within};
 use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::texture::load_texture;
 use crate::scene::{Builder, MAX_SEGMENTS, MaterialId, ObjectId, height};
@@ -120,7 +120,7 @@ impl<'a> Reader<'a> {
         let scene = match self.files.entry(path) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
-                let mut scene = load(new.key())?;
+                let mut scene = load_within(new.key(), &self.budget)?;
                 let names_it = || format!("the model that '{}' names", self.source.path.display());
                 scene.files.iter_mut().filter(|file| file.path == *new.key()).for_each(|file| file.role = names_it());
                 new.insert(scene)
@@ -192,8 +192,8 @@ impl<'a> Reader<'a> {
             }
             let path = self.inside_folder(table, "picture", file)?;
             self.note_picture(path, "picture of heights");
-            let picture =
-                load_texture(self.folder, file).map_err(|e| table.error("picture", format!("'{file}': {e}")))?;
+            let picture = load_texture(self.folder, file, &self.budget)
+                .map_err(|e| table.error("picture", format!("'{file}': {e}")))?;
             let side = |texels: u32| own_segments.unwrap_or((texels.max(2) - 1).min(MAX_SEGMENTS));
             let heights = height::from_picture(&picture, table.number("height")?.unwrap_or(1.0));
             self.builder.height_field(side(picture.width), side(picture.height), heights);

@@ -42,7 +42,8 @@ impl Reader<'_> {
         }
         let path = self.inside_folder(material, "texture", file)?;
         self.note_picture(path, "texture");
-        let image = load_texture(self.folder, file).map_err(|e| material.error("texture", format!("'{file}': {e}")))?;
+        let image = load_texture(self.folder, file, &self.budget)
+            .map_err(|e| material.error("texture", format!("'{file}': {e}")))?;
         let id = self.builder.add_texture(image);
         self.textures.insert(file.to_owned(), id);
         Ok(id)

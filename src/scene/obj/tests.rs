@@ -1,6 +1,7 @@
 //! However a text is cut into parts, it gives the same scene, warnings and errors, as `tobj` has them where it can read the text.
 
 use super::load_in_parts;
+use crate::budget::MemoryBudget;
 use crate::error::Result;
 use crate::scene::triangulate::MAX_PAIRS;
 use crate::scene::{NO_INDEX, Scene};
@@ -16,7 +17,7 @@ fn load_all(text: &[u8]) -> Vec<Result<Scene>> {
     let path: PathBuf = folder.path().join("a.obj");
     std::fs::write(folder.path().join("m.mtl"), "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\n").unwrap();
     std::fs::write(&path, text).unwrap();
-    PART_BYTES.map(|part_bytes| load_in_parts(&path, part_bytes)).into()
+    PART_BYTES.map(|part_bytes| load_in_parts(&path, part_bytes, &MemoryBudget::UNLIMITED)).into()
 }
 
 /// All that a loader decides of `scene`; NaN is equal to itself.

@@ -3,6 +3,7 @@
 //! A surface has one material, so each colour becomes a matt one, named by its code. Until all faces are known a triangle has a
 //! *paint* for a material: its colour, its texture, or neither.
 
+use crate::budget::MemoryBudget;
 use crate::scene::file::linear;
 use crate::scene::text::{Warnings, quote};
 use crate::scene::texture::{decode, find_inside};
@@ -98,6 +99,7 @@ pub(super) fn load_textures(
     path: &Path,
     comments: &[String],
     warnings: &mut Warnings,
+    budget: &MemoryBudget,
 ) -> (Vec<Option<TextureId>>, Vec<Image>) {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (mut numbers, mut textures) = (Vec::new(), Vec::new());
@@ -108,7 +110,7 @@ pub(super) fn load_textures(
             if let Some(&id) = known.get(&file) {
                 return Ok(id);
             }
-            let decoded = decode(&file, name);
+            let decoded = decode(&file, name, budget);
             let id = decoded.is_ok().then_some(textures.len() as TextureId);
             known.insert(file, id);
             textures.push(decoded?);

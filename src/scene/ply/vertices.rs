@@ -144,6 +144,16 @@ impl Vertices {
         }
     }
 
+    /// Bytes that a row becomes, twice: parts that were read by several threads are there once more when they are joined.
+    pub fn row_bytes(&self) -> u64 {
+        let of = |has: bool, bytes: usize| if has { bytes } else { 0 };
+        let row = size_of::<Vec3>()
+            + of(self.has_normals, size_of::<Vec3>())
+            + of(self.has_uvs, size_of::<Vec2>())
+            + of(self.has_colours, size_of::<[u8; 3]>());
+        2 * row as u64
+    }
+
     /// Whether property number `property` is read.
     pub fn uses(&self, property: usize) -> bool {
         self.slots[property].is_some()
