@@ -7,6 +7,8 @@ mod choice;
 mod common;
 #[path = "cli/explain.rs"]
 mod explain;
+#[path = "cli/limits.rs"]
+mod limits;
 #[path = "cli/losses.rs"]
 mod losses;
 #[path = "cli/tune.rs"]

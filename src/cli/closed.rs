@@ -4,10 +4,12 @@ use super::files::Files;
 use super::progress::Bar;
 use super::stress::{StressArgs, keep, replay_command};
 use super::{Talk, open, stop};
+use raybrook::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{Accel, TraceOptions};
 use raybrook::output::{check_writable, write_json};
-use raybrook::scene;
+use raybrook::pack::SceneBuffers;
+use raybrook::scene::{self, Scene};
 use raybrook::stress::closed::{ClosedMesh, Leaks, NotClosed, find_leaks};
 use raybrook::stress::{Case, Mesh, Method, Replay, StressRay};
 use raybrook::{Error, Result};
@@ -123,6 +125,16 @@ fn claim(args: &StressArgs, names: &[(String, PathBuf)], mut files: Files) -> Re
     Ok(())
 }
 
+/// Checks that there is memory for the structure over a model.
+fn check_memory(path: &Path, scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<()> {
+    budget.check(&Need {
+        what: &format!("{}: --accel {} of {} triangles", path.display(), options.accel, scene.triangle_count()),
+        bytes: SceneBuffers::estimated_bytes(scene, options),
+        decided_by: DecidedBy::Input,
+        remedy: "take a model of fewer triangles, or raise --memory-limit",
+    })
+}
+
 pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode> {
     let start = Instant::now();
     let mut files = Files::default();
@@ -133,9 +145,11 @@ pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode
     let device = open::choose(&args.device, talk)?;
     let options = args.method.options_for(device.as_ref(), false, talk)?;
     let cache = args.device.cache()?;
+    let budget = args.memory.budget();
     let (mut closed, mut not_closed) = (Vec::new(), Vec::new());
     for (name, path) in &names {
-        let scene = scene::load(path)?;
+        let scene = scene::load_within(path, &budget)?;
+        check_memory(path, &scene, &options, &budget)?;
         files.read_scene(&scene);
         match ClosedMesh::new(Mesh::try_from(&scene)?) {
             Ok(mesh) => closed.push((name.clone(), mesh)),

@@ -88,8 +88,9 @@ fn cannot_be_framed(scene: &Scene, path: &Path) -> Error {
     let vertex = scene.triangles.get(primitive as usize).map(|t| t.positions[corner.unwrap_or(0)] as usize);
     let line = vertex.and_then(|vertex| scene::line_of_vertex(path, vertex));
     let message = format!(
-        "the vertex at {position} of triangle {primitive} is so far away that no camera which shows the scene has a place in float32's \
-         range; correct it, make the scene smaller, or give a camera in a scene file"
+        "the vertex ({:e}, {:e}, {:e}) of triangle {primitive} is so far away that no camera which shows the scene has a place in float32's \
+         range; correct it, make the scene smaller, or give a camera in a scene file",
+        position.x, position.y, position.z
     );
     Error::input(path, line, message)
 }

@@ -1,7 +1,7 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
 use super::files::Files;
-use super::{DeviceArgs, MethodArgs, Talk, closed, open, print, stop};
+use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, closed, open, print, stop};
 use raybrook::device::{Cache, DeviceHandle};
 use raybrook::options::{Accel, Intersector, TraceOptions};
 use raybrook::output::{check_writable, write_json};
@@ -67,6 +67,8 @@ pub struct StressArgs {
     pub(super) method: MethodArgs,
     #[command(flatten)]
     pub(super) device: DeviceArgs,
+    #[command(flatten)]
+    pub(super) memory: MemoryArgs,
 }
 
 /// Wrong answers of one method to the rays of one kind.
@@ -271,11 +273,12 @@ impl Run<'_> {
         let [mesh, rays] = files else {
             return Err(Error::option("--replay", "needs a model and a file of rays"));
         };
-        let scene = scene::load(mesh)?;
+        let budget = self.args.memory.budget();
+        let scene = scene::load_within(mesh, &budget)?;
         let mut read = Files::default();
         read.read_scene(&scene);
         read.write_if(self.args.json.as_deref(), "--json")?;
-        let case = Replay { mesh: mesh.clone(), rays: rays.clone() }.case_of(&scene)?;
+        let case = Replay { mesh: mesh.clone(), rays: rays.clone() }.case_of(&scene, &budget)?;
         let answers = Answers::new(&case);
         let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
         let faults = found.faults(&answers, sheet.strict);

@@ -2,6 +2,7 @@
 
 use super::files::Files;
 use super::{DeviceArgs, MemoryArgs, Talk, open};
+use raybrook::budget::MemoryBudget;
 use raybrook::output::check_writable;
 use raybrook::study::{Header, Lab, Report, State, Study};
 use raybrook::{Error, Result};
@@ -84,7 +85,7 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     let device = open::choose(&args.device, talk)?;
     let cache = args.device.cache()?;
     let budget = args.memory.budget();
-    let load = |path: &PathBuf| Ok((path.display().to_string(), open::load_completed(path, &budget, talk)?));
+    let load = |path: &PathBuf| Ok((name_of(path), open::load_completed(path, &budget, talk)?));
     let scenes = args.scene.iter().map(load).collect::<Result<Vec<_>>>()?;
     scenes.iter().for_each(|(_, scene)| files.read_scene(scene));
     args.claim(files)?;
@@ -94,6 +95,7 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         }
     };
     let mut lab = Lab::new(device.as_ref(), cache.as_ref(), &scenes, args.quick, args.seed, &progress);
+    lab.memory = args.memory.memory_limit.map(MemoryBudget::of_bytes);
     let mut report = Report::open(&args.output, Header::new(&lab), &command(), args.again)?;
     for (i, study) in studies.iter().enumerate() {
         if !talk.quiet {
@@ -120,6 +122,12 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         say!("{}", report.page().display());
     }
     Ok(())
+}
+
+/// How a scene is called in reports, where control characters have no place.
+fn name_of(path: &Path) -> String {
+    let escaped = |c: char| if c.is_control() { c.escape_unicode().to_string() } else { c.to_string() };
+    path.display().to_string().chars().map(escaped).collect()
 }
 
 /// The studies of these names, each once.

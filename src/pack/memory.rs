@@ -96,3 +96,110 @@ impl<'a> Room<'a> {
         if limit.is_exceeded() { self.check_structure(limit.added_bytes().max(self.budget.left() + 1)) } else { Ok(()) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::budget::BudgetOrigin;
+    use crate::error::Error;
+    use crate::options::Build;
+    use crate::scene::Builder;
+    use glam::Vec3;
+
+    fn ball() -> Scene {
+        let mut builder = Builder::new();
+        builder.sphere(1.0, 64);
+        builder.finish().unwrap()
+    }
+
+    /// Arrays of a packed scene, in bytes, and the largest of what is there while it is built but not any more afterwards.
+    fn kept(buffers: &SceneBuffers) -> usize {
+        size_of_val(&buffers.nodes[..])
+            + size_of_val(&buffers.references[..])
+            + size_of_val(&buffers.vertices[..])
+            + size_of_val(&buffers.bounds[..])
+            + size_of_val(&buffers.transforms[..])
+            + size_of_val(&buffers.shading[..])
+            + size_of_val(&buffers.texels[..])
+    }
+
+    #[test]
+    fn estimates_hold_what_is_kept_and_not_much_more() {
+        let scene = ball();
+        for &accel in Accel::ALL {
+            for leaf_size in [None, Some(1)] {
+                let options = TraceOptions { accel, leaf_size, ..TraceOptions::DEFAULT };
+                if options.validate().is_err() {
+                    continue;
+                }
+                let buffers = SceneBuffers::within(&scene, &options, &MemoryBudget::UNLIMITED).unwrap();
+                let (kept, estimated) = (kept(&buffers) as u64, SceneBuffers::estimated_bytes(&scene, &options));
+                assert!(kept <= estimated && estimated < 5 * kept, "{accel} {leaf_size:?}: {kept} of {estimated}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_numbers_before_it_is_built() {
+        let scene = ball();
+        for &accel in Accel::ALL {
+            let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+            let budget = MemoryBudget::of_bytes(1000);
+            let error = SceneBuffers::within(&scene, &options, &budget).map(drop).unwrap_err();
+            assert_eq!(error.exit_code(), 3);
+            let Error::OutOfMemory { what, needed_bytes, budget, .. } = error else { panic!("{error}") };
+            assert!(what.contains(accel.name()) && what.contains("3968 triangles"), "{what}");
+            assert!(needed_bytes >= SceneBuffers::estimated_bytes(&scene, &options));
+            assert_eq!((budget.bytes(), budget.origin()), (1000, BudgetOrigin::Given));
+        }
+    }
+
+    /// Instances are what they take where they are flattened, and not where they are shared.
+    #[test]
+    fn instances_count_as_often_as_they_are_placed() {
+        let mut builder = Builder::new();
+        let object = builder.begin_object().sphere(1.0, 64).end_object();
+        for i in 0..100 {
+            builder.push().translate(Vec3::X * i as f32).instance(object, None).pop();
+        }
+        let scene = builder.finish().unwrap();
+        let bytes = |accel| SceneBuffers::estimated_bytes(&scene, &TraceOptions { accel, ..TraceOptions::DEFAULT });
+        assert!(bytes(Accel::Bvh2) > 60 * bytes(Accel::Instances));
+        let flat = scene.flattened().unwrap();
+        let lists = size_of_val(&flat.positions[..]) + size_of_val(&flat.normals[..]) + size_of_val(&flat.uvs[..]);
+        assert_eq!(scene.flattened_bytes(), (lists + size_of_val(&flat.triangles[..])) as u64);
+    }
+
+    /// Long triangles through everything: a tree of all of them has many times as many references.
+    #[test]
+    fn trees_that_grow_too_large_end_early() {
+        let mut builder = Builder::new();
+        for i in 0..400u32 {
+            let at = |k: u32| Vec3::new((i * 37 % 101 + k) as f32, (i * 53 % 103) as f32, 97.0 * (k % 2) as f32);
+            builder.triangle(at(0), at(101), at(i * 7 % 90 + 2));
+        }
+        let scene = builder.finish().unwrap();
+        for (accel, build) in [(Accel::Kd, Build::SpatialMedian), (Accel::Kd, Build::Sah), (Accel::Octree, Build::Sah)]
+        {
+            let options = TraceOptions { accel, build, leaf_size: Some(1), ..TraceOptions::DEFAULT };
+            let whole = SceneBuffers::within(&scene, &options, &MemoryBudget::UNLIMITED).unwrap();
+            let added = whole.references.len() - 400;
+            assert!(added > 400, "{accel} {build}: {added}");
+            let limit = GrowthLimit::of_bytes(80 * added as u64 / 2, &options);
+            let vertices: Vec<_> = (0..400).map(|i| scene.vertices(i)).collect();
+            let primitives: Vec<_> = (0..400).collect();
+            let build_options = crate::accel::BuildOptions::of(&options, 400);
+            let bounds = crate::accel::Aabb { low: scene.bounds().unwrap().0, high: scene.bounds().unwrap().1 };
+            if accel == Accel::Kd {
+                crate::accel::build_kd_tree_within(build, &vertices, &primitives, &build_options, &limit);
+            } else {
+                crate::accel::build_octree_within(&vertices, &primitives, bounds, &build_options, &limit);
+            }
+            assert!(limit.is_exceeded(), "{accel} {build}");
+            let room = Room::new(&scene, &options, &MemoryBudget::UNLIMITED);
+            room.check_growth(&GrowthLimit::none()).unwrap();
+            let small = MemoryBudget::of_bytes(1 << 10);
+            assert!(Room::new(&scene, &options, &small).check_growth(&limit).is_err());
+        }
+    }
+}

@@ -2,8 +2,11 @@
 
 use super::case::Case;
 use super::mesh::Mesh;
+use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
+use crate::options::TraceOptions;
 use crate::output::write_atomically;
+use crate::pack::SceneBuffers;
 use crate::rays::RayBatch;
 use crate::scene::{self, Scene};
 use std::path::{Path, PathBuf};
@@ -45,14 +48,29 @@ impl Replay {
     /// # Errors
     /// The files cannot be read, or do not hold what they should.
     pub fn read(&self) -> Result<Case> {
-        self.case_of(&scene::load(&self.mesh)?)
+        self.read_within(&MemoryBudget::available())
+    }
+
+    /// As [`Replay::read`], with no more memory than `budget` has.
+    ///
+    /// # Errors
+    /// As there, and [`Error::OutOfMemory`].
+    pub fn read_within(&self, budget: &MemoryBudget) -> Result<Case> {
+        self.case_of(&scene::load_within(&self.mesh, budget)?, budget)
     }
 
     /// The same where the model is loaded already.
     ///
     /// # Errors
-    /// The rays cannot be read, or do not hold what they should.
-    pub fn case_of(&self, scene: &Scene) -> Result<Case> {
-        Ok(Case::from_batch(Mesh::try_from(scene)?, &RayBatch::read(&self.rays)?))
+    /// The rays cannot be read, or do not hold what they should, and [`Error::OutOfMemory`].
+    pub fn case_of(&self, scene: &Scene, budget: &MemoryBudget) -> Result<Case> {
+        let batch = RayBatch::read_within(&self.rays, budget)?;
+        budget.check(&Need {
+            what: &format!("{}: a mesh of {} triangles", self.mesh.display(), scene.triangle_count()),
+            bytes: SceneBuffers::estimated_bytes(scene, &TraceOptions::DEFAULT),
+            decided_by: DecidedBy::Input,
+            remedy: "take a model of fewer triangles, or raise --memory-limit",
+        })?;
+        Ok(Case::from_batch(Mesh::try_from(scene)?, &batch))
     }
 }

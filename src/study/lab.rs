@@ -9,6 +9,7 @@ pub use subject::Subject;
 
 use super::journal::Journal;
 use super::table::{Row, row};
+use crate::budget::MemoryBudget;
 use crate::device::{Cache, DeviceHandle, DeviceKind};
 use crate::error::Result;
 use crate::options::{PacketSize, TraceOptions};
@@ -44,6 +45,8 @@ pub struct Lab<'a> {
     pub seed: u64,
     /// What is being done.
     pub progress: &'a (dyn Fn(&str) + Sync),
+    /// How much memory each structure may take; `None`: what there is when it is built.
+    pub memory: Option<MemoryBudget>,
     pub(super) journal: Journal,
 }
 
@@ -89,7 +92,12 @@ impl<'a> Lab<'a> {
         seed: u64,
         progress: &'a (dyn Fn(&str) + Sync),
     ) -> Lab<'a> {
-        Lab { device, cache, scenes, quick, seed, progress, journal: Journal::default() }
+        Lab { device, cache, scenes, quick, seed, progress, memory: None, journal: Journal::default() }
+    }
+
+    /// Packs a scene in the memory that there may be.
+    pub(super) fn pack(&self, scene: &Scene, options: &TraceOptions) -> Result<SceneBuffers> {
+        SceneBuffers::within(scene, options, &self.memory.unwrap_or_else(MemoryBudget::available))
     }
 
     /// Timed passes of each measurement.
@@ -199,7 +207,7 @@ impl<'a> Lab<'a> {
     /// Builds, compiles, traces each batch once without timing it (drivers do much at a first launch), judges and counts.
     fn start(&self, subject: &Subject, variant: &Variant, kinds: &[usize]) -> Result<Run> {
         let options = variant.options;
-        let buffers = Arc::new(SceneBuffers::new(&subject.scene, &options)?);
+        let buffers = Arc::new(self.pack(&subject.scene, &options)?);
         let mut tracer = open_tracer(self.device, &buffers, &options, 1, self.cache)?;
         let device_bytes = buffers.size_bytes(&options);
         let mut rows = [(); 3].map(|()| Row::new());

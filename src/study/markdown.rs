@@ -12,9 +12,9 @@ pub fn markdown<'a>(device: &str, studies: impl Iterator<Item = (&'a Study, &'a 
     for (study, entry) in studies {
         let findings = &entry.findings;
         let verdict = [findings.judgement(), &findings.verdict].concat();
-        let _ = writeln!(text, "# {}\n\n{}\n\n{verdict}\n", study.title, study.claim);
+        let _ = writeln!(text, "# {}\n\n{}\n\n{}\n", study.title, study.claim, plain(&verdict));
         for note in &findings.notes {
-            let _ = writeln!(text, "{note}\n");
+            let _ = writeln!(text, "{}\n", plain(note));
         }
         for table in &findings.tables {
             let _ = writeln!(text, "## {}\n", table.caption);
@@ -25,6 +25,11 @@ pub fn markdown<'a>(device: &str, studies: impl Iterator<Item = (&'a Study, &'a 
     text.truncate(text.trim_end().len());
     text.push('\n');
     text
+}
+
+/// `text` with nothing in it that Markdown takes for HTML or for the end of a line: names of scenes may have that.
+fn plain(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace(['\n', '\r'], " ")
 }
 
 /// The table, and what its columns mean where their headings do not say it all.
@@ -39,7 +44,7 @@ fn rows(table: &Table) -> String {
     );
     for row in &table.rows {
         let cell = |name: &&str| match row.get(*name) {
-            Some(Value::String(text)) => text.replace('|', "\\|"),
+            Some(Value::String(text)) => plain(text).replace('|', "\\|"),
             Some(Value::Number(number)) => number_text(number),
             Some(value) => value.to_string(),
             None => String::new(),
@@ -53,4 +58,18 @@ fn rows(table: &Table) -> String {
         let _ = writeln!(text, "{}.\n", about.join(". "));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::table::row;
+    use serde_json::json;
+
+    #[test]
+    fn names_of_scenes_are_no_markup() {
+        let rows_of = vec![row([("scene", json!("<b>a|b</b>&\nc.obj"))])];
+        let text = rows(&Table::new("name", "caption", rows_of));
+        assert!(text.contains("| &lt;b>a\\|b&lt;/b>&amp; c.obj |"), "{text}");
+    }
 }

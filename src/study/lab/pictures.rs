@@ -193,7 +193,7 @@ impl Lab<'_> {
     }
 
     fn start_picture(&self, device: Option<&DeviceHandle>, scene: &Scene, variant: &PictureVariant) -> Result<Run> {
-        let buffers = Arc::new(SceneBuffers::new(scene, &variant.options)?);
+        let buffers = Arc::new(self.pack(scene, &variant.options)?);
         let tracer = open_tracer(device, &buffers, &variant.options, variant.depth, self.cache)?;
         let picture = Picture {
             camera: scene.camera.expect("a completed scene has a camera"),

@@ -66,7 +66,7 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
     for (scene_name, scene) in economy_scenes(lab)? {
         let rows = lab.pictures(&scene_name, &scene, &variants, Some((if lab.quick { 64 } else { 256 }, DEPTH)))?;
         // What kernels can do is no matter of the arrays.
-        let buffers = SceneBuffers::new(&scene, &options)?;
+        let buffers = lab.pack(&scene, &options)?;
         let taken = resources(lab, &scene_name, &buffers, [options, all])?;
         summary.push(saved(&scene_name, &scene, &buffers, &options, Pictures::of(&rows), &taken));
         pictures.extend(rows);
@@ -134,7 +134,7 @@ fn instances(lab: &mut Lab, options: TraceOptions) -> Result<Vec<Row>> {
         complete(&mut scene, 1.0);
         let pictures = lab.pictures(&scene_name, &scene, &variants, None)?;
         for (mut out, options) in pictures.into_iter().zip(&all) {
-            let buffers = SceneBuffers::new(&scene, options)?;
+            let buffers = lab.pack(&scene, options)?;
             out.extend(row([
                 ("stored_triangles", json!(buffers.shading.len())),
                 ("device_bytes", json!(buffers.size_bytes(options))),

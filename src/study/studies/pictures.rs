@@ -7,7 +7,6 @@ use super::{by_scene, mean, scenes_of, with};
 use crate::device::kernel_resources;
 use crate::error::Result;
 use crate::options::{Accel, Kernels, TexturePass, TraceOptions};
-use crate::pack::SceneBuffers;
 use crate::scene::Scene;
 use serde_json::json;
 
@@ -123,7 +122,7 @@ fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
     let (_, scene) = picture_scenes(lab)?.swap_remove(0);
     for variant in variants {
         (lab.progress)(&format!("registers: {}", variant.label));
-        let buffers = SceneBuffers::new(&scene, &variant.options)?;
+        let buffers = lab.pack(&scene, &variant.options)?;
         let programs = kernel_resources(device, &buffers, &variant.options, variant.depth)?;
         for kernel in programs.into_iter().flat_map(|program| program.kernels) {
             let is_known = rows.iter().any(|row| name(row, "kernels") == kernel.kernel);

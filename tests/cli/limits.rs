@@ -1,0 +1,295 @@
+//! Memory that is not there, inputs that hold nothing or too large numbers, names that command terminals, and files broken at random.
+
+use super::{assert_fails, common, folder, raybrook, raybrook_with, stderr};
+use raybrook::rays::RayBatch;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const SMALL: [&str; 6] = ["--device", "reference", "--size", "8x8", "--samples", "1"];
+
+fn write(at: &Path, name: &str, text: &str) {
+    std::fs::write(at.join(name), text).unwrap();
+}
+
+fn rays(at: &Path, count: usize) {
+    let (origins, directions) = (vec![[0.2, 0.2, 1.0]; count], vec![[0.0, 0.0, -1.0]; count]);
+    RayBatch { origins, directions, ..RayBatch::default() }.write(at.join("rays.npz")).unwrap();
+}
+
+/// The same with limits of the shell, where there is one.
+#[cfg(target_os = "linux")]
+fn limited(at: &Path, limit: &str, arguments: &[&str]) -> Output {
+    Command::new("sh")
+        .args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_raybrook")])
+        .args(arguments)
+        .current_dir(at)
+        .env("RAYBROOK_CACHE_DIR", at.join("cache"))
+        .env("RAYON_NUM_THREADS", "2")
+        .env_remove("RAYBROOK_DEVICE")
+        .output()
+        .unwrap()
+}
+
+/// Nothing here may take the time that making it takes: all is refused before.
+#[test]
+fn what_memory_cannot_hold_is_refused_with_numbers_and_what_to_lower() {
+    let folder = folder();
+    let at = folder.path();
+    let picture = ["render", "one.obj", "--device", "reference", "--memory-limit", "200M", "--size"];
+    for (size, more) in [("65535x65535", &[][..]), ("6000x6000", &["--samples", "1"]), ("2000x2000", &["--error", "2"])]
+    {
+        let output = raybrook(at, &[&picture[..], &[size], more].concat());
+        assert_fails(&output, 4, &["a picture of", size, "iB", "200 MiB", "lower --size"]);
+    }
+    for (solid, more) in
+        [("quad", ""), ("sphere", ""), ("torus", "sides = 4096"), ("height-field", "formula = 'noise'")]
+    {
+        write(at, "fine.toml", &format!("[[object]]\nsolid = '{solid}'\nsegments = 4096\n{more}\n"));
+        for command in ["render", "info"] {
+            let output = raybrook(at, &[command, "fine.toml", "--memory-limit", "1.5g"]);
+            assert_fails(&output, 3, &["fine.toml:1:", "triangles", "1.5 GiB", "lower its segments"]);
+        }
+    }
+    write(at, "solid.toml", "[[object]]\nsolid = 'sphere'\nsegments = 512\n");
+    for accel in ["bvh2", "bvh8", "kd", "grid", "octree", "instances"] {
+        let output = raybrook(at, &["info", "solid.toml", "--accel", accel, "--memory-limit", "64M"]);
+        assert_fails(&output, 3, &[accel, "261120 triangles", "64 MiB", "fewer triangles"]);
+    }
+    let places = vec!["{}"; 300].join(",");
+    write(at, "many.toml", &format!("[[object]]\nsolid = 'sphere'\nsegments = 64\ninstances = [{places}]\n"));
+    let many = ["render", "many.toml", "--memory-limit", "100M", "-q"];
+    assert_fails(
+        &raybrook(at, &[&many[..], &SMALL, &["--accel", "bvh2"]].concat()),
+        3,
+        &["1190400 triangles", "instances"],
+    );
+    let output = raybrook(at, &[&many[..], &SMALL, &["--accel", "instances"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+
+    rays(at, 300_000);
+    let trace = ["trace", "one.obj", "rays.npz", "--device", "reference", "--memory-limit"];
+    assert_fails(&raybrook(at, &[&trace[..], &["12M"]].concat()), 3, &["array", "rays.npz", "split the batch"]);
+    assert_fails(&raybrook(at, &[&trace[..], &["60M"]].concat()), 3, &["300000 rays", "split the batch"]);
+    assert!(raybrook(at, &[&trace[..], &["1G"]].concat()).status.success());
+    for wrong in ["0", "-1", "much", "8X", ""] {
+        assert_fails(&raybrook(at, &[&trace[..], &[wrong]].concat()), 2, &["--memory-limit"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn limits_of_the_shell_end_in_messages() {
+    let folder = folder();
+    let at = folder.path();
+    write(at, "fine.toml", "[[object]]\nsolid = 'quad'\nsegments = 4096\n");
+    rays(at, 300_000);
+    let reference = ["--device", "reference"];
+    for limit in ["-v 400000", "-d 200000"] {
+        let output = limited(at, limit, &[&["render", "one.obj", "--size", "20000x20000"], &reference[..]].concat());
+        assert_fails(&output, 4, &["a picture of 20000x20000", "ulimit"]);
+        let output = limited(at, limit, &[&["render", "fine.toml"], &reference[..]].concat());
+        assert_fails(&output, 3, &["fine.toml:1:", "ulimit", "lower its segments"]);
+    }
+    // What the figures allow, and the system refuses: an array is not called damaged.
+    let trace = [&["trace", "one.obj", "rays.npz", "--memory-limit", "1T"], &reference[..]].concat();
+    for kibibytes in [150_000, 160_000, 170_000, 180_000, 200_000] {
+        let output = limited(at, &format!("-v {kibibytes}"), &trace);
+        assert!(!stderr(&output).contains("damaged"), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn memory_is_limited_on_devices_too() {
+    let Some(device) = common::device() else { return };
+    let folder = folder();
+    let at = folder.path();
+    let name = device.info.index.to_string();
+    let picture = ["render", "one.obj", "--device", &name, "--memory-limit", "300M", "--size", "30000x30000"];
+    assert_fails(&raybrook(at, &picture), 4, &["a picture of 30000x30000", "lower --size"]);
+    write(at, "solid.toml", "[[object]]\nsolid = 'sphere'\nsegments = 1024\n");
+    let scene = ["render", "solid.toml", "--device", &name, "--memory-limit", "300M", "--size", "8x8"];
+    assert_fails(&raybrook(at, &scene), 3, &["1046528 triangles", "300 MiB"]);
+}
+
+#[test]
+fn scenes_without_objects_are_refused_unless_that_is_wanted() {
+    let folder = folder();
+    let at = folder.path();
+    write(at, "empty.toml", "");
+    write(at, "cut.toml", "[image]\nwidth = 8\nheight = 8\n[camera]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\n");
+    write(at, "empty.nff", "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 8 8\n");
+    rays(at, 2);
+    for name in ["empty.toml", "cut.toml", "empty.nff"] {
+        for command in [&["render", name][..], &["trace", name, "rays.npz"]] {
+            let output = raybrook(at, &[command, &["--device", "reference"]].concat());
+            assert_fails(&output, 3, &[name, "has no objects", "--allow-empty"]);
+        }
+        let output = raybrook(at, &[&["render", name, "--allow-empty"], &SMALL[..]].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let output = raybrook(at, &["trace", name, "rays.npz", "--allow-empty", "--device", "reference"]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let output = raybrook(at, &["info", name]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert_fails(&raybrook(at, &["tune", name, "--device", "reference"]), 3, &[name, "has no objects"]);
+        assert_fails(
+            &raybrook(at, &["study", "pareto", "--scene", name, "--device", "reference"]),
+            3,
+            &["has no objects"],
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_framed_is_named_and_rays_need_no_camera() {
+    let folder = folder();
+    let at = folder.path();
+    write(at, "huge.obj", "v 0 0 0\n# far\nv -3.3e38 1 0\nv 0 1e38 3e38\nf 1 2 3\n");
+    let output = raybrook(at, &[&["render", "huge.obj"], &SMALL[..]].concat());
+    assert_fails(&output, 3, &["huge.obj:3:", "(-3.3e38, 1e0, 0e0)", "triangle 0", "camera"]);
+    assert!(!stderr(&output).contains("eye"), "{}", stderr(&output));
+    write(
+        at,
+        "huge.stl",
+        "solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 3e38 0 0\nvertex 0 3e38 0\nendloop\nendfacet\nendsolid a\n",
+    );
+    assert_fails(&raybrook(at, &[&["render", "huge.stl"], &SMALL[..]].concat()), 3, &["huge.stl:", "3e38", "camera"]);
+
+    // Rays need neither camera nor lights: not one that frames the scene, and not the file's lamp beyond the ends of float32.
+    let object = "[[object]]\nfile = 'plane.obj'\n";
+    write(at, "plane.obj", "v -1.6e38 -1.6e38 0\nv 1.6e38 -1.6e38 0\nv 0 1.6e38 0\nf 1 2 3\n");
+    write(at, "plane.toml", object);
+    rays(at, 2);
+    for scene in ["plane.obj", "plane.toml", "huge.obj"] {
+        let output = raybrook(at, &["trace", scene, "rays.npz", "-o", "hits.npz", "--device", "reference"]);
+        assert!(output.status.success(), "{scene}: {}", stderr(&output));
+        assert!(raybrook(at, &["info", scene]).status.success());
+    }
+    write(at, "lamp.obj", "v 0 0 0\nv 1e-30 0 0\nv 0 1e-30 0\nf 1 2 3\n");
+    write(at, "lamp.toml", "[[light]]\nkind = 'point'\nposition = [1e38, 0, 0]\n[[object]]\nfile = 'lamp.obj'\n");
+    assert_fails(&raybrook(at, &[&["render", "lamp.toml"], &SMALL[..]].concat()), 3, &["light 0"]);
+    assert!(raybrook(at, &["trace", "lamp.toml", "rays.npz", "--device", "reference"]).status.success());
+    assert!(raybrook(at, &["info", "lamp.toml"]).status.success());
+    let tune = ["tune", "huge.obj", "--device", "reference", "--rays", "64", "--accel", "bvh2,kd"];
+    let output = raybrook(at, &tune);
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+#[test]
+fn empty_variables_are_as_unset() {
+    let folder = folder();
+    let at = folder.path();
+    let variables = [
+        ("RAYBROOK_DEVICE", ""),
+        ("RAYBROOK_CACHE_DIR", ""),
+        ("RAYBROOK_CACHE_MB", ""),
+        ("HOME", at.to_str().unwrap()),
+    ];
+    let output = raybrook_with(at, &["render", "one.obj", "--size", "8x8", "-q"], &variables);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let output = raybrook_with(at, &["info", "one.obj"], &[("RAYBROOK_DEVICE", "nothing-like-it")]);
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+#[test]
+fn tune_finds_out_that_it_cannot_write_before_it_measures() {
+    let folder = folder();
+    let at = folder.path();
+    write(at, "file", "");
+    std::fs::create_dir_all(at.join("cache").join("tuned.json")).unwrap();
+    let tune = ["tune", "one.obj", "--device", "reference", "--rays", "64"];
+    for cache in ["file", "file/cache", "cache"] {
+        let output = raybrook_with(at, &tune, &[("RAYBROOK_CACHE_DIR", at.join(cache).to_str().unwrap())]);
+        assert_fails(&output, 5, &["cannot create"]);
+        assert!(!stderr(&output).contains("candidate"), "{}", stderr(&output));
+    }
+    let elsewhere = [("RAYBROOK_CACHE_DIR", at.join("file").to_str().unwrap().to_owned())];
+    let elsewhere: Vec<_> = elsewhere.iter().map(|(name, value)| (*name, value.as_str())).collect();
+    let output = raybrook_with(at, &[&tune[..], &["--no-cache", "--accel", "bvh2"]].concat(), &elsewhere);
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+/// Fails when something is in the output that a terminal may take for a command.
+fn assert_plain(output: &Output, from: &str) {
+    for text in [&output.stdout, &output.stderr] {
+        let text = String::from_utf8_lossy(text);
+        assert!(!text.contains(|c: char| c.is_control() && c != '\n' && c != '\t'), "{from}: {text:?}");
+    }
+}
+
+#[test]
+fn texts_of_files_and_arguments_never_command_the_terminal() {
+    const ESCAPE: &str = "\u{1b}]0;title\u{7}\u{1b}[31m\u{9b}2J";
+    let folder = folder();
+    let at = folder.path();
+    let named = format!("x{ESCAPE}");
+    let toml = "\\u001b]0;title\\u0007\\u001b[31m\\u009b2J";
+    let model = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let ply = |what: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{what}element face 1\n\
+             property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+        )
+    };
+    let files = [
+        ("material.toml", format!("[[object]]\nsolid = 'box'\nmaterial = \"{toml}\"\n")),
+        ("solid.toml", format!("[[object]]\nsolid = \"{toml}\"\n")),
+        ("file.toml", format!("[[object]]\nfile = \"{toml}.obj\"\n")),
+        ("key.toml", format!("[image]\n\"{toml}\" = 1\n")),
+        ("texture.toml", format!("[material.\"{toml}\"]\ntexture = \"{toml}\"\n")),
+        ("raw.toml", format!("[[object]]\nsolid = '{ESCAPE}'\n")),
+        ("material.obj", format!("{model}mtllib {named}.mtl\nusemtl {named}\n{named} 1\nf 1 2 3\n")),
+        ("bad.obj", format!("{model}f 1 2 {named}\n")),
+        ("maps.obj", format!("mtllib maps.mtl\n{model}usemtl a\nf 1 2 3\n")),
+        ("maps.mtl", format!("newmtl a\nmap_Kd {named}.png\n{named} 1\nNs {named}\n")),
+        ("named.ply", ply(&format!("property float {named}\n"))),
+        ("typed.ply", ply(&format!("property {named} w\n"))),
+        ("texture.ply", ply(&format!("property float u\nproperty float v\ncomment TextureFile {named}.png\n"))),
+        ("word.nff", format!("{named} 1 2 3\np 3\n0 0 0\n1 0 0\n0 1 0\n")),
+        ("word.stl", format!("solid {named}\nfacet {named}\nvertex {named} 0 0\n")),
+    ];
+    for (name, text) in &files {
+        write(at, name, text);
+        for command in ["info", "render"] {
+            let output =
+                raybrook(at, &[&[command, name, "-v"][..], if command == "render" { &SMALL } else { &[] }].concat());
+            assert_plain(&output, name);
+        }
+    }
+    let path = format!("{named}.obj");
+    write(at, &path, &format!("{model}f 1 2 3\n"));
+    let output_name = format!("{named}.png");
+    for arguments in [
+        &["render", &path, "-q"][..],
+        &["render", "one.obj", "-o", &named],
+        &["render", "one.obj", "-o", &output_name, "--size", "8x8", "--device", "reference"],
+        &["render", "one.obj", "--device", &named],
+        &["render", "one.obj", "--accel", &named],
+        &["render", "one.obj", "--size", &named],
+        &["render", "one.obj", "--samples", &named],
+        &["render", &named],
+        &["trace", "one.obj", &named],
+        &["stress", &named],
+        &["study", &named],
+        &["devices", "--kernels", &named],
+        &[&named],
+    ] {
+        assert_plain(&raybrook(at, arguments), arguments[arguments.len() - 1]);
+    }
+    assert_plain(&raybrook_with(at, &["render", "one.obj"], &[("RAYBROOK_DEVICE", &named)]), "RAYBROOK_DEVICE");
+}
+
+/// A short part of what `tests/faults/mutate.py` does.
+#[test]
+fn files_broken_at_random_end_in_documented_codes() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/mutate.py");
+    if !Command::new("python3").arg("--version").output().is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: there is no python3");
+        return;
+    }
+    let output = Command::new("python3")
+        .args(["-B".as_ref(), script.as_os_str(), env!("CARGO_BIN_EXE_raybrook").as_ref()])
+        .args(["--runs", "12", "--seed", "20081121"])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
+}
