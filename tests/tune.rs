@@ -11,7 +11,7 @@ const RAYS: u32 = 300;
 const ROUNDS: u32 = 2;
 
 fn plan(structures: &[Accel]) -> Plan {
-    Plan { structures: structures.to_vec(), rays: RAYS, rounds: ROUNDS, seed: common::SEED }
+    Plan { structures: structures.to_vec(), rays: RAYS, rounds: ROUNDS, seed: common::SEED, memory: None }
 }
 
 fn assert_measured(tuning: &SceneTuning, candidates: usize) {

@@ -15,7 +15,7 @@ use raybrook::stress::{Case, Mesh, Method, Replay, StressRay};
 use raybrook::{Error, Result};
 use serde::Serialize;
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
