@@ -159,6 +159,68 @@ fn a_report_goes_on_where_it_was_stopped() {
     assert!(open(&other, false).entries().is_empty() && open(&lab, false).entries().len() == 1);
 }
 
+/// What an earlier version of the program judged wrongly is judged anew from its rows, without a device, and says so.
+#[test]
+fn a_report_is_judged_anew_from_its_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let made = run(at, &["study", "layout", "--quick", "--device", "reference", "-o", "report"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let path = at.join("report/data/layout.json");
+    let read = || -> Value { serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap() };
+    let right = read();
+    let mut wrong = right.clone();
+    wrong["holds"] = true.into();
+    wrong["verdict"] = "Whole triangles are <b>always</b> slower.".into();
+    wrong["tables"][0]["rows"][0]["wrong_bound"] = 3.0.into();
+    std::fs::write(&path, serde_json::to_vec(&wrong).unwrap()).unwrap();
+    let judged = run(at, &["study", "--judge", "-o", "report", "--markdown", "report.md"]);
+    assert!(judged.status.success(), "{}", text(&judged.stderr));
+    let found = read();
+    assert_eq!((&found["verdict"], &found["holds"]), (&right["verdict"], &right["holds"]));
+    assert_eq!((&found["tables"], &found["seconds"]), (&right["tables"], &right["seconds"]));
+    assert_eq!(found["earlier"], "It holds here: Whole triangles are <b>always</b> slower.");
+    let html = std::fs::read_to_string(at.join("report/index.html")).unwrap();
+    assert_eq!(html.matches("&lt;b&gt;always&lt;/b&gt;").count(), 1);
+    assert!(html.contains("these verdicts changed: <a href=\"#layout\">"), "the page says what changed");
+    let markdown = std::fs::read_to_string(at.join("report.md")).unwrap();
+    assert!(markdown.contains("which an earlier version of raybrook judged: It holds here"), "{markdown}");
+    // A row that is there twice would be counted twice.
+    let mut doubled = right.clone();
+    let again = doubled["tables"][0]["rows"][0].clone();
+    doubled["tables"][0]["rows"].as_array_mut().unwrap().push(again);
+    std::fs::write(&path, serde_json::to_vec(&doubled).unwrap()).unwrap();
+    let refused = run(at, &["study", "--judge", "-o", "report"]);
+    assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("study layout: table 'rays' has"), "{}", text(&refused.stderr));
+    let nothing = run(at, &["study", "--judge", "-o", "nowhere"]);
+    assert_eq!(nothing.status.code(), Some(3), "{}", text(&nothing.stderr));
+    assert!(text(&nothing.stderr).contains("there is no report") && !at.join("nowhere").exists());
+}
+
+/// The user's mesh goes through the sweeps that any mesh can; for the others the program says that they are of its
+/// own shapes.
+#[test]
+fn stability_is_of_the_users_mesh_or_says_that_it_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("tetra.obj"), raybrook::stress::Mesh::sphere(0).to_obj()).unwrap();
+    let arguments = ["study", "stability", "--quick", "--device", "reference", "-o", "report", "--scene", "tetra.obj"];
+    let made = run(at, &[&arguments[..], &["--scene", "tetra.obj"]].concat());
+    let said = text(&made.stderr);
+    assert!(made.status.success() && said.contains("note: not of the scenes that were named"), "{said}");
+    let data: Value = serde_json::from_slice(&std::fs::read(at.join("report/data/stability.json")).unwrap()).unwrap();
+    for table in data["tables"].as_array().unwrap() {
+        let is_of_mesh = ["scale", "offset"].contains(&table["name"].as_str().unwrap());
+        for row in table["rows"].as_array().unwrap() {
+            assert_eq!(row.get("scene").and_then(Value::as_str), is_of_mesh.then_some("tetra.obj"), "{row}");
+        }
+    }
+    let html = std::fs::read_to_string(at.join("report/index.html")).unwrap();
+    assert!(html.contains("but of shapes of the program's own: the sweeps by angle"), "the page says it, too");
+    assert!(html.contains("tetra.obj: wrong answers by"), "a chart of the mesh");
+}
+
 #[test]
 fn wrong_names_and_places_are_told() {
     let folder = tempfile::tempdir().unwrap();

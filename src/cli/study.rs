@@ -4,6 +4,7 @@ use super::files::Files;
 use super::{DeviceArgs, MemoryArgs, Talk, open};
 use raybrook::budget::MemoryBudget;
 use raybrook::output::check_writable;
+use raybrook::scene::Scene;
 use raybrook::study::{Header, Lab, Report, State, Study};
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -28,6 +29,10 @@ pub struct StudyArgs {
     /// Make the studies anew, even if they are there already.
     #[arg(long)]
     again: bool,
+    /// Judge anew what is in the folder and write its verdicts, tables, charts and page again; nothing is measured,
+    /// and no device is needed.
+    #[arg(long, conflicts_with_all = ["names", "scene", "quick", "again", "seed", "list"])]
+    judge: bool,
     /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -76,6 +81,9 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         }
         return Ok(());
     }
+    if args.judge {
+        return judge(args, talk);
+    }
     let studies = chosen(&args.names)?;
     let mut files = Files::default();
     args.scene.iter().for_each(|scene| files.read(scene, "a scene"));
@@ -85,8 +93,14 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     let device = open::choose(&args.device, talk)?;
     let cache = args.device.cache()?;
     let budget = args.memory.budget();
-    let load = |path: &PathBuf| Ok((name_of(path), open::load_completed(path, &budget, talk)?));
-    let scenes = args.scene.iter().map(load).collect::<Result<Vec<_>>>()?;
+    let mut scenes: Vec<(String, Scene)> = Vec::new();
+    for path in &args.scene {
+        // Each once: rows of one name could not be told apart.
+        let name = name_of(path);
+        if scenes.iter().all(|(other, _)| *other != name) {
+            scenes.push((name, open::load_completed(path, &budget, talk)?));
+        }
+    }
     scenes.iter().for_each(|(_, scene)| files.read_scene(scene));
     args.claim(files)?;
     let progress = |what: &str| {
@@ -100,6 +114,9 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     for (i, study) in studies.iter().enumerate() {
         if !talk.quiet {
             tell!("{} of {}: {}: {}", i + 1, studies.len(), study.name, study.title);
+            if let Some(shapes) = study.own_shapes.filter(|_| !scenes.is_empty()) {
+                tell!("  note: not of the scenes that were named, but of shapes of the program's own: {shapes}");
+            }
         }
         let state = report.make(study, &mut lab)?;
         if state == State::Found && !talk.quiet {
@@ -110,17 +127,7 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     if let Some(path) = &args.markdown {
         report.write_markdown(path, &studies)?;
     }
-    if !talk.quiet {
-        for entry in report.entries().iter().filter(|entry| studies.iter().any(|study| study.name == entry.study)) {
-            let holds = match entry.findings.holds {
-                Some(true) => "holds: ",
-                Some(false) => "does not hold: ",
-                None => "",
-            };
-            say!("{}: {holds}{}", entry.study, entry.findings.verdict);
-        }
-        say!("{}", report.page().display());
-    }
+    say_verdicts(&report, &studies, talk);
     Ok(())
 }
 
@@ -128,6 +135,35 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
 fn name_of(path: &Path) -> String {
     let escaped = |c: char| if c.is_control() { c.escape_unicode().to_string() } else { c.to_string() };
     path.display().to_string().chars().map(escaped).collect()
+}
+
+/// Judges the report of a folder anew.
+fn judge(args: &StudyArgs, talk: Talk) -> Result<()> {
+    args.markdown.as_deref().map_or(Ok(()), check_writable)?;
+    let studies: Vec<_> = Study::all().collect();
+    let report = Report::of_folder(&args.output)?;
+    report.write_all()?;
+    if let Some(path) = &args.markdown {
+        report.write_markdown(path, &studies)?;
+    }
+    say_verdicts(&report, &studies, talk);
+    Ok(())
+}
+
+/// Says what was found.
+fn say_verdicts(report: &Report, studies: &[&Study], talk: Talk) {
+    if talk.quiet {
+        return;
+    }
+    for entry in report.entries().iter().filter(|entry| studies.iter().any(|study| study.name == entry.study)) {
+        let holds = match entry.findings.holds {
+            Some(true) => "holds: ",
+            Some(false) => "does not hold: ",
+            None => "",
+        };
+        say!("{}: {holds}{}", entry.study, entry.findings.verdict);
+    }
+    say!("{}", report.page().display());
 }
 
 /// The studies of these names, each once.

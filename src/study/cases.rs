@@ -1,5 +1,7 @@
 //! Cases that grow harder with a number: where does a method break down?
 
+use crate::error::Result;
+use crate::scene::Scene;
 use crate::stress::{Case, Mesh, Random, StressRay};
 use glam::Vec3;
 
@@ -13,13 +15,38 @@ pub struct Sweep {
     pub values: &'static [f64],
     /// Whether they are of so different sizes that only logarithms show them.
     pub is_log: bool,
-    make: fn(f32, &mut Random, usize) -> Case,
+    shape: Shape,
+}
+
+/// Makes the mesh of a sweep.
+type MakeMesh<'a> = &'a dyn Fn(&mut Random) -> Mesh;
+
+/// What a sweep is made of.
+#[derive(Clone, Copy)]
+enum Shape {
+    /// A mesh of any shape, of about the size of 1 around zero.
+    Any(fn(MakeMesh, f32, &mut Random, usize) -> Case),
+    /// A shape of its own, which the number makes hard.
+    Own(fn(f32, &mut Random, usize) -> Case),
 }
 
 impl Sweep {
-    /// The case of a number: always the same for a seed.
-    pub fn case(&self, value: f64, seed: u64, rays: usize) -> Case {
-        (self.make)(value as f32, &mut Random(seed ^ u64::from(crc32fast::hash(self.name.as_bytes())) << 32), rays)
+    /// The case of a number: always the same for a seed. With `mesh` instead of the program's own, where the sweep is
+    /// of any mesh.
+    pub fn case(&self, mesh: Option<&Mesh>, value: f64, seed: u64, rays: usize) -> Case {
+        let random = &mut Random(seed ^ u64::from(crc32fast::hash(self.name.as_bytes())) << 32);
+        match self.shape {
+            Shape::Own(make) => make(value as f32, random, rays),
+            Shape::Any(make) => {
+                let mesh = |random: &mut Random| mesh.cloned().unwrap_or_else(|| blob(3, random));
+                make(&mesh, value as f32, random, rays)
+            }
+        }
+    }
+
+    /// Whether it can be made of the user's mesh.
+    pub fn is_of_any_mesh(&self) -> bool {
+        matches!(self.shape, Shape::Any(_))
     }
 
     /// All of them.
@@ -29,49 +56,49 @@ impl Sweep {
             about: "edges and vertices of a closed mesh seen from inside, all coordinates multiplied",
             values: &[1e-20, 1e-15, 1e-10, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e10, 1e14, 1e18],
             is_log: true,
-            make: scale,
+            shape: Shape::Any(scale),
         },
         Sweep {
             name: "offset",
             about: "the same mesh, moved away from zero by so many times its size",
             values: &[1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7],
             is_log: true,
-            make: offset,
+            shape: Shape::Any(offset),
         },
         Sweep {
             name: "distance",
             about: "insides of the same mesh's triangles, from so many times its size away",
             values: &[2.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9],
             is_log: true,
-            make: distance,
+            shape: Shape::Any(distance),
         },
         Sweep {
             name: "angle",
             about: "a rough sheet, seen under so small an angle",
             values: &[1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0],
             is_log: true,
-            make: grazing,
+            shape: Shape::Own(grazing),
         },
         Sweep {
             name: "aspect",
             about: "edges and vertices of a closed mesh, so much longer than wide, from inside",
             values: &[1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6],
             is_log: true,
-            make: aspect,
+            shape: Shape::Any(aspect),
         },
         Sweep {
             name: "valence",
             about: "hub and spokes of a closed double fan of so many triangles a hub",
             values: &[8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0],
             is_log: true,
-            make: valence,
+            shape: Shape::Own(valence),
         },
         Sweep {
             name: "gap",
             about: "two rough sheets, one over the other by so many floats",
             values: &[1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0],
             is_log: true,
-            make: gap,
+            shape: Shape::Own(gap),
         },
     ];
 }
@@ -92,19 +119,37 @@ fn from_inside(mesh: Mesh, center: Vec3, size: Vec3, rays: usize, random: &mut R
     })
 }
 
-fn scale(factor: f32, random: &mut Random, rays: usize) -> Case {
-    let mesh = blob(3, random);
+/// The user's triangles that can be hit, moved to zero and scaled to the size of 1, as the program's own mesh has it;
+/// in random order. `None`: there is none.
+///
+/// # Errors
+/// As [`Mesh::try_from`].
+pub fn mesh_of(scene: &Scene, seed: u64) -> Result<Option<Mesh>> {
+    let Some((low, high)) = scene.bounds() else { return Ok(None) };
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let (center, half) = ((low + high) / 2.0, (high - low).max_element() / 2.0);
+    if !(half > 0.0 && half.is_finite()) {
+        return Ok(None);
+    }
+    let mut mesh = Mesh::try_from(scene)?;
+    mesh.triangles.retain(|corners| corners.iter().all(|&i| mesh.positions[i as usize].is_finite()));
+    let mesh = mesh.mapped(|p| ((p.as_dvec3() - center) / half).as_vec3()).shuffled(&mut Random(seed));
+    Ok((!mesh.triangles.is_empty()).then_some(mesh))
+}
+
+fn scale(mesh: MakeMesh, factor: f32, random: &mut Random, rays: usize) -> Case {
+    let mesh = mesh(random);
     from_inside(mesh, Vec3::ZERO, Vec3::ONE, rays, random).scaled(factor)
 }
 
-fn offset(distance: f32, random: &mut Random, rays: usize) -> Case {
+fn offset(mesh: MakeMesh, distance: f32, random: &mut Random, rays: usize) -> Case {
     let center = random.direction() * distance;
-    let mesh = blob(3, random).mapped(|p| p + center);
+    let mesh = mesh(random).mapped(|p| p + center);
     from_inside(mesh, center, Vec3::ONE, rays, random)
 }
 
-fn distance(distance: f32, random: &mut Random, rays: usize) -> Case {
-    let mesh = blob(3, random);
+fn distance(mesh: MakeMesh, distance: f32, random: &mut Random, rays: usize) -> Case {
+    let mesh = mesh(random);
     Case::new(mesh, rays, random, |mesh, random, _| {
         StressRay::to(random.direction() * distance, mesh.random_inside(random))
     })
@@ -121,9 +166,9 @@ fn grazing(angle: f32, random: &mut Random, rays: usize) -> Case {
     })
 }
 
-fn aspect(ratio: f32, random: &mut Random, rays: usize) -> Case {
+fn aspect(mesh: MakeMesh, ratio: f32, random: &mut Random, rays: usize) -> Case {
     let size = Vec3::new(1.0, 1.0 / ratio, 1.0 / ratio);
-    let mesh = blob(3, random).mapped(|p| p * size);
+    let mesh = mesh(random).mapped(|p| p * size);
     from_inside(mesh, Vec3::ZERO, size, rays, random)
 }
 
@@ -154,7 +199,7 @@ mod tests {
     fn exact_hits_are_right_at_every_number_and_rays_hit() {
         for sweep in Sweep::ALL {
             for &value in [sweep.values[0], *sweep.values.last().unwrap()].iter() {
-                let case = sweep.case(value, 7, 60);
+                let case = sweep.case(None, value, 7, 60);
                 let answers = Answers::new(&case);
                 let found = Found::new(&case, &TraceOptions::DEFAULT, None, None).unwrap();
                 let faults = found.faults(&answers, true);
@@ -163,5 +208,18 @@ mod tests {
                 assert!(hits > 20, "{} {value}: {hits} hits", sweep.name);
             }
         }
+    }
+    #[test]
+    fn the_users_mesh_takes_the_place_of_the_programs_own() {
+        let tetrahedron = Mesh::sphere(0).mapped(|p| p * 1e-3 + Vec3::splat(7.0));
+        let mesh = mesh_of(&tetrahedron.scene(), 1).unwrap().unwrap();
+        let corners = || mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize]);
+        assert!(corners().all(|p| p.abs().max_element() < 1.001) && corners().any(|p| p.x > 0.999));
+        for sweep in Sweep::ALL.iter().filter(|sweep| sweep.is_of_any_mesh()) {
+            let case = sweep.case(Some(&mesh), sweep.values[0], 7, 20);
+            assert_eq!(case.mesh.triangles.len(), tetrahedron.triangles.len(), "{}", sweep.name);
+            assert_ne!(sweep.case(None, sweep.values[0], 7, 20).mesh.triangles.len(), case.mesh.triangles.len());
+        }
+        assert_eq!(mesh_of(&Scene::default(), 1).unwrap(), None);
     }
 }

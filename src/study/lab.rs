@@ -7,8 +7,9 @@ mod subject;
 pub use pictures::PictureVariant;
 pub use subject::Subject;
 
+use super::bound::upper_bound;
 use super::journal::Journal;
-use super::table::{Row, row};
+use super::table::{Row, number, row};
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, DeviceHandle, DeviceKind};
 use crate::error::Result;
@@ -272,15 +273,36 @@ fn job(batch: &Batch) -> TraceJob<'_> {
 
 /// The columns of so many wrong answers of so many.
 pub fn errors(wrong: usize, tested: usize) -> Row {
-    let per_million = |count: f64| json!(count * 1e6 / tested.max(1) as f64);
-    // With none wrong of N, the true rate is below 3/N with 95 % confidence: (1 - 3/N)^N is about exp(-3) = 0.05.
-    let bound = if wrong == 0 { 3.0 } else { wrong as f64 };
+    let bound = upper_bound(wrong as u64, tested as u64);
     row([
         ("wrong", json!(wrong)),
         ("tested", json!(tested)),
-        ("wrong_per_million", per_million(wrong as f64)),
-        ("wrong_bound", per_million(bound)),
+        ("wrong_per_million", json!(wrong as f64 * 1e6 / tested.max(1) as f64)),
+        ("wrong_bound", json!(bound * 1e6)),
     ])
+}
+
+/// A row of an earlier version of the program as this one has it: its bound of wrong answers was k/N or 3/N, and its
+/// seconds left out the host's pass over textures.
+pub(super) fn bring_up_to_date(row: &mut Row) {
+    let count = |row: &Row, column: &str| row.get(column).and_then(Value::as_u64);
+    if let (true, Some(wrong), Some(tested)) =
+        (row.contains_key("wrong_bound"), count(row, "wrong"), count(row, "tested"))
+    {
+        row.extend(errors(wrong as usize, tested as usize));
+    }
+    let Some(host_s) = row.shift_remove("host_pass_s").and_then(|seconds| seconds.as_f64()).filter(|s| *s > 0.0) else {
+        return;
+    };
+    for column in ["seconds", "seconds_low", "seconds_high"] {
+        if let Some(seconds) = number(row, column) {
+            row.insert(column.to_owned(), json!(seconds + host_s));
+        }
+    }
+    if let Some(seconds) = number(row, "seconds") {
+        row.insert("frames_per_s".into(), json!(1.0 / seconds));
+    }
+    row.insert("textures_s".into(), json!(host_s));
 }
 
 /// The shortest and the longest of some times.

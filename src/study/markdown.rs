@@ -13,6 +13,13 @@ pub fn markdown<'a>(device: &str, studies: impl Iterator<Item = (&'a Study, &'a 
         let findings = &entry.findings;
         let verdict = [findings.judgement(), &findings.verdict].concat();
         let _ = writeln!(text, "# {}\n\n{}\n\n{}\n", study.title, study.claim, plain(&verdict));
+        if let Some(earlier) = &entry.earlier {
+            let _ = writeln!(
+                text,
+                "Judged anew from the same measurements, which an earlier version of raybrook judged: {}\n",
+                plain(earlier)
+            );
+        }
         for note in &findings.notes {
             let _ = writeln!(text, "{}\n", plain(note));
         }

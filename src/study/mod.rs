@@ -7,12 +7,14 @@
 //!
 //! Bad at: absolute numbers. What a device does beside, its clocks and its driver change them; ratios of one table were measured by turns.
 
+mod bound;
 mod cases;
 mod chart;
 mod draw;
 mod fingerprint;
 mod journal;
 mod lab;
+mod lookup;
 mod markdown;
 mod page;
 mod report;
@@ -28,8 +30,9 @@ pub use table::{COLUMNS, Column, Row, Table};
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 
-/// One question, and how it is answered.
+/// One question, and how it is answered: what is measured, and what follows from the rows and from nothing else.
 pub struct Study {
     /// As the user types it.
     pub name: &'static str,
@@ -37,7 +40,38 @@ pub struct Study {
     pub title: &'static str,
     /// What the thesis, or whoever is named, says of it.
     pub claim: &'static str,
-    run: fn(&mut Lab) -> Result<Findings>,
+    /// What of it is measured on the program's own shapes even where the user names scenes.
+    pub own_shapes: Option<&'static str>,
+    measure: fn(&mut Lab) -> Result<Vec<Table>>,
+    judge: fn(&Measured) -> Result<Findings>,
+}
+
+/// The tables of a study, and on what it was made.
+struct Measured<'a> {
+    study: &'a str,
+    tables: Vec<Table>,
+    header: &'a Header,
+}
+
+impl Measured<'_> {
+    /// The table of this name, whose rows the columns of `key` tell apart.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is none, and when two rows have the same key.
+    fn table(&self, name: &str, key: &[&str]) -> Result<Table> {
+        let failed = |message: String| Error::input(format!("study {}", self.study), None, message);
+        let table = self.tables.iter().find(|table| table.name == name).cloned();
+        let table = table.ok_or_else(|| failed(format!("there is no table '{name}'")))?;
+        let mut keys = HashSet::new();
+        for row in &table.rows {
+            let values: Vec<String> = key.iter().map(|column| table::name(row, column)).collect();
+            if !keys.insert(values.clone()) {
+                let values = values.join("', '");
+                return Err(failed(format!("table '{name}' has '{values}' twice; name each scene once")));
+            }
+        }
+        Ok(table)
+    }
 }
 
 impl Study {
@@ -62,9 +96,26 @@ impl Study {
     /// Makes the study.
     ///
     /// # Errors
-    /// A scene cannot be traced, or the device failed.
+    /// A scene cannot be traced, the device failed, or a measurement is there twice.
     pub fn run(&self, lab: &mut Lab) -> Result<Findings> {
-        (self.run)(lab)
+        let tables = (self.measure)(lab)?;
+        self.judge(tables, &Header::new(lab))
+    }
+
+    /// What follows from what was measured, also by an earlier version of the program: `tables` may be those of its
+    /// [`Findings`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] when a table is missing, or has rows that cannot be told apart.
+    pub fn judge(&self, mut tables: Vec<Table>, header: &Header) -> Result<Findings> {
+        tables.iter_mut().flat_map(|table| &mut table.rows).for_each(lab::bring_up_to_date);
+        let mut findings = (self.judge)(&Measured { study: self.name, tables, header })?;
+        if let Some(shapes) = self.own_shapes.filter(|_| !header.scenes.is_empty()) {
+            findings
+                .notes
+                .push(format!("Not of the scenes that were named, but of shapes of the program's own: {shapes}."));
+        }
+        Ok(findings)
     }
 }
 

@@ -28,7 +28,7 @@ nav ol { columns: 16rem; padding-left: 1.5rem; }
 figure { margin: 1.5rem 0; } figcaption { color: var(--muted); font-size: .9rem; }
 svg { display: block; width: 100%; height: auto; } .narrow { display: none; }
 @media (max-width: 40rem) { .wide { display: none; } .narrow { display: block; } }
-.claim { color: var(--muted); } .holds { color: var(--holds); } .fails { color: var(--fails); }
+.claim { color: var(--muted); } .anew { border-left: .25rem solid var(--fails); padding-left: .75rem; } .holds { color: var(--holds); } .fails { color: var(--fails); }
 .table { overflow-x: auto; max-width: 100%; } table { border-collapse: collapse; font-size: .8rem; }
 th, td { padding: .2rem .5rem; border-bottom: 1px solid var(--grid); text-align: right; white-space: nowrap; overflow-wrap: normal; }
 th:first-child, td:first-child, td.text { text-align: left; } details { margin: .5rem 0; }
@@ -69,6 +69,7 @@ pub fn html(header: &Header, entries: &[Entry]) -> String {
                     "Every speed stands beside the errors of the same run: filled points and bars had no wrong answer, hollow ones had some. "
                     "Methods of a table were timed by turns; points are medians, thin bars go from the slowest to the fastest pass."
                 }
+                (judged_anew(&studies))
                 nav {
                     ol { @for (study, _) in &studies { li { a href={ "#" (study.name) } { (study.title) } } } }
                 }
@@ -77,6 +78,24 @@ pub fn html(header: &Header, entries: &[Entry]) -> String {
         }
     };
     page.into_string()
+}
+
+/// The studies whose verdict is no more what an earlier version of the program said.
+fn judged_anew(studies: &[(&Study, &Entry)]) -> Markup {
+    let anew: Vec<_> = studies.iter().filter(|(_, entry)| entry.earlier.is_some()).collect();
+    html! {
+        @if !anew.is_empty() {
+            p.anew {
+                "Verdicts, and bounds of wrong answers in all tables and charts, were computed anew from the same measurements; these \
+                 verdicts changed: "
+                @for (i, (study, _)) in anew.iter().enumerate() {
+                    @if i > 0 { ", " }
+                    a href={ "#" (study.name) } { (study.title) }
+                }
+                ". What was said before stands below each."
+            }
+        }
+    }
 }
 
 fn section(study: &Study, entry: &Entry) -> Markup {
@@ -91,6 +110,11 @@ fn section(study: &Study, entry: &Entry) -> Markup {
             h2 { (study.title) }
             p.claim { (study.claim) }
             p class=(class) { (findings.judgement()) (findings.verdict) }
+            @if let Some(earlier) = &entry.earlier {
+                p.anew {
+                    "Judged anew from the same measurements, which an earlier version of raybrook judged: \u{201c}" (earlier) "\u{201d}"
+                }
+            }
             @for chart in &findings.charts {
                 @if let Some(table) = findings.table(&chart.table) { (figure(entry, chart, table)) }
             }

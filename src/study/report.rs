@@ -44,19 +44,25 @@ pub struct StudiedScene {
     pub fingerprint: String,
 }
 
+/// The device of a report that was made without one.
+const REFERENCE: &str = "the reference, on this computer's processor";
+
 impl Header {
     /// The header of what is made in this lab.
     pub fn new(lab: &Lab) -> Header {
         Header {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            device: lab
-                .device
-                .map_or_else(|| "the reference, on this computer's processor".to_owned(), |d| d.info.name.clone()),
+            device: lab.device.map_or_else(|| REFERENCE.to_owned(), |d| d.info.name.clone()),
             device_details: lab.device.map_or_else(String::new, details),
             scenes: lab.scenes.iter().map(StudiedScene::new).collect(),
             seed: lab.seed,
             quick: lab.quick,
         }
+    }
+
+    /// Whether there was no device.
+    pub(super) fn is_reference(&self) -> bool {
+        self.device == REFERENCE
     }
 }
 
@@ -92,6 +98,23 @@ pub struct Entry {
     pub seconds: f64,
     /// On what.
     pub header: Header,
+    /// What an earlier version of the program said of the same rows, where this one says something else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earlier: Option<String>,
+}
+
+impl Entry {
+    /// The entry as this version of the program judges its rows.
+    ///
+    /// # Errors
+    /// As [`Study::judge`].
+    fn judged_anew(self) -> Result<Entry> {
+        let findings = Study::find(&self.study)?.judge(self.findings.tables.clone(), &self.header)?;
+        let said = |findings: &Findings| [findings.judgement(), &findings.verdict].concat();
+        let is_other = said(&findings) != said(&self.findings);
+        let earlier = self.earlier.or_else(|| is_other.then(|| said(&self.findings)));
+        Ok(Entry { findings, earlier, ..self })
+    }
 }
 
 /// How a study came into the report.
@@ -120,7 +143,8 @@ const CHARTS: &str = "charts";
 
 impl Report {
     /// The report in `folder`, which is made if it is not there. Studies with the same header that are there are part of it, and are not made
-    /// again unless `again` says so. `command` is how those are made that are.
+    /// again unless `again` says so; they are judged anew from their rows, since an earlier version of the program
+    /// may have judged them otherwise. `command` is how those are made that are.
     ///
     /// # Errors
     /// [`Error::Option`] when a file there that the report would replace is not one of a report, and [`Error::Io`] when
@@ -132,9 +156,41 @@ impl Report {
         }
         let mut report =
             Report { folder: folder.to_owned(), header, command: command.to_owned(), again, entries: Vec::new() };
-        let found = Study::all().filter_map(|study| report.read(study.name));
-        report.entries = found.filter(|entry| entry.header == report.header).collect();
+        let found = Study::all().filter_map(|study| read(&folder.join(DATA), study.name));
+        for found in found.filter(|entry| entry.header == report.header).collect::<Vec<_>>() {
+            // Rows that cannot be judged are measured again.
+            let Ok(judged) = found.clone().judged_anew() else { continue };
+            if judged != found {
+                report.write(&judged)?;
+            }
+            report.entries.push(judged);
+        }
         Ok(report)
+    }
+
+    /// The report that is in `folder`, whatever it was made on: to be judged and drawn anew from its rows, without
+    /// measuring.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is none or one of its studies cannot be judged, and as [`Report::open`].
+    pub fn of_folder(folder: &Path) -> Result<Report> {
+        let found: Vec<Entry> = Study::all().filter_map(|study| read(&folder.join(DATA), study.name)).collect();
+        let Some(first) = found.first().cloned() else {
+            return Err(Error::input(folder, None, "there is no report; name its folder by -o"));
+        };
+        for entry in found.into_iter().filter(|entry| entry.header == first.header) {
+            entry.judged_anew()?;
+        }
+        Report::open(folder, first.header, &first.command, false)
+    }
+
+    /// Writes all files of all studies that the report has, and its page.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when one cannot be written.
+    pub fn write_all(&self) -> Result<()> {
+        self.entries.iter().try_for_each(|entry| self.write(entry))?;
+        self.write_page()
     }
 
     /// What was found so far, in the order of [`Study::all`].
@@ -153,11 +209,6 @@ impl Report {
 
     fn data(&self, name: &str) -> PathBuf {
         self.folder.join(DATA).join(name)
-    }
-
-    /// A file that is not there, or not whole, or of another version of the program is made anew.
-    fn read(&self, study: &str) -> Option<Entry> {
-        serde_json::from_slice(&read_regular(&self.data(&format!("{study}.json"))).ok()?).ok()
     }
 
     /// Makes a study, or takes what is there, and writes all of its files and the page.
@@ -180,6 +231,7 @@ impl Report {
             command: self.command.clone(),
             seconds: start.elapsed().as_secs_f64(),
             header: self.header.clone(),
+            earlier: None,
         };
         self.write(&entry)?;
         std::mem::take(&mut lab.journal).remove()?;
@@ -282,6 +334,11 @@ fn refuse_unless(is_own: impl Fn(&[u8]) -> bool, path: &Path) -> Result<()> {
         }
         false => Ok(()),
     }
+}
+
+/// A file that is not there, or not whole, or of another version of the program is made anew.
+fn read(data: &Path, study: &str) -> Option<Entry> {
+    serde_json::from_slice(&read_regular(&data.join(format!("{study}.json"))).ok()?).ok()
 }
 
 /// What a format's own library reports.

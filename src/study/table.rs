@@ -131,7 +131,7 @@ columns! {
     "wrong": "wrong answers", "another triangle, a hit for a miss or a miss for a hit, by the f64 oracle and, where it differs, by rational arithmetic";
     "tested": "answers checked", "";
     "wrong_per_million": "wrong answers per million rays", "";
-    "wrong_bound": "wrong answers per million rays (none: at 3/N, the 95 % bound)", "as wrong_per_million, or 3 million / N where none of N was wrong";
+    "wrong_bound": "wrong answers per million rays, at most (95 % bound)", "the exact one-sided upper bound of Clopper and Pearson for every count; where none of N was wrong about 3 million / N";
     "largest_t_ulp": "largest error of t (ulp)", "in units in the last place, against the oracle in f64, where the triangle is right";
     "steps": "steps a ray", "nodes, cells or clusters that a ray looks at";
     "leaves": "leaves a ray", "";
@@ -179,7 +179,7 @@ columns! {
     "samples": "samples a pixel", "";
     "depth": "longest chain of rays", "the camera ray counted as 1";
     "pixels": "pixels", "";
-    "seconds": "seconds", "device time of the picture and what the host takes to decide what is traced, median";
+    "seconds": "seconds", "device time of the picture and what the host takes to decide what is traced and to compute textures, median";
     "decide_s": "of them the host's (s)", "between the rounds of a picture by its error, median";
     "seconds_low": "seconds, fastest", "";
     "seconds_high": "seconds, slowest", "";
@@ -208,7 +208,8 @@ columns! {
     "private_bytes": "private memory (bytes)", "of a work-item, where the driver tells";
     "work_group": "work-group", "largest for the kernel";
     "launches": "launches", "";
-    "host_pass_s": "host pass (s)", "fetching hits, computing and sending colours";
+    "textures_s": "of them the host's pass (s)", "fetching hits, computing and sending colours, median";
+    "host_colours": "colours by the host", "of textures, in one pass";
     "step": "part", "";
     "share": "share of the time", "";
     "plane": "plane", "whether a huge plane of two triangles is in the scene";

@@ -4,39 +4,39 @@ use super::{Lab, Variant, errors};
 use crate::error::Result;
 use crate::options::Intersector;
 use crate::stress::{Answers, Case, Found};
-use crate::study::table::{Row, row};
-use serde_json::{Value, json};
+use crate::study::table::{Row, name, row};
+use serde_json::json;
 
 impl Lab<'_> {
-    /// Traces the case that `make` makes with all `variants`, and tells of each how many answers are wrong: one row each, with `value` in
-    /// column `column`, which together with `rays`, the number of rays, names the case. Methods that promise exact hits are judged
-    /// strictly.
+    /// Traces the case that `make` makes with all `variants`, and tells of each how many answers are wrong: one row
+    /// each, with the columns of `case`, which together with `rays`, the number of rays, name the case. Methods that
+    /// promise exact hits are judged strictly.
     ///
     /// # Errors
     /// As [`Found::new`].
     pub fn judge_case(
         &mut self,
         variants: &[Variant],
-        column: &str,
-        value: &Value,
+        case: &Row,
         rays: usize,
         make: impl Fn() -> Case,
     ) -> Result<Vec<Row>> {
         let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options])).collect();
-        let key = json!(["judged", column, value, rays, settings]);
+        let key = json!(["judged", case, rays, settings]);
         if let Some(rows) = self.journal.find(&key) {
             return Ok(rows);
         }
-        (self.progress)(&format!("{column} {value}"));
-        let case = make();
-        let answers = Answers::new(&case);
+        let said: Vec<_> = case.keys().map(|column| format!("{column} {}", name(case, column))).collect();
+        (self.progress)(&said.join(", "));
+        let made = make();
+        let answers = Answers::new(&made);
         let mut rows = Vec::new();
         for Variant { label, options, .. } in variants {
-            let found = Found::new(&case, options, self.device, self.cache)?;
+            let found = Found::new(&made, options, self.device, self.cache)?;
             let strictly = options.intersector == Intersector::Exact && options.traversal.is_exact();
             let mut out = row([("method", json!(label))]);
-            out.insert(column.to_owned(), value.clone());
-            out.extend(errors(found.faults(&answers, strictly).len(), case.rays.len()));
+            out.extend(case.clone());
+            out.extend(errors(found.faults(&answers, strictly).len(), made.rays.len()));
             rows.push(out);
         }
         self.journal.keep(&key, &rows)?;

@@ -5,7 +5,7 @@ use crate::compare::compare_films;
 use crate::device::DeviceHandle;
 use crate::error::Result;
 use crate::film::Film;
-use crate::options::{PacketSize, TraceOptions};
+use crate::options::{PacketSize, TexturePass, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::scene::{Samples, Scene};
 use crate::session::{Picture, complete, open_tracer, render};
@@ -68,9 +68,10 @@ struct Run {
     picture: Picture,
     buffers: Arc<SceneBuffers>,
     tracer: Box<dyn Tracer>,
-    /// Of each pass: device and host together, and the host's part.
+    /// Of each pass: device and host together, and the host's parts.
     seconds: Vec<f64>,
     decide_s: Vec<f64>,
+    textures_s: Vec<f64>,
 }
 
 impl Run {
@@ -132,7 +133,9 @@ impl Lab<'_> {
             out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
             if let Some(split) = result.split {
                 out.insert("launches".into(), json!(split.launches));
-                out.insert("host_pass_s".into(), json!(split.host_pass_s));
+                if variant.options.textures == TexturePass::HostPass {
+                    out.insert("host_colours".into(), json!(split.host_colours));
+                }
             }
             out.extend(self.errors_of_picture(&scene, variant, &result.film, truth.as_ref())?);
             runs.push(run);
@@ -145,11 +148,14 @@ impl Lab<'_> {
                 require_clock(runs[next].tracer.as_ref())?;
                 // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next or starts what does.
                 let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
-                runs[next].seconds.push(result.kernel_s + decide_s);
+                // The device waits for the host's colours, too.
+                let textures_s = result.split.map_or(0.0, |split| split.host_pass_s);
+                runs[next].seconds.push(result.kernel_s + decide_s + textures_s);
                 runs[next].decide_s.push(decide_s);
+                runs[next].textures_s.push(textures_s);
             }
         }
-        for (out, Run { seconds, decide_s, .. }) in rows.iter_mut().zip(&runs) {
+        for (out, Run { seconds, decide_s, textures_s, .. }) in rows.iter_mut().zip(&runs) {
             let Some(middle) = median(seconds).filter(|&seconds| seconds > 0.0) else { continue };
             let [low, high] = spread_of(seconds);
             out.extend(row([
@@ -159,7 +165,9 @@ impl Lab<'_> {
                 ("seconds_high", json!(high)),
                 ("frames_per_s", json!(1.0 / middle)),
             ]));
-            out.extend(median(decide_s).filter(|&s| s > 0.0).map(|s| ("decide_s".to_owned(), json!(s))));
+            for (column, host_s) in [("decide_s", decide_s), ("textures_s", textures_s)] {
+                out.extend(median(host_s).filter(|&s| s > 0.0).map(|s| (column.to_owned(), json!(s))));
+            }
         }
         self.journal.keep(&key, &rows)?;
         Ok(rows)
@@ -202,7 +210,7 @@ impl Lab<'_> {
             depth: variant.depth,
             kill_weight: variant.kill_weight,
         };
-        Ok(Run { picture, buffers, tracer, seconds: Vec::new(), decide_s: Vec::new() })
+        Ok(Run { picture, buffers, tracer, seconds: Vec::new(), decide_s: Vec::new(), textures_s: Vec::new() })
     }
 
     /// How far a picture is from the reference's and from the converged one.

@@ -2,9 +2,9 @@
 
 use super::super::lab::PictureVariant;
 use super::super::table::{Row, known, name, number, row};
-use super::super::{Chart, ChartKind, Findings, Lab, Study, Table, scenes};
-use super::by_scene;
+use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, scenes};
 use super::pareto::fast_options;
+use super::{PICTURE, Verdict, by_scene, ratio_of};
 use crate::device::kernel_resources;
 use crate::error::Result;
 use crate::features::Feature;
@@ -20,7 +20,9 @@ pub const STUDY: Study = Study {
     title: "No more than a scene needs",
     claim: "What a scene does not need shall cost nothing: kernels have the features that it uses and no others; rays go where they change the \
             picture. The claim tested: the FLIP of 16 samples a pixel takes at most 40 % of their rays.",
-    run: economy,
+    own_shapes: None,
+    measure: economy,
+    judge: judge_economy,
 };
 
 /// Chains of rays in all pictures.
@@ -49,7 +51,7 @@ fn economy_scenes(lab: &Lab) -> Result<Vec<(String, Scene)>> {
     Ok(own)
 }
 
-fn economy(lab: &mut Lab) -> Result<Findings> {
+fn economy(lab: &mut Lab) -> Result<Vec<Table>> {
     let options = fast_options(lab);
     let all = TraceOptions { features: KernelFeatures::All, ..options };
     let one = |label: &str, options| PictureVariant::new(label, options, 1, DEPTH);
@@ -59,7 +61,7 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
         one("1 sample", options),
         one("1 sample, all features", all),
         one("1 sample, every ray", options).without_killing(),
-        PictureVariant::new(format!("{FIXED} samples"), options, FIXED, DEPTH),
+        PictureVariant::new(fixed_samples(), options, FIXED, DEPTH),
     ];
     variants.extend(errors.iter().map(|&error| PictureVariant::of_error(options, error, DEPTH)));
     let (mut pictures, mut kernels, mut summary) = (Vec::new(), Vec::new(), Vec::new());
@@ -73,19 +75,46 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
         kernels.extend(taken);
     }
     let instances = instances(lab, options)?;
-    let shares: Vec<_> = summary.iter().map(|row| (name(row, "scene"), number(row, "rays_at_flip"))).collect();
-    let told = shares.iter().map(|(scene, share)| match share {
-        Some(share) => format!("{scene}: {:.0} %", 100.0 * share),
-        None => format!("{scene}: no picture is as good"),
-    });
-    let verdict = format!(
-        "Rays with which the FLIP of {FIXED} samples a pixel is reached, of theirs: {}.",
-        told.collect::<Vec<_>>().join("; ")
-    );
-    let table = Table::new("pictures", "Pictures: rays, time and error", pictures);
+    Ok(vec![
+        Table::new("saved", "Scenes: what they need, and what that saves", summary),
+        Table::new("pictures", "Pictures: rays, time and error", pictures),
+        Table::new("kernels", "What the kernel of pictures takes, with the scene's features and with all", kernels),
+        Table::new("instances", "Instances: triangles of their own, or one copy of each object", instances),
+    ])
+}
+
+fn judge_economy(found: &Measured) -> Result<Findings> {
+    let mut saved = found.table("saved", &["scene"])?;
+    let pictures = found.table("pictures", &PICTURE)?;
+    let mut parts = Vec::new();
+    let mut verdict = Verdict::default();
+    for row in &mut saved.rows {
+        let scene = name(row, "scene");
+        let fixed = pictures.one(&[("scene", &scene), ("method", &fixed_samples())])?;
+        let of_scene = pictures.rows.iter().filter(|row| name(row, "scene") == scene);
+        let by_error: Vec<_> = of_scene.filter(|row| row.contains_key("asked")).collect();
+        let Some(fixed) = fixed.filter(|fixed| fixed.contains_key("flip")) else {
+            row.shift_remove("rays_at_flip");
+            verdict.holds.push(None);
+            parts.push(format!("{scene}: not measured"));
+            continue;
+        };
+        let share = fewest_rays(fixed, &by_error);
+        verdict.holds.push(Some(share.is_some_and(|share| share <= MOST_RAYS)));
+        match share {
+            Some(share) => row.insert("rays_at_flip".into(), json!(share)),
+            None => row.shift_remove("rays_at_flip"),
+        };
+        parts.push(match share {
+            Some(share) => format!("{scene}: {:.0} %", 100.0 * share),
+            None => format!("{scene}: no picture is as good"),
+        });
+    }
+    let text =
+        format!("Rays with which the FLIP of {FIXED} samples a pixel is reached, of theirs: {}.", parts.join("; "));
     let charts = by_scene(
         ChartKind::Front,
-        &table,
+        &pictures,
         "pictures",
         "pictures a second against error",
         ["flip", "frames_per_s"],
@@ -95,20 +124,27 @@ fn economy(lab: &mut Lab) -> Result<Findings> {
             )
         },
     );
-    Ok(Findings {
-        holds: (!lab.quick).then(|| shares.iter().all(|(_, share)| share.is_some_and(|share| share <= MOST_RAYS))),
-        verdict,
-        notes: vec![
-            "Seconds are the device's and, of pictures by their error, what the host takes between the rounds to decide what is traced next.".to_owned(),
-        ],
-        tables: vec![
-            Table::new("saved", "Scenes: what they need, and what that saves", summary),
-            table,
-            Table::new("kernels", "What the kernel of pictures takes, with the scene's features and with all", kernels),
-            Table::new("instances", "Instances: triangles of their own, or one copy of each object", instances),
-        ],
-        charts,
-    })
+    let holds = verdict.all().filter(|_| !found.header.quick);
+    let notes = vec![
+        "Seconds are the device's and, of pictures by their error, what the host takes between the rounds to decide what is traced next.".to_owned(),
+    ];
+    // Earlier versions had no instances.
+    let is_further = |table: &&Table| ![&saved.name, &pictures.name].contains(&&table.name);
+    let others: Vec<_> = found.tables.iter().filter(is_further).cloned().collect();
+    let tables = [saved, pictures].into_iter().chain(others).collect();
+    Ok(Findings { holds, verdict: text, notes, tables, charts })
+}
+
+/// The picture that the others are measured by.
+fn fixed_samples() -> String {
+    format!("{FIXED} samples")
+}
+
+/// The fewest rays with which a picture by its error has the FLIP of fixed samples, of theirs; `None` if none has it.
+fn fewest_rays(fixed: &Row, by_error: &[&Row]) -> Option<f64> {
+    let flip = number(fixed, "flip")?;
+    let as_good = by_error.iter().filter(|row| number(row, "flip").is_some_and(|other| other <= flip));
+    as_good.filter_map(|row| ratio_of(row, fixed, "rays")).min_by(f64::total_cmp)
 }
 
 /// What it takes to make the triangles of all instances, and to leave them shared: scenes with instances as the structure that is fastest
@@ -165,18 +201,6 @@ impl Pictures<'_> {
         let [one, one_all, one_every, fixed, by_error @ ..] = rows else { panic!("a row for each variant") };
         Pictures { one, one_all, one_every, fixed, by_error }
     }
-
-    /// The fewest rays with which a picture by its error has the FLIP of fixed samples; `None` if none has it.
-    fn fewest_rays(&self) -> Option<f64> {
-        let flip = number(self.fixed, "flip")?;
-        let as_good = self.by_error.iter().filter(|row| number(row, "flip").is_some_and(|other| other <= flip));
-        as_good.filter_map(|row| number(row, "rays")).min_by(f64::total_cmp)
-    }
-}
-
-/// A column of one row by that of another, where both have it.
-fn ratio(a: &Row, b: &Row, column: &str) -> Option<f64> {
-    Some(number(a, column)? / number(b, column)?)
 }
 
 /// What the kernel for pictures takes with each of some options; of the first pass, which does nearly all of the work.
@@ -223,7 +247,7 @@ fn saved(
     let Pictures { one, one_all, one_every, fixed, by_error } = pictures;
     let error_1 = &by_error[0];
     let of_kernels = |column: &str| match kernels {
-        [of_scene, of_all] => ratio(of_scene, of_all, column),
+        [of_scene, of_all] => ratio_of(of_scene, of_all, column),
         _ => None,
     };
     let triangle_count = scene.hittable().len();
@@ -237,15 +261,14 @@ fn saved(
         ("unused_bytes", json!(unused_bytes(scene, buffers, options))),
     ]);
     out.extend(known([
-        ("time_of_all", ratio(one, one_all, "seconds")),
+        ("time_of_all", ratio_of(one, one_all, "seconds")),
         ("private_of_all", of_kernels("private_bytes")),
         ("binary_of_all", of_kernels("binary_bytes")),
-        ("rays_of_every", ratio(one, one_every, "rays")),
-        ("rays_of_fixed", ratio(error_1, fixed, "rays")),
-        ("time_of_fixed", ratio(error_1, fixed, "seconds")),
+        ("rays_of_every", ratio_of(one, one_every, "rays")),
+        ("rays_of_fixed", ratio_of(error_1, fixed, "rays")),
+        ("time_of_fixed", ratio_of(error_1, fixed, "seconds")),
         ("error", number(error_1, "error")),
         ("error_of_fixed", number(fixed, "error")),
-        ("rays_at_flip", pictures.fewest_rays().zip(number(fixed, "rays")).map(|(fewest, rays)| fewest / rays)),
     ]));
     out
 }
@@ -260,4 +283,43 @@ fn unused_bytes(scene: &Scene, buffers: &SceneBuffers, options: &TraceOptions) -
     let texels: usize = unused_textures.filter_map(|(_, texture)| texture.image()).map(|image| image.rgba.len()).sum();
     let shading_bytes = size_of_val(&buffers.shading[..]) - size_of_val(&buffers.arrange(options).shading[..]);
     material_bytes + size_of::<u32>() * texels + shading_bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows_of::{header, judge};
+    use super::*;
+
+    #[test]
+    fn the_flip_of_fixed_samples_must_be_reached_with_few_of_their_rays() {
+        let picture = |scene: &str, method: &str, rays: u32, flip: f64| {
+            let mut out =
+                row([("scene", json!(scene)), ("method", json!(method)), ("rays", json!(rays)), ("flip", json!(flip))]);
+            out.extend(method.starts_with("error").then(|| ("asked".to_owned(), json!(1.0))));
+            out
+        };
+        let found = |rays: u32, flip: f64, is_quick: bool| {
+            let pictures = vec![
+                picture("s", &fixed_samples(), 1000, 0.1),
+                picture("s", "1 sample", 10, 0.05),
+                picture("s", "error 1", rays, flip),
+                picture("s", "error 0.5", 900, 0.01),
+                // Of another scene, and cheaper.
+                picture("t", "error 1", 1, 0.0),
+            ];
+            let tables = vec![
+                Table::new("saved", "", vec![row([("scene", json!("s"))])]),
+                Table::new("pictures", "", pictures),
+                Table::new("kernels", "", Vec::new()),
+                Table::new("instances", "", Vec::new()),
+            ];
+            judge(&STUDY, tables, &header(is_quick)).unwrap()
+        };
+        let holds = found(300, 0.1, false);
+        assert_eq!((holds.holds, number(&holds.tables[0].rows[0], "rays_at_flip")), (Some(true), Some(0.3)));
+        assert!(holds.verdict.ends_with("of theirs: s: 30 %."), "{}", holds.verdict);
+        assert_eq!(found(500, 0.1, false).holds, Some(false));
+        assert!(found(300, 0.2, false).verdict.ends_with("s: 90 %."));
+        assert_eq!(found(300, 0.1, true).holds, None);
+    }
 }

@@ -1,77 +1,95 @@
 //! Where on the device things lie, and in which order.
 
-use super::super::table::{Row, name};
-use super::super::{ChartKind, Findings, Lab, Study, Table, Variant};
-use super::{ALL_KINDS, CAMERA, SPREAD, by_scene, error_note, mean, with};
+use super::super::table::{name, values};
+use super::super::{ChartKind, Findings, Lab, Measured, Study, Table, Variant};
+use super::{BATCH, SPREAD, by_scene, error_note, usual_rays, with};
 use crate::error::Result;
 use crate::options::{Accel, Layout, Memory, NodeOrder, TraceOptions, TriangleOrder};
+
+const MEMORY_TITLE: &str = "Speed by kind of memory";
+const LAYOUT_TITLE: &str = "Speed by layout";
 
 pub const MEMORY_KIND: Study = Study {
     name: "memory-kind",
     title: "Kinds of memory",
     claim: "Thesis, sections 5.7 and 6.2.2: textures over global memory and constant memory are worth the trouble, because GPUs cache them.",
-    run: memory_kind,
+    own_shapes: None,
+    measure: memory_kind,
+    judge: judge_memory_kind,
 };
 
-fn memory_kind(lab: &mut Lab) -> Result<Findings> {
-    let mut left_out = Vec::new();
-    let mut variants = Vec::new();
-    for &memory in Memory::ALL {
-        let has_images = lab.device.is_none_or(|device| device.info.images);
-        if matches!(memory, Memory::BufferImage | Memory::Image2d) && !has_images {
-            left_out.push(memory.name());
-            continue;
-        }
-        variants.push(
-            Variant::new(memory.name(), TraceOptions { memory, ..with(Accel::Kd) }).with("memory", memory.name()),
-        );
-    }
-    let subjects = lab.usual_subjects()?;
-    let kinds: &[usize] = if lab.quick { &[CAMERA] } else { &ALL_KINDS };
-    let rows = lab.compare_all(&subjects, &variants, kinds)?;
-    let ratio = |memory: Memory| {
-        let speed = |memory: Memory| mean(&rows, "mrays_per_s", |row| name(row, "method") == memory.name());
-        Some(speed(memory)? / speed(Memory::Global)?)
-    };
-    let ratios: Vec<_> = Memory::ALL
+fn memory_kind(lab: &mut Lab) -> Result<Vec<Table>> {
+    let has_images = lab.device.is_none_or(|device| device.info.images);
+    let can_be = |memory: Memory| has_images || !is_image(memory);
+    let variants: Vec<_> = Memory::ALL
         .iter()
-        .filter(|&&memory| memory != Memory::Global)
-        .filter_map(|&memory| Some((memory.name(), ratio(memory)?)))
+        .filter(|&&memory| can_be(memory))
+        .map(|&memory| {
+            Variant::new(memory.name(), TraceOptions { memory, ..with(Accel::Kd) }).with("memory", memory.name())
+        })
         .collect();
-    let holds = (!ratios.is_empty()).then(|| ratios.iter().any(|(_, ratio)| *ratio > 1.05));
-    let mut parts: Vec<_> = ratios.iter().map(|(memory, ratio)| format!("{memory} has {ratio:.2} times")).collect();
+    usual_rays(lab, &variants, MEMORY_TITLE)
+}
+
+fn is_image(memory: Memory) -> bool {
+    matches!(memory, Memory::BufferImage | Memory::Image2d)
+}
+
+fn judge_memory_kind(found: &Measured) -> Result<Findings> {
+    let table = found.table("rays", &BATCH)?;
+    let has = |memory: &Memory| table.rows.iter().any(|row| name(row, "method") == memory.name());
+    let others = || Memory::ALL.iter().filter(|&&memory| memory != Memory::Global);
+    let mut ratios = Vec::new();
+    for memory in others().filter(|memory| has(memory)) {
+        ratios.push((memory.name(), over_all(&table, memory.name(), Memory::Global.name())?));
+    }
+    let told = |(memory, ratio): &(&str, Option<f64>)| match ratio {
+        Some(ratio) => format!("{memory} has {ratio:.2} times"),
+        None => format!("{memory} was not measured against"),
+    };
+    let mut parts: Vec<_> = ratios.iter().map(told).collect();
     if parts.is_empty() {
         parts.push("nothing was measured against".to_owned());
     }
+    let known: Vec<f64> = ratios.iter().filter_map(|(_, ratio)| *ratio).collect();
+    let is_worth_it = known.iter().any(|ratio| *ratio > 1.05);
     let mut notes = Vec::new();
-    if lab.device.is_none() {
+    if found.header.is_reference() {
         notes.push("The reference has one kind of memory: all of these are the same there.".to_owned());
     }
-    if !left_out.is_empty() {
-        notes.push(format!("The device has no images; left out: {}.", left_out.join(", ")));
+    let left_out: Vec<_> = others().filter(|&&memory| is_image(memory)).filter(|memory| !has(memory)).collect();
+    if !left_out.is_empty() && !table.rows.is_empty() {
+        let names: Vec<_> = left_out.iter().map(|memory| memory.name()).collect();
+        notes.push(format!("The device has no images; left out: {}.", names.join(", ")));
     }
-    Ok(bars(
-        rows,
-        holds,
-        format!("{} the speed of plain global memory.", parts.join(", ")),
-        notes,
-        "Speed by kind of memory",
-    ))
+    let holds = (is_worth_it || !known.is_empty() && known.len() == ratios.len()).then_some(is_worth_it);
+    let verdict = format!("{} the speed of plain global memory.", parts.join(", "));
+    Ok(bars(table, holds, verdict, notes, MEMORY_TITLE))
+}
+
+/// How many times the speed of method `b` method `a` has, over all scenes and rays.
+fn over_all(table: &Table, a: &str, b: &str) -> Result<Option<f64>> {
+    table.ratio("mrays_per_s", &[("method", a)], &[("method", b)], &["scene", "rays_of"])
 }
 
 pub const LAYOUT: Study = Study {
     name: "layout",
     title: "Layout of triangles and nodes",
     claim: "Thesis, section 5.7.1: vertices apart from shading data are \"surely better\" (not measured there); section 5.7.2: nodes in pre-order.",
-    run: layout,
+    own_shapes: None,
+    measure: layout,
+    judge: judge_layout,
 };
 
-fn layout(lab: &mut Lab) -> Result<Findings> {
+/// Vertices apart from shading data, nodes in pre-order.
+const PLAIN: &str = "split, pre-order";
+/// As the thesis has not measured it.
+const WHOLE: &str = "whole triangles";
+
+fn layout(lab: &mut Lab) -> Result<Vec<Table>> {
     let base = with(Accel::Kd);
-    let mut variants = vec![
-        Variant::new("split, pre-order", base),
-        Variant::new("whole triangles", TraceOptions { layout: Layout::Whole, ..base }),
-    ];
+    let mut variants =
+        vec![Variant::new(PLAIN, base), Variant::new(WHOLE, TraceOptions { layout: Layout::Whole, ..base })];
     if !lab.quick {
         variants.extend([
             Variant::new("breadth-first nodes", TraceOptions { node_order: NodeOrder::BreadthFirst, ..base }),
@@ -79,31 +97,63 @@ fn layout(lab: &mut Lab) -> Result<Findings> {
             Variant::new("triangles in leaf order", TraceOptions { triangles: TriangleOrder::LeafOrder, ..base }),
         ]);
     }
-    let subjects = lab.usual_subjects()?;
-    let kinds: &[usize] = if lab.quick { &[CAMERA] } else { &ALL_KINDS };
-    let rows = lab.compare_all(&subjects, &variants, kinds)?;
-    let speed = |method: &str| mean(&rows, "mrays_per_s", |row| name(row, "method") == method);
-    let ratios: Vec<_> = variants
-        .iter()
-        .skip(1)
-        .filter_map(|variant| Some((variant.label.clone(), speed(&variant.label)? / speed("split, pre-order")?)))
-        .collect();
-    let holds = ratios.first().map(|(_, ratio)| *ratio < 1.0);
-    let parts: Vec<_> = ratios.iter().map(|(method, ratio)| format!("{method}: {ratio:.2}")).collect();
+    usual_rays(lab, &variants, LAYOUT_TITLE)
+}
+
+fn judge_layout(found: &Measured) -> Result<Findings> {
+    let table = found.table("rays", &BATCH)?;
+    let mut parts = Vec::new();
+    for method in values(&table.rows, "method").iter().filter(|method| *method != PLAIN) {
+        parts.push(match over_all(&table, method, PLAIN)? {
+            Some(ratio) => format!("{method}: {ratio:.2}"),
+            None => format!("{method}: not measured"),
+        });
+    }
     let verdict = format!(
         "Relative to vertices apart from shading data and nodes in pre-order, over all scenes and rays: {}.",
         parts.join(", ")
     );
-    Ok(bars(rows, holds, verdict, Vec::new(), "Speed by layout"))
+    let holds = over_all(&table, WHOLE, PLAIN)?.map(|ratio| ratio < 1.0);
+    Ok(bars(table, holds, verdict, Vec::new(), LAYOUT_TITLE))
 }
 
 /// Findings with a chart of speeds for each scene.
-fn bars(rows: Vec<Row>, holds: Option<bool>, verdict: String, notes: Vec<String>, title: &str) -> Findings {
-    let note = error_note(&rows);
-    let table = Table::new("rays", format!("{title}: all measurements"), rows);
+fn bars(table: Table, holds: Option<bool>, verdict: String, notes: Vec<String>, title: &str) -> Findings {
+    let note = error_note(&table.rows);
     let charts = by_scene(ChartKind::Bars, &table, "speed", title, ["method", "mrays_per_s"], |chart| {
         let caption = format!("kd-tree by surface areas, full stack, exact hits. {note}");
         chart.by("rays_of").spread(SPREAD).caption(caption)
     });
     Findings { holds, verdict, notes, tables: vec![table], charts }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows_of::{header, judge, rays};
+    use super::*;
+
+    #[test]
+    fn a_kind_of_memory_is_worth_it_where_it_is_faster_than_global() {
+        let rows = |constant: f64| rays(&[("s", "global", 10.0), ("s", "constant", constant), ("s", "image2d", 9.0)]);
+        let better = judge(&MEMORY_KIND, rows(12.0), &header(false)).unwrap();
+        assert_eq!(better.holds, Some(true), "{}", better.verdict);
+        assert!(better.verdict.starts_with("constant has 1.20 times, image2d has 0.90 times"), "{}", better.verdict);
+        assert_eq!(judge(&MEMORY_KIND, rows(8.0), &header(false)).unwrap().holds, Some(false));
+        // A scene that one side lacks would shift its mean.
+        let lacking = rays(&[("s", "global", 10.0), ("s", "constant", 8.0), ("t", "constant", 1000.0)]);
+        let lacking = judge(&MEMORY_KIND, lacking, &header(false)).unwrap();
+        assert_eq!((lacking.holds, lacking.verdict.contains("not measured")), (None, true), "{}", lacking.verdict);
+    }
+
+    #[test]
+    fn the_verdict_on_layouts_is_that_of_whole_triangles() {
+        let rows = |whole: f64| rays(&[("s", PLAIN, 10.0), ("s", WHOLE, whole), ("s", "breadth-first nodes", 7.0)]);
+        assert_eq!(judge(&LAYOUT, rows(9.0), &header(false)).unwrap().holds, Some(true));
+        assert_eq!(judge(&LAYOUT, rows(11.0), &header(false)).unwrap().holds, Some(false));
+        // Not that of whatever comes first.
+        let lacking = rays(&[("s", PLAIN, 10.0), ("s", "breadth-first nodes", 7.0)]);
+        assert_eq!(judge(&LAYOUT, lacking, &header(false)).unwrap().holds, None);
+        let twice = rays(&[("s", PLAIN, 10.0), ("s", WHOLE, 9.0), ("s", WHOLE, 90.0)]);
+        assert!(judge(&LAYOUT, twice, &header(false)).unwrap_err().to_string().contains("twice"));
+    }
 }

@@ -1,9 +1,10 @@
 //! Kinds of rays, devices, and what is done beside tracing.
 
-use super::super::table::{Row, name, number, row};
-use super::super::{Chart, ChartKind, Findings, Lab, Study, Subject, Table, Variant, scenes};
+use super::super::lookup::geometric_mean;
+use super::super::table::{Row, name, number, row, values};
+use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Subject, Table, Variant, scenes};
 use super::pareto::fast_options;
-use super::{ALL_KINDS, CAMERA, SPREAD, by_scene, error_note, mean, with};
+use super::{ALL_KINDS, BATCH, CAMERA, SPREAD, Verdict, by_scene, error_note, scenes_of, with};
 use crate::device::Limits;
 use crate::error::{Error, Result};
 use crate::options::{Accel, Intersector, TraceOptions};
@@ -16,7 +17,9 @@ pub const INTERSECTION: Study = Study {
     claim: "Thesis, table 5.1 (section 5.4.3): brute force on 5 to 30 cubes makes 442 to 406 million tests a second, 9 % fewer at the end; it is \
             bound by arithmetic, not by memory. Changing clocks showed that there; here tests a second must stay alike while the triangles grow \
             sixfold, and come nearer to the device's limit of arithmetic than to those of reading.",
-    run: intersection,
+    own_shapes: Some("cubes"),
+    measure: intersection,
+    judge: judge_intersection,
 };
 
 /// Moller and Trumbore's test: two edges 6, two cross products 18, four dot products 20, the origin's difference 3, the reciprocal 1, three
@@ -27,7 +30,7 @@ const BYTES_A_TEST: f64 = 48.0;
 /// Rays of the thesis's picture.
 const FRAME: f64 = 640.0 * 480.0;
 
-fn intersection(lab: &mut Lab) -> Result<Findings> {
+fn intersection(lab: &mut Lab) -> Result<Vec<Table>> {
     let counts: &[u32] = if lab.quick { &[5, 15, 30] } else { &[5, 10, 15, 20, 25, 30] };
     let options = TraceOptions { intersector: Intersector::MollerTrumbore, ..with(Accel::Brute) };
     let mut rows = Vec::new();
@@ -48,23 +51,52 @@ fn intersection(lab: &mut Lab) -> Result<Findings> {
             rows.push(found);
         }
     }
-    let tests: Vec<f64> = rows.iter().filter_map(|row| number(row, "tests_per_s")).collect();
-    let (low, high) = tests.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), &t| (low.min(t), high.max(t)));
-    let spread = low / high;
     let shares = match (lab.device, rows.last()) {
-        (Some(device), Some(last)) if high > 0.0 => {
+        (Some(device), Some(last)) if last.contains_key("tests_per_s") => {
             (lab.progress)("limits of the device");
             shares_of_limits(&Limits::measure(device, lab.cache)?, last)
         }
         _ => Vec::new(),
     };
-    let share = |i: usize| shares.get(i).and_then(|row: &Row| number(row, "limit_share")).unwrap_or(0.0);
-    let is_arithmetic = shares.is_empty() || share(0) > share(1).max(share(2));
-    let of_limits = shares
-        .iter()
-        .map(|row| format!("{:.0} % of {}", 100.0 * number(row, "limit_share").unwrap_or(0.0), name(row, "limit")));
-    let of_limits = of_limits.collect::<Vec<_>>().join(", ");
-    let table = Table::new("rays", "Brute force on cubes", rows);
+    let mut tables = vec![Table::new("rays", "Brute force on cubes", rows)];
+    if !shares.is_empty() {
+        let caption = format!("With {} cubes; limits by kernels that do nothing else", counts[counts.len() - 1]);
+        tables.push(Table::new("limits", caption, shares));
+    }
+    Ok(tables)
+}
+
+const ARITHMETIC: &str = "arithmetic";
+const CACHE: &str = "reads of a cache";
+const MEMORY: &str = "memory";
+
+fn judge_intersection(found: &Measured) -> Result<Findings> {
+    let table = found.table("rays", &["cubes"])?;
+    let limits = match found.tables.iter().any(|table| table.name == "limits") {
+        true => Some(found.table("limits", &["limit"])?),
+        false => None,
+    };
+    let mut verdict = Verdict::default();
+    let tests = || table.rows.iter().filter_map(|row| Some((number(row, "tests_per_s")?, name(row, "cubes"))));
+    let (low, high) = tests().fold((f64::INFINITY, 0.0_f64), |(low, high), (t, _)| (low.min(t), high.max(t)));
+    match (tests().next(), tests().last()) {
+        (Some((_, first)), Some((_, last))) if first != last => {
+            let spread = low / high;
+            verdict.say(spread > 0.8, format!(
+                "From {first} to {last} cubes tests a second are within {spread:.2} of each other, at {low:.0} to {high:.0} million"
+            ));
+        }
+        _ => verdict.not_measured("tests a second"),
+    }
+    verdict.holds.push(limits.as_ref().map_or(Ok(None), is_bound_by_arithmetic)?);
+    let mut text = verdict.text();
+    if let Some(limits) = &limits {
+        let share = |row: &Row| Some(format!("{:.0} % of {}", 100.0 * number(row, "limit_share")?, name(row, "limit")));
+        let shares = limits.rows.iter().filter_map(share).collect::<Vec<_>>();
+        text += &format!(" They take {}.", shares.join(", "));
+    } else if !found.header.is_reference() {
+        text += " The device's limits were not measured.";
+    }
     let note = error_note(&table.rows);
     let chart = |name: &str, title: &str, y: &str| Chart::new(ChartKind::Lines, &table, name, title, ["cubes", y]);
     let mut charts = vec![
@@ -74,31 +106,21 @@ fn intersection(lab: &mut Lab) -> Result<Findings> {
         )),
         chart("frames", "Frames of 640 x 480 a second", "frames_per_s").caption("The same measurements; the table has the operations a second."),
     ];
-    let mut tables = vec![table];
-    if !shares.is_empty() {
-        let caption = format!("With {} cubes; limits by kernels that do nothing else", counts[counts.len() - 1]);
-        let limits = Table::new("limits", caption, shares);
-        charts.push(
-            Chart::new(ChartKind::Bars, &limits, "limits", "Triangle tests by the device's limits", ["limit", "limit_share"])
-                .caption("What of each limit the tests take, all measured on this device. No operation is fused, neither in the tests nor in the limit."),
-        );
-        tables.push(limits);
-    }
-    let mut verdict = format!(
-        "From {} to {} cubes tests a second are within {spread:.2} of each other, at {low:.0} to {high:.0} million.",
-        counts[0],
-        counts[counts.len() - 1]
-    );
-    if !of_limits.is_empty() {
-        verdict += &format!(" They take {of_limits}.");
-    }
-    Ok(Findings {
-        holds: (tests.len() > 1).then_some(spread > 0.8 && is_arithmetic),
-        verdict,
-        notes: Vec::new(),
-        tables,
-        charts,
-    })
+    charts.extend(limits.as_ref().map(|limits| {
+        Chart::new(ChartKind::Bars, limits, "limits", "Triangle tests by the device's limits", ["limit", "limit_share"])
+            .caption("What of each limit the tests take, all measured on this device. No operation is fused, neither in the tests nor in the limit.")
+    }));
+    let tables = std::iter::once(table).chain(limits).collect();
+    Ok(Findings { verdict: text, ..verdict.findings(tables, charts) })
+}
+
+/// Whether the tests come nearer to the limit of arithmetic than to those of reading.
+fn is_bound_by_arithmetic(limits: &Table) -> Result<Option<bool>> {
+    let share = |limit: &str| Ok(limits.one(&[("limit", limit)])?.and_then(|row| number(row, "limit_share")));
+    let (Some(arithmetic), Some(cache), Some(memory)) = (share(ARITHMETIC)?, share(CACHE)?, share(MEMORY)?) else {
+        return Ok(None);
+    };
+    Ok(Some(arithmetic > cache.max(memory)))
 }
 
 /// How near the measurement of a row comes to each limit of the device.
@@ -118,9 +140,9 @@ fn shares_of_limits(limits: &Limits, measured: &Row) -> Vec<Row> {
         out
     };
     vec![
-        share("arithmetic", "Gflop/s", tests_per_s * FLOPS_A_TEST, limits.flops),
-        share("reads of a cache", "GB/s", tests_per_s * BYTES_A_TEST, limits.cached_bytes),
-        share("memory", "GB/s", rays_per_s * BYTES_A_RAY as f64, limits.memory_bytes),
+        share(ARITHMETIC, "Gflop/s", tests_per_s * FLOPS_A_TEST, limits.flops),
+        share(CACHE, "GB/s", tests_per_s * BYTES_A_TEST, limits.cached_bytes),
+        share(MEMORY, "GB/s", rays_per_s * BYTES_A_RAY as f64, limits.memory_bytes),
     ]
 }
 
@@ -128,10 +150,12 @@ pub const RAY_KIND: Study = Study {
     name: "ray-kind",
     title: "Kinds of rays",
     claim: "Thesis, note 9: secondary rays cost more than primary ones, each, because neighbours go different ways.",
-    run: ray_kind,
+    own_shapes: None,
+    measure: ray_kind,
+    judge: judge_ray_kind,
 };
 
-fn ray_kind(lab: &mut Lab) -> Result<Findings> {
+fn ray_kind(lab: &mut Lab) -> Result<Vec<Table>> {
     let mut variants = vec![Variant::new("kd", with(Accel::Kd)), Variant::new("bvh2", with(Accel::Bvh2))];
     if lab.is_cpu() {
         variants.push(Variant::new("bvh8 in packets", fast_options(lab)));
@@ -145,36 +169,45 @@ fn ray_kind(lab: &mut Lab) -> Result<Findings> {
         let secondary = subject.secondary(lab.seed);
         rows.extend(lab.compare(&secondary, &variants, &ALL_KINDS)?);
     }
-    let mut parts = Vec::new();
-    let mut holds = true;
-    for variant in &variants {
-        let speed = |kind: &str| {
-            mean(&rows, "mrays_per_s", |row| name(row, "method") == variant.label && name(row, "rays_of") == kind)
+    Ok(vec![Table::new("rays", "All kinds of rays", rows)])
+}
+
+fn judge_ray_kind(found: &Measured) -> Result<Findings> {
+    let table = found.table("rays", &BATCH)?;
+    let has = |scene: &str, kind: &str| {
+        table.rows.iter().any(|row| name(row, "scene") == scene && name(row, "rays_of") == kind)
+    };
+    let (hit, missed): (Vec<_>, Vec<_>) =
+        scenes_of(&table.rows).into_iter().partition(|scene| has(scene, "reflected") && has(scene, "diffuse"));
+    let mut verdict = Verdict::default();
+    for method in values(&table.rows, "method") {
+        let ratio = |kind: &str| -> Result<Option<f64>> {
+            let of_scene = |scene: &String| {
+                let key = |kind| [("scene", scene.as_str()), ("method", method.as_str()), ("rays_of", kind)];
+                table.ratio("mrays_per_s", &key(kind), &key("camera"), &[])
+            };
+            Ok(geometric_mean(hit.iter().map(of_scene).collect::<Result<Vec<_>>>()?))
         };
-        let Some(camera) = speed("camera") else { continue };
-        let ratio = |kind: &str| speed(kind).map(|speed| speed / camera);
-        let (Some(reflected), Some(diffuse)) = (ratio("reflected"), ratio("diffuse")) else { continue };
-        holds &= reflected < 1.0 && diffuse < 1.0;
-        let shuffled = ratio("shuffled").unwrap_or(f64::NAN);
-        parts.push(format!(
-            "{}: reflected rays have {reflected:.2}, diffuse {diffuse:.2} and shuffled camera rays {shuffled:.2} of the speed of camera rays",
-            variant.label
-        ));
+        match (ratio("reflected")?, ratio("diffuse")?, ratio("shuffled")?) {
+            (Some(reflected), Some(diffuse), Some(shuffled)) => verdict.say(
+                reflected < 1.0 && diffuse < 1.0,
+                format!(
+                    "{method}: reflected rays have {reflected:.2}, diffuse {diffuse:.2} and shuffled camera rays {shuffled:.2} of the speed of camera rays"
+                ),
+            ),
+            _ if hit.is_empty() => {}
+            _ => verdict.not_measured(&method),
+        }
     }
-    let note = error_note(&rows);
-    let table = Table::new("rays", "All kinds of rays", rows);
+    for scene in missed {
+        verdict.add(format!("{scene}: no ray hit anything"));
+    }
+    let note = error_note(&table.rows);
     let charts =
         by_scene(ChartKind::Bars, &table, "speed", "speed by kind of rays", ["rays_of", "mrays_per_s"], |chart| {
             chart.by("method").spread(SPREAD).caption(format!("Exact hits. {note}"))
         });
-    let verdict = if parts.is_empty() { "No ray hit anything.".to_owned() } else { parts.join("; ") + "." };
-    Ok(Findings {
-        holds: (!parts.is_empty()).then_some(holds),
-        verdict,
-        notes: Vec::new(),
-        tables: vec![table],
-        charts,
-    })
+    Ok(verdict.findings(vec![table], charts))
 }
 
 pub const TRANSFER: Study = Study {
@@ -182,75 +215,86 @@ pub const TRANSFER: Study = Study {
     title: "What is done beside tracing",
     claim: "Thesis, sections 5.1 and 5.2.2: sending data to the device and back is dear. The claim tested: building, compiling and moving data take \
             longer than one pass of the kernel.",
-    run: transfer,
+    own_shapes: None,
+    measure: transfer,
+    judge: judge_transfer,
 };
 
-fn transfer(lab: &mut Lab) -> Result<Findings> {
-    const STEPS: [(&str, &str); 6] = [
-        ("build", "build_s"),
-        ("compile", "compile_s"),
-        ("upload of the scene", "upload_s"),
-        ("upload of rays", "rays_upload_s"),
-        ("kernel, one pass", "kernel_s"),
-        ("read-back of hits", "read_s"),
-    ];
+/// The parts of a run and their columns.
+const STEPS: [(&str, &str); 6] = [
+    ("build", "build_s"),
+    ("compile", "compile_s"),
+    ("upload of the scene", "upload_s"),
+    ("upload of rays", "rays_upload_s"),
+    ("kernel, one pass", "kernel_s"),
+    ("read-back of hits", "read_s"),
+];
+
+fn transfer(lab: &mut Lab) -> Result<Vec<Table>> {
     let variant = Variant::new("default", fast_options(lab));
-    let mut rows = Vec::new();
-    let mut parts = Vec::new();
-    let mut holds = true;
     let subjects = lab.usual_subjects()?;
-    let found = lab.compare_all(&subjects, &[variant], &[CAMERA])?;
-    for measured in &found {
-        let seconds = |column: &str| number(measured, column).unwrap_or(0.0);
-        let total: f64 = STEPS.iter().map(|(_, column)| seconds(column)).sum();
-        for (step, column) in STEPS {
-            let mut out = row([
-                ("scene", json!(name(measured, "scene"))),
-                ("triangles", measured["triangles"].clone()),
+    let rows = lab.compare_all(&subjects, &[variant], &[CAMERA])?;
+    Ok(vec![Table::new("rays", "The measurement", rows)])
+}
+
+fn judge_transfer(found: &Measured) -> Result<Findings> {
+    let measured = found.table("rays", &["scene"])?;
+    let mut rows = Vec::new();
+    let mut verdict = Verdict::default();
+    for one in &measured.rows {
+        let scene = name(one, "scene");
+        let seconds: Option<Vec<f64>> = STEPS.iter().map(|(_, column)| number(one, column)).collect();
+        let Some(seconds) = seconds.filter(|seconds| seconds.iter().sum::<f64>() > 0.0) else {
+            verdict.not_measured(&scene);
+            continue;
+        };
+        let total: f64 = seconds.iter().sum();
+        for ((step, _), &seconds) in STEPS.iter().zip(&seconds) {
+            let mut out = row([("scene", json!(scene)), ("triangles", one["triangles"].clone())]);
+            out.extend(row([
                 ("step", json!(step)),
-                ("seconds", json!(seconds(column))),
-                ("share", json!(seconds(column) / total.max(f64::MIN_POSITIVE))),
-                ("rays", measured["rays"].clone()),
-            ]);
-            out.extend(["wrong", "tested"].map(|column| (column.to_owned(), measured[column].clone())));
+                ("seconds", json!(seconds)),
+                ("share", json!(seconds / total)),
+                ("rays", one["rays"].clone()),
+            ]));
+            out.extend(["wrong", "tested"].map(|column| (column.to_owned(), one[column].clone())));
             rows.push(out);
         }
-        let moved = seconds("upload_s") + seconds("rays_upload_s") + seconds("read_s");
-        holds &= total > 2.0 * seconds("kernel_s");
-        parts.push(format!(
-            "{}: of {total:.3} s the kernel takes {:.0} %, moving data {:.0} %, compiling {:.0} %, building {:.0} %",
-            name(measured, "scene"),
-            100.0 * seconds("kernel_s") / total,
-            100.0 * moved / total,
-            100.0 * seconds("compile_s") / total,
-            100.0 * seconds("build_s") / total
-        ));
+        let [build, compile, upload, rays_upload, kernel, read] = seconds[..] else { continue };
+        let percent = |seconds: f64| 100.0 * seconds / total;
+        verdict.say(
+            total - kernel > kernel,
+            format!(
+                "{scene}: of {total:.3} s the kernel takes {:.0} %, moving data {:.0} %, compiling {:.0} %, building {:.0} %",
+                percent(kernel),
+                percent(upload + rays_upload + read),
+                percent(compile),
+                percent(build)
+            ),
+        );
     }
     let table = Table::new("steps", "Seconds of each part", rows);
-    let note = error_note(&found);
+    let note = error_note(&measured.rows);
     let charts = vec![
         Chart::new(ChartKind::Bars, &table, "steps", "Where the time of a batch goes", ["step", "seconds"])
             .by("scene")
             .log(false, true)
             .caption(format!("Camera rays. Compiling is loading from a cache where there is one. {note}")),
     ];
-    Ok(Findings {
-        holds: (!parts.is_empty()).then_some(holds),
-        verdict: parts.join("; ") + ".",
-        notes: Vec::new(),
-        tables: vec![table, Table::new("rays", "The measurement", found)],
-        charts,
-    })
+    Ok(verdict.findings(vec![table, measured], charts))
 }
 
 pub const CPU_GPU: Study = Study {
     name: "cpu-gpu",
     title: "The device against the scalar reference",
-    claim: "Thesis, section 5.8: the GPU is about 3 times as fast as the author's CPU tracer with a kd-tree, about 10 times with brute force.",
-    run: cpu_gpu,
+    claim: "Thesis, section 5.8: the GPU is about 3 times as fast as the author's CPU tracer with a kd-tree, about 10 times with brute force. The \
+            claim tested: at least so many times as fast as one core of the reference.",
+    own_shapes: None,
+    measure: cpu_gpu,
+    judge: judge_cpu_gpu,
 };
 
-fn cpu_gpu(lab: &mut Lab) -> Result<Findings> {
+fn cpu_gpu(lab: &mut Lab) -> Result<Vec<Table>> {
     /// Width and height of the reference's picture: brute force through the largest scene takes seconds.
     const REFERENCE_SIDE: u32 = 64;
     let levels: &[u32] = if lab.quick { &[3] } else { &[3, 5, 6] };
@@ -273,7 +317,7 @@ fn cpu_gpu(lab: &mut Lab) -> Result<Findings> {
                 .num_threads(threads)
                 .build()
                 .map_err(|error| Error::NoDevice(format!("no {threads} threads could be started: {error}")))?;
-            let label = format!("reference, {threads} core{}", if threads == 1 { "" } else { "s" });
+            let label = reference_on(threads);
             let device = lab.device.take();
             let found = pool.install(|| lab.compare(&small, &variants(&label), &[CAMERA]));
             lab.device = device;
@@ -290,32 +334,136 @@ fn cpu_gpu(lab: &mut Lab) -> Result<Findings> {
             measure(scene_name, scene.clone(), lab)?;
         }
     }
-    let ratio = |accel: Accel| {
-        let speed = |device: &dyn Fn(&str) -> bool| {
-            mean(&rows, "mrays_per_s", |row| name(row, "method") == accel.name() && device(&name(row, "device")))
+    Ok(vec![Table::new("rays", "Device and reference", rows)])
+}
+
+/// The reference on so many cores, as it is called beside the device.
+fn reference_on(cores: usize) -> String {
+    format!("reference, {cores} core{}", if cores == 1 { "" } else { "s" })
+}
+
+fn judge_cpu_gpu(found: &Measured) -> Result<Findings> {
+    let table = found.table("rays", &["scene", "device", "method"])?;
+    let mut verdict = Verdict::default();
+    if found.header.is_reference() {
+        verdict.say(None, "The reference was measured alone: there is nothing to compare it with".to_owned());
+    } else {
+        let ratio = |accel: Accel| {
+            let key = |device| [("device", device), ("method", accel.name())];
+            table.ratio("mrays_per_s", &key(&found.header.device), &key(&reference_on(1)), &["scene"])
         };
-        let is_reference = |device: &str| device.starts_with("reference, 1 ");
-        Some(speed(&|device| !device.starts_with("reference"))? / speed(&is_reference)?)
-    };
-    let (holds, verdict) = match (ratio(Accel::Kd), ratio(Accel::Brute)) {
-        (Some(kd), brute) => {
-            let brute_text = brute.map_or_else(String::new, |brute| format!(" and {brute:.1} times with brute force"));
-            let holds = brute.map(|brute| kd >= 3.0 && brute >= 10.0);
-            (
-                holds,
-                format!(
-                    "The device has {kd:.1} times the speed of one core of the reference with the kd-tree{brute_text}."
-                ),
-            )
-        }
-        _ => (None, "The reference was measured alone: there is nothing to compare it with.".to_owned()),
-    };
-    let note = error_note(&rows);
-    let table = Table::new("rays", "Device and reference", rows);
+        let (kd, brute) = (ratio(Accel::Kd)?, ratio(Accel::Brute)?);
+        let times = |ratio: Option<f64>| ratio.map_or("(not measured)".to_owned(), |ratio| format!("{ratio:.1}"));
+        verdict.say(
+            kd.map(|kd| kd >= 3.0),
+            format!(
+                "The device has {} times the speed of one core of the reference with the kd-tree and {} times with brute force",
+                times(kd),
+                times(brute)
+            ),
+        );
+        verdict.holds.push(brute.map(|brute| brute >= 10.0));
+    }
+    let note = error_note(&table.rows);
     let charts =
         by_scene(ChartKind::Bars, &table, "speed", "device and reference", ["device", "mrays_per_s"], |chart| {
             let caption = format!("Camera rays, exact hits. {note}");
             chart.by("method").spread(SPREAD).log(false, true).caption(caption)
         });
-    Ok(Findings { holds, verdict, notes: Vec::new(), tables: vec![table], charts })
+    Ok(verdict.findings(vec![table], charts))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows_of::{header, judge, rays, with_columns};
+    use super::*;
+
+    fn cubes(rates: &[(u32, f64)], shares: Option<[f64; 3]>) -> Vec<Table> {
+        let rows = rates.iter().map(|(cubes, rate)| {
+            row([("cubes", json!(cubes)), ("tests_per_s", json!(rate)), ("wrong", json!(0)), ("tested", json!(9))])
+        });
+        let limits = shares.map(|shares| {
+            // In another order than they are measured in: names tell them apart.
+            let rows = [MEMORY, CACHE, ARITHMETIC].iter().zip(shares);
+            let rows = rows.map(|(limit, share)| row([("limit", json!(limit)), ("limit_share", json!(share))]));
+            Table::new("limits", "", rows.collect())
+        });
+        std::iter::once(Table::new("rays", "", rows.collect())).chain(limits).collect()
+    }
+
+    #[test]
+    fn tests_are_bound_by_arithmetic_where_they_stay_alike_and_come_nearest_to_it() {
+        let alike = [(5, 100.0), (15, 95.0), (30, 90.0)];
+        let holds = |rates: &[(u32, f64)], shares| judge(&INTERSECTION, cubes(rates, shares), &header(false)).unwrap();
+        let found = holds(&alike, Some([0.01, 0.3, 0.4]));
+        assert_eq!(found.holds, Some(true));
+        assert!(found.verdict.starts_with("From 5 to 30 cubes tests a second are within 0.90"), "{}", found.verdict);
+        assert_eq!(holds(&alike, Some([0.01, 0.5, 0.4])).holds, Some(false));
+        assert_eq!(holds(&[(5, 100.0), (30, 70.0)], Some([0.01, 0.3, 0.4])).holds, Some(false));
+        // Without the limits one half of the claim may still fail, and none can hold.
+        assert_eq!(holds(&alike, None).holds, None);
+        assert_eq!(holds(&[(5, 100.0), (30, 70.0)], None).holds, Some(false));
+    }
+
+    #[test]
+    fn kinds_of_rays_are_compared_scene_by_scene() {
+        let found = |reflected: f64| {
+            let kinds = ["camera", "reflected", "diffuse", "shuffled", "camera"];
+            let rates = [10.0, reflected, 5.0, 4.0, 1000.0];
+            let scenes = ["s", "s", "s", "s", "nothing to hit"];
+            let mut rows = rays(&scenes.map(|scene| (scene, "kd", 1.0)));
+            for (row, (kind, rate)) in rows[0].rows.iter_mut().zip(kinds.iter().zip(rates)) {
+                row.extend(super::row([("rays_of", json!(kind)), ("mrays_per_s", json!(rate))]));
+            }
+            judge(&RAY_KIND, rows, &header(false)).unwrap()
+        };
+        // The scene without hits has fast camera rays, and no others to divide by them.
+        assert_eq!(found(8.0).holds, Some(true), "{}", found(8.0).verdict);
+        assert!(found(8.0).verdict.contains("reflected rays have 0.80, diffuse 0.50 and shuffled camera rays 0.40"));
+        assert!(found(8.0).verdict.contains("nothing to hit: no ray hit anything"));
+        assert_eq!(found(11.0).holds, Some(false));
+    }
+
+    #[test]
+    fn what_is_done_beside_tracing_is_compared_with_the_kernel() {
+        let found = |kernel: Option<f64>| {
+            let rows = with_columns(rays(&[("s", "default", 1.0)]), |_| {
+                let mut out = row(STEPS.map(|(_, column)| (column, json!(0.1))));
+                out.extend(row([("triangles", json!(12)), ("rays", json!(100))]));
+                match kernel {
+                    Some(seconds) => out.insert("kernel_s".into(), json!(seconds)),
+                    None => out.remove("kernel_s"),
+                };
+                out
+            });
+            judge(&TRANSFER, rows, &header(false)).unwrap()
+        };
+        assert_eq!((found(Some(0.4)).holds, found(Some(0.6)).holds), (Some(true), Some(false)));
+        assert!(found(Some(0.5)).verdict.contains("the kernel takes 50 %, moving data 30 %"));
+        assert_eq!((found(None).holds, &found(None).verdict[..]), (None, "s: not measured."));
+    }
+
+    #[test]
+    fn the_device_is_compared_with_one_core_of_the_reference() {
+        let found = |brute: f64| {
+            let devices = [
+                "a device",
+                "reference, 1 core",
+                "reference, 16 cores",
+                "reference board",
+                "a device",
+                "reference, 1 core",
+            ];
+            let methods = ["kd", "kd", "kd", "kd", "brute", "brute"];
+            let rates = [50.0, 10.0, 1000.0, 7000.0, brute, 1.0];
+            let mut rows = rays(&methods.map(|method| ("s", method, 1.0)));
+            for (row, (device, rate)) in rows[0].rows.iter_mut().zip(devices.iter().zip(rates)) {
+                row.extend(super::row([("device", json!(device)), ("mrays_per_s", json!(rate))]));
+            }
+            judge(&CPU_GPU, rows, &header(false)).unwrap()
+        };
+        assert_eq!(found(12.0).holds, Some(true));
+        assert!(found(12.0).verdict.contains("5.0 times") && found(12.0).verdict.contains("12.0 times"));
+        assert_eq!(found(9.0).holds, Some(false));
+    }
 }
