@@ -141,7 +141,7 @@ methods! {
 }
 
 methods! {
-    /// The ray-triangle test.
+    /// The ray-triangle test. On a CPU all but exact are slower: only with exact hits do rays go in packets.
     pub enum Intersector ("--intersector") {
         /// Right: exact arithmetic decides hit or miss and which of two hits is nearer, wherever rounded arithmetic cannot; t, u and v
         /// are the exact ones rounded once.

@@ -12,8 +12,8 @@ pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
-    Aabb, BuildOptions, Structure, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
-    build_octree_within, build_spheres, link_leaves, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
+    Aabb, BuildOptions, Room, Structure, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
+    build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
@@ -21,14 +21,14 @@ use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
-use crate::reference::slab::room_of_boxes;
+use crate::reference::slab::{room_of_boxes, room_within};
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
     BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use instances::pack_instances;
-use memory::Room;
+use memory::StructureBudget;
 use rayon::prelude::*;
 use shading::{ShadingArrays, shading_of};
 use std::borrow::Cow;
@@ -155,7 +155,7 @@ impl SceneBuffers {
     pub fn within(scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
-        let memory = Room::for_scene(scene, options, budget)?;
+        let memory = StructureBudget::for_scene(scene, options, budget)?;
         let is_flat = options.accel != Accel::Instances;
         let flat = if is_flat { scene.flattened()? } else { Cow::Borrowed(scene) };
         let scene = flat.as_ref();
@@ -183,7 +183,14 @@ impl SceneBuffers {
         };
         let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
-        let room = room_of_boxes(bounding_box.low, bounding_box.high);
+        let near_reach = match options.accel {
+            Accel::Brute | Accel::Kd | Accel::Instances => 0.0,
+            _ => near_reach(&triangles, &primitives),
+        };
+        let room = match near_reach {
+            0.0 => room_of_boxes(bounding_box.low, bounding_box.high),
+            reach => room_within(reach),
+        };
         let mut instances = None;
         let Structure { nodes, references, bounds } = match options.accel {
             Accel::Instances => {
@@ -213,26 +220,27 @@ impl SceneBuffers {
             Accel::Bvh2 => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
                 stack_entries = tree.depth() + 1; // the last entry says that there are no more
-                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, room)?
+                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, Room { everywhere: room, near_reach })?
             }
             Accel::Bvh8 => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
-                let packed = pack_bvh8(&tree, &triangles)?;
+                let packed = pack_bvh8(&tree, &triangles, Room { everywhere: 0.0, near_reach })?;
                 stack_entries = packed.stack_entries;
                 packed.structure
             }
             Accel::Grid => {
                 let check = |bytes| memory.check_structure(bytes);
-                build_grid_within(&triangles, &primitives, bounding_box, options.grid_size, &check)?
+                build_grid_within(&triangles, &primitives, bounding_box, options.grid_size, near_reach, &check)?
             }
             Accel::Octree => {
                 let limit = memory.growth_limit();
-                let octree = build_octree_within(&triangles, &primitives, bounding_box, &build_options, &limit);
+                let octree =
+                    build_octree_within(&triangles, &primitives, bounding_box, &build_options, near_reach, &limit);
                 memory.check_growth(&limit)?;
                 octree
             }
-            Accel::Boxes => build_boxes(&triangles, &primitives, options.leaf_size),
-            Accel::Spheres => build_spheres(&triangles, &primitives, options.leaf_size),
+            Accel::Boxes => build_boxes(&triangles, &primitives, options.leaf_size, near_reach),
+            Accel::Spheres => build_spheres(&triangles, &primitives, options.leaf_size, near_reach),
         };
         let build_s = start.elapsed().as_secs_f64();
 
@@ -248,7 +256,7 @@ impl SceneBuffers {
         Ok(SceneBuffers {
             params: SceneParams {
                 low: Float4::new(low * scale, room),
-                high: Float4::new(high * scale, 0.0),
+                high: Float4::new(high * scale, near_reach),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),
                 reference_count,

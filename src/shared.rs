@@ -367,7 +367,7 @@ device_struct! {
     pub struct SceneParams {
         /// Low corner of the box around all triangles in x, y, z, tracing space; w: the room of the boxes of bvh2.
         pub low: Float4,
-        /// High corner of that box; w unused.
+        /// High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else 0.
         pub high: Float4,
         /// Background straight down, linear RGB; w unused.
         pub background_bottom: Float4,

@@ -6,12 +6,14 @@ use common::{Random, SEED, device, scene_of};
 use glam::Vec3;
 use num_bigint::{BigInt, Sign};
 use raybrook::device::DeviceHandle;
+use raybrook::layout::Float4;
 use raybrook::options::{Accel, Intersector, TraceOptions, Traversal};
 use raybrook::pack::SceneBuffers;
 use raybrook::reference::exact::{Decision, decide_wide, finish_wide};
 use raybrook::reference::exact_whole::{decide_whole, finish_whole};
 use raybrook::reference::intersect::Intersection;
 use raybrook::reference::ray::{Ray, TrianglePoint, start_on_triangle};
+use raybrook::reference::ties::{are_in_one_plane, are_same_points};
 use raybrook::reference::traverse::NO_HIT;
 use raybrook::session::open_tracer;
 use raybrook::shared::{Hit, NO_PRIMITIVE, TraceRay};
@@ -344,8 +346,10 @@ fn numbers_of_the_most_bits_fit() {
     // The positions of this ray and these triangles take 255 bits; two hits at the same t are compared as numbers of 1280 bits.
     let smallest = f32::from_bits(1);
     let triangle = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(smallest, 1.0, 0.0)];
+    // Another one in its plane, so that neither the same points nor pairs of doubles decide (cl/intersect/ties.cl).
+    let other = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(-smallest, 1.0, 0.0)];
     let options = TraceOptions { intersector: Intersector::Exact, accel: Accel::Brute, ..TraceOptions::DEFAULT };
-    let buffers = Arc::new(SceneBuffers::new(&scene_of(&[triangle, triangle]), &options).unwrap());
+    let buffers = Arc::new(SceneBuffers::new(&scene_of(&[triangle, other]), &options).unwrap());
     let (from, along) = (2f32.powi(105), 17.0 / 16.0);
     let rays = [buffers.trace_ray(Vec3::Z * from, Vec3::Z * -along, 0.0, f32::INFINITY)];
     for device in [None, device()] {
@@ -554,4 +558,83 @@ fn rays_at_the_ends_of_float32_are_answered_exactly() {
             }
         }
     }
+}
+/// Many triangles in one place, their corners in every order, and many in one oblique plane: all that a ray hits of one kind are at the
+/// same t. The hit is the first of them, rays that leave it meet none of the others, and all that takes a few times as long as the test that
+/// decides nothing exactly: it was 17 to 44 times when each tie was decided anew.
+#[test]
+fn ties_are_decided_by_number() {
+    const COUNT: usize = 1500;
+    let corners = [Vec3::new(0.0, 0.0, 0.25), Vec3::new(1.0, 0.0, 0.5), Vec3::new(0.25, 1.0, 0.75)];
+    let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let same: Vec<[Vec3; 3]> = (0..COUNT).map(|i| orders[i % 6].map(|k: usize| corners[k])).collect();
+    let mut random = Random(SEED);
+    let mut in_plane = |x: f32, y: f32| {
+        let [x, y] = [x, y].map(|x| ((x + 0.5 * random.unit()) * 4096.0).round() / 4096.0);
+        Vec3::new(x, y, 2.0 * x + 3.0 * y)
+    };
+    let oblique: Vec<_> = (0..COUNT).map(|_| [in_plane(-2.0, -2.0), in_plane(3.0, -1.0), in_plane(0.5, 3.0)]).collect();
+    assert!(same.iter().all(|triangle| are_same_points(&same[0], triangle)));
+    assert!(oblique.iter().all(|triangle| are_in_one_plane(&oblique[0], triangle)));
+    assert!(!are_same_points(&same[0], &oblique[0]) && !are_same_points(&oblique[0], &oblique[1]));
+    for (name, triangles) in [("same", &same), ("oblique", &oblique)] {
+        let seconds = [Intersector::Exact, Intersector::Watertight].map(|intersector| {
+            let options = TraceOptions { intersector, accel: Accel::Brute, ..TraceOptions::DEFAULT };
+            let buffers = Arc::new(SceneBuffers::new(&scene_of(triangles), &options).unwrap());
+            let ray = |i: usize| {
+                let from = Vec3::new(0.35 + 0.01 * (i % 10) as f32, 0.3 + 0.003 * i as f32, 20.0);
+                buffers.trace_ray(from, Vec3::new(0.01, 0.02, -1.0), 0.0, f32::INFINITY)
+            };
+            let rays: Vec<_> = (0..40).map(ray).collect();
+            let next: Vec<_> = (0..40).map(|i| Float4::new(Vec3::new(0.1, 0.01 * i as f32, 1.0), 0.0)).collect();
+            let mut twin = open_tracer(None, &buffers, &options, 1, None).unwrap();
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: Some(&next), any_hit: false, repeat: 1 };
+            let mut best = f64::INFINITY;
+            for _ in 0..3 {
+                let start = std::time::Instant::now();
+                let found = twin.trace(&job, &|_| ()).unwrap();
+                best = best.min(start.elapsed().as_secs_f64());
+                if intersector == Intersector::Exact {
+                    assert!(found.hits.iter().all(|hit| hit.primitive == 0), "{name}");
+                    assert!(found.next_hits.unwrap().iter().all(|hit| hit.primitive == NO_PRIMITIVE), "{name}");
+                }
+            }
+            best
+        });
+        println!("{name}: {seconds:?} s");
+        assert!(seconds[0] < 14.0 * seconds[1], "{name}: exact {} s, watertight {} s", seconds[0], seconds[1]);
+    }
+}
+
+/// The kernel's answers are certain: whatever it says yes to is so, and it says so of all within its range.
+#[test]
+fn planes_are_one_where_whole_numbers_say_so() {
+    let Some(device) = device() else { return };
+    let mut random = Random(SEED);
+    let mut data = Vec::new();
+    for i in 0..4000 {
+        // Steps of 2^-12 fit; of 2^-30 and coordinates beside smaller ones do not always.
+        let step = [4096.0, 1048576.0, 16777216.0][i % 3];
+        let mut point = || {
+            let [x, y] = [(); 2].map(|()| (random.signed() * step).round() / step);
+            let off = if i % 4 == 3 { (random.bits() % 2) as f32 / step } else { 0.0 };
+            let power = [1.0, 2f32.powi(-90)][i / 2000];
+            Vec3::new(x, y, x + off) * power
+        };
+        (0..6).for_each(|_| data.extend(point().to_array()));
+    }
+    let body = "out[0] = are_in_one_plane(vload3(0, in), vload3(1, in), vload3(2, in), vload3(3, in), vload3(4, in), vload3(5, in)) \
+                ? 1.0f : 0.0f;";
+    let on_device = common::probe::run(&device, body, 18, 1, &data);
+    let mut counts = [0; 2];
+    for (numbers, found) in data.chunks_exact(18).zip(on_device) {
+        let corners: Vec<Vec3> = numbers.chunks_exact(3).map(Vec3::from_slice).collect();
+        let [start, along1, along2] = [0, 1, 2].map(|i| vector(corners[i]));
+        let normal = cross(&minus(&along1, &start), &minus(&along2, &start));
+        let exact = corners[3..].iter().all(|p| dot(&normal, &minus(&vector(*p), &start)).sign() == Sign::NoSign);
+        assert_eq!(found == 1.0, exact, "{corners:?}");
+        assert_eq!(are_in_one_plane(&[0, 1, 2].map(|i| corners[i]), &[3, 4, 5].map(|i| corners[i])), exact);
+        counts[usize::from(exact)] += 1;
+    }
+    assert!(counts[0] > 500 && counts[1] > 2000, "{counts:?}");
 }

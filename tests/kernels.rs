@@ -105,13 +105,13 @@ const CASES: &[Case] = &[
         name: SLABS,
         body: "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);\
                float3 m = vload3(0, in + 8), h = vload3(0, in + 11), low = m - fabs(h), high = m + fabs(h);\
-               const Slabs slabs = make_slabs(&ray, low, high); const PairSlabs pair = make_pair_slabs(&slabs);\
+               const Slabs slabs = make_slabs(&ray, low, high, 0.0f); const PairSlabs pair = make_pair_slabs(&slabs);\
                vstore3(slabs.inv, 0, out); vstore3(slabs.enter, 1, out); vstore3(slabs.leave, 2, out);\
                const float4 xy0 = (float4)(m.x, h.x, m.y, h.y), xy1 = (float4)(h.x, m.x, h.y, h.y), zz = (float4)(m.z, h.z, h.z, h.z);\
                vstore4(clip_to_pair(&pair, ray.t_near, ray.t_far, false, xy0, xy1, zz), 0, out + 9);\
-               out[13] = is_room_enough(&ray, low, high, in[11]) ? 1.0f : 0.0f;\
+               out[13] = is_room_enough(&ray, low, high, 0.0f, in[11]) ? 1.0f : 0.0f;\
                for (uint i = 14; i < 18u; i++) out[i] = 0.0f;\
-               if (!is_room_enough(&ray, low, high, 1000.0f)) return;\
+               if (!is_room_enough(&ray, low, high, 0.0f, 1000.0f)) return;\
                const Slabs bare = bare_slabs(&ray); const PairSlabs bare_pair = make_pair_slabs(&bare);\
                const float4 t = clip_to_pair(&bare_pair, fabs(ray.t_near), ray.t_far, true, xy0, xy1, zz);\
                if (t.x <= -t.y) vstore2(t.xy, 0, out + 14); if (t.z <= -t.w) vstore2(t.zw, 0, out + 16);",
@@ -121,18 +121,18 @@ const CASES: &[Case] = &[
         twin: |x| {
             let (ray, middle, half) = (ray_of(x), v3(&x[8..]), v3(&x[11..]));
             let (low, high) = (middle - half.abs(), middle + half.abs());
-            let slabs = Slabs::new(&ray, low, high);
+            let slabs = Slabs::new(&ray, low, high, 0.0);
             let (xy0, xy1) = ([middle.x, half.x, middle.y, half.y], [half.x, middle.x, half.y, half.y]);
             let zz = [middle.z, half.z, half.z, half.z];
             let t = PairSlabs::new(&slabs).clip([ray.t_near, ray.t_far], xy0, xy1, zz);
             let mut bare = [0.0; 4];
-            if is_room_enough(&ray, low, high, 1000.0) {
+            if is_room_enough(&ray, low, high, 0.0, 1000.0) {
                 let t = PairSlabs::new(&Slabs::bare(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
                 for i in [0, 2].into_iter().filter(|&i| t[i] <= -t[i + 1]) {
                     bare[i..i + 2].copy_from_slice(&t[i..i + 2]);
                 }
             }
-            let has_room = flag(is_room_enough(&ray, low, high, x[11]));
+            let has_room = flag(is_room_enough(&ray, low, high, 0.0, x[11]));
             let slabs = [slabs.inv, slabs.enter, slabs.leave];
             slabs.iter().flat_map(|v| v.to_array()).chain(t).chain([has_room]).chain(bare).collect()
         },

@@ -11,7 +11,7 @@ use raybrook::pack::SceneBuffers;
 use raybrook::reference::ReferenceTracer;
 use raybrook::scene::Scene;
 use raybrook::session::open_tracer;
-use raybrook::shared::{Hit, KD_LEAF, TraceRay};
+use raybrook::shared::{Hit, KD_LEAF, TraceRay, WorkCounter};
 use raybrook::tracer::{TraceJob, Tracer, is_hit};
 use std::sync::Arc;
 
@@ -293,8 +293,8 @@ fn a_grid_lists_each_triangle_in_every_cell_that_its_box_touches() {
 fn boxes_and_spheres_hold_their_triangles() {
     for (name, triangles) in scenes() {
         for size in [None, Some(1), Some(7), Some(u32::MAX)] {
-            let boxes = build_boxes(&triangles, &all(&triangles), size);
-            let spheres = build_spheres(&triangles, &all(&triangles), size);
+            let boxes = build_boxes(&triangles, &all(&triangles), size, 0.0);
+            let spheres = build_spheres(&triangles, &all(&triangles), size, 0.0);
             for structure in [&boxes, &spheres] {
                 let mut sorted = structure.references.clone();
                 sorted.sort_unstable();
@@ -314,7 +314,7 @@ fn boxes_and_spheres_hold_their_triangles() {
             }
         }
     }
-    assert_eq!(build_boxes(&[], &[], None).nodes.len(), 1);
+    assert_eq!(build_boxes(&[], &[], None, 0.0).nodes.len(), 1);
 }
 
 #[test]
@@ -325,7 +325,7 @@ fn every_point_of_a_triangle_is_in_an_octree_leaf_that_lists_it() {
         let bounds = raybrook::accel::Aabb { low: around.0, high: around.1 };
         for (leaf_size, max_depth) in [(None, None), (Some(1), None), (Some(1), Some(60)), (None, Some(2))] {
             let options = BuildOptions::octree(triangles.len(), leaf_size, max_depth);
-            let tree = build_octree(&triangles, &all(&triangles), bounds, &options);
+            let tree = build_octree(&triangles, &all(&triangles), bounds, &options, 0.0);
             assert!(tree.references.len() <= 32 * triangles.len(), "{name}: {} references", tree.references.len());
             for (i, triangle) in triangles.iter().enumerate() {
                 let [p0, p1, p2] = triangle.map(|p| p.as_dvec3());
@@ -432,4 +432,87 @@ fn options_without_a_meaning_are_refused() {
     }
     let largest = TraceOptions { grid_size: Some([1 << 24, 1, 1]), ..with(Accel::Grid) };
     assert!(largest.validate().is_ok());
+}
+
+/// `count` small triangles about the origin, of which some of the first have a corner very far out.
+fn with_outliers(count: usize, outliers: usize, far: f32, random: &mut Random) -> Triangles {
+    let mut triangles = soup(count, 0.05, random);
+    for triangle in triangles.iter_mut().take(outliers) {
+        triangle[1] = if outliers == 1 { Vec3::new(-far, 0.5, 0.25) } else { far * random.vec3() };
+    }
+    triangles
+}
+
+/// Rays that start among the small triangles, from beside them, and from far out.
+fn rays_among(buffers: &SceneBuffers, random: &mut Random) -> Vec<TraceRay> {
+    let mut ray = |i: usize| {
+        let from = random.vec3() * [1.0, 1.0, 1.0, 4.0, 1e5][i % 5];
+        buffers.trace_ray(from, random.vec3() - [0.0, 0.0, 0.0, 1.0, 1.0][i % 5] * from, 0.0, f32::INFINITY)
+    };
+    (0..300).map(&mut ray).collect()
+}
+
+/// One vertex very far out, or many, change neither what structures find nor, for rays that start where most triangles are, how many
+/// triangles they test for it.
+#[test]
+fn what_lies_very_far_out_does_not_make_structures_test_everything() {
+    let mut random = Random(SEED + 11);
+    // At 1e38 float32 decides nothing about the others any more: what judges there is a kd-tree, and the exact test.
+    let float32 = (Intersector::Watertight, Accel::Brute);
+    let exact = (Intersector::Exact, Accel::Kd);
+    for (outliers, far, (intersector, judge)) in
+        [(1, 1e9, float32), (20, 1e9, float32), (1, 1e38, exact), (20, 1e38, exact)]
+    {
+        let scene = scene_of(&with_outliers(2000, outliers, far, &mut random));
+        let plain = scene_of(&with_outliers(2000, 0, far, &mut random));
+        for accel in [Accel::Bvh2, Accel::Bvh8, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres] {
+            let options = TraceOptions { accel, intersector, counters: true, ..TraceOptions::DEFAULT };
+            let trace = |scene: &Scene| {
+                let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
+                let rays = rays_among(&buffers, &mut Random(SEED));
+                let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+                let found = open_tracer(None, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap();
+                let near = found.work.unwrap().into_iter().enumerate().filter(|(i, _)| i % 5 < 4);
+                (buffers, rays, found.hits, near.map(|(_, work)| u64::from(work.get(WorkCounter::Tests))).sum::<u64>())
+            };
+            let (buffers, rays, hits, tests) = trace(&scene);
+            let (_, _, _, plain_tests) = trace(&plain);
+            let all: Vec<Hit> = {
+                let judge = TraceOptions { accel: judge, counters: false, ..options };
+                let buffers = Arc::new(SceneBuffers::new(&scene, &judge).unwrap());
+                let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+                open_tracer(None, &buffers, &judge, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits
+            };
+            assert_eq!(hits, all, "{outliers} at {far:e}, {accel}");
+            println!(
+                "{outliers} at {far:e}, {accel}: {tests} tests, {plain_tests} without; reach {}",
+                buffers.params.high.w
+            );
+            assert!(
+                tests < 2 * plain_tests + 240 * (outliers as u64 + 20),
+                "{outliers} at {far:e}, {accel}: {tests} tests, {plain_tests} without outliers"
+            );
+        }
+    }
+}
+
+/// The same on a device, with what it takes by itself, and with packets.
+#[test]
+fn a_device_finds_the_same_among_outliers() {
+    let Some(device) = device() else { return };
+    let mut random = Random(SEED + 12);
+    let scene = scene_of(&with_outliers(500, 5, 1e9, &mut random));
+    let with = |accel| TraceOptions { accel, ..TraceOptions::DEFAULT };
+    let packets = TraceOptions { packet_size: PacketSize::Sixteen, ..with(Accel::Bvh8) };
+    for options in [packets, with(Accel::Bvh2), with(Accel::Grid), with(Accel::Octree), with(Accel::Spheres)] {
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        assert!(buffers.params.high.w > 0.0);
+        let rays = rays_among(&buffers, &mut random);
+        let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
+        let trace =
+            |device| open_tracer(device, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits;
+        let (found, expected) = (trace(Some(&device)), trace(None));
+        assert_eq!(bytemuck::cast_slice::<_, u32>(&found), bytemuck::cast_slice::<_, u32>(&expected), "{options:?}");
+        assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 20, "{options:?}");
+    }
 }

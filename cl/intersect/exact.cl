@@ -1,5 +1,5 @@
-// Ray-triangle intersection that is right: what the traversals call. The steps are in exact_filter.cl, exact_closer.cl and
-// exact_whole.cl.
+// Ray-triangle intersection that is right: what the traversals call. The steps are in exact_filter.cl, exact_closer.cl,
+// exact_whole.cl and ties.cl.
 
 // What step 2 leaves open, as place_hit tells it; and limits of its t.
 int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
@@ -26,6 +26,28 @@ bool are_in_one_axis_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1
     return any(same);
 }
 
+// What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`: beside the nearest hit so far the lower number wins,
+// and what lies in the plane that a ray leaves, or is that triangle once more, is met at t = 0, which is not a hit.
+int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit, bool is_hit) {
+    if (hit->primitive != NO_PRIMITIVE) {
+        const float3 q0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
+        const float3 q1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
+        const float3 q2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
+        if (are_same_points(p0, p1, p2, q0, q1, q2) || (is_hit && (are_in_one_axis_plane(p0, p1, p2, q0, q1, q2) ||
+                                                                   are_in_one_plane(p0, p1, p2, q0, q1, q2))))
+            return primitive < hit->primitive ? HIT : MISS;
+    }
+    if (starts_on_triangle(ray) && ray->t_near >= 0.0f) {
+        const float3 q0 = LOAD_SURFACE_VERTEX(geometry, ray->skip, 0);
+        const float3 q1 = LOAD_SURFACE_VERTEX(geometry, ray->skip, 1);
+        const float3 q2 = LOAD_SURFACE_VERTEX(geometry, ray->skip, 2);
+        if (are_same_points(p0, p1, p2, q0, q1, q2) || are_in_one_axis_plane(p0, p1, p2, q0, q1, q2) ||
+            are_in_one_plane(p0, p1, p2, q0, q1, q2))
+            return MISS;
+    }
+    return DOUBTFUL;
+}
+
 // Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
 bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
                      float* t_low, float* t_high) {
@@ -36,10 +58,12 @@ bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, 
     int decision = wide.decision == HIT ? place_hit(ray, hit, wide.t_low, wide.t_high) : wide.decision;
     if (decision == DOUBTFUL) {
         COUNT(geometry, CLOSE_TESTS, 1);
-        if (wide.decision == HIT && hit->primitive != NO_PRIMITIVE &&
-            are_in_one_axis_plane(p0, p1, p2, LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0),
-                                  LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1), LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2)))
-            return primitive < hit->primitive;
+        const int tie = decide_tie(GEOMETRY, ray, p0, p1, p2, primitive, hit, wide.decision == HIT);
+        if (tie == HIT) {
+            *t_low = hit->u;
+            *t_high = hit->t;
+        }
+        if (tie != DOUBTFUL) return tie == HIT;
         decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high);
     }
     return decision == HIT;

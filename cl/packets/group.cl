@@ -40,7 +40,7 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
     }
     for (; wide != 0ul; wide = other_lanes8(wide)) {
         const uint bit = lowest_bit(wide), k = bit % 8u;
-        if (!packets[k].has_slabs) add_slabs(&packets[k], range, geometry->low, geometry->high);
+        if (!packets[k].has_slabs) add_slabs(&packets[k], range, geometry->low, geometry->high, geometry->near_reach);
         if (!is_any16(clip_packet(GEOMETRY, &packets[k], node, bit / 8u, t_limits[k]) < INFINITY)) met &= ~(1ul << bit);
     }
     *nearest = first;
@@ -144,7 +144,8 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
     if (are_several && first_rays_go_one_way(packets, members)) {
         Frustum frusta[PACKETS_OF_ITEM];
         range_of(packets, members, &range);
-        if (make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
+        // Pads of frusta are for all of the scene, however far out the rest is.
+        if (geometry->near_reach == 0.0f && make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
             traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
             return;
         }
@@ -152,7 +153,7 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         range_of(packets, 1u << k, &range);
-        add_slabs(&packets[k], &range, geometry->low, geometry->high);
+        add_slabs(&packets[k], &range, geometry->low, geometry->high, geometry->near_reach);
         traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &doubtful[k]);
     }
 }

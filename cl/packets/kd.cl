@@ -249,6 +249,6 @@ void traverse_kd_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint mem
     Frustum frusta[PACKETS_OF_ITEM];
     const bool has_frusta = make_frusta(packets, members, &range, geometry->low, geometry->high, frusta);
     for (uint rest = members; rest != 0u; rest &= rest - 1u)
-        add_slabs(&packets[first_member(rest)], &range, geometry->low, geometry->high);
+        add_slabs(&packets[first_member(rest)], &range, geometry->low, geometry->high, geometry->near_reach);
     traverse_kd_group(GEOMETRY, packets, &range.rays, has_frusta ? frusta : 0, members, any_hit, hits, doubtful);
 }

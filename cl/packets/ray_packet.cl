@@ -172,7 +172,7 @@ void range_of(const RayPacket* packets, uint members, PacketRange* r) {
 }
 
 // What boxes are tested with: `r` is the range of the packet, or of it and others. The scene's box: low..high.
-void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high) {
+void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high, float near_reach) {
     p->has_slabs = true;
     p->mixed_axes = 0u;
 #pragma unroll
@@ -181,12 +181,16 @@ void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high) {
         p->near[axis] = 4u * axis + (is_up ? 0u : 2u);
         if (!is_up && r->direction_greatest[axis] >= 0.0f) p->mixed_axes |= 1u << axis;
     }
-    // As farthest_distance() and make_slabs(), whose pad is for the origin's second part, too.
+    // As pad_distance() and make_slabs(), whose pad is for the origin's second part, too.
     const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
     float16 distance = (float16)(0.0f);
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++)
         distance = larger16(distance, larger16(fabs(lows[axis] - p->origin[axis]), fabs(highs[axis] - p->origin[axis])));
+    if (near_reach > 0.0f) {
+        const float16 size = larger16(fabs(p->origin[0]), larger16(fabs(p->origin[1]), fabs(p->origin[2])));
+        distance = size <= near_reach && 2.0f * near_reach < distance ? (float16)(2.0f * near_reach) : distance;
+    }
     const float16 thickness = fma((float16)(SLACK), distance, (float16)(LEAST_PAD));
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {

@@ -86,6 +86,7 @@ typedef struct {
     __global const float4* surface_vertices;
 #endif
     float3 low, high;     // box around all triangles
+    float near_reach;     // how far most triangles reach, where few others reach very much farther, else 0 (slab.cl)
     float room;           // by how much boxes are larger than what they hold (slab.cl)
     uint reference_count; // for brute force; with INSTANCES how many there are
     float scale;          // tracing space = world units times this
@@ -133,8 +134,8 @@ typedef struct {
 #define PLACED_VALUE
 #endif
 #define SCENE_VALUES                                                                                                     \
-    CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->low.w,            \
-        scene_params->reference_count, scene_params->scale
+    CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->high.w,           \
+        scene_params->low.w, scene_params->reference_count, scene_params->scale
 
 #ifdef IMAGE
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms

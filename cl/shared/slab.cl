@@ -57,9 +57,17 @@ float3 slab_inverses(const Ray* ray) {
                     slab_inverse(ray->direction.z, LEAST_SLAB_DIRECTION));
 }
 
+// D for boxes within low..high of a scene of which few triangles lie so far out that pads for them would be larger than all the rest
+// (src/accel/near.rs): from a start that is within `near_reach` of 0 on all axes, no point of a box that is within it, too, is farther away
+// than twice that. Boxes that reach beyond are larger by what is left out here. In other scenes near_reach is 0.
+float pad_distance(const Ray* ray, float3 low, float3 high, float near_reach) {
+    const float farthest = farthest_distance(ray, low, high), nearer = 2.0f * near_reach;
+    return largest_component(abs3(ray->origin)) <= near_reach && nearer < farthest ? nearer : farthest;
+}
+
 // For boxes within low..high.
-Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
-    const float distance = farthest_distance(ray, low, high);
+Slabs make_slabs(const Ray* ray, float3 low, float3 high, float near_reach) {
+    const float distance = pad_distance(ray, low, high, near_reach);
     if (!(distance < FARTHEST_START)) return all_slabs();
     const float thickness = fma(SLACK, distance, LEAST_PAD);
     return thick_slabs(ray->origin, slab_inverses(ray), fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)));
@@ -67,8 +75,8 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high) {
 
 // Whether boxes that are larger by `room` than what they hold need no pads for this ray. So it is for most: room_of_boxes() in
 // src/reference/slab.rs.
-bool is_room_enough(const Ray* ray, float3 low, float3 high, float room) {
-    const float thickness = fma(SLACK, farthest_distance(ray, low, high), LEAST_PAD);
+bool is_room_enough(const Ray* ray, float3 low, float3 high, float near_reach, float room) {
+    const float thickness = fma(SLACK, pad_distance(ray, low, high, near_reach), LEAST_PAD);
     return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= room;
 }
 

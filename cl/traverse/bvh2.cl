@@ -46,14 +46,15 @@ __attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const P
 // descend_to_leaf() for rays from far away, which want pads, and those that look for hits behind their start.
 __attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
                                                       uint link) {
-    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
+    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     const PairSlabs pair = make_pair_slabs(&slabs);
     return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, stacked, link);
 }
 
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const bool is_bare = is_room_enough(ray, geometry->low, geometry->high, geometry->room) && as_int(ray->t_near) >= 0;
+    const bool is_bare =
+        is_room_enough(ray, geometry->low, geometry->high, geometry->near_reach, geometry->room) && as_int(ray->t_near) >= 0;
     const Slabs slabs = bare_slabs(ray);
     const PairSlabs pair = make_pair_slabs(&slabs);
 

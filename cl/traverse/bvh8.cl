@@ -87,7 +87,7 @@ uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint l
 
 bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high);
+    const Slabs slabs = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     const uint3 near = near_planes(slabs.inv);
     const Filter filter = make_filter(ray);
 

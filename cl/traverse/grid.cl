@@ -6,8 +6,9 @@
 // triangle in several cells is tested again in each: no mailboxes.
 //
 // nodes[cell] is a leaf record, cells in order z, y, x (x fastest). bounds[0] {low corner, cells along x}, bounds[1] {a cell's
-// size, cells along y}, bounds[2] {1 / size, cells along z}, bounds[3] {reach, first of the list of all triangles, 0, 0}; whole
-// numbers by as_int and as_uint. The list of all triangles ends the references.
+// size, cells along y}, bounds[2] {1 / size, cells along z}, bounds[3] {reach, first of the list of all triangles, how many of
+// these, the first ones, are outside of the grid, 0}, bounds[4] the high corner; whole numbers by as_int and as_uint. The list of all
+// triangles ends the references. Outside are those that reach so far out that all others would be in one cell (src/accel/near.rs).
 //
 // The walk does not accumulate t as the paper does: plane k of an axis is ONE float32 number, fma(k, size, low), here and in
 // src/accel/grid.rs, and its t comes from it. Why no triangle is missed, with D as in cl/shared/ray.cl:
@@ -62,16 +63,18 @@ GridAxis grid_axis(float low, float size, float cells_per_unit, int count, float
 
 bool traverse_grid(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const float distance = farthest_distance(ray, geometry->low, geometry->high);
+    const float4 low = LOAD_BOUNDS(geometry, 0), high = LOAD_BOUNDS(geometry, 4);
+    const float distance = farthest_distance(ray, low.xyz, high.xyz);
     const float4 reach = LOAD_BOUNDS(geometry, 3);
     if (!(distance <= reach.x)) {
         test_triangles(GEOMETRY, ray, as_uint(reach.y), geometry->reference_count, any_hit, hit);
         return hit->primitive != NO_PRIMITIVE;
     }
+    const uint outside = as_uint(reach.y);
+    if (test_triangles(GEOMETRY, ray, outside, outside + as_uint(reach.z), any_hit, hit)) return true;
     float t_near, t_far;
-    if (!clip_to_thick_box(ray, SLACK * distance, geometry->low, geometry->high, &t_near, &t_far)) return false;
+    if (!clip_to_thick_box(ray, SLACK * distance, low.xyz, high.xyz, &t_near, &t_far)) return hit->primitive != NO_PRIMITIVE;
 
-    const float4 low = LOAD_BOUNDS(geometry, 0);
     const float4 size = LOAD_BOUNDS(geometry, 1);
     const float4 per_unit = LOAD_BOUNDS(geometry, 2);
     const int count_x = as_int(low.w), count_y = as_int(size.w), count_z = as_int(per_unit.w);

@@ -16,7 +16,7 @@ bool is_instance(uint link) { return (link & ~BVH_FIRST_MASK) == BVH_LEAF && lin
 
 bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const Slabs outside = make_slabs(ray, geometry->low, geometry->high);
+    const Slabs outside = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     PairSlabs pair = make_pair_slabs(&outside);
 
     uint stack[STACK_SIZE];

@@ -7,7 +7,8 @@
 // needs fewer steps and references. One entry of the stack for each level.
 //
 // nodes: an inner node is {0, first of its 8 children, its centre's index in bounds, 0}; bit 0, 1, 2 of a child's number: above the
-// centre in x, y, z. A leaf is as in the kd-tree. bounds: centres. A cell reaches to its planes and, at the rim, without end.
+// centre in x, y, z. A leaf is as in the kd-tree. bounds: {low corner of the root, first of the references of triangles that are outside
+// of it}, {high corner, how many these are}, centres. A cell reaches to its planes and, at the rim, without end.
 //
 // The three planes are widened by the ray's own slack (cl/shared/ray.cl): the point of a hit is within it of a point of its
 // triangle, that point lies in some leaf that lists the triangle, and so the hit's t is within the computed interval of that leaf
@@ -39,9 +40,13 @@ void clip_to_half(float to_plane, float slack, float direction, float inv_direct
 
 bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const float slack = SLACK * farthest_distance(ray, geometry->low, geometry->high);
+    // Those that reach so far out that all others would be in one cell (src/accel/near.rs): few, and mostly none.
+    const float4 low = LOAD_BOUNDS(geometry, 0), high = LOAD_BOUNDS(geometry, 1);
+    const uint outside = as_uint(low.w);
+    if (test_triangles(GEOMETRY, ray, outside, outside + as_uint(high.w), any_hit, hit)) return true;
+    const float slack = SLACK * farthest_distance(ray, low.xyz, high.xyz);
     float t_near, t_far;
-    if (!clip_to_thick_box(ray, slack, geometry->low, geometry->high, &t_near, &t_far)) return false;
+    if (!clip_to_thick_box(ray, slack, low.xyz, high.xyz, &t_near, &t_far)) return hit->primitive != NO_PRIMITIVE;
     // A ray towards lower x meets the upper half first, and so on: child i of its order is child i ^ mirror.
     const uint mirror = (ray->direction.x < 0.0f ? 1u : 0u) | (ray->direction.y < 0.0f ? 2u : 0u) |
                         (ray->direction.z < 0.0f ? 4u : 0u);

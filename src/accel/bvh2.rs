@@ -23,7 +23,7 @@
 
 use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
 use super::link::{self, NO_CHILD, leaf_link, leaf_range};
-use super::{Aabb, Structure};
+use super::{Aabb, Room, Structure};
 use crate::error::Result;
 use crate::options::{Accel, TraceOptions};
 use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
@@ -66,12 +66,13 @@ fn rounded_up(x: f64) -> f32 {
 }
 
 /// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others; its boxes
-/// larger by `room` on all sides.
+/// larger by their `room` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles,
 /// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
-pub fn pack_bvh2(tree: &Bvh, top: usize, room: f32) -> Result<Structure> {
+pub fn pack_bvh2(tree: &Bvh, top: usize, room: impl Into<Room>) -> Result<Structure> {
+    let room = room.into();
     check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
     tree.check_leaves(Accel::Bvh2, TraceOptions::BVH2_MAX_LEAF)?;
     let mut references = Vec::with_capacity(tree.order.len());
@@ -87,7 +88,10 @@ pub fn pack_bvh2(tree: &Bvh, top: usize, room: f32) -> Result<Structure> {
         references.extend_from_slice(triangles);
     }
     let nowhere = (NOWHERE, NO_CHILD);
-    let child = |index: usize| (Middle::new(&tree.nodes[index].bounds, room), links[index]);
+    let child = |index: usize| {
+        let bounds = &tree.nodes[index].bounds;
+        (Middle::new(bounds, room.of(bounds)), links[index])
+    };
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
         nodes.extend(records(tree.children(index as usize).map(child)));

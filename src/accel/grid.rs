@@ -6,6 +6,7 @@
 //!
 //! Bad at: triangles of very different sizes. Memory is bounded by limits on cells and references.
 
+use super::near::few_outside;
 use super::{Aabb, Structure};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
@@ -32,6 +33,7 @@ const MAX_REFERENCES: usize = 1 << 27;
 /// A grid's planes.
 struct Grid {
     low: Vec3,
+    high: Vec3,
     cell: Vec3,
     size: [u32; 3],
     /// The planes between cells, of each axis.
@@ -49,6 +51,7 @@ impl Grid {
         let reach = REACH * extent.max_element();
         Grid {
             low: bounds.low,
+            high: bounds.high,
             cell,
             size,
             planes: std::array::from_fn(|k| {
@@ -94,7 +97,7 @@ impl Grid {
         }
     }
 
-    fn fill(&self, vertices: &[[Vec3; 3]], primitives: &[u32]) -> Structure {
+    fn fill(&self, vertices: &[[Vec3; 3]], primitives: &[u32], outside: &[u32]) -> Structure {
         let mut ends = vec![0usize; self.cell_count() + 1];
         for &primitive in primitives {
             self.visit_cells(&vertices[primitive as usize], |cell| ends[cell + 1] += 1);
@@ -112,7 +115,7 @@ impl Grid {
             });
         }
         let all = references.len() as u32;
-        references.extend(primitives);
+        references.extend(outside.iter().chain(primitives));
         let inverse = |x: f32| if (1.0 / x).is_finite() { 1.0 / x } else { 0.0 };
         let per_unit = Vec3::from_array(self.cell.to_array().map(inverse));
         let count = self.size.map(f32::from_bits);
@@ -120,7 +123,8 @@ impl Grid {
             Float4::new(self.low, count[0]),
             Float4::new(self.cell, count[1]),
             Float4::new(per_unit, count[2]),
-            Float4::new(Vec3::new(self.reach, f32::from_bits(all), 0.0), 0.0),
+            Float4::new(Vec3::new(self.reach, f32::from_bits(all), f32::from_bits(outside.len() as u32)), 0.0),
+            Float4::new(self.high, 0.0),
         ];
         Structure { nodes, references, bounds }
     }
@@ -152,7 +156,8 @@ const CELL_BYTES: u64 = (size_of::<usize>() + size_of::<KdNode>()) as u64;
 pub(super) const DEFAULT_BYTES: f64 = CELLS_PER_TRIANGLE * CELL_BYTES as f64;
 
 /// Builds a grid over the triangles `primitives` (ascending indices into `vertices`) in `bounds`, the box around them all, with
-/// `size` cells along the axes, or by the cube-root rule of 8 cells for each triangle.
+/// `size` cells along the axes, or by the cube-root rule of 8 cells for each triangle. Where few reach beyond `near_reach`, which is that of
+/// [`near_reach`](super::near_reach), the grid is of the others, and these are tested for every ray.
 ///
 /// # Errors
 /// [`Error::Option`] when there are more references than memory should be spent on.
@@ -161,8 +166,9 @@ pub fn build_grid(
     primitives: &[u32],
     bounds: Aabb,
     size: Option<[u32; 3]>,
+    near_reach: f32,
 ) -> Result<Structure> {
-    build_grid_within(vertices, primitives, bounds, size, &|_| Ok(()))
+    build_grid_within(vertices, primitives, bounds, size, near_reach, &|_| Ok(()))
 }
 
 /// As [`build_grid`], when `check` has nothing against the bytes that the grid takes.
@@ -171,11 +177,27 @@ pub(crate) fn build_grid_within(
     primitives: &[u32],
     bounds: Aabb,
     size: Option<[u32; 3]>,
+    near_reach: f32,
+    check: &dyn Fn(u64) -> Result<()>,
+) -> Result<Structure> {
+    if let Some((outside, inside, bounds)) = few_outside(vertices, primitives, near_reach) {
+        return build_inside(vertices, &inside, bounds, size, &outside, check);
+    }
+    build_inside(vertices, primitives, bounds, size, &[], check)
+}
+
+/// The same, with a list of the triangles that are `outside` of it.
+fn build_inside(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    bounds: Aabb,
+    size: Option<[u32; 3]>,
+    outside: &[u32],
     check: &dyn Fn(u64) -> Result<()>,
 ) -> Result<Structure> {
     let fill = |grid: Grid, references: usize| {
         check(CELL_BYTES * grid.cell_count() as u64 + size_of::<u32>() as u64 * references as u64)?;
-        Ok(grid.fill(vertices, primitives))
+        Ok(grid.fill(vertices, primitives, outside))
     };
     if let Some(size) = size {
         let grid = Grid::new(bounds, size);

@@ -8,6 +8,7 @@
 
 use super::clip::Reference;
 use super::memory::GrowthLimit;
+use super::near::few_outside;
 use super::subtree::{Cell, ascending, growth_after};
 use super::{Aabb, BuildOptions, Structure};
 use crate::layout::Float4;
@@ -45,14 +46,21 @@ struct Open {
     growth: f64,
 }
 
-/// Builds an octree over the triangles `primitives` (indices into `vertices`) in `bounds`, the box around them all.
+/// Builds an octree over the triangles `primitives` (indices into `vertices`) in `bounds`, the box around them all. Where few reach beyond
+/// `near_reach`, which is that of [`near_reach`](super::near_reach), they are listed for every ray instead.
 ///
 /// No leaf is deeper than the options say, and there are at most 32 references for each triangle.
 ///
 /// # Panics
 /// When there are more nodes or references than 32 bits can number.
-pub fn build_octree(vertices: &[[Vec3; 3]], primitives: &[u32], bounds: Aabb, options: &BuildOptions) -> Structure {
-    build_octree_within(vertices, primitives, bounds, options, &GrowthLimit::none())
+pub fn build_octree(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    bounds: Aabb,
+    options: &BuildOptions,
+    near_reach: f32,
+) -> Structure {
+    build_octree_within(vertices, primitives, bounds, options, near_reach, &GrowthLimit::none())
 }
 
 /// As [`build_octree`], unless there are more references than `limit` has room for: the octree is then not finished.
@@ -61,13 +69,18 @@ pub(crate) fn build_octree_within(
     primitives: &[u32],
     bounds: Aabb,
     options: &BuildOptions,
+    near_reach: f32,
     limit: &GrowthLimit,
 ) -> Structure {
-    let mut structure = Structure { nodes: vec![KdNode::default()], references: vec![], bounds: vec![] };
+    let (outside, primitives, bounds) =
+        few_outside(vertices, primitives, near_reach).unwrap_or_else(|| (Vec::new(), primitives.to_vec(), bounds));
+    let outside_count = f32::from_bits(outside.len() as u32);
+    let around = vec![Float4::new(bounds.low, f32::from_bits(0)), Float4::new(bounds.high, outside_count)];
+    let mut structure = Structure { nodes: vec![KdNode::default()], references: outside, bounds: around };
     let side = (bounds.high - bounds.low).max_element();
     // The sum may round below the high corner.
     let cell = Cell { low: bounds.low.to_array(), high: (bounds.low + side).max(bounds.high).to_array() };
-    let references = ascending(primitives).into_iter().map(|i| Reference::whole(vertices, i)).collect();
+    let references = ascending(&primitives).into_iter().map(|i| Reference::whole(vertices, i)).collect();
     let mut open = vec![Open { node: 0, cell, references, depth: 0, growth: 1.0 }];
     while let Some(Open { node, cell, references, depth, growth }) = open.pop() {
         let count = references.len();

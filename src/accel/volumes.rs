@@ -7,7 +7,7 @@
 //!
 //! Bad at: large scenes; every ray meets the whole list.
 
-use super::{Aabb, Structure};
+use super::{Aabb, Room, Structure};
 use crate::layout::Float4;
 use crate::shared::KdNode;
 use glam::{DVec3, Vec3};
@@ -15,24 +15,43 @@ use glam::{DVec3, Vec3};
 /// The least default: a volume around fewer triangles costs more than it saves.
 const SMALLEST_CLUSTER: f64 = 4.0;
 
-/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`.
-pub fn build_boxes(vertices: &[[Vec3; 3]], primitives: &[u32], cluster_size: Option<u32>) -> Structure {
+/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's room.
+const SPHERE_ROOM: f32 = 16.0;
+
+/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`. Of boxes that reach beyond
+/// `near_reach`, which is that of [`near_reach`](super::near_reach), only rays from farther out have pads.
+pub fn build_boxes(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    cluster_size: Option<u32>,
+    near_reach: f32,
+) -> Structure {
+    let room = Room { everywhere: 0.0, near_reach };
     build(vertices, primitives, cluster_size, |cluster, bounds| {
-        let around = bounds_of(vertices, cluster);
+        let around = room.around(bounds_of(vertices, cluster));
         bounds.extend([Float4::new(around.low, 0.0), Float4::new(around.high, 0.0)]);
     })
 }
 
 /// Spheres around clusters of at most `cluster_size` triangles. A sphere's centre is that of the box, its radius the distance of
-/// the farthest vertex, rounded up.
-pub fn build_spheres(vertices: &[[Vec3; 3]], primitives: &[u32], cluster_size: Option<u32>) -> Structure {
+/// the farthest vertex, rounded up. `near_reach` as for [`build_boxes`].
+pub fn build_spheres(
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    cluster_size: Option<u32>,
+    near_reach: f32,
+) -> Structure {
+    let room = Room { everywhere: 0.0, near_reach };
     build(vertices, primitives, cluster_size, |cluster, bounds| {
         let around = bounds_of(vertices, cluster);
         let centre = (around.low * 0.5 + around.high * 0.5).clamp(around.low, around.high);
         let distance = |p: &Vec3| (p.as_dvec3() - DVec3::from(centre)).length();
         let farthest = cluster.iter().flat_map(|&i| &vertices[i as usize]).map(distance).fold(0.0, f64::max);
         // Twice up: to float32, and for the roundings of f64, which are smaller than a step of float32.
-        bounds.push(Float4::new(centre, (farthest as f32).next_up().next_up()));
+        // A sphere's slack is SPHERE_SLACK / SLACK, 2.4 times that of boxes, and its times move by no less than a quarter of what its
+        // radius grows by: directions are no longer than 3.5.
+        let radius = (farthest as f32).next_up().next_up() + SPHERE_ROOM * room.of(&around);
+        bounds.push(Float4::new(centre, if room.of(&around) > 0.0 { radius.next_up() } else { radius }));
     })
 }
 

@@ -58,6 +58,12 @@ impl Chooser<'_> {
         let tuned = self.tuned(triangle_count);
         let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
         self.explain.print(&chosen.decisions, self.talk);
+        if self.explain.explain
+            && !self.talk.quiet
+            && let Some(why) = workload.slower_than_exact(&chosen.options)
+        {
+            eprintln!("warning: {why}");
+        }
         Ok(chosen)
     }
 

@@ -41,6 +41,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/intersect/exact_filter.cl",
     "cl/intersect/exact_closer.cl",
     "cl/intersect/exact_whole.cl",
+    "cl/intersect/ties.cl",
     "cl/intersect/exact.cl",
     "cl/intersect/plucker.cl",
     "cl/intersect/precomputed.cl",

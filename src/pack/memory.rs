@@ -44,7 +44,8 @@ impl SceneBuffers {
             (3 * size_of::<Float4>() + if shades { size_of::<Shading>() } else { size_of::<u32>() }) as u64;
         // Of what building takes a structure is what triangles do not; the copy comes when it is done.
         let structure = bytes.saturating_sub(scene.flattened_bytes() + TRIANGLE_BYTES as u64 * triangles);
-        Room::new(scene, options, budget).check_structure(bytes + structure + of_triangle * triangles + more_bytes)
+        StructureBudget::new(scene, options, budget)
+            .check_structure(bytes + structure + of_triangle * triangles + more_bytes)
     }
 }
 
@@ -54,22 +55,26 @@ fn stored_triangles(scene: &Scene) -> usize {
 }
 
 /// What a scene may take while it is packed.
-pub(super) struct Room<'a> {
+pub(super) struct StructureBudget<'a> {
     budget: &'a MemoryBudget,
     options: &'a TraceOptions,
     what: String,
     remedy: &'static str,
 }
 
-impl<'a> Room<'a> {
+impl<'a> StructureBudget<'a> {
     /// Checks that there is as much as the scene is expected to take.
-    pub fn for_scene(scene: &Scene, options: &'a TraceOptions, budget: &'a MemoryBudget) -> Result<Room<'a>> {
+    pub fn for_scene(
+        scene: &Scene,
+        options: &'a TraceOptions,
+        budget: &'a MemoryBudget,
+    ) -> Result<StructureBudget<'a>> {
         let room = Self::new(scene, options, budget);
         room.check_structure(SceneBuffers::estimated_bytes(scene, options))?;
         Ok(room)
     }
 
-    fn new(scene: &Scene, options: &'a TraceOptions, budget: &'a MemoryBudget) -> Room<'a> {
+    fn new(scene: &Scene, options: &'a TraceOptions, budget: &'a MemoryBudget) -> StructureBudget<'a> {
         let what = format!("--accel {} of {} triangles", options.accel, scene.triangle_count());
         let remedy = match (options.accel, scene.instances.is_empty()) {
             (Accel::Instances, _) => "take a scene of fewer triangles, or raise --memory-limit",
@@ -77,7 +82,7 @@ impl<'a> Room<'a> {
             (Accel::Bvh2, true) => "take a scene of fewer triangles or segments, or raise --memory-limit",
             (_, true) => "take --accel bvh2 or a scene of fewer triangles or segments, or raise --memory-limit",
         };
-        Room { budget, options, what, remedy }
+        StructureBudget { budget, options, what, remedy }
     }
 
     /// Checks that there is room for so many bytes.
@@ -196,10 +201,10 @@ mod tests {
                 crate::accel::build_octree_within(&vertices, &primitives, bounds, &build_options, &limit);
             }
             assert!(limit.is_exceeded(), "{accel} {build}");
-            let room = Room::new(&scene, &options, &MemoryBudget::UNLIMITED);
+            let room = StructureBudget::new(&scene, &options, &MemoryBudget::UNLIMITED);
             room.check_growth(&GrowthLimit::none()).unwrap();
             let small = MemoryBudget::of_bytes(1 << 10);
-            assert!(Room::new(&scene, &options, &small).check_growth(&limit).is_err());
+            assert!(StructureBudget::new(&scene, &options, &small).check_growth(&limit).is_err());
         }
     }
 }

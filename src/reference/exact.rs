@@ -7,6 +7,7 @@ use super::intersect::{Intersection, ShearedTriangle, shear_triangle};
 use super::math::{abs3, dot3, fma3, max_or, min_or};
 use super::memory::{Work, load_vertices};
 use super::ray::{EPSILON, Ray};
+use super::ties::{are_in_one_plane, are_same_points};
 use super::traverse::vertices;
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE, WorkCounter};
@@ -184,6 +185,31 @@ pub fn finish_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
     Some(Intersection { t, u: rounds_surely(weight1, n.det)?, v: rounds_surely(weight2, n.det)? })
 }
 
+/// Twin of `decide_tie`.
+#[inline(never)]
+fn decide_tie(
+    buffers: &SceneBuffers,
+    ray: &Ray,
+    triangle: &[Vec3; 3],
+    primitive: u32,
+    hit: &Hit,
+    is_hit: bool,
+) -> Decision {
+    if hit.primitive != NO_PRIMITIVE {
+        let best = vertices(buffers, hit.primitive);
+        if are_same_points(triangle, &best) || (is_hit && are_in_one_plane(triangle, &best)) {
+            return if primitive < hit.primitive { Decision::Hit([hit.u, hit.t]) } else { Decision::Miss };
+        }
+    }
+    if ray.starts_on_triangle() && ray.t_near >= 0.0 {
+        let left = vertices(buffers, ray.skip);
+        if are_same_points(triangle, &left) || are_in_one_plane(triangle, &left) {
+            return Decision::Miss;
+        }
+    }
+    Decision::Doubtful
+}
+
 /// Twin of `test_exactly`.
 #[inline(always)]
 pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut Hit, work: &mut impl Work) {
@@ -195,6 +221,7 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
         Decision::Hit(limits) => place_hit(ray, hit, limits),
         other => other,
     };
+    let mut is_hit = false;
     let mut decision = match decide_rounded(&shear_triangle(ray, triangle)) {
         None => Decision::Miss,
         Some((is_sure, limits)) => match place_hit(ray, hit, limits) {
@@ -204,10 +231,15 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
     };
     if decision == Decision::Doubtful {
         work.count(WorkCounter::WideTests, 1);
-        decision = placed(hit, decide_wide(ray, triangle));
+        let wide = decide_wide(ray, triangle);
+        is_hit = wide != Decision::Doubtful;
+        decision = placed(hit, wide);
     }
     if decision == Decision::Doubtful {
         work.count(WorkCounter::CloseTests, 1);
+        decision = decide_tie(buffers, ray, &triangle, primitive, hit, is_hit);
+    }
+    if decision == Decision::Doubtful {
         decision = decide_whole(buffers, ray, triangle, primitive, hit);
     }
     if let Decision::Hit([t_low, t_high]) = decision {

@@ -23,6 +23,7 @@ pub mod render;
 pub mod slab;
 pub mod surface;
 pub mod texture;
+pub mod ties;
 pub mod traverse;
 pub mod whitted;
 

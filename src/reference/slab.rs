@@ -56,9 +56,22 @@ pub fn room_of_boxes(low: Vec3, high: Vec3) -> f32 {
 
 /// Whether boxes within `low..high` that are larger by `room` than what they hold need no pads for this ray.
 #[inline(always)]
-pub fn is_room_enough(ray: &Ray, low: Vec3, high: Vec3, room: f32) -> bool {
-    let thickness = SLACK.mul_add(ray.farthest_distance(low, high), LEAST_PAD);
+pub fn is_room_enough(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32, room: f32) -> bool {
+    let thickness = SLACK.mul_add(pad_distance(ray, low, high, near_reach), LEAST_PAD);
     max_component(abs3(ray.origin)).mul_add(ORIGIN_ERROR, thickness) <= room
+}
+
+/// As [`room_of_boxes`], for boxes and rays within `near_reach` of 0.
+pub fn room_within(near_reach: f32) -> f32 {
+    near_reach.mul_add(ORIGIN_ERROR, SLACK.mul_add(2.0 * near_reach, LEAST_PAD))
+}
+
+/// How far boxes within `low..high` are from the start of the ray at most, but for what those have been made larger by that are not within
+/// `near_reach` of 0, if the ray starts there.
+#[inline(always)]
+pub fn pad_distance(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> f32 {
+    let (farthest, nearer) = (ray.farthest_distance(low, high), 2.0 * near_reach);
+    if max_component(abs3(ray.origin)) <= near_reach && nearer < farthest { nearer } else { farthest }
 }
 
 impl Slabs {
@@ -67,8 +80,8 @@ impl Slabs {
 
     /// For boxes within `low..high`.
     #[inline(always)]
-    pub fn new(ray: &Ray, low: Vec3, high: Vec3) -> Slabs {
-        let distance = ray.farthest_distance(low, high);
+    pub fn new(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> Slabs {
+        let distance = pad_distance(ray, low, high, near_reach);
         if !(distance < FARTHEST_START) {
             return Slabs::ALL;
         }
@@ -273,7 +286,7 @@ mod tests {
             if query.ray.t_near > query.ray.t_far {
                 continue; // no direction
             }
-            let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1]);
+            let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0);
             huge += usize::from(slabs.enter == Vec3::NEG_INFINITY);
             for axis in 0..3 {
                 let planes = query.bounds.map(|corner| corner[axis]);
@@ -289,7 +302,7 @@ mod tests {
         let mut culled = 0;
         for i in 0..200_000 {
             let query = query(i, &mut random);
-            let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1]);
+            let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0);
             let (distance, most) = reach(&query);
             if query.ray.t_near > query.ray.t_far || slabs.enter == Vec3::NEG_INFINITY {
                 continue;
@@ -333,8 +346,8 @@ mod tests {
                 continue; // no direction
             }
             let room = room_of_boxes(low, high);
-            let is_bare = is_room_enough(&query.ray, low, high, room);
-            let padded = (Slabs::new(&query.ray, low, high), middle_of(query.bounds, 0.0));
+            let is_bare = is_room_enough(&query.ray, low, high, 0.0, room);
+            let padded = (Slabs::new(&query.ray, low, high, 0.0), middle_of(query.bounds, 0.0));
             let roomy = (Slabs::bare(&query.ray), middle_of(query.bounds, room));
             bare += usize::from(is_bare);
             for (slabs, bounds) in std::iter::once(&padded).chain(is_bare.then_some(&roomy)) {
@@ -359,11 +372,14 @@ mod tests {
             let from_corner = (2.9 * random.vec3()) * side; // up to 2.9 sides beside a corner, 3.9 from the others
             for origin in [low.lerp(high, 0.5 + 0.5 * random.signed()), low + from_corner, high + from_corner] {
                 let ray = Ray::new(origin, Vec3::ONE, 0.0, f32::INFINITY, NO_PRIMITIVE);
-                assert!(is_room_enough(&ray, low, high, room_of_boxes(low, high)), "{i}: {origin} {low} {high}");
+                assert!(is_room_enough(&ray, low, high, 0.0, room_of_boxes(low, high)), "{i}: {origin} {low} {high}");
                 // Room is for the origin's distance from that of space, too, which is small here.
                 let far = Ray::new(origin + 9.0 * side, Vec3::ONE, 0.0, f32::INFINITY, NO_PRIMITIVE);
                 let is_about_zero = side > 0.2;
-                assert!(!is_about_zero || !is_room_enough(&far, low, high, room_of_boxes(low, high)), "{i}: {far:?}");
+                assert!(
+                    !is_about_zero || !is_room_enough(&far, low, high, 0.0, room_of_boxes(low, high)),
+                    "{i}: {far:?}"
+                );
             }
         }
     }
@@ -373,8 +389,8 @@ mod tests {
         let mut random = Random(SEED + 5);
         for i in 0..100_000 {
             let query = query(i, &mut random);
-            let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1]), Slabs::bare(&query.ray)];
-            let is_bare = is_room_enough(&query.ray, query.scene[0], query.scene[1], 1.0);
+            let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0), Slabs::bare(&query.ray)];
+            let is_bare = is_room_enough(&query.ray, query.scene[0], query.scene[1], 0.0, 1.0);
             for slabs in slabs.iter().take(1 + usize::from(is_bare)).filter(|slabs| slabs.enter != Vec3::NEG_INFINITY) {
                 for axis in 0..3 {
                     let [t_enter, t_leave] = middle_interval(slabs, axis, &NOWHERE);
@@ -389,7 +405,7 @@ mod tests {
         let mut random = Random(SEED + 2);
         for i in 0..20_000 {
             let (query, other) = (query(i, &mut random), random.vec3());
-            let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1]);
+            let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0);
             let boxes = [query.bounds, [query.bounds[0].min(other), query.bounds[1].max(other)]];
             let boxes = boxes.map(|corners| middle_of(corners, 0.0));
             let [xy0, xy1] = boxes.map(|Middle { middle, half_size }| [middle.x, half_size.x, middle.y, half_size.y]);

@@ -4,6 +4,7 @@
 //! Transforms are kept in f64 and every vertex is rounded once, so that a stack of many transforms costs no accuracy.
 
 use super::check::{none_of, value_faults};
+use super::known::Numbers;
 use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
 use super::{
     Background, Camera, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectId, PictureDefaults,
@@ -59,6 +60,8 @@ pub enum Normals<'a> {
 #[derive(Debug, Clone, Default)]
 pub struct Builder {
     scene: Scene,
+    known_materials: Numbers,
+    known_textures: Numbers,
     material: Option<MaterialId>,
     transform: DAffine3,
     stack: Vec<DAffine3>,
@@ -133,8 +136,8 @@ impl Builder {
 
     /// Adds `material` without making it the current one, unless the scene has an equal one, and tells its number.
     pub fn add_material(&mut self, material: Material) -> MaterialId {
-        match self.scene.materials.iter().position(|m| *m == material) {
-            Some(id) => id as MaterialId,
+        match self.known_materials.find(&self.scene.materials, &material) {
+            Some(id) => id,
             None => self.push_material(material),
         }
     }
@@ -164,11 +167,10 @@ impl Builder {
     pub fn add_texture(&mut self, texture: impl Into<Texture>) -> TextureId {
         let texture = texture.into();
         let textures = &mut self.scene.textures;
-        let id = textures.iter().position(|t| *t == texture).unwrap_or_else(|| {
+        self.known_textures.find(textures, &texture).unwrap_or_else(|| {
             textures.push(texture);
-            textures.len() - 1
-        });
-        id as TextureId
+            (textures.len() - 1) as TextureId
+        })
     }
 
     /// Multiplies the texture coordinates of everything that follows: 4 repeats a texture four times. Persists, and is not

@@ -130,6 +130,8 @@ pub struct Instance {
 #[derive(Debug, Clone, Default)]
 pub struct Instances {
     objects: Vec<Arc<Object>>,
+    /// Of each object its farthest finite coordinates.
+    reaches: Vec<Vec3>,
     placed: Vec<Instance>,
     /// Of each instance how many triangles there are up to its end.
     ends: Vec<u32>,
@@ -158,6 +160,8 @@ impl Instances {
         if let Some(i) = triangles.iter().position(|triangle| !is_whole(triangle)) {
             return Err(Error::Scene(format!("object: triangle {i} has an index beyond the end of its list")));
         }
+        let finite = positions.iter().filter(|p| p.is_finite());
+        self.reaches.push(finite.fold(Vec3::ZERO, |farthest, p| farthest.max(p.abs())));
         self.objects.push(Arc::new(object));
         Ok((self.objects.len() - 1) as ObjectId)
     }
@@ -171,8 +175,7 @@ impl Instances {
         let Some(object) = self.objects.get(instance.object as usize) else {
             return Err(Error::Scene(format!("instance: there is no object number {}", instance.object)));
         };
-        let finite = object.positions.iter().filter(|p| p.is_finite());
-        let farthest = finite.fold(Vec3::ZERO, |farthest, p| farthest.max(p.abs())).as_dvec3();
+        let farthest = self.reaches[instance.object as usize].as_dvec3();
         let reach =
             |[x, y, z, w]: [f32; 4]| DVec3::new(x.into(), y.into(), z.into()).abs().dot(farthest) + f64::from(w.abs());
         if instance.transform.rows.into_iter().any(|row| reach(row) > f64::from(f32::MAX) / 2.0) {

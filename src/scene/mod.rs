@@ -9,6 +9,7 @@ mod check;
 mod file;
 mod height;
 mod instances;
+mod known;
 mod light;
 mod load;
 mod material;

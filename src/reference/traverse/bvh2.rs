@@ -20,8 +20,9 @@ pub fn traverse_bvh2(
 ) -> Hit {
     let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
-    let is_bare = is_room_enough(ray, low, high, buffers.params.low.w) && ray.t_near.is_sign_positive();
-    let pair = PairSlabs::new(&if is_bare { Slabs::bare(ray) } else { Slabs::new(ray, low, high) });
+    let (near_reach, room) = (buffers.params.high.w, buffers.params.low.w);
+    let is_bare = is_room_enough(ray, low, high, near_reach, room) && ray.t_near.is_sign_positive();
+    let pair = PairSlabs::new(&if is_bare { Slabs::bare(ray) } else { Slabs::new(ray, low, high, near_reach) });
 
     let mut stack = [BVH_END; TraceOptions::MAX_DEPTH as usize + 1];
     let mut stacked = 0;

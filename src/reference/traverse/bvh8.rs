@@ -47,7 +47,7 @@ pub fn traverse_bvh8(
     work: &mut impl Work,
 ) -> Hit {
     let mut hit = no_hit_yet(ray);
-    let slabs = Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz());
+    let slabs = Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz(), buffers.params.high.w);
 
     let mut stack = vec![FarChild::default(); buffers.stack_entries as usize];
     stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };

@@ -87,7 +87,7 @@ pub fn traverse_grid(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let (low, high) = (load_bounds(buffers, 0, work).xyz(), load_bounds(buffers, 4, work).xyz());
     let distance = ray.farthest_distance(low, high);
     let mut hit = no_hit_yet(ray);
     let reach = load_bounds(buffers, 3, work);
@@ -97,10 +97,15 @@ pub fn traverse_grid(
         test_triangles(buffers, options, ray, all, 0, any_hit, &mut hit, work);
         return hit;
     }
+    let outside = reach.y.to_bits() as usize;
+    let outside = outside..outside + reach.z.to_bits() as usize;
+    if test_triangles(buffers, options, ray, outside, 0, any_hit, &mut hit, work) {
+        return hit;
+    }
     let Some((t_near, t_far)) = ray.clip_to_thick_box(SLACK * distance, low, high) else {
         return hit;
     };
-    let bounds = [0, 1, 2].map(|i| load_bounds(buffers, i, work));
+    let bounds = [buffers.bounds[0], load_bounds(buffers, 1, work), load_bounds(buffers, 2, work)];
     let count = bounds.map(|axis| axis.w.to_bits() as i32);
     let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| GridAxis::new(&bounds, axis, count[axis], ray, t_near));
     loop {

@@ -22,7 +22,7 @@ pub fn traverse_instances(
 ) -> Hit {
     let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
-    let outside = PairSlabs::new(&Slabs::new(ray, low, high));
+    let outside = PairSlabs::new(&Slabs::new(ray, low, high, buffers.params.high.w));
     let mut pair = outside;
     let mut inside = 0;
 

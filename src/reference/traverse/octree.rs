@@ -1,6 +1,6 @@
 //! Twin of `cl/traverse/octree.cl`. The reasons are there.
 
-use super::leaf::test_leaf;
+use super::leaf::{test_leaf, test_triangles};
 use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -52,7 +52,13 @@ pub fn traverse_octree(
     work: &mut impl Work,
 ) -> Hit {
     let mut hit = no_hit_yet(ray);
-    let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
+    let [low, high] = [0, 1].map(|corner| load_bounds(buffers, corner, work));
+    let outside = low.w.to_bits() as usize;
+    let outside = outside..outside + high.w.to_bits() as usize;
+    if test_triangles(buffers, options, ray, outside, 0, any_hit, &mut hit, work) {
+        return hit;
+    }
+    let (low, high) = (low.xyz(), high.xyz());
     let slack = SLACK * ray.farthest_distance(low, high);
     let Some((mut t_near, mut t_far)) = ray.clip_to_thick_box(slack, low, high) else {
         return hit;

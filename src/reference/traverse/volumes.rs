@@ -8,6 +8,7 @@ use crate::pack::SceneBuffers;
 use crate::reference::math::{dot3, fma3};
 use crate::reference::memory::{Work, load_bounds, load_node};
 use crate::reference::ray::{EPSILON, Ray, SLACK, widen_down, widen_up};
+use crate::reference::slab::pad_distance;
 use crate::shared::{Hit, WorkCounter};
 
 /// What a sphere grows by, in units of the farthest distance.
@@ -58,6 +59,12 @@ fn traverse_clusters<W: Work>(
     hit
 }
 
+#[inline(always)]
+fn pad_distance_in(buffers: &SceneBuffers, ray: &Ray) -> f32 {
+    let (low, high) = (buffers.params.low, buffers.params.high);
+    pad_distance(ray, low.xyz(), high.xyz(), high.w)
+}
+
 /// Twin of `cl/traverse/boxes.cl`.
 #[inline(always)]
 pub fn traverse_boxes(
@@ -67,7 +74,7 @@ pub fn traverse_boxes(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let slack = SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
+    let slack = SLACK * pad_distance_in(buffers, ray);
     traverse_clusters(buffers, options, ray, any_hit, work, |cluster, hit, work| {
         let low = load_bounds(buffers, 2 * cluster, work).xyz();
         let high = load_bounds(buffers, 2 * cluster + 1, work).xyz();
@@ -84,7 +91,7 @@ pub fn traverse_spheres(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let slack = SPHERE_SLACK * ray.farthest_distance(buffers.params.low.xyz(), buffers.params.high.xyz());
+    let slack = SPHERE_SLACK * pad_distance_in(buffers, ray);
     traverse_clusters(buffers, options, ray, any_hit, work, |cluster, hit, work| {
         may_meet_sphere(ray, slack, load_bounds(buffers, cluster, work), hit.t)
     })
