@@ -5,9 +5,10 @@ mod common;
 use common::{SEED, device, shared};
 use glam::Vec3;
 use raybrook::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::reference::normal::triangle_normal;
 use raybrook::scene::{Builder, Material, load};
 use raybrook::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
-use raybrook::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Replay};
+use raybrook::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Replay, StressRay};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -32,8 +33,21 @@ fn meshes() -> Vec<(&'static str, ClosedMesh)> {
         ("tetrahedron", tetrahedron),
         ("offset", Mesh::sphere(2).mapped(|p| p + 1000.0)),
         ("hollow", hollow),
+        ("thin", thin()),
     ];
     meshes.map(|(name, mesh)| (name, ClosedMesh::new(mesh).unwrap())).into()
+}
+
+/// What a CAD program makes of the cosine of 90 degrees.
+const NOISE: f32 = 6.123234e-17;
+
+/// A pyramid upside down whose base has a corner that is off by noise; the first triangle closes the gap, which is narrower than any
+/// coordinate's last bit.
+fn thin() -> Mesh {
+    let corners =
+        [[NOISE, 0.0, 0.0], [8.0, 0.0, 0.0], [8.0, 8.0, 0.0], [0.0, 8.0, 0.0], [4.0, 4.0, 0.0], [4.0, 4.0, -4.0]];
+    let triangles = [[0, 2, 4], [0, 1, 2], [4, 2, 3], [0, 4, 3], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]];
+    Mesh { positions: corners.map(Vec3::from_array).into(), triangles: triangles.into() }
 }
 
 const EXACT: TraceOptions = TraceOptions { intersector: Intersector::Exact, ..TraceOptions::DEFAULT };
@@ -125,6 +139,53 @@ fn exact_lets_no_ray_through_on_a_device() {
     }
 }
 
+/// Triangles of areas down to 2^-120 above a floor, and rays that hit them within and on their edges, some at sums that no float holds.
+fn thin_triangles() -> Case {
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let mut mesh = Mesh::default();
+    mesh.quad([at(-9.0, -9.0, -1.0), at(9.0, -9.0, -1.0), at(9.0, 9.0, -1.0), at(-9.0, 9.0, -1.0)]);
+    mesh.triangle([at(4.0, 4.0, 0.0), at(NOISE, 0.0, 0.0), at(8.0, 8.0, 0.0)]);
+    let heights = [2f32.powi(-54), 2f32.powi(-90), 2f32.powi(-120)];
+    for (z, &height) in (1..).zip(&heights) {
+        mesh.triangle([at(1.0, 1.0, z as f32), at(0.0, height, z as f32), at(-1.0, -1.0, z as f32)]);
+    }
+    let mut rays = vec![StressRay::new(at(6.0, 6.0, 1.0), -Vec3::Z), StressRay::new(at(5.0, 5.0, -0.5), Vec3::Z)];
+    for part in [0.25, 0.5, 1.0, 2.0] {
+        rays.push(StressRay::new(at(NOISE * part / 4.0, 0.0, 0.5), at(4.0, 4.0, -0.5)));
+        for (z, &height) in (1..).zip(&heights) {
+            rays.push(StressRay::new(at(0.0, height * part, z as f32 + 0.5), -Vec3::Z));
+            rays.push(StressRay::new(at(0.0, height * part, z as f32 - 0.5), Vec3::Z * 3.0));
+            rays.push(StressRay::new(at(0.0, height * part, z as f32 + 0.5), at(0.25, 0.25, -0.5)));
+        }
+    }
+    Case { mesh, rays, any_hit: false }
+}
+
+#[test]
+fn triangles_as_thin_as_a_line_are_hit() {
+    let case = thin_triangles();
+    let answers = Answers::new(&case);
+    let (hit, _) = answers.rounded(0);
+    assert_eq!((hit.primitive, hit.t), (2, 1.0), "an edge of the first one");
+    let hits = (0..case.rays.len()).filter(|&i| answers.rounded(i).0.primitive >= 2).count();
+    assert!(hits > 20, "{hits} of {}", case.rays.len());
+    assert_eq!(case.mesh.scene().hittable().len(), 6);
+    for options in structures() {
+        let found = Found::new(&case, &options, None, None).unwrap();
+        assert_eq!(found.faults(&answers, true), [], "{options:?}");
+    }
+    if let Some(device) = device() {
+        for accel in [Accel::Kd, Accel::Bvh2, Accel::Bvh8] {
+            let found = Found::new(&case, &TraceOptions { accel, ..EXACT }, Some(&device), None).unwrap();
+            assert_eq!(found.faults(&answers, true), [], "on the device: {accel}");
+        }
+    }
+    for i in 2..6 {
+        let normal = triangle_normal(case.mesh.corners(i));
+        assert!((normal.length() - 1.0).abs() < 1e-6, "triangle {i}: {normal}");
+    }
+}
+
 #[test]
 fn leaks_are_found() {
     let sphere = ClosedMesh::new(Mesh::sphere(3)).unwrap();
@@ -149,7 +210,8 @@ fn a_ray_that_slipped_through_does_so_again() {
     let sphere = ClosedMesh::new(Mesh::sphere(3)).unwrap();
     let options = TraceOptions { intersector: Intersector::MollerTrumbore, ..TraceOptions::DEFAULT };
     let leaks = on_reference(&sphere, &options, 50_000);
-    let case = Case { mesh: sphere.mesh().clone(), rays: leaks.wrong.iter().map(|&(ray, _)| ray).collect() };
+    let rays = leaks.wrong.iter().map(|&(ray, _)| ray).collect();
+    let case = Case { mesh: sphere.mesh().clone(), rays, any_hit: false };
     let numbers: Vec<usize> = (0..case.rays.len()).collect();
     let folder = tempfile::tempdir().unwrap();
     let replay = Replay::in_folder(folder.path(), "sphere", "rays");

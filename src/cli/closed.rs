@@ -28,6 +28,8 @@ struct Row {
     model: String,
     triangles: usize,
     edges: usize,
+    /// Triangles as thin as a line.
+    thin: usize,
     #[serde(flatten)]
     leaks: Leaks,
 }
@@ -225,7 +227,7 @@ impl Run<'_> {
                 row.say();
             }
             if let Some(replay) = self.replay(name).filter(|_| !row.leaks.wrong.is_empty()) {
-                commands.push(replay_command(&replay, &method_of(self.options), self.args));
+                commands.push(replay_command(&replay, false, &method_of(self.options), self.args));
             }
             rows.push(row);
         }
@@ -244,6 +246,7 @@ impl Run<'_> {
             model: name.to_owned(),
             triangles: mesh.mesh().triangles.len(),
             edges: mesh.edge_count(),
+            thin: mesh.thin_count(),
             leaks,
         };
         let written = Cell::new(0);
@@ -275,13 +278,13 @@ impl Run<'_> {
         let Some(replay) = self.replay(name) else { return Ok(()) };
         let rays: Vec<StressRay> = leaks.wrong.iter().map(|&(ray, _)| ray).collect();
         let numbers: Vec<usize> = (0..rays.len()).collect();
-        replay.write(&Case { mesh: mesh.mesh().clone(), rays }, &numbers)
+        replay.write(&Case { mesh: mesh.mesh().clone(), rays, any_hit: false }, &numbers)
     }
 }
 
 impl Row {
     fn say(&self) {
-        let Row { model, triangles, leaks, .. } = self;
+        let Row { model, triangles, thin, leaks, .. } = self;
         let whole = leaks.second_pass.map_or("-".into(), |rays| rays.to_string());
         say!(
             "{model:24} {triangles:>9} {:>12} {:>12} {:>12} {whole:>12} {:>7} {:>7} {:>8.2} {:>7.1}",
@@ -293,6 +296,9 @@ impl Row {
             leaks.rays as f64 / leaks.total_s / 1e6,
             leaks.total_s,
         );
+        if *thin > 0 {
+            say!("{model}: {thin} triangles are as thin as a line; every fourth ray is aimed into one of them");
+        }
         if leaks.is_cut_short {
             say!("{model}: not all rays were traced: so many slip through that more tell no more");
         }

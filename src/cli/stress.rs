@@ -53,6 +53,9 @@ pub struct StressArgs {
     /// Trace these rays through this model (.obj, .ply, .stl) instead, such as --write wrote them or any others.
     #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"])]
     replay: Option<Vec<PathBuf>>,
+    /// With --replay: any hit within the limits will do, as for shadows.
+    #[arg(long, requires = "replay")]
+    any_hit: bool,
     /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must hit for a
     /// reason that needs no exact answer. Models that are not closed are named and left out.
     #[arg(long, num_args = 1.., value_name = "MODEL", conflicts_with_all = ["kinds", "list", "strict", "methods", "replay"])]
@@ -175,8 +178,10 @@ fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
     }
     files.write_if(args.json.as_deref(), "--json")?;
     let Some(folder) = &args.write else { return Ok(()) };
-    for kind in kinds {
-        let mut written: Vec<_> = methods.iter().map(|method| replay_of(folder, kind, args.seed, method)).collect();
+    let rays = args.rays.unwrap_or(DEFAULT_RAYS) as usize;
+    for (kind, scene) in kinds.iter().flat_map(|kind| (0..kind.scene_count(rays)).map(move |scene| (kind, scene))) {
+        let written = methods.iter().map(|method| replay_of(folder, kind, scene, args.seed, method));
+        let mut written: Vec<_> = written.collect();
         // All methods have the same mesh.
         written.dedup_by(|a, b| a.mesh == b.mesh && a.rays == b.rays);
         if let Some(first) = written.first() {
@@ -187,9 +192,10 @@ fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
     Ok(())
 }
 
-/// The files of the rays of `kind` that a method gets wrong.
-fn replay_of(folder: &Path, kind: &Kind, seed: u64, method: &Method) -> Replay {
-    let mesh = format!("{}-{seed}", kind.name);
+/// The files of the rays of a scene of `kind` that a method gets wrong.
+fn replay_of(folder: &Path, kind: &Kind, scene: usize, seed: u64, method: &Method) -> Replay {
+    let of_scene = if scene == 0 { String::new() } else { format!("-{scene}") };
+    let mesh = format!("{}-{seed}{of_scene}", kind.name);
     Replay::in_folder(folder, &mesh, &format!("{mesh}-{}", method.name))
 }
 
@@ -226,15 +232,20 @@ impl Run<'_> {
             table.say_head();
         }
         for kind in kinds {
-            let case = kind.case(self.args.seed, self.rays);
-            let answers = Answers::new(&case);
-            for (method, sheet) in methods.iter().zip(&mut *sheets) {
-                let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
-                let faults = found.faults(&answers, sheet.strict);
-                sheet.add(kind.name, case.rays.len(), &faults);
-                if let Some(folder) = self.args.write.as_deref().filter(|_| !faults.is_empty()) {
-                    commands.push(self.write(folder, kind, &case, method, &faults)?);
+            let mut faults = vec![Vec::new(); methods.len()];
+            for (scene, case) in kind.cases(self.args.seed, self.rays).enumerate() {
+                let answers = Answers::new(&case);
+                for ((method, sheet), faults) in methods.iter().zip(&*sheets).zip(&mut faults) {
+                    let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
+                    let of_case = found.faults(&answers, sheet.strict);
+                    if let Some(folder) = self.args.write.as_deref().filter(|_| !of_case.is_empty()) {
+                        commands.push(self.write(folder, (kind, scene), &case, method, &of_case)?);
+                    }
+                    faults.extend(of_case);
                 }
+            }
+            for (sheet, faults) in sheets.iter_mut().zip(&faults) {
+                sheet.add(kind.name, self.rays, faults);
             }
             if let Some(path) = self.args.json.clone() {
                 let report = self.report(sheets.to_vec(), false);
@@ -257,15 +268,15 @@ impl Run<'_> {
     fn write(
         &self,
         folder: &Path,
-        kind: &Kind,
+        (kind, scene): (&Kind, usize),
         case: &Case,
         method: &Method,
         faults: &[(usize, Fault)],
     ) -> Result<String> {
         let numbers: Vec<usize> = faults.iter().map(|&(i, _)| i).collect();
-        let replay = replay_of(folder, kind, self.args.seed, method);
+        let replay = replay_of(folder, kind, scene, self.args.seed, method);
         replay.write(case, &numbers)?;
-        Ok(replay_command(&replay, method, self.args))
+        Ok(replay_command(&replay, case.any_hit, method, self.args))
     }
 
     /// Traces rays from files and shows each answer that is wrong beside the exact one.
@@ -275,10 +286,11 @@ impl Run<'_> {
         };
         let budget = self.args.memory.budget();
         let scene = scene::load_within(mesh, &budget)?;
-        let mut read = Files::default();
-        read.read_scene(&scene);
-        read.write_if(self.args.json.as_deref(), "--json")?;
-        let case = Replay { mesh: mesh.clone(), rays: rays.clone() }.case_of(&scene, &budget)?;
+        let mut files_read = Files::default();
+        files_read.read_scene(&scene);
+        files_read.write_if(self.args.json.as_deref(), "--json")?;
+        let read = Replay { mesh: mesh.clone(), rays: rays.clone() }.case_of(&scene, &budget)?;
+        let case = Case { any_hit: self.args.any_hit, ..read };
         let answers = Answers::new(&case);
         let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
         let faults = found.faults(&answers, sheet.strict);
@@ -302,10 +314,11 @@ impl Run<'_> {
 }
 
 /// What traces written rays again.
-pub(super) fn replay_command(replay: &Replay, method: &Method, args: &StressArgs) -> String {
+pub(super) fn replay_command(replay: &Replay, any_hit: bool, method: &Method, args: &StressArgs) -> String {
     let mut words = vec!["raybrook stress --replay".to_owned()];
     words.extend([&replay.mesh, &replay.rays].map(|path| path.display().to_string()));
     words.extend(method.arguments());
+    words.extend(any_hit.then(|| "--any-hit".to_owned()));
     words.extend(args.strict.then(|| "--strict".to_owned()));
     words.extend(args.device.device.iter().map(|name| format!("--device '{name}'")));
     words.extend(args.device.compiler.compiler_options.iter().map(|o| format!("--compiler-options '{o}'")));

@@ -3,6 +3,7 @@
 //!
 //! A scene comes from a file ([`load`]) or from the OpenGL-style [`Builder`] (thesis, section 6.2.1).
 
+mod area;
 mod builder;
 mod camera;
 mod check;
@@ -26,6 +27,7 @@ mod text;
 mod texture;
 mod triangulate;
 
+pub(crate) use area::{PROJECTIONS, projected_area};
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
 pub use instances::{Instance, Instances, Object, ObjectId, Transform};
@@ -40,7 +42,7 @@ pub use texture::{Image, Texture, TextureId};
 
 use crate::error::Result;
 use bytemuck::Zeroable;
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -153,7 +155,7 @@ fn bounds_of_all(triangles: impl ParallelIterator<Item = [Vec3; 3]>) -> Option<(
 pub enum DropReason {
     /// A vertex is NaN or infinite.
     NotFinite,
-    /// The three vertices lie on one line or in one point.
+    /// The three vertices lie exactly on one line or in one point.
     ZeroArea,
 }
 
@@ -163,8 +165,7 @@ impl DropReason {
         if !(a.is_finite() && b.is_finite() && c.is_finite()) {
             return Some(DropReason::NotFinite);
         }
-        let (a, b, c): (DVec3, DVec3, DVec3) = (a.into(), b.into(), c.into());
-        ((b - a).cross(c - a) == DVec3::ZERO).then_some(DropReason::ZeroArea)
+        (!area::has_area([a, b, c])).then_some(DropReason::ZeroArea)
     }
 }
 
@@ -179,8 +180,8 @@ impl Scene {
 
     /// Why primitive `primitive` can never be hit, or `None` for a proper triangle.
     ///
-    /// The area is judged in f64, where the products of float32 differences are exact for vertices within 2^28 of each
-    /// other in magnitude, so that a thin but proper triangle is not lost.
+    /// Whether there is an area is decided exactly, so that no thin but proper triangle is lost, however far apart its coordinates are
+    /// in magnitude: without it rays would slip through a closed solid.
     pub fn drop_reason(&self, primitive: usize) -> Option<DropReason> {
         DropReason::of(self.vertices(primitive))
     }

@@ -44,13 +44,15 @@ impl StressRay {
     }
 }
 
-/// A mesh and rays; either all rays have a second one or none has.
+/// A mesh and rays. Either all rays have a second one or none has.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Case {
     /// What the rays may hit.
     pub mesh: Mesh,
     /// The rays.
     pub rays: Vec<StressRay>,
+    /// Whether any hit within the limits will do, as for shadows. The rays have no second ones then.
+    pub any_hit: bool,
 }
 
 impl Case {
@@ -62,7 +64,7 @@ impl Case {
         mut ray: impl FnMut(&Mesh, &mut Random, usize) -> StressRay,
     ) -> Case {
         let rays = (0..count).map(|i| ray(&mesh, random, i)).collect();
-        Case { mesh, rays }
+        Case { mesh, rays, any_hit: false }
     }
 
     /// Everything `factor` times as large, directions too: for a power of two nothing but exponents change.
@@ -106,6 +108,6 @@ impl Case {
             t_max: limit(&batch.t_max, i, f32::INFINITY),
             next: batch.next_directions.as_ref().map(|next| next[i].into()),
         };
-        Case { mesh, rays: (0..batch.len()).map(ray).collect() }
+        Case { mesh, rays: (0..batch.len()).map(ray).collect(), any_hit: false }
     }
 }

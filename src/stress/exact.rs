@@ -1,12 +1,14 @@
-//! The exact tracer: brute force, hit or miss and nearer or farther decided as exact arithmetic has them.
+//! The exact tracer: hit or miss and nearer or farther decided as exact arithmetic has them.
 //!
 //! Floats are whole numbers times a power of two, so that everything up to t = T / D is a quotient of whole numbers ([`Ratio`]). They
 //! are slow: doubles with an error bound (a static filter; Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", Discrete & Computational Geometry 18, 1997) first discard the triangles that the ray surely misses and
-//! order the rest. It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge.
+//! order the rest, most of them by the boxes around them (`boxes.rs`). It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge. Nothing in them over- or
+//! underflows: coordinates are from 2^-149 to 2^128, starts of second rays from 2^-298 on, and products have three factors.
 //!
 //! Bad at: rays in the plane of many triangles, all of which need whole numbers.
 
+use super::boxes::Boxes;
 use super::estimate::{Estimate, PRODUCT_ERROR, ROUNDING, size_of_cross};
 use super::mesh::Mesh;
 use super::ratio::{Ratio, decode};
@@ -18,7 +20,7 @@ type Whole3 = [BigInt; 3];
 /// The sum of three products that are each off by [`PRODUCT_ERROR`]: two more roundings of numbers that are 1 / 8 of the bounds' sum in size, and room.
 const SUM_ERROR: f64 = 1.5;
 
-/// A ray without limits, in doubles and in whole numbers.
+/// A ray without limits, in doubles and, where these are rounded, in whole numbers.
 #[derive(Debug, Clone)]
 pub struct Line {
     /// Rounded.
@@ -27,14 +29,59 @@ pub struct Line {
     pub direction: DVec3,
     /// How far `origin` may be off on each axis.
     origin_error: f64,
-    /// The exact origin is numerator / denominator * 2^unit.
-    numerator: Whole3,
-    /// Above zero.
-    denominator: BigInt,
-    unit: i32,
-    /// The direction is this times 2^direction_unit.
-    whole_direction: Whole3,
-    direction_unit: i32,
+    /// The exact origin is this times 2^unit; `None`: `origin` is exact.
+    whole_origin: Option<(Whole3, i32)>,
+}
+
+impl Line {
+    /// The line of a ray; `None` when a part of it is NaN or infinite, or the direction is zero: such a ray misses everything.
+    pub fn new(origin: DVec3, direction: DVec3) -> Option<Line> {
+        let is_ray = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
+        is_ray.then_some(Line { origin, direction, origin_error: 0.0, whole_origin: None })
+    }
+
+    /// How far `origin` may be off on each axis.
+    pub(super) fn origin_error(&self) -> f64 {
+        self.origin_error
+    }
+
+    /// The exact origin in units of 2^`unit`, which is not above its own.
+    fn whole_origin(&self, unit: i32) -> Whole3 {
+        match &self.whole_origin {
+            None => whole3(self.origin, unit),
+            Some((numerator, own)) => std::array::from_fn(|k| &numerator[k] << (own - unit)),
+        }
+    }
+
+    /// The origin is a multiple of 2 to this power.
+    fn unit(&self) -> i32 {
+        self.whole_origin.as_ref().map_or_else(|| smallest_unit([&self.origin]), |(_, unit)| *unit)
+    }
+
+    /// Where the line crosses the triangle of these corners, exactly: t and the weights of corners 1 and 2. The edges belong to it.
+    /// `None` when it does not, and when it runs in the triangle's plane.
+    pub fn crossing(&self, corners: [DVec3; 3]) -> Option<[Ratio; 3]> {
+        let unit = self.unit().min(smallest_unit(&corners));
+        let origin = self.whole_origin(unit);
+        let [a, b, c] = corners.map(|p| minus(&whole3(p, unit), &origin));
+        let direction_unit = smallest_unit([&self.direction]);
+        let d = whole3(self.direction, direction_unit);
+        let weights = [dot(&d, &cross(&c, &b)), dot(&d, &cross(&a, &c)), dot(&d, &cross(&b, &a))];
+        let det: BigInt = weights.iter().sum();
+        let opposite = match det.sign() {
+            Sign::NoSign => return None,
+            Sign::Plus => Sign::Minus,
+            Sign::Minus => Sign::Plus,
+        };
+        if weights.iter().any(|weight| weight.sign() == opposite) {
+            return None;
+        }
+        // With N = a x b + b x c + c x a the weights' sum is -N . d, and N . a = a . (b x c).
+        let distance = -dot(&a, &cross(&b, &c));
+        let [_, weight1, weight2] = weights;
+        let t = Ratio::new(distance, det.clone(), unit - direction_unit);
+        Some([t, Ratio::new(weight1, det.clone(), 0), Ratio::new(weight2, det, 0)])
+    }
 }
 
 /// Where a line meets a triangle.
@@ -69,12 +116,13 @@ pub struct Closest {
     pub primitives: Vec<u32>,
 }
 
-/// Limits of t.
+/// Limits of t, which count as the numbers that they are. A t that no float tells, because the nearest one is infinite, is outside of
+/// infinite limits, too.
 #[derive(Debug, Clone, Copy)]
 pub struct Interval {
     /// No hit is nearer.
     pub near: f32,
-    /// No hit is farther; infinity stands for the largest float, because a t beyond it could not be told.
+    /// No hit is farther.
     pub far: f32,
     /// Whether a hit at `near` does not count.
     pub is_open: bool,
@@ -90,8 +138,11 @@ impl Interval {
             }
             near => near == f32::NEG_INFINITY,
         };
-        let is_number = !self.far.is_nan() && self.far != f32::NEG_INFINITY;
-        above && is_number && *t <= Ratio::from_float(self.far.min(f32::MAX).into())
+        let below = match self.far {
+            far if far.is_finite() => *t <= Ratio::from_float(far.into()),
+            far => far == f32::INFINITY,
+        };
+        above && below && t.is_finite_f32()
     }
 }
 
@@ -106,8 +157,7 @@ struct Candidate {
 pub struct ExactTracer {
     /// `None`: a corner is NaN or infinite, so that the triangle does not exist.
     triangles: Vec<Option<[DVec3; 3]>>,
-    /// All coordinates are whole multiples of 2^unit.
-    unit: i32,
+    boxes: Boxes,
 }
 
 impl ExactTracer {
@@ -118,8 +168,7 @@ impl ExactTracer {
             corners.iter().all(|p| p.is_finite()).then(|| corners.map(DVec3::from))
         };
         let triangles: Vec<_> = (0..mesh.triangles.len()).map(doubles).collect();
-        let unit = smallest_unit(triangles.iter().flatten().flatten());
-        ExactTracer { triangles, unit }
+        ExactTracer { boxes: Boxes::new(&triangles), triangles }
     }
 
     /// The corners of a triangle; `None` when it does not exist.
@@ -127,23 +176,9 @@ impl ExactTracer {
         self.triangles.get(primitive as usize).copied().flatten()
     }
 
-    /// The line of a ray; `None` when a part of it is NaN or infinite, or the direction is zero: such a ray misses everything.
+    /// As [`Line::new`].
     pub fn line(&self, origin: DVec3, direction: DVec3) -> Option<Line> {
-        if !origin.is_finite() || !direction.is_finite() || direction == DVec3::ZERO {
-            return None;
-        }
-        let unit = self.unit.min(smallest_unit([&origin]));
-        let direction_unit = smallest_unit([&direction]);
-        Some(Line {
-            origin,
-            direction,
-            origin_error: 0.0,
-            numerator: whole3(origin, unit),
-            denominator: 1.into(),
-            unit,
-            whole_direction: whole3(direction, direction_unit),
-            direction_unit,
-        })
+        Line::new(origin, direction)
     }
 
     /// The line from where a triangle is crossed: from the point of which the two smaller weights are the floats nearest to those of the
@@ -163,59 +198,36 @@ impl ExactTracer {
             (c, [(a, weight0), (b, u)])
         };
         let weight_unit = others.iter().map(|&(_, weight)| decode(weight.into()).1).min().unwrap_or(0).min(0);
-        let unit = self.unit + weight_unit;
+        let own = smallest_unit(&[a, b, c]);
+        let unit = own + weight_unit;
         let mut numerator = whole3(base, unit);
-        let base = whole3(base, self.unit);
+        let base = whole3(base, own);
         for (other, weight) in others {
             let (significand, exponent) = decode(weight.into());
             let weight: BigInt = BigInt::from(significand) << (exponent - weight_unit);
-            let edge = minus(&whole3(other, self.unit), &base);
+            let edge = minus(&whole3(other, own), &base);
             numerator.iter_mut().zip(&edge).for_each(|(sum, edge)| *sum += &weight * edge);
         }
         let rounded = |n: &BigInt| Ratio::new(n.clone(), 1.into(), unit).to_f64();
         let origin = DVec3::new(rounded(&numerator[0]), rounded(&numerator[1]), rounded(&numerator[2]));
         let origin_error = ROUNDING * origin.abs().max_element();
-        Some(Line { origin, origin_error, numerator, unit, ..next })
+        Some(Line { origin, origin_error, whole_origin: Some((numerator, unit)), ..next })
     }
 
     /// Where `line` crosses triangle `primitive`, exactly; its edges belong to it. `None` when it does not, and when it runs in the
     /// triangle's plane.
     pub fn crossing(&self, line: &Line, primitive: u32) -> Option<Crossing> {
-        let corners = self.corners(primitive)?;
-        // Everything in units of 2^unit / denominator.
-        let unit = line.unit.min(self.unit);
-        let to_unit = line.unit - unit;
-        let [a, b, c] = corners.map(|p| -> Whole3 {
-            let whole = whole3(p, unit);
-            std::array::from_fn(|k| &whole[k] * &line.denominator - (&line.numerator[k] << to_unit))
-        });
-        let d = &line.whole_direction;
-        let weights = [dot(d, &cross(&c, &b)), dot(d, &cross(&a, &c)), dot(d, &cross(&b, &a))];
-        let det: BigInt = weights.iter().sum();
-        let opposite = match det.sign() {
-            Sign::NoSign => return None,
-            Sign::Plus => Sign::Minus,
-            Sign::Minus => Sign::Plus,
-        };
-        if weights.iter().any(|weight| weight.sign() == opposite) {
-            return None;
-        }
-        // With N = a x b + b x c + c x a the weights' sum is -N . d, and N . a = a . (b x c).
-        let distance = -dot(&a, &cross(&b, &c));
-        let [_, weight1, weight2] = weights;
-        Some(Crossing {
-            primitive,
-            t: Ratio::new(distance, &det * &line.denominator, unit - line.direction_unit),
-            u: Ratio::new(weight1, det.clone(), 0),
-            v: Ratio::new(weight2, det, 0),
-        })
+        let [t, u, v] = line.crossing(self.corners(primitive)?)?;
+        Some(Crossing { primitive, t, u, v })
     }
 
     /// Whether `line` runs parallel to the plane of triangle `primitive`, or the triangle has no area or does not exist.
     pub fn is_parallel(&self, line: &Line, primitive: u32) -> bool {
         let Some(corners) = self.corners(primitive) else { return true };
-        let [a, b, c] = corners.map(|p| whole3(p, self.unit));
-        dot(&line.whole_direction, &cross(&minus(&b, &a), &minus(&c, &a))).sign() == Sign::NoSign
+        let unit = smallest_unit(&corners);
+        let [a, b, c] = corners.map(|p| whole3(p, unit));
+        let direction = whole3(line.direction, smallest_unit([&line.direction]));
+        dot(&direction, &cross(&minus(&b, &a), &minus(&c, &a))).sign() == Sign::NoSign
     }
 
     /// The nearest crossing inside of `interval` with a triangle that is not `excluded`, and that `accepts` does not refuse.
@@ -226,7 +238,9 @@ impl ExactTracer {
         excluded: &[u32],
         accepts: impl Fn(&Crossing) -> bool,
     ) -> Option<Closest> {
-        let mut candidates: Vec<Candidate> = (0..self.triangles.len() as u32)
+        let mut candidates: Vec<Candidate> = self
+            .boxes
+            .near(line)
             .filter(|i| !excluded.contains(i))
             .filter_map(|i| self.candidate(line, i))
             .filter(|c| c.high >= f64::from(interval.near) && c.low <= f64::from(interval.far))
@@ -246,8 +260,10 @@ impl ExactTracer {
                 Some((_, closest)) if crossing.t == closest.crossing.t => closest.primitives.clone(),
                 _ => Vec::new(),
             };
+            // Where doubles knew nothing, what is known by now discards the candidates that follow.
+            let high = if candidate.high == f64::INFINITY { crossing.t.to_f64().next_up() } else { candidate.high };
             let closest = Closest { primitives: [primitives, vec![candidate.primitive]].concat(), crossing };
-            best = Some((candidate.high, closest));
+            best = Some((high, closest));
         }
         let (_, mut closest) = best?;
         closest.primitives.sort_unstable();

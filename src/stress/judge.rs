@@ -1,7 +1,7 @@
 //! What is right, and what sort of wrong the rest is.
 //!
 //! Strictly, for methods that promise exact hits: the nearest triangle, of those at exactly the same t the lowest number; the float
-//! nearest to t; u and v within [`WEIGHT_ULPS`].
+//! nearest to t; u and v within [`WEIGHT_ULPS`]. Of any hits only the triangle is judged, which must be hit within the limits.
 //!
 //! Tolerantly, for float32 methods: any answer that is right for a ray within the bounds of [`super::tolerance`]. A triangle counts that
 //! the ray passes within its tolerance, at a t within its tolerance, and that is not behind the exact answer. What lies behind it,
@@ -20,8 +20,6 @@ use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Below this t may be one float off from the nearest one: it was rounded in units that a power of two changes to the caller's.
-const SMALLEST_NORMAL: f32 = f32::MIN_POSITIVE;
 /// Floats by which u and v may be off from the nearest ones.
 const WEIGHT_ULPS: u32 = 2;
 /// Displaced rays that are traced to find out whether a ray may get past what it hits.
@@ -110,6 +108,9 @@ impl<'a> Answers<'a> {
         let interval = Interval { near: ray.t_min, far: ray.t_max, is_open: false };
         let first =
             Question { tracer: &self.tracer, line, interval, exact: answer.hit.as_ref(), left: &[], origin_error: 0.0 };
+        if self.case.any_hit {
+            return first.judge_any(hit, strictly);
+        }
         let fault = if strictly { first.judge_strictly(hit) } else { first.judge_tolerantly(hit) };
         let (Some(closest), Some(next_answer), Some(next), None) = (&answer.hit, &answer.next, next, fault) else {
             return fault;
@@ -197,12 +198,24 @@ impl Question<'_> {
         if right.primitive == NO_PRIMITIVE {
             return None;
         }
-        let t_ulps = u32::from(right.t.abs() < SMALLEST_NORMAL);
-        if ulp_distance(hit.t, right.t) > t_ulps {
+        if hit.t != right.t {
             return Some(Fault::T);
         }
         let off = ulp_distance(hit.u, right.u).max(ulp_distance(hit.v, right.v));
         (off > WEIGHT_ULPS).then_some(Fault::Weights)
+    }
+
+    /// Any triangle that is hit within the limits is right.
+    fn judge_any(&self, hit: &Hit, strictly: bool) -> Option<Fault> {
+        let is_met = |primitive: u32| {
+            let crossing = self.tracer.crossing(self.line, primitive);
+            crossing.is_some_and(|crossing| self.interval.contains(&crossing.t))
+        };
+        match fault_of_triangle(hit, self.exact, |_| is_met(hit.primitive)) {
+            Some(Fault::Miss) if !strictly => (!self.may_pass(None)).then_some(Fault::Miss),
+            Some(fault) if !strictly => self.passes_at(hit.primitive).is_none().then_some(fault),
+            fault => fault,
+        }
     }
 
     fn judge_tolerantly(&self, hit: &Hit) -> Option<Fault> {
@@ -231,18 +244,23 @@ impl Question<'_> {
         Some(Tolerance::new(self.line, self.tracer.corners(primitive)?, self.origin_error))
     }
 
-    /// Whether a hit of another triangle than the right one, or where none is due, is right for a ray within the tolerance.
-    fn is_near_answer(&self, hit: &Hit) -> bool {
-        let Some(corners) = self.tracer.corners(hit.primitive) else { return false };
-        if self.left.contains(&hit.primitive) || self.tracer.is_parallel(self.line, hit.primitive) {
-            return false;
+    /// The t at which a triangle is nearest to the ray, and how far off it may be, for one that a ray within the tolerance hits.
+    fn passes_at(&self, primitive: u32) -> Option<(f64, f64)> {
+        let corners = self.tracer.corners(primitive)?;
+        if self.left.contains(&primitive) || self.tracer.is_parallel(self.line, primitive) {
+            return None;
         }
         let tolerance = Tolerance::new(self.line, corners, self.origin_error);
         let (distance, t) = distance_to(self.line, corners);
         let off = tolerance.of_t(t);
         let is_inside = t + off >= f64::from(self.interval.near) && t - off <= f64::from(self.interval.far);
-        let is_close = distance <= tolerance.lateral && (f64::from(hit.t) - t).abs() <= off;
-        if !(is_inside && is_close) {
+        (is_inside && distance <= tolerance.lateral).then_some((t, off))
+    }
+
+    /// Whether a hit of another triangle than the right one, or where none is due, is right for a ray within the tolerance.
+    fn is_near_answer(&self, hit: &Hit) -> bool {
+        let Some((t, off)) = self.passes_at(hit.primitive) else { return false };
+        if (f64::from(hit.t) - t).abs() > off {
             return false;
         }
         let Some(closest) = self.exact else { return true };

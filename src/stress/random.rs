@@ -62,6 +62,12 @@ impl Random {
         power_of_two(self.whole(low, high - 1)) * (1.0 + self.unit())
     }
 
+    /// One of `choices`, or 2^`low` to 2^`high`, which is as likely as each of them.
+    pub fn size_or(&mut self, choices: &[f32], low: i32, high: i32) -> f32 {
+        let i = self.below(choices.len() + 1);
+        choices.get(i).copied().unwrap_or_else(|| self.size(low, high))
+    }
+
     /// A direction of about unit length, every direction as likely as any other.
     pub fn direction(&mut self) -> Vec3 {
         loop {

@@ -50,6 +50,12 @@ impl Ratio {
         self.rounded(f32::MANTISSA_DIGITS, -149) as f32
     }
 
+    /// Whether the nearest float is not infinite.
+    pub fn is_finite_f32(&self) -> bool {
+        let most = self.numerator.bits() as i64 - self.denominator.bits() as i64 + 1; // below 2 to this power
+        most < i64::from(f32::MAX_EXP) || self.to_f32().is_finite()
+    }
+
     /// The nearest double; of two that are as near the even one.
     pub fn to_f64(&self) -> f64 {
         self.rounded(f64::MANTISSA_DIGITS, -1074)
@@ -152,6 +158,18 @@ mod tests {
         assert_eq!(ratio(3, 4, -149).to_f32(), 1e-45);
         assert_eq!(ratio(1, 1, 128).to_f32(), f32::INFINITY);
         assert_eq!(ratio(1, 1, 2000).to_f64(), f64::INFINITY);
+    }
+
+    #[test]
+    fn what_rounds_to_infinity_is_not_finite() {
+        // Half a unit beyond the largest float, which has 24 digits, is as near to 2^128, whose last digit is even.
+        let beyond = |halves: i64| ratio((1 << 25) - 2 + halves, 1, 103);
+        for (ratio, expected) in [(beyond(0), true), (beyond(1), false), (beyond(2), false), (ratio(1, 1, 300), false)]
+        {
+            assert_eq!((ratio.is_finite_f32(), ratio.to_f32().is_finite()), (expected, expected));
+        }
+        assert!(ratio((1 << 26) - 3, 1, 102).is_finite_f32() && ratio(-1, 3, 0).is_finite_f32());
+        assert!(!ratio(-1, 1, 128).is_finite_f32());
     }
 
     #[test]

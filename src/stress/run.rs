@@ -9,6 +9,7 @@ use crate::pack::SceneBuffers;
 use crate::session::open_tracer;
 use crate::shared::Hit;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// What a tracer answered, in world units.
@@ -40,14 +41,14 @@ impl Found {
         let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = if case.has_second_rays() { Some(&next) } else { None };
         let batch = buffers.batch(case.rays.len(), ray, next);
         let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
-        let result = tracer.trace(&batch.job(false, 1), &|_| ())?;
+        let result = tracer.trace(&batch.job(case.any_hit, 1), &|_| ())?;
         Ok(Found { hits: result.hits, next_hits: result.next_hits })
     }
 
     /// The rays with wrong answers, by number.
     pub fn faults(&self, answers: &Answers, strictly: bool) -> Vec<(usize, Fault)> {
         let next = |i: usize| self.next_hits.as_ref().map(|hits| &hits[i]);
-        let judged = self.hits.iter().enumerate().map(|(i, hit)| (i, answers.judge(i, hit, next(i), strictly)));
+        let judged = self.hits.par_iter().enumerate().map(|(i, hit)| (i, answers.judge(i, hit, next(i), strictly)));
         judged.filter_map(|(i, fault)| Some((i, fault?))).collect()
     }
 }

@@ -53,7 +53,9 @@ impl Tolerance {
         let farthest = a.length().max(b.length()).max(c.length());
         let normal = (b - a).cross(c - a);
         let length = direction.length();
-        let cosine = (normal.dot(direction) / (normal.length() * length)).abs();
+        // Doubles may take a triangle that has an area for a line. Then t and the weights may be anything.
+        let is_line = normal == DVec3::ZERO;
+        let cosine = if is_line { 0.0 } else { (normal.dot(direction) / (normal.length() * length)).abs() };
         let lateral = LATERAL * EPSILON * farthest + origin_error;
         let heights = [(c - a).length(), (b - a).length()].map(|opposite| normal.length() / opposite);
         Tolerance {

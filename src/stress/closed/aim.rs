@@ -58,6 +58,9 @@ impl ClosedMesh {
     /// Ray number `index` of `seed`: always the same.
     pub fn ray(&self, seed: u64, index: u64) -> AimedRay {
         let mut random = Random(Random(seed).bits().wrapping_add(index));
+        if let Some(ray) = self.aim_at_thin(&mut random) {
+            return ray;
+        }
         for _ in 0..ATTEMPTS {
             let start = match random.below(8) {
                 0 | 1 => Start::Inside,

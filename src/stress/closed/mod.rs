@@ -2,7 +2,8 @@
 //!
 //! [`ClosedMesh`] is a mesh in which every edge belongs to two triangles that run along it in opposite directions. [`ClosedMesh::ray`]
 //! makes rays aimed at an edge or a vertex, as near as float32 can, each with a t by which it hits something, which doubles with
-//! bounds of their errors have proved (`promise.rs`). [`find_leaks`] traces them and counts those that come through.
+//! bounds of their errors have proved (`promise.rs`), or exact arithmetic where triangles are as thin as a line, into which rays are
+//! aimed, too (`thin.rs`). [`find_leaks`] traces them and counts those that come through.
 //!
 //! Bad at: rays that may miss. What passes a silhouette from outside, by a rounding, is left to the kinds of [`super::Kind`].
 
@@ -10,6 +11,7 @@ mod aim;
 mod inside;
 mod promise;
 mod run;
+mod thin;
 
 pub use aim::AimedRay;
 pub use run::{Leaks, MAX_SUSPECTS, find_leaks};
@@ -20,6 +22,7 @@ use inside::Ball;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt;
+use thin::Thin;
 
 /// A mesh with an inside, and what is needed to aim at its edges and vertices. Numbers of vertices here are those of different
 /// positions; triangles with two equal corners, which are never hit, are left out.
@@ -34,6 +37,7 @@ pub struct ClosedMesh {
     low: Vec3,
     high: Vec3,
     inside: Vec<Ball>,
+    thin: Thin,
 }
 
 /// An edge and the third vertices of its triangles, of which the first one runs along it from `ends[0]` to `ends[1]`.
@@ -108,7 +112,8 @@ impl ClosedMesh {
         if inside.is_empty() {
             return Err(NotClosed::default());
         }
-        Ok(ClosedMesh { mesh, positions, edges, first_side, sides, low, high, inside })
+        let thin = Thin::of(&triangles, &positions);
+        Ok(ClosedMesh { mesh, positions, edges, first_side, sides, low, high, inside, thin })
     }
 
     /// The mesh as it was given.

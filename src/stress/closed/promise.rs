@@ -15,6 +15,8 @@
 //! crosses changes the winding number from that of p to the 0 of everything far away, so it hits a triangle, and not one parallel to it.
 //! There are finitely many triangles: one of them is hit for arbitrarily small vectors, and being closed, without any.
 //!
+//! **Beside thin triangles.** What doubles do not prove there, exact arithmetic looks up: `thin.rs`.
+//!
 //! **Through the inside.** Let the ray start outside of the mesh's box, where the winding number is 0, and pass through a ball in which
 //! it is not: the same, for the part of the ray up to any point in the ball.
 
@@ -38,7 +40,11 @@ impl ClosedMesh {
                 largest_t(origin64, direction64, faces, 1..3).or_else(passed)
             }
         };
-        around.or_else(|| match start {
+        let exactly = || match target {
+            Target::Vertex(vertex) => self.promise_beside_thin(origin, direction, &[vertex]),
+            Target::Edge(edge) => self.promise_beside_thin(origin, direction, &self.edges[edge as usize].ends),
+        };
+        around.or_else(exactly).or_else(|| match start {
             Start::Inside => Some(f64::INFINITY),
             Start::Towards(ball) if self.is_outside_box(origin) => {
                 let ball = self.inside[ball];

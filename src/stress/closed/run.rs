@@ -189,7 +189,7 @@ impl Watch<'_> {
             let ray = self.closed.ray(self.seed, batch.first + i as u64);
             StressRay::new(ray.origin, ray.direction)
         };
-        let case = Case { mesh: self.closed.mesh.clone(), rays: suspects.iter().map(ray).collect() };
+        let case = Case { mesh: self.closed.mesh.clone(), rays: suspects.iter().map(ray).collect(), any_hit: false };
         let answers = Answers::new(&case);
         for (number, &i) in suspects.iter().enumerate() {
             match answers.judge(number, &hits[i], None, self.is_strict) {

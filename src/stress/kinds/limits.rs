@@ -46,7 +46,7 @@ fn dyadic_below(random: &mut Random) -> Vec3 {
 }
 
 /// The limits of every ray moved to where it has its first hit, or up to one float beside that.
-fn with_limits_at_hits(mut case: Case, random: &mut Random) -> Case {
+pub(super) fn with_limits_at_hits(mut case: Case, random: &mut Random) -> Case {
     let tracer = ExactTracer::new(&case.mesh);
     for ray in &mut case.rays {
         let anything = Interval { near: ray.t_min, far: ray.t_max, is_open: false };

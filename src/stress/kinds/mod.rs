@@ -3,16 +3,27 @@
 //! Coordinates called dyadic are small multiples of a small power of two, so that sums, and so hits, are exact in float32.
 
 mod directions;
+mod far;
+mod lattices;
 mod limits;
 mod scales;
 mod seams;
 mod second;
 mod sizes;
+mod starts;
 mod surfaces;
+mod wild;
 
 use super::case::Case;
 use super::random::Random;
 use crate::error::{Error, Result};
+
+/// Kinds of which one scene tells little: few triangles of wild numbers, another few in each scene.
+const OF_MANY_SCENES: [&[Kind]; 4] = [lattices::KINDS, wild::KINDS, far::KINDS, starts::KINDS];
+/// Rays through one of many scenes, if there are not so many rays that there are more scenes than the most.
+const RAYS_OF_SCENE: usize = 40;
+/// Scenes of a kind at most: a device takes a while for each.
+const MOST_SCENES: usize = 250;
 
 /// One kind of hard cases.
 pub struct Kind {
@@ -28,6 +39,7 @@ impl Kind {
     pub fn all() -> impl Iterator<Item = &'static Kind> {
         [seams::KINDS, directions::KINDS, surfaces::KINDS, sizes::KINDS, limits::KINDS, scales::KINDS, second::KINDS]
             .into_iter()
+            .chain(OF_MANY_SCENES)
             .flatten()
     }
 
@@ -43,6 +55,21 @@ impl Kind {
             });
             let hint = nearest.map_or("", |kind| kind.name);
             Error::option("KIND", format!("there is no kind '{name}'; nearest: {hint}; --list lists all"))
+        })
+    }
+
+    /// How many scenes `rays` of them come from.
+    pub fn scene_count(&self, rays: usize) -> usize {
+        let is_one = !OF_MANY_SCENES.into_iter().flatten().any(|kind| kind.name == self.name);
+        if is_one { 1 } else { rays.div_ceil(RAYS_OF_SCENE).clamp(1, MOST_SCENES) }
+    }
+
+    /// The cases of this kind that belong to `seed`, with `rays` rays together: one, or of kinds whose scenes are small many.
+    pub fn cases(&self, seed: u64, rays: usize) -> impl Iterator<Item = Case> {
+        let scenes = self.scene_count(rays);
+        (0..scenes).map(move |i| {
+            let seed = if i == 0 { seed } else { Random(seed ^ (i as u64) << 40).bits() };
+            self.case(seed, rays * (i + 1) / scenes - rays * i / scenes)
         })
     }
 

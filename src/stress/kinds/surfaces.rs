@@ -45,7 +45,7 @@ pub(super) const KINDS: &[Kind] = &[
     },
 ];
 
-fn whole3(low: i32, high: i32, random: &mut Random) -> Vec3 {
+pub(super) fn whole3(low: i32, high: i32, random: &mut Random) -> Vec3 {
     Vec3::new(random.whole(low, high) as f32, random.whole(low, high) as f32, random.whole(low, high) as f32)
 }
 
