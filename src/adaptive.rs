@@ -72,8 +72,8 @@ const AIM: f64 = 0.85;
 /// Pixels whose positions one thread makes at a time.
 const PIXELS_AT_A_TIME: usize = 1 << 12;
 
-/// Bytes for each pixel of a picture whose pixels the host keeps, beside the picture: sums, estimates, their errors and order, and the
-/// list of pixels that are traced next.
+/// Bytes for each pixel of a picture whose pixels the host keeps, beside the picture: sums, estimates, their errors and
+/// order, and the list of pixels that are traced next.
 const PIXEL_BYTES: u64 = Film::PIXEL_BYTES + estimate::PIXEL_BYTES + size_of::<usize>() as u64;
 
 /// Bytes for each ray of a list: its position twice, where parts of the list are joined, and its radiance.
@@ -82,8 +82,8 @@ const RAY_BYTES: u64 = 2 * size_of::<CameraSample>() as u64 + Film::PIXEL_BYTES;
 /// Rays of a list for each pixel, that pictures of hard scenes took at the most at a time.
 const RAYS_PER_PIXEL: u64 = 3;
 
-/// About how many bytes [`render_adaptive`] takes of so many pixels, beside the picture: on the host, and on a device that has a copy of
-/// the lists, which it counts with its queues.
+/// About how many bytes [`render_adaptive`] takes of so many pixels, beside the picture: on the host, and on a device
+/// that has a copy of the lists, which it counts with its queues.
 pub(crate) fn estimated_bytes(pixels: u64, counters: bool, is_device: bool) -> u64 {
     let work = if counters { size_of::<PixelWork>() as u64 } else { 0 };
     let rays = (RAYS_PER_PIXEL * pixels).min(Adaptive::LIST_RAYS as u64);

@@ -1,10 +1,12 @@
 //! How much memory may be taken: what was allowed, or what the machine, its container and the shell leave.
 //!
-//! What needs much memory tells how much before it takes any: an allocation that fails aborts the process, and one that the system
-//! promises but does not have ends it without a word. Estimates stand where the allocation is ([`crate::pack`], [`crate::film`],
-//! [`crate::scene`], …); the functions that check them take a [`MemoryBudget`], those without one take [`MemoryBudget::available`].
+//! What needs much memory tells how much before it takes any: an allocation that fails aborts the process, and one that
+//! the system promises but does not have ends it without a word. Estimates stand where the allocation is
+//! ([`crate::pack`], [`crate::film`], [`crate::scene`], …); the functions that check them take a [`MemoryBudget`],
+//! those without one take [`MemoryBudget::available`].
 //!
-//! Bad at: systems without `/proc`, on which nothing is known and everything is allowed; what other processes take meanwhile.
+//! Bad at: systems without `/proc`, on which nothing is known and everything is allowed; what other processes take
+//! meanwhile.
 
 use crate::error::{Error, Result};
 use std::collections::TryReserveError;
@@ -45,20 +47,6 @@ pub enum DecidedBy {
     Picture,
 }
 
-impl Need<'_> {
-    /// The error that the system has no memory for this, although no budget was against it.
-    pub(crate) fn refused(&self) -> Error {
-        let budget = MemoryBudget { bytes: 0, origin: BudgetOrigin::Refused };
-        Error::OutOfMemory {
-            what: self.what.to_owned(),
-            needed_bytes: self.bytes.saturating_add(resident_bytes()),
-            budget,
-            decided_by: self.decided_by,
-            remedy: self.remedy.to_owned(),
-        }
-    }
-}
-
 /// `count` times `value`, or none when the system has no memory for them.
 pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Result<Vec<T>, TryReserveError> {
     let mut values = Vec::new();
@@ -80,6 +68,33 @@ pub struct Need<'a> {
     pub remedy: &'a str,
 }
 
+impl Need<'_> {
+    /// Asks the system for the bytes and gives them back, so that what it refuses, whatever the figures say, is no
+    /// allocation that aborts.
+    fn ask_system(&self) -> Result<()> {
+        let mut bytes: Vec<u8> = Vec::new();
+        let given = bytes.try_reserve_exact(usize::try_from(self.bytes).unwrap_or(usize::MAX));
+        std::hint::black_box(&bytes);
+        given.map_err(|_| self.refused())
+    }
+
+    /// The error that the system has no memory for this, although no budget was against it.
+    pub(crate) fn refused(&self) -> Error {
+        self.too_much(MemoryBudget { bytes: 0, origin: BudgetOrigin::Refused })
+    }
+
+    /// The error that this is more than `budget` has.
+    pub(crate) fn too_much(&self, budget: MemoryBudget) -> Error {
+        Error::OutOfMemory {
+            what: self.what.to_owned(),
+            needed_bytes: self.bytes.saturating_add(resident_bytes()),
+            budget,
+            decided_by: self.decided_by,
+            remedy: self.remedy.to_owned(),
+        }
+    }
+}
+
 /// Of what is available a tenth is left alone: estimates may be as much too low.
 const AVAILABLE_SHARE: f64 = 0.9;
 
@@ -95,8 +110,8 @@ impl MemoryBudget {
         MemoryBudget { bytes, origin: BudgetOrigin::Given }
     }
 
-    /// What the process has, and nine tenths of what it can still get: the least of what the machine has available, of what its control
-    /// group has left, and of what `ulimit` leaves. Without limit where the system does not tell.
+    /// What the process has, and nine tenths of what it can still get: the least of what the machine has available, of
+    /// what its control group has left, and of what `ulimit` leaves. Without limit where the system does not tell.
     pub fn available() -> MemoryBudget {
         System { root: Path::new("/") }.available()
     }
@@ -119,7 +134,7 @@ impl MemoryBudget {
         }
     }
 
-    /// Checks that `need` can be met beside what the process has already.
+    /// Checks that `need` can be met beside what the process has already, and that the system would give so much.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -129,15 +144,9 @@ impl MemoryBudget {
         }
         let needed_bytes = need.bytes.saturating_add(resident_bytes());
         if needed_bytes <= self.bytes {
-            return Ok(());
+            return need.ask_system();
         }
-        Err(Error::OutOfMemory {
-            what: need.what.to_owned(),
-            needed_bytes,
-            budget: *self,
-            decided_by: need.decided_by,
-            remedy: need.remedy.to_owned(),
-        })
+        Err(need.too_much(*self))
     }
 }
 
@@ -337,6 +346,9 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_told_with_its_numbers() {
+        let all = Need { what: "all", bytes: 1 << 62, decided_by: DecidedBy::Input, remedy: "take less" };
+        let refused = MemoryBudget::of_bytes(u64::MAX).check(&all).unwrap_err().to_string();
+        assert!(refused.ends_with("but the system refuses that; take less"), "{refused}");
         let need = |decided_by| Need { what: "a mesh", bytes: 3 << 30, decided_by, remedy: "lower its segments" };
         MemoryBudget::of_bytes(1 << 40).check(&need(DecidedBy::Input)).unwrap();
         for (decided_by, code) in [(DecidedBy::Input, 3), (DecidedBy::Picture, 4)] {

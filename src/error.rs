@@ -84,7 +84,9 @@ pub enum Error {
     },
     /// The device's memory cannot hold the scene or the picture.
     #[error(
-        "device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; use --device reference or a smaller {}", if what.starts_with("picture") { "picture" } else { "scene" }
+        "device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; \
+         use --device reference or a smaller {}",
+        if what.starts_with("picture") { "picture" } else { "scene" }
     )]
     TooLarge {
         /// The name of the device.

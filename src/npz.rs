@@ -34,6 +34,9 @@ const LARGE_MEMBER_BYTES: usize = u32::MAX as usize - (1 << 16);
 /// What to do about arrays that do not fit.
 const REMEDY: &str = "split the batch, or raise --memory-limit";
 
+/// How many bytes one byte can become: a match of 258 bytes takes two bits (RFC 1951).
+const DEFLATE_RATIO: u128 = 1032;
+
 /// An open `.npz` file.
 pub(crate) struct NpzFile {
     path: PathBuf,
@@ -87,13 +90,12 @@ impl NpzFile {
         let damaged = format!("array '{name}' is damaged or cut short");
         let what = format!("array '{name}' of {}", path.display());
         let need = |bytes| Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy: REMEDY };
-        let member_bytes = self.archive.by_index(index).map_or(0, |member| member.size());
+        let mut member = self.archive.by_index(index).map_err(|e| zip_error(path, &damaged, e))?;
+        let member_bytes = member.size();
         let to_error = |e: io::Error| match e.kind() {
             io::ErrorKind::OutOfMemory => need(member_bytes).refused(),
             _ => read_error(path, &damaged, e),
         };
-
-        let mut member = self.archive.by_index(index).map_err(|e| zip_error(path, &damaged, e))?;
         let (header, header_bytes) = read_header(&mut member).map_err(to_error)?;
         let layout = Layout::of::<N>(&header).map_err(refuse)?;
         let data_bytes = layout.rows as u128 * N as u128 * layout.item_bytes() as u128;
@@ -102,6 +104,9 @@ impl NpzFile {
             return Err(refuse(format!(
                 "should have {data_bytes} bytes by its shape, but has {held}; the file is damaged"
             )));
+        }
+        if data_bytes > DEFLATE_RATIO * u128::from(self.file_bytes) {
+            return Err(refuse(format!("should have {data_bytes} bytes, more than its file can hold; it is damaged")));
         }
         // Rows of float32 are converted from larger ones piece by piece, and from columns when all are there.
         let row_bytes = (N * size_of::<f32>()) as u128 * if layout.fortran { 2 } else { 1 };

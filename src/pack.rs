@@ -139,7 +139,8 @@ pub(crate) fn scale_of(scene: &Scene) -> f32 {
 }
 
 impl SceneBuffers {
-    /// Builds the structure that `options` asks for and packs everything, in what memory there is ([`MemoryBudget::available`]).
+    /// Builds the structure that `options` asks for and packs everything, in what memory there is
+    /// ([`MemoryBudget::available`]).
     ///
     /// # Errors
     /// As [`SceneBuffers::within`].
@@ -147,11 +148,14 @@ impl SceneBuffers {
         Self::within(scene, options, &MemoryBudget::available())
     }
 
-    /// Builds the structure that `options` asks for and packs everything, unless that takes more memory than `budget` has.
+    /// Builds the structure that `options` asks for and packs everything, unless that takes more memory than `budget`
+    /// has.
     ///
     /// # Errors
-    /// [`OutOfMemory`](crate::Error::OutOfMemory) when it does, before anything is built; [`Scene`](crate::Error::Scene) when an array or a hierarchy of boxes outgrows its indices, as [`Scene::check_values`], or when a
-    /// light is too far away to be a point; [`Option`](crate::Error::Option) when the options are out of range.
+    /// [`OutOfMemory`](crate::Error::OutOfMemory) when it does, before anything is built;
+    /// [`Scene`](crate::Error::Scene) when an array or a hierarchy of boxes outgrows its indices, as
+    /// [`Scene::check_values`], or when a light is too far away to be a point; [`Option`](crate::Error::Option) when
+    /// the options are out of range.
     pub fn within(scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
@@ -183,10 +187,7 @@ impl SceneBuffers {
         };
         let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
-        let near_reach = match options.accel {
-            Accel::Brute | Accel::Kd | Accel::Instances => 0.0,
-            _ => near_reach(&triangles, &primitives),
-        };
+        let near_reach = near_reach(&triangles, &primitives, options);
         let room = match near_reach {
             0.0 => room_of_boxes(bounding_box.low, bounding_box.high),
             reach => room_within(reach),

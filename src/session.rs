@@ -105,8 +105,15 @@ pub fn complete(scene: &mut Scene, aspect: f32) {
     }
 }
 
-/// What a device's compiler takes of the host's memory where it runs in the process: 150 MB of PoCL's for a kernel that renders.
+/// What a device's compiler takes of the host's memory where it runs in the process: 150 MB of PoCL's for a kernel that
+/// renders.
 const COMPILER_BYTES: u64 = 150 << 20;
+
+/// What a run takes beside what is counted: its threads, and what they keep of memory that they have freed.
+const RUN_BYTES: u64 = 4 << 20;
+
+/// What a device's driver takes in the process where it is the host's: PoCL's program, queues and threads.
+const DRIVER_BYTES: u64 = 32 << 20;
 
 /// The most that paths in flight of split kernels take, and bytes for each pixel where there are fewer.
 const SPLIT_BYTES: u64 = 256 << 20;
@@ -115,8 +122,8 @@ const SPLIT_PIXEL_BYTES: u64 = 256;
 /// Bytes of a device's picture, of which a pixel has four numbers.
 const DEVICE_PIXEL_BYTES: u64 = 16;
 
-/// About how many bytes of the host's memory [`render`] and writing the picture to `format` take at the most at a time, on `device`, or on
-/// the reference when there is none.
+/// About how many bytes of the host's memory [`render`] and writing the picture to `format` take at the most at a time,
+/// on `device`, or on the reference when there is none.
 pub fn picture_bytes(
     (width, height): (u32, u32),
     samples: Samples,
@@ -137,7 +144,8 @@ pub fn picture_bytes(
         (true, Kernels::Split) => DEVICE_PIXEL_BYTES * pixels + SPLIT_BYTES.min(SPLIT_PIXEL_BYTES * pixels),
     };
     let of_file = format.map_or(0, ImageFormat::bytes_per_pixel) * pixels;
-    Film::PIXEL_BYTES * pixels + of_sampling.max(of_file) + of_device
+    let of_run = RUN_BYTES + if shares_memory { DRIVER_BYTES } else { 0 };
+    Film::PIXEL_BYTES * pixels + of_sampling.max(of_file) + of_device + of_run
 }
 
 /// Whether the memory of `device` is the host's.

@@ -179,8 +179,8 @@ impl SceneTuning {
     }
 }
 
-/// `scene`, or where it is so large that a camera which frames it has no place in float32's range, a smaller one: structures are as fast
-/// in it, as all of them are built in one range of numbers.
+/// `scene`, or where it is so large that a camera which frames it has no place in float32's range, a smaller one:
+/// structures are as fast in it, as all of them are built in one range of numbers.
 fn moderate(scene: &Scene) -> Result<Cow<'_, Scene>> {
     let (low, high) = scene.bounds().unwrap_or_default();
     if low.abs().max(high.abs()).max_element() < LARGE {

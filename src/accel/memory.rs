@@ -1,10 +1,10 @@
 //! How much memory structures take, estimated from numbers of triangles before they are built.
 //!
-//! The figures are bytes for each triangle at the worst moment of packing a scene, the triangles themselves and what shading reads of
-//! them included. They were measured on closed surfaces, loose triangles and long loose triangles, 10^4 to 10^6 of each, as the largest
-//! resident size of the process; the least was two thirds of the largest, and no figure is more than a tenth below that. What depends
-//! on how triangles lie (references of kd-trees and octrees) is limited while it is built, by [`GrowthLimit`]; a grid counts its
-//! references before it makes them.
+//! The figures are bytes for each triangle at the worst moment of packing a scene, the triangles themselves and what
+//! shading reads of them included. They were measured on closed surfaces, loose triangles and long loose triangles,
+//! 10^4 to 10^6 of each, as the largest resident size of the process; the least was two thirds of the largest, and no
+//! figure is more than a tenth below that. What depends on how triangles lie (references of kd-trees and octrees) is
+//! limited while it is built, by [`GrowthLimit`]; a grid counts its references before it makes them.
 //!
 //! Bad at: scenes of few triangles, where they hardly matter.
 
@@ -76,13 +76,15 @@ impl GrowthLimit {
         GrowthLimit { most: (bytes / of_reference) as usize, added: AtomicUsize::new(0) }
     }
 
-    /// Takes note of a node of `count` references that is split into `parts`; false when that is too much, and from then on.
+    /// Takes note of a node of `count` references that is split into `parts`; false when that is too much, and from
+    /// then on.
     pub fn allows(&self, count: usize, parts: usize) -> bool {
         let added = parts.saturating_sub(count);
         self.added.fetch_add(added, Ordering::Relaxed).saturating_add(added) <= self.most
     }
 
-    /// Whether it was met: what was built then is no finished tree. It does not depend on the order in which threads came.
+    /// Whether it was met: what was built then is no finished tree. It does not depend on the order in which threads
+    /// came.
     pub fn is_exceeded(&self) -> bool {
         self.added.load(Ordering::Relaxed) > self.most
     }

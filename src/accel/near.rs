@@ -8,6 +8,7 @@
 //! Bad at: rays that start farther out, for which all is as large as before; scenes whose scales are many, of which it sees one.
 
 use super::Aabb;
+use crate::options::{Accel, Intersector, TraceOptions};
 use crate::reference::ray::SLACK;
 use glam::Vec3;
 
@@ -30,8 +31,25 @@ fn reach_of(triangle: &[Vec3; 3]) -> f32 {
     low.abs().max(high.abs()).max_element()
 }
 
-/// How far from 0 most of the triangles `primitives` reach, where the farthest one reaches very much farther; else 0.
-pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32]) -> f32 {
+/// The least reach with the exact test and slabs: their pads are still normal numbers, and larger than what underflows (`LEAST_PAD`).
+const LEAST: f32 = 1.0 / (1u128 << 100) as f32;
+
+/// That with a rounded test, whose products of two differences must not underflow.
+const LEAST_ROUNDED: f32 = 1.0 / (1u64 << 40) as f32;
+
+/// That of spheres, the squares of whose slack, 2^-16 of the reach, must not underflow.
+const LEAST_SPHERES: f32 = 1.0 / (1u64 << 32) as f32;
+
+/// How far from 0 most of the triangles `primitives` reach, where the farthest one reaches very much farther and the structure of `options`
+/// can make use of that; else 0.
+pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32], options: &TraceOptions) -> f32 {
+    let least = match (options.accel, options.intersector) {
+        // A kd-tree's planes are as sure as they are near; the others are of all triangles, or of objects in places of their own.
+        (Accel::Brute | Accel::Kd | Accel::Instances, _) => return 0.0,
+        (Accel::Spheres, _) => LEAST_SPHERES,
+        (_, Intersector::Exact) => LEAST,
+        _ => LEAST_ROUNDED,
+    };
     if primitives.len() < FEWEST {
         return 0.0;
     }
@@ -40,7 +58,7 @@ pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32]) -> f32 {
     let middle = reaches.len() / 2;
     let (_, &mut median, _) = reaches.select_nth_unstable_by(middle, f32::total_cmp);
     let reach = ROOMY * median;
-    if farthest > MUCH_FARTHER * reach { reach } else { 0.0 }
+    if reach >= least && farthest > MUCH_FARTHER * reach { reach } else { 0.0 }
 }
 
 /// The triangles that reach beyond `near_reach`, the others, and the box around these, where the first are few; `None` where they are many,
@@ -100,6 +118,8 @@ mod tests {
     use super::*;
     use crate::stress::Random;
 
+    const OPTIONS: TraceOptions = TraceOptions { accel: Accel::Grid, ..TraceOptions::DEFAULT };
+
     fn soup(count: usize) -> Vec<[Vec3; 3]> {
         let mut random = Random(20_081_121);
         (0..count)
@@ -114,20 +134,27 @@ mod tests {
     fn only_what_lies_very_far_out_is_told_apart() {
         let mut triangles = soup(1000);
         let all: Vec<u32> = (0..1000).collect();
-        assert_eq!(near_reach(&triangles, &all), 0.0);
+        assert_eq!(near_reach(&triangles, &all, &OPTIONS), 0.0);
         triangles[3][1].x = -1e4;
-        assert_eq!(near_reach(&triangles, &all), 0.0);
+        assert_eq!(near_reach(&triangles, &all, &OPTIONS), 0.0);
         for far in [1e6, 1e38] {
             triangles[3][1].x = -far;
-            let reach = near_reach(&triangles, &all);
+            let reach = near_reach(&triangles, &all, &OPTIONS);
             assert!(reach > 4.0 && reach < 17.0, "{reach}");
             let (outside, inside, bounds) = few_outside(&triangles, &all, reach).unwrap();
             assert!(outside == [3] && inside.len() == 999 && bounds.low.x > -1.1);
         }
-        assert_eq!(near_reach(&triangles, &all[..FEWEST - 1]), 0.0);
+        assert_eq!(near_reach(&triangles, &all[..FEWEST - 1], &OPTIONS), 0.0);
+        // Where what float32 leaves out would count, nothing is.
+        let least = |accel, intersector| {
+            let small = triangles.iter().map(|triangle| triangle.map(|p| p * 2f32.powi(-70))).collect::<Vec<_>>();
+            near_reach(&small, &all, &TraceOptions { accel, intersector, ..OPTIONS })
+        };
+        assert!(least(Accel::Bvh2, Intersector::Exact) > 0.0);
+        assert_eq!(least(Accel::Bvh2, Intersector::Watertight) + least(Accel::Spheres, Intersector::Exact), 0.0);
         // As many as this are the scene, too.
         (0..100).for_each(|i| triangles[i][0].z = 1e9);
-        assert!(few_outside(&triangles, &all, near_reach(&triangles, &all)).is_none());
+        assert!(few_outside(&triangles, &all, near_reach(&triangles, &all, &OPTIONS)).is_none());
     }
 
     #[test]

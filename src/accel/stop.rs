@@ -1,7 +1,8 @@
 //! Stops: when a node of a kd-tree becomes a leaf, for all builds alike.
 //!
 //! Thesis, section 5.5: a limit of triangles, a limit of depth, or a split that does not pay ([`super::cost`]); section
-//! 5.5.2: children that are nearly alike. [`super::subtree::MAX_GROWTH`] limits what is left, and so does memory ([`GrowthLimit`]).
+//! 5.5.2: children that are nearly alike. [`super::subtree::MAX_GROWTH`] limits what is left, and so does memory
+//! ([`GrowthLimit`]).
 //!
 //! The two limits are bad at scenes of uneven detail. The cost looks one split ahead and misses gains that take two. Children that
 //! are alike may still be worth it further down.

@@ -7,6 +7,7 @@
 //!
 //! Bad at: large scenes; every ray meets the whole list.
 
+use super::near::few_outside;
 use super::{Aabb, Room, Structure};
 use crate::layout::Float4;
 use crate::shared::KdNode;
@@ -15,11 +16,13 @@ use glam::{DVec3, Vec3};
 /// The least default: a volume around fewer triangles costs more than it saves.
 const SMALLEST_CLUSTER: f64 = 4.0;
 
-/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's room.
+/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's room. The slack of spheres is 2.4 times that
+/// of boxes; it is for the radius and again for the times of entry and exit, which move by no less than the radius grows by over the length
+/// of a direction, of up to 3.5: 2.4 (1 + 3.5) = 10.8, and some for roundings.
 const SPHERE_ROOM: f32 = 16.0;
 
-/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`. Of boxes that reach beyond
-/// `near_reach`, which is that of [`near_reach`](super::near_reach), only rays from farther out have pads.
+/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`. Boxes that reach beyond
+/// `near_reach`, which is that of [`near_reach`](super::near_reach), are larger by what the slack of rays from within leaves out.
 pub fn build_boxes(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],
@@ -27,7 +30,7 @@ pub fn build_boxes(
     near_reach: f32,
 ) -> Structure {
     let room = Room { everywhere: 0.0, near_reach };
-    build(vertices, primitives, cluster_size, |cluster, bounds| {
+    build(vertices, primitives, cluster_size, near_reach, |cluster, bounds| {
         let around = room.around(bounds_of(vertices, cluster));
         bounds.extend([Float4::new(around.low, 0.0), Float4::new(around.high, 0.0)]);
     })
@@ -42,16 +45,15 @@ pub fn build_spheres(
     near_reach: f32,
 ) -> Structure {
     let room = Room { everywhere: 0.0, near_reach };
-    build(vertices, primitives, cluster_size, |cluster, bounds| {
+    build(vertices, primitives, cluster_size, near_reach, |cluster, bounds| {
         let around = bounds_of(vertices, cluster);
         let centre = (around.low * 0.5 + around.high * 0.5).clamp(around.low, around.high);
         let distance = |p: &Vec3| (p.as_dvec3() - DVec3::from(centre)).length();
         let farthest = cluster.iter().flat_map(|&i| &vertices[i as usize]).map(distance).fold(0.0, f64::max);
         // Twice up: to float32, and for the roundings of f64, which are smaller than a step of float32.
-        // A sphere's slack is SPHERE_SLACK / SLACK, 2.4 times that of boxes, and its times move by no less than a quarter of what its
-        // radius grows by: directions are no longer than 3.5.
-        let radius = (farthest as f32).next_up().next_up() + SPHERE_ROOM * room.of(&around);
-        bounds.push(Float4::new(centre, if room.of(&around) > 0.0 { radius.next_up() } else { radius }));
+        let radius = (farthest as f32).next_up().next_up();
+        let room = SPHERE_ROOM * room.of(&around);
+        bounds.push(Float4::new(centre, if room > 0.0 { (radius + room).next_up() } else { radius }));
     })
 }
 
@@ -69,14 +71,18 @@ fn build(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],
     cluster_size: Option<u32>,
+    near_reach: f32,
     push_bounds: impl Fn(&[u32], &mut Vec<Float4>),
 ) -> Structure {
     let size = cluster_size.unwrap_or_else(|| self::cluster_size(primitives.len())).max(1) as usize;
-    let mut references = primitives.to_vec();
+    // What reaches very far out shares no cluster with anything else.
+    let (outside, inside) = few_outside(vertices, primitives, near_reach)
+        .map_or_else(|| (Vec::new(), primitives.to_vec()), |(outside, inside, _)| (outside, inside));
+    let mut references = [&outside[..], &inside].concat();
     let mut structure =
         Structure { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };
     // Ranges of `references` that are still to be halved or taken, the first one last.
-    let mut open = vec![(0, references.len())];
+    let mut open = vec![(outside.len(), references.len()), (0, outside.len())];
     while let Some((start, end)) = open.pop() {
         let part = &mut references[start..end];
         if part.is_empty() {

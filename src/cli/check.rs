@@ -73,7 +73,8 @@ struct Findings {
     passed: bool,
 }
 
-/// Bytes of a pixel that is compared: its ray and two hits of that on the host and on the device, and what FLIP keeps of it.
+/// Bytes of a pixel that is compared: its ray and two hits of that on the host and on the device, and what FLIP keeps
+/// of it.
 const COMPARED_BYTES: u64 = 250;
 
 /// Checks that there is memory for two pictures and all that is compared of them.

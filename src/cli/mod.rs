@@ -373,8 +373,8 @@ struct SceneArgs {
 /// How much memory may be taken.
 #[derive(Args, Clone, Copy)]
 struct MemoryArgs {
-    /// Refuse what takes the program to more memory than this, such as 8G or 512M, before it is taken [default: nine tenths of what the
-    /// machine has available, its container has left, or ulimit leaves].
+    /// Refuse what takes the program to more memory than this, such as 8G or 512M, before it is taken [default: nine
+    /// tenths of what the machine has available, its container has left, or ulimit leaves].
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     memory_limit: Option<u64>,
 }

@@ -29,8 +29,8 @@ pub struct Loaded {
 /// Size of a picture that neither the scene nor an option sizes.
 const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
-/// Loads the scene that is asked for, which must have objects unless it may be empty, and gives it what it needs to be rendered: a
-/// camera, light, a size and samples, which `args` override.
+/// Loads the scene that is asked for, which must have objects unless it may be empty, and gives it what it needs to be
+/// rendered: a camera, light, a size and samples, which `args` override.
 pub fn load_for_picture(scene: &SceneArgs, args: &PictureArgs, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
     let mut loaded = load_with_objects(&scene.scene, scene.allow_empty, budget, talk)?;
     let start = Instant::now();
@@ -88,8 +88,8 @@ fn cannot_be_framed(scene: &Scene, path: &Path) -> Error {
     let vertex = scene.triangles.get(primitive as usize).map(|t| t.positions[corner.unwrap_or(0)] as usize);
     let line = vertex.and_then(|vertex| scene::line_of_vertex(path, vertex));
     let message = format!(
-        "the vertex ({:e}, {:e}, {:e}) of triangle {primitive} is so far away that no camera which shows the scene has a place in float32's \
-         range; correct it, make the scene smaller, or give a camera in a scene file",
+        "the vertex ({:e}, {:e}, {:e}) of triangle {primitive} is so far away that no camera which shows the scene has a place \
+         in float32's range; correct it, make the scene smaller, or give a camera in a scene file",
         position.x, position.y, position.z
     );
     Error::input(path, line, message)

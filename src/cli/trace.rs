@@ -91,7 +91,8 @@ fn hit_batch(result: &TraceResult, any_hit: bool) -> HitBatch {
     }
 }
 
-/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as NumPy takes hits.
+/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as NumPy
+/// takes hits.
 const RAY_BYTES: usize = 3 * (size_of::<TraceRay>() + size_of::<Hit>()) + 16;
 
 /// The same of a second ray.

@@ -230,6 +230,25 @@ mod tests {
     }
 
     #[test]
+    fn other_tests_than_the_exact_one_are_slower_where_that_goes_in_packets() {
+        let [cpu, gpu] = [DeviceKind::Cpu, DeviceKind::Gpu].map(device);
+        let fast = TraceOptions { accel: Accel::Bvh8, intersector: Intersector::FASTEST, ..TraceOptions::DEFAULT };
+        for (device, options, is_slower) in [
+            (Some(&cpu), fast, true),
+            (Some(&cpu), TraceOptions { intersector: Intersector::Exact, ..fast }, false),
+            (Some(&cpu), TraceOptions { accel: Accel::Grid, ..fast }, false),
+            (Some(&gpu), fast, false),
+            (None, fast, false),
+        ] {
+            let workload = Workload { device, triangle_count: None, features: None, shared_triangles: 0 };
+            let warning = workload.slower_than_exact(&options);
+            assert_eq!(warning.is_some(), is_slower, "{options:?}");
+            let words = ["--intersector moller-trumbore", "exact", "packets of 16"];
+            assert!(warning.is_none_or(|warning| words.iter().all(|word| warning.contains(word))));
+        }
+    }
+
+    #[test]
     fn instances_stay_shared_where_making_their_triangles_takes_longer_than_it_gains() {
         let [cpu, gpu] = [DeviceKind::Cpu, DeviceKind::Gpu].map(device);
         for (info, least) in [(None, WORTH_SHARING), (Some(&cpu), WORTH_SHARING), (Some(&gpu), WORTH_SHARING_ON_GPU)] {

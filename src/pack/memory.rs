@@ -10,12 +10,14 @@ use crate::options::{Accel, TraceOptions};
 use crate::scene::{Scene, Texture};
 use crate::shared::Shading;
 
-/// Bytes for each texel of a picture: it and its smaller levels, and the largest of these as it is before it is rounded.
+/// Bytes for each texel of a picture: it and its smaller levels, and the largest of these as it is before it is
+/// rounded.
 const TEXEL_BYTES: u64 = 10;
 
 impl SceneBuffers {
-    /// About how many bytes [`SceneBuffers::within`] takes at the most at a time, beside the scene: rarely half of it, and never more than
-    /// a tenth more, but for trees and grids of triangles that lie badly, which are watched while they are built.
+    /// About how many bytes [`SceneBuffers::within`] takes at the most at a time, beside the scene: rarely half of it,
+    /// and never more than a tenth more, but for trees and grids of triangles that lie badly, which are watched while
+    /// they are built.
     pub fn estimated_bytes(scene: &Scene, options: &TraceOptions) -> u64 {
         let texels: usize = scene.textures.iter().filter_map(Texture::image).map(|image| image.rgba.len()).sum();
         let (triangles, instances) = match options.accel {
@@ -26,8 +28,8 @@ impl SceneBuffers {
         structure_bytes(options, triangles, instances) + copy + TEXEL_BYTES * texels as u64
     }
 
-    /// Checks that there is memory for a scene on a device that shares the host's: for building it, and for the device's copy, while
-    /// `more_bytes` are taken by others.
+    /// Checks that there is memory for a scene on a device that shares the host's: for building it, and for the
+    /// device's copy, while `more_bytes` are taken by others.
     pub(crate) fn check_memory(
         scene: &Scene,
         options: &TraceOptions,
@@ -87,8 +89,11 @@ impl<'a> StructureBudget<'a> {
 
     /// Checks that there is room for so many bytes.
     pub fn check_structure(&self, bytes: u64) -> Result<()> {
-        let (what, remedy) = (&self.what, self.remedy);
-        self.budget.check(&Need { what, bytes, decided_by: DecidedBy::Input, remedy })
+        self.budget.check(&self.need(bytes))
+    }
+
+    fn need(&self, bytes: u64) -> Need<'_> {
+        Need { what: &self.what, bytes, decided_by: DecidedBy::Input, remedy: self.remedy }
     }
 
     /// How many references a tree may have with what is left.
@@ -98,7 +103,7 @@ impl<'a> StructureBudget<'a> {
 
     /// Checks that a tree was finished.
     pub fn check_growth(&self, limit: &GrowthLimit) -> Result<()> {
-        if limit.is_exceeded() { self.check_structure(limit.added_bytes().max(self.budget.left() + 1)) } else { Ok(()) }
+        if limit.is_exceeded() { Err(self.need(limit.added_bytes()).too_much(*self.budget)) } else { Ok(()) }
     }
 }
 
@@ -117,7 +122,7 @@ mod tests {
         builder.finish().unwrap()
     }
 
-    /// Arrays of a packed scene, in bytes, and the largest of what is there while it is built but not any more afterwards.
+    /// Bytes of the arrays of a packed scene.
     fn kept(buffers: &SceneBuffers) -> usize {
         size_of_val(&buffers.nodes[..])
             + size_of_val(&buffers.references[..])
@@ -175,30 +180,24 @@ mod tests {
         assert_eq!(scene.flattened_bytes(), (lists + size_of_val(&flat.triangles[..])) as u64);
     }
 
-    /// Long triangles through everything: a tree of all of them has many times as many references.
     #[test]
     fn trees_that_grow_too_large_end_early() {
-        let mut builder = Builder::new();
-        for i in 0..400u32 {
-            let at = |k: u32| Vec3::new((i * 37 % 101 + k) as f32, (i * 53 % 103) as f32, 97.0 * (k % 2) as f32);
-            builder.triangle(at(0), at(101), at(i * 7 % 90 + 2));
-        }
-        let scene = builder.finish().unwrap();
-        for (accel, build) in [(Accel::Kd, Build::SpatialMedian), (Accel::Kd, Build::Sah), (Accel::Octree, Build::Sah)]
-        {
+        let scene = ball();
+        let primitives = scene.hittable();
+        let vertices: Vec<_> = primitives.iter().map(|&i| scene.vertices(i as usize)).collect();
+        let (low, high) = scene.bounds().unwrap();
+        for (accel, build) in [(Accel::Kd, Build::Median), (Accel::Kd, Build::Sah), (Accel::Octree, Build::Sah)] {
             let options = TraceOptions { accel, build, leaf_size: Some(1), ..TraceOptions::DEFAULT };
             let whole = SceneBuffers::within(&scene, &options, &MemoryBudget::UNLIMITED).unwrap();
-            let added = whole.references.len() - 400;
-            assert!(added > 400, "{accel} {build}: {added}");
+            let added = whole.references.len() - primitives.len();
+            assert!(added > 100, "{accel} {build}: {added}");
             let limit = GrowthLimit::of_bytes(80 * added as u64 / 2, &options);
-            let vertices: Vec<_> = (0..400).map(|i| scene.vertices(i)).collect();
-            let primitives: Vec<_> = (0..400).collect();
-            let build_options = crate::accel::BuildOptions::of(&options, 400);
-            let bounds = crate::accel::Aabb { low: scene.bounds().unwrap().0, high: scene.bounds().unwrap().1 };
+            let build_options = crate::accel::BuildOptions::of(&options, primitives.len());
+            let bounds = crate::accel::Aabb { low, high };
             if accel == Accel::Kd {
                 crate::accel::build_kd_tree_within(build, &vertices, &primitives, &build_options, &limit);
             } else {
-                crate::accel::build_octree_within(&vertices, &primitives, bounds, &build_options, &limit);
+                crate::accel::build_octree_within(&vertices, &primitives, bounds, &build_options, 0.0, &limit);
             }
             assert!(limit.is_exceeded(), "{accel} {build}");
             let room = StructureBudget::new(&scene, &options, &MemoryBudget::UNLIMITED);

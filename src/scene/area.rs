@@ -1,13 +1,14 @@
 //! Whether a triangle has an area, decided as exact arithmetic does.
 //!
-//! A triangle has none just when its projections along all three axes have none, which is what Shewchuk's orientation test decides
-//! (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry
-//! 18, 1997, section 4.2): doubles with an error bound first, which is all that most triangles take, then sums of doubles without any
-//! error. A cross product in doubles alone takes (4, 4, 0) (6.1e-17, 0, 0) (8, 8, 0) for a line, because 4 - 6.1e-17 rounds to 4.
+//! A triangle has none just when its projections along all three axes have none, which is what Shewchuk's orientation
+//! test decides (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
+//! Discrete & Computational Geometry 18, 1997, section 4.2): doubles with an error bound first, which is all that most
+//! triangles take, then sums of doubles without any error. A cross product in doubles alone takes (4, 4, 0) (6.1e-17,
+//! 0, 0) (8, 8, 0) for a line, because 4 - 6.1e-17 rounds to 4.
 //!
-//! The test is exact as long as nothing over- or underflows, and nothing does: a float32 is a whole multiple of 2^-149 below 2^128, so
-//! that differences are multiples of it below 2^129, their products and all sums of these multiples of 2^-298 below 2^262, and so are
-//! all rounding errors. Doubles go from 2^-1074 to 2^1024.
+//! The test is exact as long as nothing over- or underflows, and nothing does: a float32 is a whole multiple of 2^-149
+//! below 2^128, so that differences are multiples of it below 2^129, their products and all sums of these multiples of
+//! 2^-298 below 2^262, and so are all rounding errors. Doubles go from 2^-1074 to 2^1024.
 
 use glam::Vec3;
 use robust::{Coord, orient2d};
@@ -20,7 +21,8 @@ pub(crate) fn has_area(corners: [Vec3; 3]) -> bool {
     PROJECTIONS.iter().any(|&axes| projected_area(corners, axes) != 0.0)
 }
 
-/// Twice the area of three finite points as seen along the axis that `axes` leaves out. Its sign is exact, and so is that it is zero.
+/// Twice the area of three finite points as seen along the axis that `axes` leaves out. Its sign is exact, and so is
+/// that it is zero.
 pub(crate) fn projected_area(corners: [Vec3; 3], [x, y]: [usize; 2]) -> f64 {
     let [a, b, c] = corners.map(|p| Coord { x: f64::from(p[x]), y: f64::from(p[y]) });
     orient2d(a, b, c)

@@ -121,7 +121,7 @@ mod tests {
         let mut numbers = Numbers::default();
         let zero = Material { mirror: Vec3::ZERO, ior: 1.5, ..Material::default() };
         let list = [Material { name: "other".into(), ..zero.clone() }, zero.clone()];
-        assert_eq!(numbers.find(&list, &Material { mirror: Vec3::NEG_ZERO, ..zero.clone() }), Some(1));
+        assert_eq!(numbers.find(&list, &Material { mirror: -Vec3::ZERO, ..zero.clone() }), Some(1));
         assert_eq!(numbers.find(&list, &Material { ior: f32::NAN, ..zero }), None);
         let mut textures = Numbers::default();
         let patterns = [Pattern::Wood, Pattern::Marble].map(|pattern| Texture::from(Procedural::new(pattern)));

@@ -13,8 +13,8 @@ pub(super) fn ending(path: &Path) -> Option<String> {
     path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
 }
 
-/// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or an `.nff`; in what
-/// memory there is ([`MemoryBudget::available`]).
+/// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or
+/// an `.nff`; in what memory there is ([`MemoryBudget::available`]).
 ///
 /// # Errors
 /// As [`load_within`].
@@ -45,8 +45,8 @@ pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scen
     Ok(scene)
 }
 
-/// The line of a text on which vertex number `vertex` of [`Scene::positions`] stands, for messages: of an OBJ file. None of other files,
-/// or when it cannot be found any more.
+/// The line of a text on which vertex number `vertex` of [`Scene::positions`] stands, for messages: of an OBJ file.
+/// None of other files, or when it cannot be found any more.
 pub fn line_of_vertex(path: impl AsRef<Path>, vertex: usize) -> Option<usize> {
     let path = path.as_ref();
     if ending(path).as_deref() == Some("obj") { obj::line_of_vertex(path, vertex) } else { None }

@@ -110,8 +110,9 @@ impl Mesh {
         Ok(Mesh { vertex, face, vertices, faces, textures })
     }
 
-    /// About how many bytes are taken while a file of `file_bytes` is read: most faces are triangles, and parts that were read by several
-    /// threads are there once more when they are joined. Rows that a header promises beyond the file's end count for nothing.
+    /// About how many bytes are taken while a file of `file_bytes` is read: most faces are triangles, and parts that
+    /// were read by several threads are there once more when they are joined. Rows that a header promises beyond the
+    /// file's end count for nothing.
     fn estimated_bytes(&self, header: &PlyHeader, file_bytes: u64) -> u64 {
         let rows = |element: usize| (header.elem_defs[element].count as u64).min(file_bytes);
         let text = if file_bytes <= MAX_WHOLE_BYTES { file_bytes } else { 0 };

@@ -30,8 +30,8 @@ const HEADER_BYTES: usize = 80;
 const COUNT_BYTES: usize = 4;
 const FACET_BYTES: usize = 50;
 
-/// What a file takes while it is read, in its own size: of a binary one itself, its triangles, and its corners by their positions. A text
-/// is copied, but has fewer triangles.
+/// What a file takes while it is read, in its own size: of a binary one itself, its triangles, and its corners by their
+/// positions. A text is copied, but has fewer triangles.
 const BYTES_PER_BYTE: u64 = 5;
 
 /// How much of a file is searched for NUL bytes, which no text has. The count of a binary file lies within.

@@ -1,7 +1,8 @@
 //! A binary tree of boxes, which tells of most triangles of a mesh that a line passes by, before any is looked at.
 //!
-//! A line meets a box just when it does as seen along the line's cross products with each axis (separating axes: Gottschalk, Lin and
-//! Manocha, "OBBTree", SIGGRAPH 1996): a few products, no quotient, and so a simple bound of the error in doubles.
+//! A line meets a box just when it does as seen along the line's cross products with each axis (separating axes:
+//! Gottschalk, Lin and Manocha, "OBBTree", SIGGRAPH 1996): a few products, no quotient, and so a simple bound of the
+//! error in doubles.
 
 use super::estimate::{ROUNDING, size_of_cross};
 use super::exact::Line;
@@ -9,7 +10,8 @@ use glam::DVec3;
 
 /// Triangles of a leaf at most: a box takes about half of what a triangle takes.
 const LEAF: usize = 4;
-/// A difference, a product, a difference of products, and the same of the magnitudes: four roundings, and as many for the second order.
+/// A difference, a product, a difference of products, and the same of the magnitudes: four roundings, and as many for
+/// the second order.
 const ERROR: f64 = 8.0 * ROUNDING;
 
 struct Node {

@@ -38,7 +38,7 @@ pub enum Fault {
     T,
     /// The right triangle and t, but the weights are off.
     Weights,
-    /// The second ray hit the triangle that it left, or one that was met with it.
+    /// The second ray hit the triangle that it left; judged tolerantly, one that was met with it, too.
     SelfHit,
     /// The second ray passed through what it had to hit.
     Leak,
@@ -74,7 +74,11 @@ struct Answer {
 
 struct NextAnswer {
     line: Option<Line>,
+    /// The hit of a ray that starts at exactly the point that the first hit names, which leaves that triangle alone: others that were met at
+    /// the same t may lie ahead of it.
     hit: Option<Closest>,
+    /// That of a ray that leaves all of these, too: rounded tests may name any of them.
+    tolerant: Option<Closest>,
 }
 
 /// The exact answers of a case.
@@ -118,7 +122,7 @@ impl<'a> Answers<'a> {
         let Some(next_line) = &next_answer.line else {
             return (next.primitive != NO_PRIMITIVE).then_some(Fault::False);
         };
-        let mut left = closest.primitives.clone();
+        let mut left = if strictly { vec![closest.crossing.primitive] } else { closest.primitives.clone() };
         if hit.primitive != NO_PRIMITIVE && !left.contains(&hit.primitive) {
             left.push(hit.primitive); // a neighbour, within the tolerance
         }
@@ -132,7 +136,7 @@ impl<'a> Answers<'a> {
         let second = Question {
             line: next_line,
             interval: AHEAD,
-            exact: next_answer.hit.as_ref(),
+            exact: if strictly { next_answer.hit.as_ref() } else { next_answer.tolerant.as_ref() },
             left: &left,
             origin_error,
             ..first
@@ -160,8 +164,10 @@ fn answer(tracer: &ExactTracer, case: &Case, index: usize) -> Answer {
 
 fn next_answer(tracer: &ExactTracer, closest: &Closest, direction: Vec3) -> NextAnswer {
     let line = tracer.line_from(&closest.crossing, direction);
-    let hit = line.as_ref().and_then(|line| tracer.closest(line, AHEAD, &closest.primitives, |_| true));
-    NextAnswer { line, hit }
+    let leaving = |left: &[u32]| line.as_ref().and_then(|line| tracer.closest(line, AHEAD, left, |_| true));
+    let hit = leaving(&[closest.crossing.primitive]);
+    let tolerant = if closest.primitives.len() > 1 { leaving(&closest.primitives) } else { hit.clone() };
+    NextAnswer { line, hit, tolerant }
 }
 
 fn rounded(hit: Option<&Closest>) -> Hit {

@@ -45,7 +45,7 @@ pub struct StudiedScene {
 }
 
 /// The device of a report that was made without one.
-const REFERENCE: &str = "the reference, on this computer's processor";
+pub(super) const REFERENCE: &str = "the reference, on this computer's processor";
 
 impl Header {
     /// The header of what is made in this lab.

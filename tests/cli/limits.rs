@@ -1,4 +1,5 @@
-//! Memory that is not there, inputs that hold nothing or too large numbers, names that command terminals, and files broken at random.
+//! Memory that is not there, inputs that hold nothing or too large numbers, names that command terminals, and files
+//! broken at random.
 
 use super::{assert_fails, common, folder, raybrook, raybrook_with, stderr};
 use raybrook::rays::RayBatch;
@@ -90,7 +91,9 @@ fn limits_of_the_shell_end_in_messages() {
         let output = limited(at, limit, &[&["render", "fine.toml"], &reference[..]].concat());
         assert_fails(&output, 3, &["fine.toml:1:", "ulimit", "lower its segments"]);
     }
-    // What the figures allow, and the system refuses: an array is not called damaged.
+    // What is allowed, and the system refuses: no array is called damaged.
+    let allowed = [&["render", "fine.toml", "--memory-limit", "1T"], &reference[..]].concat();
+    assert_fails(&limited(at, "-v 1000000", &allowed), 3, &["fine.toml:1:", "the system refuses that"]);
     let trace = [&["trace", "one.obj", "rays.npz", "--memory-limit", "1T"], &reference[..]].concat();
     for kibibytes in [150_000, 160_000, 170_000, 180_000, 200_000] {
         let output = limited(at, &format!("-v {kibibytes}"), &trace);
@@ -159,11 +162,13 @@ fn what_cannot_be_framed_is_named_and_rays_need_no_camera() {
     write(
         at,
         "huge.stl",
-        "solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 3e38 0 0\nvertex 0 3e38 0\nendloop\nendfacet\nendsolid a\n",
+        "solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 3e38 0 0\nvertex 0 3e38 0\nendloop\nendfacet\n\
+         endsolid a\n",
     );
     assert_fails(&raybrook(at, &[&["render", "huge.stl"], &SMALL[..]].concat()), 3, &["huge.stl:", "3e38", "camera"]);
 
-    // Rays need neither camera nor lights: not one that frames the scene, and not the file's lamp beyond the ends of float32.
+    // Rays need neither camera nor lights: not one that frames the scene, and not the file's lamp beyond the ends of
+    // float32.
     let object = "[[object]]\nfile = 'plane.obj'\n";
     write(at, "plane.obj", "v -1.6e38 -1.6e38 0\nv 1.6e38 -1.6e38 0\nv 0 1.6e38 0\nf 1 2 3\n");
     write(at, "plane.toml", object);

@@ -144,7 +144,8 @@ impl Vertices {
         }
     }
 
-    /// Bytes that a row becomes, twice: parts that were read by several threads are there once more when they are joined.
+    /// Bytes that a row becomes, twice: parts that were read by several threads are there once more when they are
+    /// joined.
     pub fn row_bytes(&self) -> u64 {
         let of = |has: bool, bytes: usize| if has { bytes } else { 0 };
         let row = size_of::<Vec3>()

@@ -6,11 +6,12 @@ use super::super::tolerance::Tolerance;
 use super::{AimedRay, ClosedMesh};
 use crate::device::{Cache, DeviceHandle};
 use crate::error::Result;
+use crate::extreme::TracingBatch;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::session::open_tracer;
-use crate::shared::{Hit, TraceRay};
-use crate::tracer::{TraceJob, TraceResult, Tracer, is_hit};
+use crate::shared::Hit;
+use crate::tracer::{TraceResult, Tracer, is_hit};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -60,7 +61,7 @@ struct Promise {
 
 struct Batch {
     first: u64,
-    rays: Vec<TraceRay>,
+    rays: TracingBatch,
     promises: Vec<Promise>,
 }
 
@@ -119,20 +120,22 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     fn batch(&self, first: u64, count: u64) -> Batch {
-        let ray = |i: usize| {
-            let AimedRay { origin, direction, by, is_inside, is_at_vertex } =
-                self.closed.ray(self.seed, first + i as u64);
-            let ray = self.buffers.trace_ray(origin, direction, 0.0, f32::INFINITY);
-            (ray, Promise { by: by as f32, is_inside, is_at_vertex })
+        let aimed: Vec<AimedRay> = (0..count).into_par_iter().map(|i| self.closed.ray(self.seed, first + i)).collect();
+        let ray = |i: usize| (aimed[i].origin, aimed[i].direction, 0.0, f32::INFINITY);
+        let promise = |&AimedRay { by, is_inside, is_at_vertex, .. }: &AimedRay| Promise {
+            by: by as f32,
+            is_inside,
+            is_at_vertex,
         };
-        let mut batch = Batch { first, rays: Vec::new(), promises: Vec::new() };
-        (0..count as usize).into_par_iter().map(ray).unzip_into_vecs(&mut batch.rays, &mut batch.promises);
-        batch
+        Batch {
+            first,
+            rays: self.buffers.batch(count as usize, ray, None),
+            promises: aimed.iter().map(promise).collect(),
+        }
     }
 
     fn trace(&self, batch: Batch, tracer: &mut dyn Tracer, leaks: &mut Leaks) -> Result<()> {
-        let job = TraceJob { extreme: &[], rays: &batch.rays, next_directions: None, any_hit: false, repeat: 1 };
-        let TraceResult { hits, second_pass, kernel_s, .. } = tracer.trace(&job, &|_| ())?;
+        let TraceResult { hits, second_pass, kernel_s, .. } = tracer.trace(&batch.rays.job(false, 1), &|_| ())?;
         leaks.kernel_s += kernel_s.iter().sum::<f64>();
         leaks.second_pass = second_pass.map(|rays| leaks.second_pass.unwrap_or_default() + rays);
 

@@ -1,8 +1,9 @@
 //! Triangles that are as thin as a line: rays within them, and exact proofs around them.
 //!
-//! Whoever takes such a triangle for one without area, and leaves it out, opens a hole that hardly any ray finds: it is narrower than the
-//! last bits of the coordinates around it. Rays of floats go through it all the same. One with the origin `beside` the axis and the
-//! direction `corner` is at t = 1 exactly at `beside + corner`, a sum that no float holds.
+//! Whoever takes such a triangle for one without area, and leaves it out, opens a hole that hardly any ray finds: it is
+//! narrower than the last bits of the coordinates around it. Rays of floats go through it all the same. One with the
+//! origin `beside` the axis and the direction `corner` is at t = 1 exactly at `beside + corner`, a sum that no float
+//! holds.
 
 use super::super::estimate::size_of_cross;
 use super::super::exact::{Interval, Line};
@@ -12,7 +13,8 @@ use super::{AimedRay, ClosedMesh};
 use crate::scene::{PROJECTIONS, projected_area};
 use glam::{DVec2, DVec3, Vec3};
 
-/// Roundings of a cross product of two differences, twice those of each component, and room: what float32 surely tells from zero is more.
+/// Roundings of a cross product of two differences, twice those of each component, and room: what float32 surely tells
+/// from zero is more.
 const FLOAT_ERROR: f64 = 8.0 * EPSILON;
 /// One ray in so many is aimed at a thin triangle, where there are any.
 const SHARE: usize = 4;
@@ -54,7 +56,8 @@ impl ClosedMesh {
         self.thin.triangles.len()
     }
 
-    /// By exact arithmetic: the t at which a ray first hits a triangle around one of `vertices`, where thin triangles are.
+    /// By exact arithmetic: the t at which a ray first hits a triangle around one of `vertices`, where thin triangles
+    /// are.
     pub(super) fn promise_beside_thin(&self, origin: Vec3, direction: Vec3, vertices: &[u32]) -> Option<f64> {
         let Thin { touches, .. } = &self.thin;
         if !vertices.iter().any(|&vertex| touches.get(vertex as usize) == Some(&true)) {
@@ -67,7 +70,8 @@ impl ClosedMesh {
         hits.filter(|t| ahead.contains(t)).min().map(|t| t.to_f64().next_up())
     }
 
-    /// A ray into a thin triangle, beside the corner where it is widest; at times `None`, and without thin triangles always.
+    /// A ray into a thin triangle, beside the corner where it is widest; at times `None`, and without thin triangles
+    /// always.
     pub(super) fn aim_at_thin(&self, random: &mut Random) -> Option<AimedRay> {
         let Thin { triangles, .. } = &self.thin;
         if triangles.is_empty() || random.below(SHARE) != 0 {
@@ -108,7 +112,8 @@ mod tests {
     use super::super::super::mesh::Mesh;
     use super::*;
 
-    /// A pyramid upside down, a corner of whose base is off by the noise of a cosine of 90 degrees; the last triangle closes the gap.
+    /// A pyramid upside down, a corner of whose base is off by the noise of a cosine of 90 degrees; the last triangle
+    /// closes the gap.
     fn pyramid(noise: f32, lift: f32) -> Mesh {
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z + lift);
         Mesh {

@@ -1,4 +1,5 @@
-//! t at the ends of float32: limits there, hits so near that t is a subnormal number, and hits so far that no float tells t.
+//! t at the ends of float32: limits there, hits so near that t is a subnormal number, and hits so far that no float
+//! tells t.
 
 use super::Kind;
 use super::lattices::turned;
@@ -40,7 +41,8 @@ const LIMITS: [f32; 16] = [
     f32::INFINITY,
 ];
 
-/// Rectangles across the z axis, from `-half` to `half` in x and y; every second one is inclined by a float's last bit or by half.
+/// Rectangles across the z axis, from `-half` to `half` in x and y; every second one is inclined by a float's last bit
+/// or by half.
 fn planes(heights: &[f32], half: f32, random: &mut Random) -> Mesh {
     let mut mesh = Mesh::default();
     for (i, &z) in heights.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Corners, origins and directions on small lattices: planes, lines and points coincide, and every answer is decided by a tie.
+//! Corners, origins and directions on small lattices: planes, lines and points coincide, and every answer is decided by
+//! a tie.
 
 use super::Kind;
 use super::limits::with_limits_at_hits;
@@ -75,8 +76,8 @@ fn lattice_next(random: &mut Random, rays: usize) -> Case {
     })
 }
 
-/// Slivers one above the other: from far corners on a diagonal to one that lies `height` beside it, as the noise of cos 90 degrees puts it.
-/// A floor is below them.
+/// Slivers one above the other: from far corners on a diagonal to one that lies `height` beside it, as the noise of cos
+/// 90 degrees puts it. A floor is below them.
 fn sliver_areas(random: &mut Random, rays: usize) -> Case {
     const HALVINGS: (i32, i32) = (-140, -50);
     let size = power_of_two(random.whole(-20, 20));
@@ -91,7 +92,8 @@ fn sliver_areas(random: &mut Random, rays: usize) -> Case {
     let floor = |x: f32, y: f32| Vec3::new(x * size, y * size, -size);
     mesh.quad([floor(-16.0, -16.0), floor(16.0, -16.0), floor(16.0, 16.0), floor(-16.0, 16.0)]);
     let case = Case::new(mesh.shuffled(random), rays, random, |_, random, _| {
-        // At t = 1 exactly as far beside a lattice point as the origin is beside the axis: up to a sliver's height, and within a plane.
+        // At t = 1 exactly as far beside a lattice point as the origin is beside the axis: up to a sliver's height, and
+        // within a plane.
         let part = random.pick(&heights) / 8.0;
         let (x, y) = (random.whole(-4, 10) as f32 * part, random.whole(-4, 10) as f32 * part);
         let plane = random.below(heights.len()) as f32;

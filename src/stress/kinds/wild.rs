@@ -23,10 +23,12 @@ pub(super) const KINDS: &[Kind] = &[
     },
 ];
 
-/// Powers of two of the smallest and of the largest coordinates; with factors up to 4 and their differences the largest stay floats.
+/// Powers of two of the smallest and of the largest coordinates; with factors up to 4 and their differences the largest
+/// stay floats.
 const ENDS: (i32, i32) = (-149, 124);
 
-/// A whole number up to 4 times one of a scene's few sizes: coordinates that are equal, or that no sum of floats can hold.
+/// A whole number up to 4 times one of a scene's few sizes: coordinates that are equal, or that no sum of floats can
+/// hold.
 fn coordinate(sizes: &[f32], random: &mut Random) -> f32 {
     random.whole(-4, 4) as f32 * random.pick(sizes)
 }
@@ -35,8 +37,8 @@ fn point(sizes: &[f32], random: &mut Random) -> Vec3 {
     Vec3::from_array([(); 3].map(|()| coordinate(sizes, random)))
 }
 
-/// Towards `target` along an axis, or nearly so: the other coordinates of the origin are those of the target to the bit. Most rays reach it
-/// at a t that is a float.
+/// Towards `target` along an axis, or nearly so: the other coordinates of the origin are those of the target to the
+/// bit. Most rays reach it at a t that is a float.
 fn along_axis(target: Vec3, away: f32, random: &mut Random) -> StressRay {
     let axis = random.below(3);
     let (mut origin, mut direction) = (target, Vec3::ZERO);

@@ -64,7 +64,7 @@ fn judge_memory_kind(found: &Measured) -> Result<Findings> {
     }
     let holds = (is_worth_it || !known.is_empty() && known.len() == ratios.len()).then_some(is_worth_it);
     let verdict = format!("{} the speed of plain global memory.", parts.join(", "));
-    Ok(bars(table, holds, verdict, notes, MEMORY_TITLE))
+    Ok(bars(table, holds, verdict, notes, MEMORY_TITLE).on(found.header))
 }
 
 /// How many times the speed of method `b` method `a` has, over all scenes and rays.
@@ -129,7 +129,7 @@ fn bars(table: Table, holds: Option<bool>, verdict: String, notes: Vec<String>, 
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows_of::{header, judge, rays};
+    use super::super::rows_of::{header, judge, of_reference, rays};
     use super::*;
 
     #[test]
@@ -139,6 +139,7 @@ mod tests {
         assert_eq!(better.holds, Some(true), "{}", better.verdict);
         assert!(better.verdict.starts_with("constant has 1.20 times, image2d has 0.90 times"), "{}", better.verdict);
         assert_eq!(judge(&MEMORY_KIND, rows(8.0), &header(false)).unwrap().holds, Some(false));
+        assert_eq!(judge(&MEMORY_KIND, rows(12.0), &of_reference()).unwrap().holds, None);
         // A scene that one side lacks would shift its mean.
         let lacking = rays(&[("s", "global", 10.0), ("s", "constant", 8.0), ("t", "constant", 1000.0)]);
         let lacking = judge(&MEMORY_KIND, lacking, &header(false)).unwrap();

@@ -10,7 +10,7 @@ mod trees;
 
 use super::lookup::{geometric_mean, is_same_work};
 use super::table::{Row, name, number, row, values};
-use super::{Chart, ChartKind, Findings, Lab, Study, Subject, Table, Variant};
+use super::{Chart, ChartKind, Findings, Header, Lab, Study, Subject, Table, Variant};
 use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::options::{Accel, PacketSize, TraceOptions};
@@ -142,6 +142,13 @@ impl Verdict {
     }
 }
 
+impl Findings {
+    /// The same, without a judgement where the reference did one and the same work on both sides.
+    fn on(self, header: &Header) -> Findings {
+        Findings { holds: self.holds.filter(|_| !header.is_reference()), ..self }
+    }
+}
+
 /// Methods that did the same work for every ray of the table: no option that was to tell them apart reached the
 /// structure or its traversal.
 fn alike(table: &Table) -> Result<Vec<String>> {
@@ -253,6 +260,11 @@ mod rows_of {
             seed: 1,
             quick: is_quick,
         }
+    }
+
+    /// Of a report that was made without a device.
+    pub fn of_reference() -> Header {
+        Header { device: crate::study::report::REFERENCE.to_owned(), ..header(false) }
     }
 
     /// Camera rays: scenes, methods and speeds, none wrong.

@@ -126,15 +126,18 @@ fn judge_kernels(found: &Measured) -> Result<Findings> {
         }
     }
     let note = match found.header.is_reference() {
-        true => "The reference does the work of either in one way.",
+        true => ONE_WAY,
         false => {
             "Seconds are the device's: what the host does between the launches of the split kernels is not counted."
         }
     };
     let charts = charts(&table, "seconds by kernels");
     let tables = vec![table, found.table("resources", &["kernels"])?];
-    Ok(Findings { notes: vec![note.to_owned()], ..verdict.findings(tables, charts) })
+    Ok(Findings { notes: vec![note.to_owned()], ..verdict.findings(tables, charts) }.on(found.header))
 }
+
+/// What is to be known of comparisons that only a device can make.
+const ONE_WAY: &str = "The reference does the work of either in one way: nothing was compared.";
 
 /// How many times the time of the picture `b`, a scene and a method, the picture `a` takes: of device and host
 /// together.
@@ -236,11 +239,14 @@ fn judge_texturing(found: &Measured) -> Result<Findings> {
         verdict.add(format!("in the mega-kernel marble and wood take {ratio:.2} times the time of plain colours"));
     }
     let charts = charts(&table, "seconds by who evaluates textures");
-    let notes = vec![
-        "Seconds are the device's and, where the host evaluates textures, what it takes to fetch the hits, to compute and to send the colours."
-            .to_owned(),
-    ];
-    Ok(Findings { notes, ..verdict.findings(vec![table], charts) })
+    let note = match found.header.is_reference() {
+        true => ONE_WAY,
+        false => {
+            "Seconds are the device's and, where the host evaluates textures, what it takes to fetch the hits, to compute and \
+             to send the colours."
+        }
+    };
+    Ok(Findings { notes: vec![note.to_owned()], ..verdict.findings(vec![table], charts) }.on(found.header))
 }
 
 pub const SUBSAMPLING: Study = Study {
@@ -327,7 +333,7 @@ fn charts(table: &Table, title: &str) -> Vec<Chart> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows_of::{header, judge};
+    use super::super::rows_of::{header, judge, of_reference};
     use super::*;
 
     fn pictures(rows: &[(&str, &str, f64, Row)]) -> Vec<Table> {
@@ -349,6 +355,7 @@ mod tests {
         assert_eq!(slower.holds, Some(true));
         assert!(slower.verdict.contains("3.20 times the time of the mega-kernel"), "{}", slower.verdict);
         assert_eq!(judge(&KERNELS, rows(0.9), &header(false)).unwrap().holds, Some(false));
+        assert_eq!(judge(&KERNELS, rows(0.9), &of_reference()).unwrap().holds, None);
         let alone = judge(&KERNELS, pictures(&[("s", MEGA, 1.0, Row::new())]), &header(false)).unwrap();
         assert_eq!((alone.holds, &alone.verdict[..]), (None, "s: not measured."));
     }

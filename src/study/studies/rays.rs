@@ -79,7 +79,7 @@ fn judge_intersection(found: &Measured) -> Result<Findings> {
     let mut verdict = Verdict::default();
     let tests = || table.rows.iter().filter_map(|row| Some((number(row, "tests_per_s")?, name(row, "cubes"))));
     let (low, high) = tests().fold((f64::INFINITY, 0.0_f64), |(low, high), (t, _)| (low.min(t), high.max(t)));
-    match (tests().next(), tests().last()) {
+    match (tests().next(), tests().next_back()) {
         (Some((_, first)), Some((_, last))) if first != last => {
             let spread = low / high;
             verdict.say(spread > 0.8, format!(

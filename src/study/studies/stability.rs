@@ -148,14 +148,16 @@ const BOUNDS: &str =
 fn charts_of(sweep: &Sweep, table: &Table) -> Vec<Chart> {
     let axes = [sweep.name, "wrong_bound"];
     let title = format!("wrong answers by: {}", Chart::label(sweep.name));
+    let is_of_scenes = table.rows.iter().any(|row| row.contains_key("scene"));
+    let mesh = if is_of_scenes { " The mesh is the scene's, closed or not." } else { "" };
     let finish = |chart: Chart| {
         chart.by("method").log(sweep.is_log, true).caption(format!(
-            "{} rays a point: {}. {BOUNDS} All in bvh2 but for the thesis's own.",
+            "{} rays a point: {}.{mesh} {BOUNDS} All in bvh2 but for the thesis's own.",
             rays_of(table),
             sweep.about
         ))
     };
-    match table.rows.iter().any(|row| row.contains_key("scene")) {
+    match is_of_scenes {
         true => by_scene(ChartKind::Lines, table, sweep.name, &title, axes, finish),
         false => vec![finish(Chart::new(ChartKind::Lines, table, sweep.name, upper(&title), axes))],
     }
