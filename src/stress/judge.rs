@@ -126,7 +126,8 @@ impl<'a> Answers<'a> {
         if hit.primitive != NO_PRIMITIVE && !left.contains(&hit.primitive) {
             left.push(hit.primitive); // a neighbour, within the tolerance
         }
-        if left.contains(&next.primitive) {
+        let is_due = next_answer.hit.as_ref().is_some_and(|due| due.crossing.primitive == next.primitive);
+        if left.contains(&next.primitive) || (closest.primitives.contains(&next.primitive) && !is_due) {
             return Some(Fault::SelfHit);
         }
         let origin_error = self
