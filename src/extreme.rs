@@ -94,25 +94,28 @@ impl SceneBuffers {
         next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
     ) -> TracingBatch {
         let scale = self.params.scale;
+        let extreme_at = |index: usize| {
+            let (origin, direction, ..) = ray(index);
+            let is_ray = origin.is_finite() && direction.is_finite();
+            let is_first = !(self.keeps_vertices() && has_room(origin, scale) && has_room_for_direction(direction));
+            let has_extreme_next = |direction: Vec3| direction.is_finite() && !has_room_for_direction(direction);
+            let is_extreme = is_ray && (is_first || next.is_some_and(|next| has_extreme_next(next(index))));
+            is_extreme.then_some(ExtremeRay { index, origin, is_second: !is_first })
+        };
         let made = |i: usize| {
             let (origin, direction, t_min, t_max) = ray(i);
-            let is_ray = origin.is_finite() && direction.is_finite();
-            let is_first =
-                is_ray && !(self.keeps_vertices() && has_room(origin, scale) && has_room_for_direction(direction));
-            let is_second = is_first
-                || next.is_some_and(|next| {
-                    let direction = next(i);
-                    is_ray && direction.is_finite() && !has_room_for_direction(direction)
-                });
-            let start = if is_first { Vec3::NAN } else { origin };
-            (
-                self.trace_ray(start, direction, t_min, t_max),
-                is_second.then_some(ExtremeRay { index: i, origin, is_second: !is_first }),
-            )
+            self.trace_ray(origin, direction, t_min, t_max)
         };
-        let (rays, extreme): (Vec<_>, Vec<_>) = (0..count).into_par_iter().map(made).unzip();
-        let next_directions = next.map(|next| (0..count).map(|i| Float4::new(next(i), 0.0)).collect());
-        TracingBatch { rays, next_directions, extreme: extreme.into_iter().flatten().collect() }
+        let all = || (0..count).into_par_iter();
+        let mut rays: Vec<TraceRay> = all().map(made).collect();
+        // Few, so that nothing is kept of the others.
+        let extreme: Vec<ExtremeRay> = all().filter_map(extreme_at).collect();
+        for ExtremeRay { index, .. } in extreme.iter().filter(|ray| !ray.is_second) {
+            let t_min = rays[*index].origin_t_min.w;
+            rays[*index].origin_t_min = Float4::new(Vec3::NAN, t_min);
+        }
+        let next_directions = next.map(|next| all().map(|i| Float4::new(next(i), 0.0)).collect());
+        TracingBatch { rays, next_directions, extreme }
     }
 }
 

@@ -4,7 +4,7 @@
 // are whole numbers, and so are all sums and products of them: their signs and quotients are exact. Two's complement, least
 // significant limb first; every function takes the number n of limbs that the caller has found to suffice.
 
-#define MAX_LIMBS 55 // see whole_units() in cl/intersect/exact_whole.cl
+#define MAX_LIMBS 59 // see whole_units() in cl/intersect/exact_whole.cl
 
 // A copy of a function at each of its many calls would take compilers longer than all tracing takes: 17 s on NVIDIA's.
 #define RARE __attribute__((noinline))

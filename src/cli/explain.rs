@@ -62,7 +62,7 @@ impl Chooser<'_> {
             && !self.talk.quiet
             && let Some(why) = workload.slower_than_exact(&chosen.options)
         {
-            eprintln!("warning: {why}");
+            tell!("warning: {why}");
         }
         Ok(chosen)
     }
