@@ -4,8 +4,8 @@ mod common;
 
 use common::{balls, group, measure, own_scene};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::options::{Accel, Build, TraceOptions};
-use raybrook::pack::SceneBuffers;
+use raybrook::low_level::options::{Accel, Build, TraceOptions};
+use raybrook::low_level::pack::SceneBuffers;
 
 /// Every structure that is built (brute force has none), kd-trees by every build.
 fn structures() -> Vec<(String, TraceOptions)> {

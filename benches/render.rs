@@ -4,10 +4,10 @@ mod common;
 
 use common::{Place, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::options::{Kernels, PacketSize, TraceOptions};
-use raybrook::pack::SceneBuffers;
-use raybrook::scene::Samples;
-use raybrook::session::{DEFAULT_DEPTH, Picture, render};
+use raybrook::low_level::options::{Kernels, PacketSize, TraceOptions};
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::scene::Samples;
+use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (160, 120);

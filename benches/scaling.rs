@@ -7,11 +7,11 @@ mod common;
 
 use common::{Batch, Place, balls, batches, own_scene, places};
 use glam::Vec3;
-use raybrook::options::{Accel, TraceOptions};
-use raybrook::pack::SceneBuffers;
-use raybrook::scene::{Light, Samples, Scene};
-use raybrook::session::{DEFAULT_DEPTH, Picture, render};
-use raybrook::tracer::{TraceJob, Tracer};
+use raybrook::low_level::options::{Accel, TraceOptions};
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::scene::{Light, Samples, Scene};
+use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render};
+use raybrook::low_level::tracer::{TraceJob, Tracer};
 use std::sync::Arc;
 
 /// Segments of [`balls`]: 202 to 5,040,002 triangles.

@@ -4,9 +4,9 @@ mod common;
 
 use common::{Batch, balls, batches, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::options::{Accel, PacketSize, TraceOptions, Traversal};
-use raybrook::pack::SceneBuffers;
-use raybrook::tracer::TraceJob;
+use raybrook::low_level::options::{Accel, PacketSize, TraceOptions, Traversal};
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::tracer::TraceJob;
 use std::cell::OnceCell;
 use std::sync::Arc;
 

@@ -9,7 +9,7 @@ use std::path::Path;
 const NOT_REGULAR: &str = "is not a regular file";
 
 /// Opens the regular file `path` for reading, and tells its size in bytes.
-pub(crate) fn open_regular(path: &Path) -> Result<(File, u64)> {
+pub fn open_regular(path: &Path) -> Result<(File, u64)> {
     match open(path).map_err(|e| Error::io("read", path, e))? {
         Some(opened) => Ok(opened),
         None => Err(Error::input(path, None, NOT_REGULAR)),
@@ -17,7 +17,7 @@ pub(crate) fn open_regular(path: &Path) -> Result<(File, u64)> {
 }
 
 /// All of the regular file `path`.
-pub(crate) fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
+pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
     let Some((mut file, _)) = open(path)? else { return Err(io::Error::other(format!("it {NOT_REGULAR}"))) };
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes)?;

@@ -1,7 +1,7 @@
 //! `device_struct!`: the only place where a struct shared with the kernels is defined.
 //!
 //! The macro emits the `#[repr(C)]` Rust struct, the OpenCL `typedef` and a table of field offsets from one definition.
-//! `cl/shared/types.cl` is generated from these typedefs, and `tests/layout.rs` compares the offsets with those that a probe
+//! `cl/shared/types.cl` is generated from these typedefs, and `tests/device/layout.rs` compares the offsets with those that a probe
 //! kernel reports from the device in use. Allowed field types: `f32`, `u32`, [`Float4`] and [`Int4`] (see [`DeviceField`]).
 
 use bytemuck::{Pod, Zeroable};

@@ -52,10 +52,10 @@
 //! # Example
 //!
 //! ```
-//! use raybrook::options::TraceOptions;
-//! use raybrook::pack::SceneBuffers;
-//! use raybrook::scene::{Builder, Material, Samples};
-//! use raybrook::session::{Picture, complete, open_tracer, render};
+//! use raybrook::low_level::options::TraceOptions;
+//! use raybrook::low_level::pack::SceneBuffers;
+//! use raybrook::low_level::scene::{Builder, Material, Samples};
+//! use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 //! use std::sync::Arc;
 //!
 //! # fn main() -> raybrook::Result<()> {
@@ -78,33 +78,33 @@
 
 #![warn(missing_docs)]
 
-pub mod accel;
-pub mod adaptive;
-pub mod aov;
-pub mod budget;
-pub mod compare;
-pub mod device;
-pub mod error;
-pub mod extreme;
-pub mod features;
-pub mod film;
+mod accel;
+mod adaptive;
+mod aov;
+mod budget;
+mod compare;
+mod device;
+mod error;
+mod extreme;
+mod features;
+mod film;
 mod input;
-pub mod layout;
+mod layout;
+pub mod low_level;
 mod npz;
-pub mod options;
-pub mod output;
-pub mod pack;
+mod options;
+mod output;
+mod pack;
+mod random;
 mod ray_order;
-pub mod rays;
-pub mod reference;
-pub mod scene;
-pub mod session;
-pub mod shared;
-pub mod stats;
-pub mod stress;
-pub mod study;
-pub mod tracer;
-pub mod tune;
-pub mod work;
+mod rays;
+mod reference;
+mod scene;
+mod session;
+mod shared;
+mod stats;
+mod tracer;
+mod tune;
+mod work;
 
 pub use error::{Error, Result};

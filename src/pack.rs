@@ -133,7 +133,7 @@ fn vertices_that_lose_bits(scene: &Scene, scale: f32) -> Option<Vec<[Vec3; 3]>> 
 }
 
 /// The power of two that takes a scene to tracing space.
-pub(crate) fn scale_of(scene: &Scene) -> f32 {
+pub fn scale_of(scene: &Scene) -> f32 {
     let (low, high) = scene.bounds().unwrap_or_default();
     tracing_scale(low, high)
 }

@@ -210,7 +210,7 @@ fn square_of(direction: Vec3) -> Vec2 {
 mod tests {
     use super::*;
     use crate::layout::Float4;
-    use crate::stress::Random;
+    use crate::random::Random;
     use bytemuck::Zeroable;
 
     const SIDE: usize = 128;
@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     fn batches_in_the_order_of_pixels_are_not_shuffled() {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         let from = Vec3::new(0.3, 0.5, 3.0);
         for is_tiled in [false, true] {
             let mut batch = |ray_through: &dyn Fn(Vec2, &mut Random) -> TraceRay| -> Vec<TraceRay> {
@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     fn every_ray_has_a_key_and_comes_back_to_its_place() {
-        let mut random = Random(3);
+        let mut random = Random::new(3);
         for length in [0, 1, 2, 15, 64, 5000] {
             let any = |random: &mut Random| Vec3::from_array([(); 3].map(|()| random.any_float()));
             let rays: Vec<_> = (0..length).map(|_| ray(any(&mut random), any(&mut random))).collect();
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn directions_fill_the_square() {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         let cells = |d: Vec3| (square_of(d) * 4.0).to_array().map(|x| cell(x, 2));
         let mut counts = [[0; 4]; 4];
         for _ in 0..16_000 {

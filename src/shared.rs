@@ -468,7 +468,7 @@ pub const SHARED_STRUCTS: [StructLayout; 17] = [
 /// The text of `cl/shared/types.cl`.
 pub fn types_cl() -> String {
     let mut text = String::from(
-        "// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test layout`; do not edit.\n\
+        "// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test device layout`; do not edit.\n\
          // The structs and constants that host and kernels share; documentation is in src/shared.rs.\n\n",
     );
     let constants = [

@@ -202,7 +202,7 @@ pub trait Tracer {
 }
 
 /// Refuses a device whose times are not its own, where times are what is asked for.
-pub(crate) fn require_clock(tracer: &dyn Tracer) -> Result<()> {
+pub fn require_clock(tracer: &dyn Tracer) -> Result<()> {
     if tracer.has_clock() {
         return Ok(());
     }

@@ -12,7 +12,7 @@ mod rays;
 mod scenes;
 mod store;
 
-pub(crate) use rays::LIFT;
+pub use rays::LIFT;
 pub use rays::{Batch, batches};
 pub use scenes::{balls, cubes, scene_of};
 pub use store::{DeviceKey, TunedFile, Tuning};

@@ -94,14 +94,16 @@ install_runtime() {
     esac
 }
 
-# The test files that prove bit-identity on a runtime, with arguments for the test program after a colon. Those of Oclgrind, which
+# The tests that prove bit-identity on a runtime, as program:arguments, with commas between the arguments. Those of Oclgrind, which
 # interprets, are small; of rusticl see above.
 tests_of() {
     case $1 in
-        oclgrind) printf '%s\n' kernels:--test-threads=1 memory:--test-threads=1 shading:--test-threads=1 \
-            packets:--test-threads=1,what_packets_leave_open,a_small_picture adaptive:short_lists ;;
-        rusticl) printf '%s\n' kernels:the_exact_intersector,refraction_equals ;;
-        *) printf '%s\n' kernels exact images memory compiler_options packets ;;
+        oclgrind) printf '%s\n' device:--test-threads=1,kernels:: device:--test-threads=1,memory:: \
+            pictures:--test-threads=1,shading:: \
+            methods:--test-threads=1,packets::what_packets_leave_open,packets::a_small_picture pictures:adaptive::short_lists ;;
+        rusticl) printf '%s\n' device:kernels::the_exact_intersector,kernels::refraction_equals ;;
+        *) printf '%s\n' device:kernels:: methods:exact:: pictures:images:: device:memory:: device:compiler_options:: \
+            methods:packets:: ;;
     esac
 }
 
@@ -127,12 +129,12 @@ with_runtime() {
     "$@"
 }
 
-# The program of a test file.
+# A test program.
 test_program() {
-    cargo test --release --locked --no-run --test "$1" 2>&1 | sed -n 's/^ *Executable .* (\(.*\))$/\1/p' | grep .
+    cargo test -p raybrook --release --locked --no-run --test "$1" 2>&1 | sed -n 's/^ *Executable .* (\(.*\))$/\1/p' | grep .
 }
 
-# Runs one test file on one runtime; its output is in $scratch/log. Prints the verdict.
+# Runs tests of one program on one runtime; its output is in $scratch/log. Prints the verdict.
 run_test() {
     local runtime=$1 test=${2%%:*} arguments=() program status=0
     [[ $2 == *:* ]] && IFS=, read -ra arguments <<<"${2#*:}"
@@ -171,12 +173,12 @@ test_runtime() {
         install_runtime "$runtime" >"$scratch/install" 2>&1 || tail -n 3 "$scratch/install"
     fi
     if ! find_driver "$runtime" >/dev/null; then
-        printf '%-10s %-18s %s\n' "$runtime" - 'not installed: see above' | tee -a "$scratch/table"
+        printf '%-10s %-44s %s\n' "$runtime" - 'not installed: see above' | tee -a "$scratch/table"
         return 0
     fi
     for test in $tests; do
         verdict=$(run_test "$runtime" "$test") || { failed=1; grep -vE '^test .* ok$' "$scratch/log" | tail -n 40; }
-        printf '%-10s %-18s %s\n' "$runtime" "${test%%:*}" "$verdict" | tee -a "$scratch/table"
+        printf '%-10s %-44s %s\n' "$runtime" "${test/--test-threads=1,/}" "$verdict" | tee -a "$scratch/table"
     done
     return $failed
 }
@@ -192,7 +194,7 @@ main() {
         [[ " ${ALL_RUNTIMES[*]} " == *" $runtime "* ]] || fail "no runtime '$runtime'; there are: ${ALL_RUNTIMES[*]}"
     done
     heading 'Building the tests'
-    cargo test --release --locked --no-run --test kernels --test exact --test images --test memory --test compiler_options --test packets
+    cargo test -p raybrook --release --locked --no-run --test device --test methods --test pictures
     for runtime in "${runtimes[@]}"; do
         test_runtime "$runtime" || failed=1
     done

@@ -3,13 +3,13 @@
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode};
-use raybrook::device::{Cache, DeviceHandle, Selection, select};
-use raybrook::options::{Accel, Request, TraceOptions, Workload};
-use raybrook::pack::SceneBuffers;
-use raybrook::scene::{Scene, load};
-use raybrook::session::{complete, open_tracer};
-use raybrook::tracer::Tracer;
-pub use raybrook::tune::Batch;
+use raybrook::low_level::device::{Cache, DeviceHandle, Selection, select};
+use raybrook::low_level::options::{Accel, Request, TraceOptions, Workload};
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::scene::{Scene, load};
+use raybrook::low_level::session::{complete, open_tracer};
+use raybrook::low_level::tracer::Tracer;
+pub use raybrook::low_level::tune::Batch;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -86,9 +86,9 @@ impl Place {
     }
 }
 
-/// See [`raybrook::tune::balls`].
+/// See [`raybrook::low_level::tune::balls`].
 pub fn balls(segments: u32) -> Scene {
-    raybrook::tune::balls(segments).expect("balls")
+    raybrook::low_level::tune::balls(segments).expect("balls")
 }
 
 /// A scene of `scenes/`.
@@ -107,7 +107,7 @@ fn completed(mut scene: Scene) -> Scene {
 const SIDE: u32 = 256;
 const SEED: u64 = 20_081_121;
 
-/// See [`raybrook::tune::batches`].
+/// See [`raybrook::low_level::tune::batches`].
 pub fn batches(scene: &Scene) -> [Batch; 3] {
-    raybrook::tune::batches(scene, SIDE, SEED).expect("rays")
+    raybrook::low_level::tune::batches(scene, SIDE, SEED).expect("rays")
 }

@@ -2,7 +2,7 @@
 // J. Dvořák, "Streaming Raytracer na GPU", master's thesis, FIT VUT Brno 2008, section 5.4.2; after Moller and Trumbore 1997,
 // the variant that divides last.
 //
-// What is wrong with it, all asserted in tests/intersect.rs:
+// What is wrong with it, all asserted in tests/methods/intersect.rs:
 //   * `det < Epsilon` drops every back face: the ray's way out of glass, and half of a mesh that is not wound alike;
 //   * it is absolute: triangles with det, twice the area times the cosine, below Epsilon do not exist (legs of 1 mm in metres);
 //   * `dist < Epsilon` comes before the division, when dist is still multiplied by det: the nearest possible hit lies at

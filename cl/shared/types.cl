@@ -1,4 +1,4 @@
-// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test layout`; do not edit.
+// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test device layout`; do not edit.
 // The structs and constants that host and kernels share; documentation is in src/shared.rs.
 
 #define NO_PRIMITIVE 4294967295u

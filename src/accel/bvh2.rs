@@ -151,8 +151,8 @@ pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
 mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_bvh};
+    use crate::random::Random;
     use crate::reference::ray::EPSILON;
-    use crate::stress::Random;
 
     fn tree(count: usize, leaf_size: u32) -> Bvh {
         let triangle = |i: usize| {
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn boxes_hold_what_they_are_made_of_and_hardly_more() {
-        let mut random = Random(20_081_121);
+        let mut random = Random::new(20_081_121);
         for i in 0..100_000 {
             let (p, q) = (random.vec3() * 2f32.powi(i % 40 - 30), random.vec3());
             let q = if i % 3 == 0 { p } else { q };

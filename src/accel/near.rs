@@ -116,12 +116,12 @@ impl Room {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stress::Random;
+    use crate::random::Random;
 
     const OPTIONS: TraceOptions = TraceOptions { accel: Accel::Grid, ..TraceOptions::DEFAULT };
 
     fn soup(count: usize) -> Vec<[Vec3; 3]> {
-        let mut random = Random(20_081_121);
+        let mut random = Random::new(20_081_121);
         (0..count)
             .map(|_| {
                 let at = random.vec3();

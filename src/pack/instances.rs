@@ -318,10 +318,10 @@ fn record(place: &Place, root: u32, material: u32, numbers: [u32; 3]) -> [Float4
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
     use crate::reference::ray::{HIT_ERROR, Ray};
     use crate::reference::slab::Slabs;
     use crate::shared::NO_PRIMITIVE;
-    use crate::stress::Random;
     use glam::{DAffine3, DMat3};
 
     const SEED: u64 = 20_081_121;
@@ -340,7 +340,7 @@ mod tests {
     /// The slabs of an object's boxes hold every t at which a ray comes as near to a placed vertex as a hit may be off.
     #[test]
     fn no_box_of_an_object_is_left_before_or_entered_after_any_hit_in_it() {
-        let mut random = Random(SEED);
+        let mut random = Random::new(SEED);
         let (mut checked, mut refused, mut far) = (0, 0, 0);
         for i in 0..200_000 {
             let unit = [1.0, 1e-9, 1e12][i % 3];

@@ -178,9 +178,9 @@ impl PairSlabs {
 mod tests {
     use super::*;
     use crate::accel::{Aabb, Middle, NOWHERE};
+    use crate::random::Random;
     use crate::reference::ray::HIT_ERROR;
     use crate::shared::NO_PRIMITIVE;
-    use crate::stress::Random;
 
     const SEED: u64 = 20_081_121;
 
@@ -279,7 +279,7 @@ mod tests {
 
     #[test]
     fn no_slab_is_left_before_or_entered_after_any_hit_in_it() {
-        let mut random = Random(SEED);
+        let mut random = Random::new(SEED);
         let (mut checked, mut huge) = (0, 0);
         for i in 0..400_000 {
             let query = query(i, &mut random);
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn slabs_are_no_thicker_than_twice_the_errors() {
-        let mut random = Random(SEED + 1);
+        let mut random = Random::new(SEED + 1);
         let mut culled = 0;
         for i in 0..200_000 {
             let query = query(i, &mut random);
@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn no_box_with_pads_or_room_is_left_before_or_entered_after_any_hit_in_it() {
-        let mut random = Random(SEED + 3);
+        let mut random = Random::new(SEED + 3);
         let (mut checked, mut bare) = (0, 0);
         for i in 0..400_000 {
             let query = query(i, &mut random);
@@ -361,7 +361,7 @@ mod tests {
 
     #[test]
     fn rays_that_start_in_the_scene_or_not_far_away_have_room_enough() {
-        let mut random = Random(SEED + 4);
+        let mut random = Random::new(SEED + 4);
         for i in 0..100_000 {
             let query = query(i, &mut random);
             let [low, high] = query.scene;
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_box_that_there_is_not_is_never_entered() {
-        let mut random = Random(SEED + 5);
+        let mut random = Random::new(SEED + 5);
         for i in 0..100_000 {
             let query = query(i, &mut random);
             let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0), Slabs::bare(&query.ray)];
@@ -402,7 +402,7 @@ mod tests {
 
     #[test]
     fn pairs_clip_as_slabs_one_by_one() {
-        let mut random = Random(SEED + 2);
+        let mut random = Random::new(SEED + 2);
         for i in 0..20_000 {
             let (query, other) = (query(i, &mut random), random.vec3());
             let slabs = Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0);

@@ -14,7 +14,7 @@ use glam::Vec3;
 use robust::{Coord, orient2d};
 
 /// The axes of each projection.
-pub(crate) const PROJECTIONS: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+pub const PROJECTIONS: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 
 /// Whether three finite points do not lie on one line.
 pub(crate) fn has_area(corners: [Vec3; 3]) -> bool {
@@ -23,7 +23,7 @@ pub(crate) fn has_area(corners: [Vec3; 3]) -> bool {
 
 /// Twice the area of three finite points as seen along the axis that `axes` leaves out. Its sign is exact, and so is
 /// that it is zero.
-pub(crate) fn projected_area(corners: [Vec3; 3], [x, y]: [usize; 2]) -> f64 {
+pub fn projected_area(corners: [Vec3; 3], [x, y]: [usize; 2]) -> f64 {
     let [a, b, c] = corners.map(|p| Coord { x: f64::from(p[x]), y: f64::from(p[y]) });
     orient2d(a, b, c)
 }
@@ -31,18 +31,20 @@ pub(crate) fn projected_area(corners: [Vec3; 3], [x, y]: [usize; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stress::{Random, Ratio};
+    use crate::random::Random;
+    use num_bigint::BigInt;
 
-    /// The same by whole numbers.
+    /// Every float32 is a whole multiple of 2^-149, the smallest one above 0.
+    fn multiple_of_smallest(x: f32) -> BigInt {
+        let (field, fraction) = (x.to_bits() >> 23 & 0xff, x.to_bits() & 0x7f_ffff);
+        let significand = if field == 0 { fraction } else { fraction | 1 << 23 };
+        let magnitude = BigInt::from(significand) << field.saturating_sub(1);
+        if x.is_sign_negative() { -magnitude } else { magnitude }
+    }
+
+    /// The same by exact integers.
     fn has_exact_area(corners: [Vec3; 3]) -> bool {
-        use num_bigint::BigInt;
-        let [a, b, c] = corners.map(|p| {
-            // Whole multiples of 2^-149.
-            p.to_array().map(|x| {
-                let ratio = Ratio::from_float(f64::from(x) * 2f64.powi(149));
-                ratio.numerator() / ratio.denominator()
-            })
-        });
+        let [a, b, c] = corners.map(|p| p.to_array().map(multiple_of_smallest));
         let minus = |p: &[BigInt; 3]| -> [BigInt; 3] { std::array::from_fn(|k| &p[k] - &a[k]) };
         let (edge1, edge2) = (minus(&b), minus(&c));
         PROJECTIONS.iter().any(|&[x, y]| &edge1[x] * &edge2[y] != &edge1[y] * &edge2[x])
@@ -73,7 +75,7 @@ mod tests {
 
     #[test]
     fn random_triangles_on_and_beside_lines_have_area_as_in_exact_arithmetic() {
-        let mut random = Random(11);
+        let mut random = Random::new(11);
         let mut with_area = 0;
         const COUNT: usize = 3000;
         for i in 0..COUNT {

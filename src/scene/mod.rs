@@ -27,7 +27,7 @@ mod text;
 mod texture;
 mod triangulate;
 
-pub(crate) use area::{PROJECTIONS, projected_area};
+pub use area::{PROJECTIONS, projected_area};
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
 pub use instances::{Instance, Instances, Object, ObjectId, Transform};

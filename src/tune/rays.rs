@@ -3,19 +3,19 @@
 use crate::error::{Error, Result};
 use crate::options::{Accel, TraceOptions};
 use crate::pack::SceneBuffers;
+use crate::random::Random;
 use crate::reference::ReferenceTracer;
 use crate::reference::render::camera_direction;
 use crate::scene::{LightKind, Samples, Scene};
 use crate::session::complete;
 use crate::shared::TraceRay;
-use crate::stress::Random;
 use crate::tracer::{TraceJob, Tracer, is_hit};
 use glam::Vec3;
 use std::sync::Arc;
 
 /// How far above the surface shadow and diffuse rays start, in diagonals of the scene: far enough that none of them meets the
 /// triangle that it leaves, since a batch cannot say that a ray leaves one.
-pub(crate) const LIFT: f32 = 1.0 / 4096.0;
+pub const LIFT: f32 = 1.0 / 4096.0;
 
 /// Rays of one kind.
 #[derive(Debug, Clone)]
@@ -57,7 +57,7 @@ pub fn batches(scene: &Scene, side: u32, seed: u64) -> Result<[Batch; 3]> {
 
     let (low, high) = scene.bounds().unwrap_or_default();
     let lift = (high - low).length() * LIFT;
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let (mut shadow_rays, mut diffuse_rays) = (Vec::new(), Vec::new());
     for (hit, &direction) in hits.iter().zip(&directions).filter(|(hit, _)| is_hit(hit)) {
         let [p0, p1, p2] = scene.vertices(hit.primitive as usize);

@@ -1,6 +1,6 @@
 //! What the program makes of the limit of compiled kernels.
 
-use super::{assert_fails, common, folder, raybrook_with, stderr};
+use super::{assert_fails, folder, raybrook_with, stderr};
 
 /// A limit of 0 keeps no kernels, one that is no number is refused.
 #[test]
@@ -15,7 +15,7 @@ fn the_limit_of_the_cache_is_read() {
         )
     };
     assert_fails(&with("reference", "many"), 2, &["RAYBROOK_CACHE_MB", "'many'", "megabytes"]);
-    let Some(device) = common::device() else { return };
+    let Some(device) = crate::common::device() else { return };
     for (megabytes, is_kept) in [("0", false), ("20", true)] {
         let output = with(&device.info.index.to_string(), megabytes);
         assert!(output.status.success(), "{}", stderr(&output));

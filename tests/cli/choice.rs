@@ -1,12 +1,12 @@
 //! What `--accel auto` takes, and what it says of that.
 
-use super::{common, folder, raybrook, stderr};
-use raybrook::options::{Request, Workload};
+use super::{folder, raybrook, stderr};
+use raybrook::low_level::options::{Request, Workload};
 
 /// Left to choose, the program takes what is fast on the device, and what other options are for.
 #[test]
 fn the_structure_follows_device_and_options() {
-    let Some(device) = common::device() else { return };
+    let Some(device) = crate::common::device() else { return };
     let folder = folder();
     let workload =
         Workload { device: Some(&device.info), triangle_count: Some(1), features: None, shared_triangles: 0 };

@@ -1,6 +1,6 @@
 //! `--explain`: every choice with its reason, on standard error and in `--stats`.
 
-use super::{common, folder, raybrook, stderr, write_npz};
+use super::{folder, raybrook, stderr, write_npz};
 use serde_json::Value;
 use std::path::Path;
 
@@ -89,7 +89,7 @@ fn without_the_option_nothing_is_told_and_info_tells_of_the_build() {
 
 #[test]
 fn a_device_has_a_work_group_and_check_explains_as_well() {
-    let Some(device) = common::device() else { return };
+    let Some(device) = crate::common::device() else { return };
     let folder = folder();
     let check = ["check", "one.obj", "--device", &device.info.index.to_string(), "--size", "8x8"];
     let (lines, choices) = explained(folder.path(), &check);

@@ -1,8 +1,8 @@
 //! Memory that is not there, inputs that hold nothing or too large numbers, names that command terminals, and files
 //! broken at random.
 
-use super::{assert_fails, common, folder, raybrook, raybrook_with, stderr};
-use raybrook::rays::RayBatch;
+use super::{assert_fails, folder, raybrook, raybrook_with, stderr};
+use raybrook::low_level::rays::RayBatch;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -103,7 +103,7 @@ fn limits_of_the_shell_end_in_messages() {
 
 #[test]
 fn memory_is_limited_on_devices_too() {
-    let Some(device) = common::device() else { return };
+    let Some(device) = crate::common::device() else { return };
     let folder = folder();
     let at = folder.path();
     let name = device.info.index.to_string();
@@ -295,7 +295,7 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
 /// A short part of what `tests/faults/mutate.py` does.
 #[test]
 fn files_broken_at_random_end_in_documented_codes() {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/faults/mutate.py");
+    let script = crate::common::root().join("tests/faults/mutate.py");
     if !Command::new("python3").arg("--version").output().is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: there is no python3");
         return;

@@ -1,6 +1,6 @@
 //! `raybrook tune`, and what `--accel auto` makes of it.
 
-use super::{common, folder, raybrook, stderr};
+use super::{folder, raybrook, stderr};
 use serde_json::Value;
 use std::path::Path;
 
@@ -89,7 +89,7 @@ fn nothing_is_remembered_without_a_cache_or_where_it_cannot_be_written() {
 /// On a device, kernels are compiled: two structures are enough.
 #[test]
 fn a_device_is_tuned_and_followed() {
-    let Some(device) = common::device() else { return };
+    let Some(device) = crate::common::device() else { return };
     let folder = folder();
     let at = folder.path();
     let index = device.info.index.to_string();

@@ -6,9 +6,9 @@ pub mod ply;
 pub mod probe;
 
 use glam::Vec3;
-use raybrook::device::{DeviceHandle, Selection, select};
-use raybrook::scene::{Material, NO_INDEX, Scene, Triangle};
-pub use raybrook::stress::Random;
+use raybrook::low_level::device::{DeviceHandle, Selection, select};
+pub use raybrook::low_level::random::Random;
+use raybrook::low_level::scene::{Material, NO_INDEX, Scene, Triangle};
 use std::path::{Path, PathBuf};
 
 /// Seed of every random sequence; printed by the tests that fail.
@@ -28,10 +28,17 @@ pub fn device() -> Option<DeviceHandle> {
     None
 }
 
+/// The folder of the project.
+pub fn root() -> PathBuf {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let is_root = |folder: &&Path| folder.join("cl").is_dir();
+    package.ancestors().find(is_root).expect("a package of the project").to_path_buf()
+}
+
 /// A path under the shared models, which lie in `RAYBROOK_SHARED` or else beside the project; `None`, with the reason printed, where
 /// they are not.
 pub fn shared(path: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+    let beside = || root().join("../shared");
     let path = std::env::var_os("RAYBROOK_SHARED").map_or_else(beside, PathBuf::from).join(path);
     if path.exists() {
         return Some(path);

@@ -1,7 +1,7 @@
 //! What the tests of the model loaders share: the tables of the shared models, and what every loaded scene obeys.
 
 use super::shared;
-use raybrook::scene::{DropReason, Image, NO_INDEX, Scene, load};
+use raybrook::low_level::scene::{DropReason, Image, NO_INDEX, Scene, load};
 use std::path::{Path, PathBuf};
 
 /// A path under the shared scenes, or `None`, with the reason printed, where they are not.

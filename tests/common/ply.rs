@@ -1,6 +1,6 @@
 //! Writes small PLY files for the tests of their loader.
 
-use raybrook::scene::{Scene, load};
+use raybrook::low_level::scene::{Scene, load};
 
 /// Writes `bytes` as a PLY file into a fresh folder and loads it.
 pub fn load_bytes(bytes: &[u8]) -> raybrook::Result<Scene> {

@@ -2,7 +2,7 @@
 
 use super::SEED;
 use glam::Vec3;
-use raybrook::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
+use raybrook::low_level::device::{Buffer, CompileOptions, DeviceContext, KERNEL_FILES, ProgramSource, build};
 
 /// Written behind every output and still there afterwards.
 const CANARY: f32 = -12345.0;
@@ -10,7 +10,7 @@ const CANARIES: usize = 16;
 
 /// Runs `body`, OpenCL statements that read `in[0..inputs]` and write `out[0..outputs]`, once for each group of `inputs` numbers.
 pub fn run(
-    device: &raybrook::device::DeviceHandle,
+    device: &raybrook::low_level::device::DeviceHandle,
     body: &str,
     inputs: usize,
     outputs: usize,
@@ -21,7 +21,7 @@ pub fn run(
 
 /// The same with further definitions.
 pub fn run_with(
-    device: &raybrook::device::DeviceHandle,
+    device: &raybrook::low_level::device::DeviceHandle,
     options: CompileOptions,
     body: &str,
     inputs: usize,

@@ -1,4 +1,4 @@
-//! An OpenCL library that hands every call to the real one, but for those that it is told to spoil. `tests/faults.rs`
+//! An OpenCL library that hands every call to the real one, but for those that it is told to spoil. `tests/cli/device_faults.rs`
 //! compiles it by itself (`rustc --crate-type cdylib`), and raybrook loads it in place of the loader
 //! (`OPENCL_DYLIB_PATH`). Nothing but the standard library.
 //!

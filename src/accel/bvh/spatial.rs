@@ -290,7 +290,7 @@ impl Edges {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stress::Random;
+    use crate::random::Random;
 
     fn cube(low: f32, high: f32) -> Bounds {
         Bounds { low: Vec4::splat(low), high: Vec4::splat(high) }
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn items_are_in_the_bins_between_whose_planes_they_reach() {
-        let mut random = Random(20_081_121);
+        let mut random = Random::new(20_081_121);
         let large = 0.75 * f32::MAX;
         for (low, high) in
             [(0.0, 16.0), (-0.3, 1.7), (1e6, 1e6 + 1.0), (0.0, 5e-45), (1.0, 1.0f32.next_up()), (-1e38, 2e38)]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::stress::Random;
+use crate::random::Random;
 
 mod spatial;
 
@@ -13,7 +13,7 @@ impl Bvh {
 }
 
 fn soup(count: usize, size: f32) -> Triangles {
-    let mut random = Random(20_081_121);
+    let mut random = Random::new(20_081_121);
     (0..count)
         .map(|_| {
             let at = random.vec3();

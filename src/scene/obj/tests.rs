@@ -3,6 +3,7 @@
 use super::load_in_parts;
 use crate::budget::MemoryBudget;
 use crate::error::Result;
+use crate::random::Random;
 use crate::scene::triangulate::MAX_PAIRS;
 use crate::scene::{NO_INDEX, Scene};
 use std::fmt::Write;
@@ -51,20 +52,6 @@ fn same_fault(text: &str) -> String {
     messages.into_iter().next().unwrap()
 }
 
-/// Numbers from a seed.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, end: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % end
-    }
-
-    fn pick<'a>(&mut self, choices: &[&'a str]) -> &'a str {
-        choices[self.below(choices.len())]
-    }
-}
-
 /// Statements of every kind in any order, lines broken and ended in every way.
 fn hostile_text(random: &mut Random, line_ends: &[&str], statements: usize) -> String {
     let mut text = String::from(random.pick(&["", "\u{feff}", "# a comment\\\n"]));
@@ -98,7 +85,7 @@ fn hostile_text(random: &mut Random, line_ends: &[&str], statements: usize) -> S
 
 #[test]
 fn any_parts_give_the_same_scene() {
-    let random = &mut Random(2008);
+    let random = &mut Random::new(2008);
     let mut triangles = 0;
     for _ in 0..300 {
         let line_ends: &[&str] = match random.below(4) {
@@ -165,7 +152,7 @@ fn parts_spend_one_budget_of_ear_clipping() {
 /// `tobj` reads a text of absolute indices in which every corner has all three.
 #[test]
 fn scenes_are_those_of_tobj() {
-    let random = &mut Random(1);
+    let random = &mut Random::new(1);
     let mut text = String::new();
     const COUNT: usize = 500;
     for _ in 0..COUNT {

@@ -70,7 +70,7 @@ fn every_point_of_a_triangle_is_in_a_leaf_that_lists_it() {
             let budget = (f64::from(share) * triangles.len() as f64) as usize;
             assert!(tree.order.len() <= triangles.len() + budget, "{name}: {} references", tree.order.len());
             cut += times.iter().filter(|&&times| times > 1).count();
-            let mut random = Random(7);
+            let mut random = Random::new(7);
             for (i, triangle) in triangles.iter().enumerate() {
                 let corners = triangle.map(|p| p.as_dvec3());
                 let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);

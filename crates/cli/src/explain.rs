@@ -1,0 +1,83 @@
+//! `--explain`: what was chosen for a scene, and why; and the choice itself, which asks for it.
+
+use super::{DeviceArgs, MethodArgs, Talk};
+use raybrook::Result;
+use raybrook::low_level::device::{DeviceHandle, cache_folder};
+use raybrook::low_level::features::Features;
+use raybrook::low_level::options::{Chosen, Decision, Origin, TunedChoice, Workload};
+use raybrook::low_level::scene::Scene;
+use raybrook::low_level::tune::{DeviceKey, TunedFile};
+
+#[derive(clap::Args)]
+pub struct ExplainArgs {
+    /// Tell on standard error what was chosen (structure, packet size, triangle test, numbers of the build, features of the kernels,
+    /// work-group size) and why:
+    /// given on the command line, tuned for the device by `raybrook tune`, or by the program's model.
+    #[arg(long)]
+    explain: bool,
+}
+
+impl ExplainArgs {
+    /// Prints one line for each choice, if that is asked for.
+    pub fn print(&self, decisions: &[Decision], talk: Talk) {
+        if !self.explain || talk.quiet {
+            return;
+        }
+        for decision in decisions {
+            match decision.origin {
+                Origin::Given => tell!("{decision} on the command line"),
+                _ => tell!("{decision}"),
+            }
+        }
+    }
+}
+
+/// What the methods for a scene depend on, beside the scene.
+pub struct Chooser<'a> {
+    pub method: &'a MethodArgs,
+    pub counters: bool,
+    /// Whether pictures are made of it, not only hits.
+    pub pictures: bool,
+    pub device: Option<&'a DeviceHandle>,
+    pub device_args: &'a DeviceArgs,
+    pub explain: &'a ExplainArgs,
+    pub talk: Talk,
+}
+
+impl Chooser<'_> {
+    /// Chooses what the user leaves open, and explains it if that is asked for.
+    pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
+        let triangle_count = scene.hittable().len();
+        let device = self.device.map(|device| &device.info);
+        let workload = Workload {
+            device,
+            triangle_count: Some(triangle_count),
+            features: self.pictures.then(|| Features::of_scene(scene)),
+            shared_triangles: scene.instances.triangle_count() - scene.instances.shared_triangle_count(),
+        };
+        let tuned = self.tuned(triangle_count);
+        let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
+        self.explain.print(&chosen.decisions, self.talk);
+        if self.explain.explain
+            && !self.talk.quiet
+            && let Some(why) = workload.slower_than_exact(&chosen.options)
+        {
+            tell!("warning: {why}");
+        }
+        Ok(chosen)
+    }
+
+    /// What `raybrook tune` has found, where it matters and is not to be ignored.
+    fn tuned(&self, triangle_count: usize) -> Option<TunedChoice> {
+        if self.device_args.no_cache || !self.method.leaves_a_choice() {
+            return None;
+        }
+        let key = DeviceKey::new(self.device.map(|device| &device.info));
+        TunedFile::in_folder(cache_folder()?).find(&key, triangle_count).unwrap_or_else(|why| {
+            if !self.talk.quiet {
+                tell!("note: {why}");
+            }
+            None
+        })
+    }
+}

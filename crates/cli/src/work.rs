@@ -1,0 +1,113 @@
+//! Counted work on the command line: what is printed of it, and the false-colour pictures of `raybrook render --aov`.
+
+use super::Talk;
+use super::files::Files;
+use raybrook::Result;
+use raybrook::low_level::aov::{Aov, AovRange};
+use raybrook::low_level::film::ImageFormat;
+use raybrook::low_level::output::check_writable;
+use raybrook::low_level::shared::WorkCounter;
+use raybrook::low_level::stats::WorkStats;
+use raybrook::low_level::work::{PixelWork, WorkSum};
+use std::path::{Path, PathBuf};
+
+/// `out.png` and a counter to `out-steps.png`, or another ending.
+fn aov_path(output: &Path, counter: WorkCounter, ending: &str) -> PathBuf {
+    let mut name = output.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{counter}.{ending}"));
+    output.with_file_name(name)
+}
+
+/// The files of one counter: its picture, and beside a linear picture its numbers in the same format.
+fn aov_paths(output: &Path, format: ImageFormat, counter: WorkCounter) -> (PathBuf, Option<PathBuf>) {
+    let numbers = match format {
+        ImageFormat::Exr => Some("exr"),
+        ImageFormat::Pfm => Some("pfm"),
+        _ => None,
+    };
+    (aov_path(output, counter, "png"), numbers.map(|ending| aov_path(output, counter, ending)))
+}
+
+/// Checks that all files can be written.
+pub fn check_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter]) -> Result<()> {
+    for &counter in counters {
+        let (colours, numbers) = aov_paths(output, format, counter);
+        check_writable(&colours)?;
+        numbers.as_deref().map_or(Ok(()), check_writable)?;
+    }
+    Ok(())
+}
+
+/// Keeps that these files are written.
+pub fn claim_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter], files: &mut Files) -> Result<()> {
+    for &counter in counters {
+        let (colours, numbers) = aov_paths(output, format, counter);
+        files.write(&colours, "--aov")?;
+        files.write_if(numbers.as_deref(), "--aov")?;
+    }
+    Ok(())
+}
+
+/// Writes the pictures of `counters` beside `output` and returns what their colours mean.
+pub fn write_aovs(
+    output: &Path,
+    format: ImageFormat,
+    counters: &[WorkCounter],
+    work: &[PixelWork],
+    size: (u32, u32),
+) -> Result<Vec<AovRange>> {
+    let write = |&counter: &WorkCounter| {
+        let aov = Aov::new(work, size, counter);
+        let (colours, numbers) = aov_paths(output, format, counter);
+        aov.false_colours().write(colours, None)?;
+        if let Some(numbers) = numbers {
+            aov.numbers().write(numbers, None)?;
+        }
+        Ok(aov.range())
+    };
+    counters.iter().map(write).collect()
+}
+
+/// Says what the colours mean.
+pub fn say_ranges(output: &Path, ranges: &[AovRange]) {
+    for range in ranges {
+        let path = aov_path(output, range.counter, "png");
+        let AovRange { counter, brightest, maximum } = range;
+        say!("{}: {counter} of a pixel from 0 (black) to {brightest} (brightest); at most {maximum}", path.display());
+    }
+}
+
+/// Says what was counted, on average.
+pub fn say_work(stats: &WorkStats, talk: Talk) {
+    if stats.all.saturated > 0 {
+        tell!(
+            "warning: {} counts outgrew 32 bits, sums and means are too small; take fewer samples a pixel",
+            stats.all.saturated
+        );
+    }
+    if talk.quiet {
+        return;
+    }
+    let line = |what: &str, sum: &WorkSum| {
+        let mean = |counter| sum.mean(counter);
+        say!(
+            "{what}: {:.2} steps, {:.2} leaves ({:.2} empty), {:.2} tests ({:.4} wide, {:.4} close), {:.2} restarts, {:.2} overflows, {:.0} bytes of nodes, \
+             {:.0} of triangles a ray; deepest stack {}",
+            mean(WorkCounter::Steps),
+            mean(WorkCounter::Leaves),
+            mean(WorkCounter::EmptyLeaves),
+            mean(WorkCounter::Tests),
+            mean(WorkCounter::WideTests),
+            mean(WorkCounter::CloseTests),
+            mean(WorkCounter::Restarts),
+            mean(WorkCounter::Overflows),
+            mean(WorkCounter::NodeBytes),
+            mean(WorkCounter::TriangleBytes),
+            sum.get(WorkCounter::DeepestStack)
+        );
+    };
+    line("camera rays", &stats.camera);
+    if stats.all.rays > stats.camera.rays {
+        line("all rays", &stats.all);
+    }
+}

@@ -1,0 +1,54 @@
+//! One method over one case.
+
+use super::case::Case;
+use super::judge::{Answers, Fault};
+use glam::Vec3;
+use raybrook::Result;
+use raybrook::low_level::device::{Cache, DeviceHandle};
+use raybrook::low_level::options::TraceOptions;
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::session::open_tracer;
+use raybrook::low_level::shared::Hit;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// What a tracer answered, in world units.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The hits.
+    pub hits: Vec<Hit>,
+    /// Those of the second rays, if the case has some.
+    pub next_hits: Option<Vec<Hit>>,
+}
+
+impl Found {
+    /// Traces all rays of `case` on `device`, or on the reference when there is none.
+    ///
+    /// # Errors
+    /// The options contradict each other, or the device failed.
+    pub fn new(
+        case: &Case,
+        options: &TraceOptions,
+        device: Option<&DeviceHandle>,
+        cache: Option<&Cache>,
+    ) -> Result<Found> {
+        let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
+        let ray = |i: usize| {
+            let ray = &case.rays[i];
+            (ray.origin, ray.direction, ray.t_min, ray.t_max)
+        };
+        let next = |i: usize| case.rays[i].next.unwrap_or(Vec3::ZERO);
+        let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = if case.has_second_rays() { Some(&next) } else { None };
+        let batch = buffers.batch(case.rays.len(), ray, next);
+        let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
+        let result = tracer.trace(&batch.job(case.any_hit, 1), &|_| ())?;
+        Ok(Found { hits: result.hits, next_hits: result.next_hits })
+    }
+
+    /// The rays with wrong answers, by number.
+    pub fn faults(&self, answers: &Answers, strictly: bool) -> Vec<(usize, Fault)> {
+        let next = |i: usize| self.next_hits.as_ref().map(|hits| &hits[i]);
+        let judged = self.hits.par_iter().enumerate().map(|(i, hit)| (i, answers.judge(i, hit, next(i), strictly)));
+        judged.filter_map(|(i, fault)| Some((i, fault?))).collect()
+    }
+}

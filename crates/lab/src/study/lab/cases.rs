@@ -1,0 +1,45 @@
+//! Judges answers to cases whose exact answers are known.
+
+use super::{Lab, Variant, errors};
+use crate::stress::{Answers, Case, Found};
+use crate::study::table::{Row, name, row};
+use raybrook::Result;
+use raybrook::low_level::options::Intersector;
+use serde_json::json;
+
+impl Lab<'_> {
+    /// Traces the case that `make` makes with all `variants`, and tells of each how many answers are wrong: one row
+    /// each, with the columns of `case`, which together with `rays`, the number of rays, name the case. Methods that
+    /// promise exact hits are judged strictly.
+    ///
+    /// # Errors
+    /// As [`Found::new`].
+    pub fn judge_case(
+        &mut self,
+        variants: &[Variant],
+        case: &Row,
+        rays: usize,
+        make: impl Fn() -> Case,
+    ) -> Result<Vec<Row>> {
+        let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options])).collect();
+        let key = json!(["judged", case, rays, settings]);
+        if let Some(rows) = self.journal.find(&key) {
+            return Ok(rows);
+        }
+        let said: Vec<_> = case.keys().map(|column| format!("{column} {}", name(case, column))).collect();
+        (self.progress)(&said.join(", "));
+        let made = make();
+        let answers = Answers::new(&made);
+        let mut rows = Vec::new();
+        for Variant { label, options, .. } in variants {
+            let found = Found::new(&made, options, self.device, self.cache)?;
+            let strictly = options.intersector == Intersector::Exact && options.traversal.is_exact();
+            let mut out = row([("method", json!(label))]);
+            out.extend(case.clone());
+            out.extend(errors(found.faults(&answers, strictly).len(), made.rays.len()));
+            rows.push(out);
+        }
+        self.journal.keep(&key, &rows)?;
+        Ok(rows)
+    }
+}

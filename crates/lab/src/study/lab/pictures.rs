@@ -1,0 +1,241 @@
+//! Measures of whole pictures.
+
+use super::{Lab, Variant, errors, spread_of};
+use crate::study::fingerprint::fingerprint;
+use crate::study::scenes::mirror_room;
+use crate::study::table::{Row, row};
+use raybrook::Result;
+use raybrook::low_level::compare::compare_films;
+use raybrook::low_level::device::DeviceHandle;
+use raybrook::low_level::film::Film;
+use raybrook::low_level::options::{PacketSize, TexturePass, TraceOptions};
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::scene::{Samples, Scene};
+use raybrook::low_level::session::{Picture, complete, open_tracer, render};
+use raybrook::low_level::stats::{RayCounts, median};
+use raybrook::low_level::tracer::{RenderResult, Tracer, require_clock};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// Samples a pixel of pictures that the reference renders, too, at most: it takes its time.
+const MOST_SAMPLES_CHECKED: u32 = 4;
+
+/// A way to render a picture.
+pub struct PictureVariant {
+    /// Its name.
+    pub label: String,
+    /// The method.
+    pub options: TraceOptions,
+    /// Where camera rays pass.
+    pub samples: Samples,
+    /// Longest chain of rays.
+    pub depth: u32,
+    /// As [`Picture::kill_weight`].
+    pub kill_weight: Option<f32>,
+    /// Further columns of its row.
+    pub columns: Row,
+}
+
+impl PictureVariant {
+    /// A picture of so many samples a pixel and chains of so many rays.
+    pub fn new(label: impl Into<String>, options: TraceOptions, samples: u32, depth: u32) -> PictureVariant {
+        let samples = Samples::PerPixel(samples);
+        PictureVariant { label: label.into(), options, samples, depth, kill_weight: None, columns: Row::new() }
+    }
+
+    /// A picture by its error, in steps of 8-bit sRGB, by which it is called.
+    pub fn of_error(options: TraceOptions, error: f32, depth: u32) -> PictureVariant {
+        let variant = PictureVariant::new(format!("error {error}"), options, 1, depth);
+        PictureVariant { samples: Samples::Error(error), ..variant }
+    }
+
+    /// With every ray, also those that cannot change a pixel.
+    #[must_use]
+    pub fn without_killing(self) -> PictureVariant {
+        PictureVariant { kill_weight: Some(0.0), ..self }
+    }
+
+    /// With a further column.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: impl Into<Value>) -> PictureVariant {
+        self.columns.insert(name.to_owned(), value.into());
+        self
+    }
+}
+
+/// A picture that is ready to be rendered, and what came of it.
+struct Run {
+    picture: Picture,
+    buffers: Arc<SceneBuffers>,
+    tracer: Box<dyn Tracer>,
+    /// Of each pass: device and host together, and the host's parts.
+    seconds: Vec<f64>,
+    decide_s: Vec<f64>,
+    textures_s: Vec<f64>,
+}
+
+impl Run {
+    fn render(&mut self) -> Result<RenderResult> {
+        render(self.tracer.as_mut(), &self.buffers, &self.picture, &|_| ())
+    }
+}
+
+impl Lab<'_> {
+    /// Renders square pictures of a scene by turns with all `variants`, and tells of each what it took, how many pixels differ from the
+    /// reference's (where samples are few), and how far it is from the picture of `converged` samples and depth, if that is given.
+    ///
+    /// # Errors
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::render`].
+    pub fn pictures(
+        &mut self,
+        scene_name: &str,
+        scene: &Scene,
+        variants: &[PictureVariant],
+        converged: Option<(u32, u32)>,
+    ) -> Result<Vec<Row>> {
+        let settings: Vec<_> = variants
+            .iter()
+            .map(|v| json!([v.label, v.options, format!("{:?}", v.samples), v.depth, v.kill_weight, v.columns]))
+            .collect();
+        let triangle_count = scene.hittable().len();
+        let key = json!(["pictures", scene_name, fingerprint(scene), self.side(), settings, converged]);
+        if let Some(rows) = self.journal.find(&key) {
+            return Ok(rows);
+        }
+        let mut scene = scene.clone();
+        complete(&mut scene, 1.0);
+        let truth = match (converged, variants.first()) {
+            (Some((samples, depth)), Some(first)) => {
+                (self.progress)(&format!("{scene_name}: {samples} samples a pixel"));
+                let best = PictureVariant::new("", first.options, samples, depth);
+                Some(self.start_picture(self.device, &scene, &best)?.render()?.film)
+            }
+            _ => None,
+        };
+        let (mut runs, mut rows) = (Vec::new(), Vec::new());
+        for variant in variants {
+            (self.progress)(&format!("{scene_name}: {}", variant.label));
+            let mut run = self.start_picture(self.device, &scene, variant)?;
+            // Not timed: drivers do much at a first launch.
+            let result = run.render()?;
+            let mut out = row([
+                ("scene", json!(scene_name)),
+                ("triangles", json!(triangle_count)),
+                ("method", json!(variant.label)),
+                ("depth", json!(variant.depth)),
+                ("pixels", json!(result.film.pixels.len())),
+            ]);
+            match variant.samples {
+                Samples::Error(error) => out.insert("asked".into(), json!(error)),
+                fixed => out.insert("samples".into(), json!(fixed.per_pixel())),
+            };
+            out.extend(variant.columns.clone());
+            out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
+            if let Some(split) = result.split {
+                out.insert("launches".into(), json!(split.launches));
+                if variant.options.textures == TexturePass::HostPass {
+                    out.insert("host_colours".into(), json!(split.host_colours));
+                }
+            }
+            out.extend(self.errors_of_picture(&scene, variant, &result.film, truth.as_ref())?);
+            runs.push(run);
+            rows.push(out);
+        }
+        for round in 0..self.passes() as usize {
+            for turn in 0..runs.len() {
+                let next = (turn + round) % runs.len();
+                let result = runs[next].render()?;
+                require_clock(runs[next].tracer.as_ref())?;
+                // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next or starts what does.
+                let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
+                // The device waits for the host's colours, too.
+                let textures_s = result.split.map_or(0.0, |split| split.host_pass_s);
+                runs[next].seconds.push(result.kernel_s + decide_s + textures_s);
+                runs[next].decide_s.push(decide_s);
+                runs[next].textures_s.push(textures_s);
+            }
+        }
+        for (out, Run { seconds, decide_s, textures_s, .. }) in rows.iter_mut().zip(&runs) {
+            let Some(middle) = median(seconds).filter(|&seconds| seconds > 0.0) else { continue };
+            let [low, high] = spread_of(seconds);
+            out.extend(row([
+                ("passes", json!(seconds.len())),
+                ("seconds", json!(middle)),
+                ("seconds_low", json!(low)),
+                ("seconds_high", json!(high)),
+                ("frames_per_s", json!(1.0 / middle)),
+            ]));
+            for (column, host_s) in [("decide_s", decide_s), ("textures_s", textures_s)] {
+                out.extend(median(host_s).filter(|&s| s > 0.0).map(|s| (column.to_owned(), json!(s))));
+            }
+        }
+        self.journal.keep(&key, &rows)?;
+        Ok(rows)
+    }
+
+    /// Renders a closed room of mirrors from inside with all `variants` and chains of `depth` rays, and tells of each how many chains
+    /// escaped: one row each.
+    ///
+    /// # Errors
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::render`].
+    pub fn lost_paths(&mut self, variants: &[Variant], depth: u32) -> Result<Vec<Row>> {
+        let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options])).collect();
+        let key = json!(["lost paths", depth, self.side(), settings]);
+        if let Some(rows) = self.journal.find(&key) {
+            return Ok(rows);
+        }
+        (self.progress)(&format!("chains of {depth} rays"));
+        let scene = mirror_room()?;
+        let mut rows = Vec::new();
+        for Variant { label, options, .. } in variants {
+            let variant = PictureVariant::new(label, *options, 1, depth).without_killing();
+            let result = self.start_picture(self.device, &scene, &variant)?.render()?;
+            let RayCounts { camera, reflected, .. } = RayCounts::from_counters(&result.counts);
+            let lost = camera.cast + reflected.cast - camera.hit - reflected.hit;
+            let mut out = row([("method", json!(label)), ("depth", json!(depth))]);
+            out.extend(errors(lost as usize, camera.cast as usize));
+            rows.push(out);
+        }
+        self.journal.keep(&key, &rows)?;
+        Ok(rows)
+    }
+
+    fn start_picture(&self, device: Option<&DeviceHandle>, scene: &Scene, variant: &PictureVariant) -> Result<Run> {
+        let buffers = Arc::new(self.pack(scene, &variant.options)?);
+        let tracer = open_tracer(device, &buffers, &variant.options, variant.depth, self.cache)?;
+        let picture = Picture {
+            camera: scene.camera.expect("a completed scene has a camera"),
+            size: (self.side(), self.side()),
+            samples: variant.samples,
+            depth: variant.depth,
+            kill_weight: variant.kill_weight,
+        };
+        Ok(Run { picture, buffers, tracer, seconds: Vec::new(), decide_s: Vec::new(), textures_s: Vec::new() })
+    }
+
+    /// How far a picture is from the reference's and from the converged one.
+    fn errors_of_picture(
+        &self,
+        scene: &Scene,
+        variant: &PictureVariant,
+        film: &Film,
+        truth: Option<&Film>,
+    ) -> Result<Row> {
+        let mut out = Row::new();
+        let are_few = matches!(variant.samples, Samples::PerPixel(samples) if samples <= MOST_SAMPLES_CHECKED);
+        if self.device.is_some() && are_few {
+            // One ray at a time gives the same pixels as packets.
+            let options = TraceOptions { packet_size: PacketSize::One, ..variant.options };
+            let same = PictureVariant { label: String::new(), options, columns: Row::new(), ..*variant };
+            let reference = self.start_picture(None, scene, &same)?.render()?.film;
+            out.insert("wrong_pixels".into(), json!(compare_films(&reference, film).differing_pixels));
+        }
+        if let Some(truth) = truth {
+            let difference = compare_films(truth, film);
+            out.insert("rmse".into(), json!(difference.rms));
+            out.insert("error".into(), json!(difference.rms_8bit));
+            out.extend(difference.flip_mean.map(|flip| ("flip".to_owned(), json!(flip))));
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,66 @@
+//! Everything below the front door: scenes as arrays, structures, what kernels are given, devices, the scalar twin. For programs that
+//! replace a part, and for those that test and measure the parts: the command line, the stress test and the studies are built on it.
+//!
+//! What stands here may change with any version.
+
+/// Passes rooms of the library on.
+macro_rules! rooms {
+    ($($(#[doc = $doc:literal])+ $room:ident,)+) => { $(
+        $(#[doc = $doc])+
+        pub mod $room {
+            #[doc(inline)]
+            pub use crate::$room::*;
+        }
+    )+ };
+}
+
+rooms! {
+    /// Builders of the structures that rays are traced through, their statistics, and the check of a kd-tree's invariants.
+    accel,
+    /// Pictures of bounded error: which pixels get how many samples.
+    adaptive,
+    /// False-colour pictures of counted work.
+    aov,
+    /// How much memory may be taken, checked against estimates before it is.
+    budget,
+    /// Comparisons of pictures and of hits.
+    compare,
+    /// OpenCL devices: list, choose, compile, upload, launch.
+    device,
+    /// Rays whose numbers tracing space cannot hold, traced on the host with the same exact answers.
+    extreme,
+    /// What a scene needs of the kernels that shade.
+    features,
+    /// Pictures in linear radiance, and their files.
+    film,
+    /// Input files, read whole.
+    input,
+    /// Vectors as kernels have them.
+    layout,
+    /// What can be chosen, what goes together, and what is chosen where nothing is asked for.
+    options,
+    /// Output files, written whole or not at all.
+    output,
+    /// Scene and structure as flat arrays in tracing space, which kernels and twin read alike.
+    pack,
+    /// Random numbers that are the same on every machine.
+    random,
+    /// Batches of rays and hits as NumPy archives.
+    rays,
+    /// The scalar twin of every kernel, and an oracle in f64.
+    reference,
+    /// Scenes in world units, and their loaders.
+    scene,
+    /// From a scene and a device to a tracer that is ready.
+    session,
+    /// The structs and constants that host and kernels share.
+    shared,
+    /// Statistics of a run.
+    stats,
+    /// The interface of everything that traces rays: batches and pictures, on a device or on the reference.
+    tracer,
+    /// Measures what is fastest on a device, and remembers it.
+    tune,
+    /// Counted work, and its sums.
+    work,
+}

@@ -1,0 +1,19 @@
+//! Methods: structures, builds, traversals, triangle tests and packets, against the twin, exact answers and each other.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod accel;
+mod builds;
+mod closed;
+mod exact;
+mod intersect;
+mod math;
+mod packets;
+mod same_answers;
+mod sorted;
+mod stress;
+mod structures;
+mod table;
+mod traverse;
+mod work;

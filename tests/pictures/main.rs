@@ -1,0 +1,11 @@
+//! Pictures: on a device and in the twin, pixel by pixel.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod adaptive;
+mod features;
+mod images;
+mod shading;
+mod texture_filter;
+mod wavefront;
