@@ -2,7 +2,9 @@
 # Traces every case of a folder of stress cases with every structure, every traversal and both kinds of planes of the kd-tree, and prints
 # how many answers each gets wrong. For numbers by hand; `raybrook stress --methods` makes its own cases.
 #
-#   tests/stress-matrix.sh CHECK.py [OPTION of raybrook trace]...     (docs/records.md has a run)
+#   tests/stress-matrix.sh CHECK.py [OPTION of raybrook trace]...
+#
+# docs/record/2026-11-21-pocl-stress-cases.md has a run.
 #
 # CHECK.py traces its cases with `raybrook trace` (`CHECK.py --raybrook PATH -- OPTIONS`), prints its counts in the last line and ends with
 # 0 when nothing is wrong. RAYBROOK names another binary than target/release/raybrook. Ends with 1 when a method that promises exact

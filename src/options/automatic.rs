@@ -39,9 +39,10 @@ impl Workload<'_> {
 
     /// The fastest structure with the triangle test that is the default.
     ///
-    /// A CPU has vectors that one ray fills with eight boxes, so that the bunny takes half to a third of the kd-tree's time with
-    /// [`Accel::Bvh8`]. A GPU's work-item has one lane, and the fewer registers it takes the better: [`Accel::Bvh2`]. Measured in
-    /// `docs/records.md`.
+    /// A CPU has vectors that one ray fills with eight boxes, so that the bunny takes half to a third of the kd-tree's
+    /// time with [`Accel::Bvh8`]. A GPU's work-item has one lane, and the fewer registers it takes the better:
+    /// [`Accel::Bvh2`]. Measured in `docs/record/2026-11-21-pocl-boxes-and-kd-tree.md` and
+    /// `docs/record/2026-11-22-h200-boxes-and-kd-tree.md`.
     ///
     /// There is no number of triangles up to which brute force is the fastest on a CPU: by `raybrook tune` on PoCL (2 cores, loose
     /// triangles and cubes on a floor) it had 0.14 to 0.26 of the speed of `bvh8` in packets with 2 triangles, 0.04 to 0.12 with 4 to

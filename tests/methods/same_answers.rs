@@ -21,10 +21,11 @@
 //! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those of the
 //! mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //!
-//! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile. `RAYBROOK_ALL_COMBINATIONS=2/5` runs the
-//! second fifth: PoCL compiles one program at a time, so on many cores run many parts, each with a `POCL_CACHE_DIR` of its own
-//! ([`docs/records.md`](../docs/records.md)). The test program needs nothing of the project then but the models:
-//! `RAYBROOK_SHARED` is the folder in which `scenes` and `spd` are; `RAYBROOK_DEVICE` the device.
+//! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
+//! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run many
+//! parts, each with a `POCL_CACHE_DIR` of its own ([a record](../docs/record/2026-11-21-pocl-all-combinations.md)). The
+//! test program needs nothing of the project then but the models: `RAYBROOK_SHARED` is the folder in which `scenes` and
+//! `spd` are; `RAYBROOK_DEVICE` the device.
 //!
 //! ```text
 //! RAYBROOK_ALL_COMBINATIONS=1 cargo test --release --test same_answers -- --nocapture
