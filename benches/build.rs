@@ -4,18 +4,23 @@ mod common;
 
 use common::{balls, group, measure, own_scene};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::low_level::options::{Accel, Build, TraceOptions};
+use raybrook::low_level::options::{Build, KdOptions, Structure, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 
 /// Every structure that is built (brute force has none), kd-trees by every build.
 fn structures() -> Vec<(String, TraceOptions)> {
     let mut all = Vec::new();
-    for &accel in Accel::ALL {
-        let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+    for &accel in StructureKind::ALL {
+        let options = TraceOptions::of(accel);
         match accel {
-            Accel::Brute => (),
-            Accel::Kd => {
-                all.extend(Build::ALL.iter().map(|&build| (format!("kd-{build}"), TraceOptions { build, ..options })));
+            StructureKind::Brute => (),
+            StructureKind::Kd => {
+                all.extend(Build::ALL.iter().map(|&build| {
+                    (
+                        format!("kd-{build}"),
+                        TraceOptions { structure: Structure::Kd(KdOptions { build, ..options.kd() }), ..options },
+                    )
+                }));
             }
             _ => all.push((accel.to_string(), options)),
         }

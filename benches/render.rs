@@ -4,7 +4,7 @@ mod common;
 
 use common::{Place, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::low_level::options::{Kernels, PacketSize, TraceOptions};
+use raybrook::low_level::options::{Kernels, PacketSize, PictureOptions, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::Samples;
 use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render};
@@ -17,18 +17,19 @@ const SCENES: [&str; 5] = ["cornell", "spheres", "glass", "showcase", "chess"];
 fn methods(place: &Place) -> Vec<(String, TraceOptions)> {
     let options = TraceOptions { packet_size: PacketSize::One, ..place.options(None) };
     if place.device.is_none() {
-        return vec![(options.accel.to_string(), options)];
+        return vec![(options.kind().to_string(), options)];
     }
     let mut all = Vec::new();
     for &kernels in Kernels::ALL {
         for &packet_size in PacketSize::ALL {
-            let options = TraceOptions { kernels, packet_size, ..options };
+            let options =
+                TraceOptions { picture: PictureOptions { kernels, ..options.picture }, packet_size, ..options };
             // The split kernels trace pictures one ray at a time, whatever the packets of batches are.
-            if kernels == Kernels::Split && packet_size != PacketSize::One || options.validate().is_err() {
+            if kernels == Kernels::Wavefront && packet_size != PacketSize::One || options.validate().is_err() {
                 continue;
             }
             let packets = if packet_size == PacketSize::One { "" } else { &format!("-packets-{packet_size}") };
-            all.push((format!("{}-{kernels}{packets}", options.accel), options));
+            all.push((format!("{}-{kernels}{packets}", options.kind()), options));
         }
     }
     all

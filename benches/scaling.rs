@@ -7,7 +7,7 @@ mod common;
 
 use common::{Batch, Place, balls, batches, own_scene, places};
 use glam::Vec3;
-use raybrook::low_level::options::{Accel, TraceOptions};
+use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Light, Samples, Scene};
 use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render};
@@ -37,7 +37,7 @@ fn triangles(most: usize, places: &[Place]) {
     );
     println!("| triangles | structure | build s | bytes a triangle | {} |", names(places));
     println!("|--:|---|--:|--:|{}", "--:|".repeat(places.len()));
-    let mut before: Vec<(Accel, usize, usize, f64)> = Vec::new();
+    let mut before: Vec<(StructureKind, usize, usize, f64)> = Vec::new();
     for segments in SEGMENTS {
         let scene = balls(segments);
         let count = scene.triangles.len();
@@ -45,8 +45,8 @@ fn triangles(most: usize, places: &[Place]) {
             break;
         }
         let batches = batches(&scene);
-        for accel in [Accel::Brute, Accel::Kd, Accel::Bvh2, Accel::Bvh8] {
-            if accel == Accel::Brute && count > MOST_FOR_BRUTE_FORCE {
+        for accel in [StructureKind::Brute, StructureKind::Kd, StructureKind::Bvh2, StructureKind::Bvh8] {
+            if accel == StructureKind::Brute && count > MOST_FOR_BRUTE_FORCE {
                 continue;
             }
             let built = places.iter().map(|place| {

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Batch, balls, batches, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use raybrook::low_level::options::{Accel, PacketSize, TraceOptions, Traversal};
+use raybrook::low_level::options::{KdOptions, PacketSize, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::tracer::TraceJob;
 use std::cell::OnceCell;
@@ -13,12 +13,19 @@ use std::sync::Arc;
 /// Every structure, kd-trees with every traversal, and every size of packets that it knows.
 fn methods() -> Vec<(String, TraceOptions)> {
     let mut all = Vec::new();
-    for &accel in Accel::ALL {
-        let traversals = if accel == Accel::Kd { Traversal::ALL } else { &[TraceOptions::DEFAULT.traversal] };
+    for &accel in StructureKind::ALL {
+        let traversals =
+            if accel == StructureKind::Kd { Traversal::ALL } else { &[TraceOptions::DEFAULT.kd().traversal] };
         for (&traversal, &packet_size) in traversals.iter().flat_map(|it| PacketSize::ALL.iter().map(move |n| (it, n)))
         {
-            let options = TraceOptions { accel, traversal, packet_size, ..TraceOptions::DEFAULT };
-            let walk = if accel == Accel::Kd { format!("-{traversal}") } else { String::new() };
+            let options = TraceOptions {
+                packet_size,
+                ..match accel {
+                    StructureKind::Kd => TraceOptions::of_kd(KdOptions { traversal, ..KdOptions::DEFAULT }),
+                    other => TraceOptions::of(other),
+                }
+            };
+            let walk = if accel == StructureKind::Kd { format!("-{traversal}") } else { String::new() };
             let packets =
                 if packet_size == PacketSize::One { String::new() } else { format!("-packets-{packet_size}") };
             if options.validate().is_ok() {
@@ -30,8 +37,8 @@ fn methods() -> Vec<(String, TraceOptions)> {
 }
 
 /// Takes time in proportion to the triangles, or nearly so.
-fn is_slow(accel: Accel) -> bool {
-    matches!(accel, Accel::Brute | Accel::Boxes | Accel::Spheres)
+fn is_slow(accel: StructureKind) -> bool {
+    matches!(accel, StructureKind::Brute | StructureKind::Boxes | StructureKind::Spheres)
 }
 
 fn trace(criterion: &mut Criterion) {
@@ -40,7 +47,7 @@ fn trace(criterion: &mut Criterion) {
     {
         let batches = batches(&scene);
         let mut group = group(criterion, scene_name);
-        for (method, options) in methods().into_iter().filter(|(_, options)| is_small || !is_slow(options.accel)) {
+        for (method, options) in methods().into_iter().filter(|(_, options)| is_small || !is_slow(options.kind())) {
             let buffers = OnceCell::new();
             for place in &places {
                 // The reference has no lanes: packets are single rays to it.

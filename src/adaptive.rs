@@ -16,7 +16,8 @@ mod estimate;
 
 use crate::error::Result;
 use crate::film::Film;
-use crate::options::{Decisions, as_name};
+use crate::names::as_name;
+use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, Tracer};
 use crate::work::PixelWork;

@@ -58,7 +58,7 @@ pub enum Error {
     },
     /// An OpenCL call did not return.
     #[error(
-        "device '{device}': {}{call} did not return in {limit_s} s: the driver hangs; start again, choose another with --device, or \
+        "device '{device}': {}{call} did not return in {limit_s} s: the driver hangs; start again, choose another with `device`, or \
          let RAYBROOK_DRIVER_LIMIT be more seconds where the device is that slow",
         failure.as_ref().map(|failure| format!("{failure}; then ")).unwrap_or_default()
     )]
@@ -85,7 +85,7 @@ pub enum Error {
     /// The device's memory cannot hold the scene or the picture.
     #[error(
         "device '{device}': {what} needs {needed_bytes} bytes, but {limit_name} is {limit_bytes} bytes; \
-         use --device reference or a smaller {}",
+         use `device = reference` or a smaller {}",
         if what.starts_with("picture") { "picture" } else { "scene" }
     )]
     TooLarge {

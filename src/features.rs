@@ -6,11 +6,12 @@
 //! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace batches do not
 //! shade, and are the same for all scenes.
 
-use crate::options::{KernelFeatures, methods};
+use crate::names::names;
+use crate::options::KernelFeatures;
 use crate::scene::{Falloff, LightKind, MaterialId, NO_INDEX, Scene, Texture};
 use std::fmt;
 
-methods! {
+names! {
     /// One feature of the kernels that shade; the values number the bits of [`Features`].
     pub enum Feature ("feature") {
         /// Textures that are pictures.

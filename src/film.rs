@@ -80,10 +80,8 @@ impl ImageFormat {
             (Png8 | Png16, 8) => Ok(Png8),
             (Png8 | Png16, 16) => Ok(Png16),
             (Exr | Pfm, 32) => Ok(self),
-            (Png8 | Png16, _) => Err(Error::option("--bit-depth", format!("{bits} is not possible; .png has 8 or 16"))),
-            (Exr | Pfm, _) => {
-                Err(Error::option("--bit-depth", format!("{bits} is not possible; .exr and .pfm have 32")))
-            }
+            (Png8 | Png16, _) => Err(Error::option("bit_depth", format!("{bits} is not possible; .png has 8 or 16"))),
+            (Exr | Pfm, _) => Err(Error::option("bit_depth", format!("{bits} is not possible; .exr and .pfm have 32"))),
         }
     }
 }
@@ -131,7 +129,7 @@ impl Film {
     pub(crate) fn try_pixels(count: usize) -> Result<Vec<[f32; 3]>> {
         let bytes = Self::PIXEL_BYTES * count as u64;
         let what = format!("a picture of {count} pixels");
-        let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower --size" };
+        let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
         try_repeat([0.0; 3], count).map_err(|_| need.refused())
     }
 

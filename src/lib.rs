@@ -82,6 +82,7 @@ mod accel;
 mod adaptive;
 mod aov;
 mod budget;
+mod choose;
 mod compare;
 mod device;
 mod error;
@@ -91,6 +92,7 @@ mod film;
 mod input;
 mod layout;
 pub mod low_level;
+mod names;
 mod npz;
 mod options;
 mod output;
@@ -104,7 +106,7 @@ mod session;
 mod shared;
 mod stats;
 mod tracer;
-mod tune;
+
 mod work;
 
 pub use error::{Error, Result};

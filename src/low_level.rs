@@ -23,6 +23,8 @@ rooms! {
     aov,
     /// How much memory may be taken, checked against estimates before it is.
     budget,
+    /// What is taken where nothing is asked for: by the model, or by measuring.
+    choose,
     /// Comparisons of pictures and of hits.
     compare,
     /// OpenCL devices: list, choose, compile, upload, launch.
@@ -37,7 +39,7 @@ rooms! {
     input,
     /// Vectors as kernels have them.
     layout,
-    /// What can be chosen, what goes together, and what is chosen where nothing is asked for.
+    /// What can be chosen, and what goes together.
     options,
     /// Output files, written whole or not at all.
     output,
@@ -59,8 +61,6 @@ rooms! {
     stats,
     /// The interface of everything that traces rays: batches and pictures, on a device or on the reference.
     tracer,
-    /// Measures what is fastest on a device, and remembers it.
-    tune,
     /// Counted work, and its sums.
     work,
 }

@@ -32,7 +32,7 @@ const CHUNK_ROWS: usize = 1 << 14;
 const LARGE_MEMBER_BYTES: usize = u32::MAX as usize - (1 << 16);
 
 /// What to do about arrays that do not fit.
-const REMEDY: &str = "split the batch, or raise --memory-limit";
+const REMEDY: &str = "split the batch, or raise `memory_limit`";
 
 /// How many bytes one byte can become: a match of 258 bytes takes two bits (RFC 1951).
 const DEFLATE_RATIO: u128 = 1032;

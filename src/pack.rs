@@ -12,7 +12,7 @@ pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
-    Aabb, BuildOptions, Room, Structure, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
+    Aabb, BuildOptions, Room, StructureArrays, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
     build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
 use crate::budget::MemoryBudget;
@@ -20,7 +20,9 @@ use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
-use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
+use crate::options::{
+    Intersector, Memory, NodeOrder, PacketSize, Structure, StructureKind, TextureFilter, TraceOptions, Traversal,
+};
 use crate::reference::slab::{room_of_boxes, room_within};
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
@@ -44,7 +46,7 @@ pub struct SceneBuffers {
     pub nodes: Vec<KdNode>,
     /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
     pub references: Vec<u32>,
-    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit. With [`Accel::Instances`] those of the objects, each of
+    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit. With [`StructureKind::Instances`] those of the objects, each of
     /// which is there once, in its own coordinates.
     pub vertices: Vec<Float4>,
     /// Boxes, spheres, links, packets of triangles or instances of the structure; empty for those that need none.
@@ -82,7 +84,7 @@ pub struct SceneBuffers {
 /// What the arrays depend on of the options: kernels would read beyond the ends of those for others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct MadeFor {
-    accel: Accel,
+    accel: StructureKind,
     has_ropes: bool,
     has_packets: bool,
     has_transforms: bool,
@@ -91,13 +93,13 @@ struct MadeFor {
 
 impl MadeFor {
     fn of(options: &TraceOptions) -> MadeFor {
-        let is_kd = options.accel == Accel::Kd;
+        let is_kd = options.kind() == StructureKind::Kd;
         MadeFor {
-            accel: options.accel,
-            has_ropes: is_kd && options.traversal == Traversal::Ropes,
+            accel: options.kind(),
+            has_ropes: is_kd && options.kd().traversal == Traversal::Ropes,
             has_packets: is_kd && options.packet_size != PacketSize::One,
             has_transforms: options.intersector.needs_transforms(),
-            has_texture_levels: options.texture_filter == TextureFilter::Footprint,
+            has_texture_levels: options.picture.texture_filter == TextureFilter::Footprint,
         }
     }
 }
@@ -160,7 +162,7 @@ impl SceneBuffers {
         options.validate()?;
         scene.check_values()?;
         let memory = StructureBudget::for_scene(scene, options, budget)?;
-        let is_flat = options.accel != Accel::Instances;
+        let is_flat = options.kind() != StructureKind::Instances;
         let flat = if is_flat { scene.flattened()? } else { Cow::Borrowed(scene) };
         let scene = flat.as_ref();
         let primitives = if is_flat { scene.hittable() } else { Vec::new() };
@@ -181,11 +183,11 @@ impl SceneBuffers {
 
         let start = Instant::now();
         let build_options = BuildOptions::of(options, if is_flat { primitives.len() } else { scene.triangle_count() });
-        let mut stack_entries = match (options.accel, options.traversal) {
-            (Accel::Octree, _) | (Accel::Kd, Traversal::Stack) => build_options.max_depth.max(1),
+        let mut stack_entries = match (options.kind(), options.kd().traversal) {
+            (StructureKind::Octree, _) | (StructureKind::Kd, Traversal::Stack) => build_options.max_depth.max(1),
             _ => 1,
         };
-        let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
+        let top = if options.arrays.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
         let near_reach = near_reach(&triangles, &primitives, options);
         let room = match near_reach {
@@ -193,55 +195,55 @@ impl SceneBuffers {
             reach => room_within(reach),
         };
         let mut instances = None;
-        let Structure { nodes, references, bounds } = match options.accel {
-            Accel::Instances => {
+        let StructureArrays { nodes, references, bounds } = match options.structure {
+            Structure::Instances(_) => {
                 let packed = pack_instances(scene, &used, scale, &build_options)?;
                 stack_entries = packed.stack_entries;
                 instances = Some((packed.vertices, packed.shading, packed.instance_count));
                 packed.structure
             }
-            Accel::Brute => {
+            Structure::Brute => {
                 let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
-                Structure { nodes: vec![leaf], references: primitives, bounds: Vec::new() }
+                StructureArrays { nodes: vec![leaf], references: primitives, bounds: Vec::new() }
             }
-            Accel::Kd => {
+            Structure::Kd(kd) => {
                 let limit = memory.growth_limit();
-                let mut tree = build_kd_tree_within(options.build, &triangles, &primitives, &build_options, &limit);
+                let mut tree = build_kd_tree_within(kd.build, &triangles, &primitives, &build_options, &limit);
                 memory.check_growth(&limit)?;
-                if top > 0 || options.node_order != NodeOrder::Preorder {
-                    tree.nodes = reorder(&tree.nodes, options.node_order, top);
+                if top > 0 || kd.node_order != NodeOrder::Preorder {
+                    tree.nodes = reorder(&tree.nodes, kd.node_order, top);
                 }
-                let bounds = match (options.traversal, options.packet_size) {
+                let bounds = match (kd.traversal, options.packet_size) {
                     (Traversal::Ropes, _) => link_leaves(&mut tree.nodes, &tree.bounds),
                     (_, PacketSize::Sixteen) => pack_kd_leaves(&mut tree, &triangles),
                     (_, PacketSize::One) => Vec::new(),
                 };
-                Structure { nodes: tree.nodes, references: tree.references, bounds }
+                StructureArrays { nodes: tree.nodes, references: tree.references, bounds }
             }
-            Accel::Bvh2 => {
+            Structure::Bvh2(_) => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
                 stack_entries = tree.depth() + 1; // the last entry says that there are no more
                 pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, Room { everywhere: room, near_reach })?
             }
-            Accel::Bvh8 => {
+            Structure::Bvh8(_) => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
                 let packed = pack_bvh8(&tree, &triangles, Room { everywhere: 0.0, near_reach })?;
                 stack_entries = packed.stack_entries;
                 packed.structure
             }
-            Accel::Grid => {
+            Structure::Grid(grid) => {
                 let check = |bytes| memory.check_structure(bytes);
-                build_grid_within(&triangles, &primitives, bounding_box, options.grid_size, near_reach, &check)?
+                build_grid_within(&triangles, &primitives, bounding_box, grid.size, near_reach, &check)?
             }
-            Accel::Octree => {
+            Structure::Octree(_) => {
                 let limit = memory.growth_limit();
                 let octree =
                     build_octree_within(&triangles, &primitives, bounding_box, &build_options, near_reach, &limit);
                 memory.check_growth(&limit)?;
                 octree
             }
-            Accel::Boxes => build_boxes(&triangles, &primitives, options.leaf_size, near_reach),
-            Accel::Spheres => build_spheres(&triangles, &primitives, options.leaf_size, near_reach),
+            Structure::Boxes(clusters) => build_boxes(&triangles, &primitives, clusters.leaf_size, near_reach),
+            Structure::Spheres(clusters) => build_spheres(&triangles, &primitives, clusters.leaf_size, near_reach),
         };
         let build_s = start.elapsed().as_secs_f64();
 
@@ -250,7 +252,7 @@ impl SceneBuffers {
             (vertices, shading_of(scene, &used), references.len() as u32)
         });
         let ShadingArrays { materials, lights, textures, texels, brightest } =
-            ShadingArrays::new(scene, &used, scale, options.texture_filter)?;
+            ShadingArrays::new(scene, &used, scale, options.picture.texture_filter)?;
         let features = Features::of_materials(scene, &used);
         let mut made_for = MadeFor::of(options);
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
@@ -307,7 +309,7 @@ impl SceneBuffers {
 
     /// Whether vertices and shading data are those of objects, to be placed by instances.
     pub(crate) fn has_instances(&self) -> bool {
-        self.made_for.accel == Accel::Instances
+        self.made_for.accel == StructureKind::Instances
     }
 
     /// Checks that `options` can be traced with: that they ask for the structure that was built, and for no array that it was built
@@ -318,14 +320,14 @@ impl SceneBuffers {
     pub fn check_made_for(&self, options: &TraceOptions) -> Result<()> {
         let (made, asked) = (self.made_for, MadeFor::of(options));
         let missing = [
-            (Accel::OPTION, made.accel == asked.accel, options.accel.name()),
-            (Traversal::OPTION, made.has_ropes || !asked.has_ropes, options.traversal.name()),
+            (StructureKind::OPTION, made.accel == asked.accel, options.kind().name()),
+            (Traversal::OPTION, made.has_ropes || !asked.has_ropes, options.kd().traversal.name()),
             (PacketSize::OPTION, made.has_packets || !asked.has_packets, options.packet_size.name()),
             (Intersector::OPTION, made.has_transforms || !asked.has_transforms, options.intersector.name()),
             (
                 TextureFilter::OPTION,
                 made.has_texture_levels || !asked.has_texture_levels,
-                options.texture_filter.name(),
+                options.picture.texture_filter.name(),
             ),
         ];
         match missing.into_iter().find(|(_, is_there, _)| !is_there) {

@@ -138,10 +138,10 @@ pub fn picture_bytes(
         (_, true) => 2 * size_of::<PixelWork>() as u64 * pixels,
         (_, false) => 0,
     };
-    let of_device = match (shares_memory, options.kernels) {
+    let of_device = match (shares_memory, options.picture.kernels) {
         (false, _) => 0,
         (true, Kernels::Mega) => DEVICE_PIXEL_BYTES * pixels,
-        (true, Kernels::Split) => DEVICE_PIXEL_BYTES * pixels + SPLIT_BYTES.min(SPLIT_PIXEL_BYTES * pixels),
+        (true, Kernels::Wavefront) => DEVICE_PIXEL_BYTES * pixels + SPLIT_BYTES.min(SPLIT_PIXEL_BYTES * pixels),
     };
     let of_file = format.map_or(0, ImageFormat::bytes_per_pixel) * pixels;
     let of_run = RUN_BYTES + if shares_memory { DRIVER_BYTES } else { 0 };

@@ -10,7 +10,7 @@ pub use split::*;
 
 use crate::features::Feature;
 use crate::layout::{Float4, Int4, StructLayout, device_struct};
-use crate::options::methods;
+use crate::names::names;
 use crate::scene::PictureDefaults;
 
 /// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
@@ -122,7 +122,7 @@ pub const COUNTER_NAMES: [&str; COUNTERS] = [
     "REFRACTED_HIT",
 ];
 
-methods! {
+names! {
     /// What kernels built with `COUNT_WORK`, and the twin, count while they trace a ray; the values index the counters.
     ///
     /// | structure | a step is | a leaf is | entries of the stack |
@@ -137,7 +137,7 @@ methods! {
     ///
     /// What is visited again after a restart counts again. A ray that starts too far from a grid tests its list of all triangles
     /// and counts no leaf. Shading reads vertices, too; those do not count.
-    pub enum WorkCounter ("--aov") {
+    pub enum WorkCounter ("aov") {
         /// Steps through the structure from one leaf to the next.
         Steps = "steps",
         /// Leaves visited.

@@ -8,9 +8,10 @@ use serde::Serialize;
 
 use crate::adaptive::AdaptiveStats;
 use crate::aov::AovRange;
+use crate::choose::Decision;
 use crate::compare::FilmDifference;
 use crate::error::Result;
-use crate::options::{Decision, TraceOptions};
+use crate::options::TraceOptions;
 use crate::output::write_json;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;

@@ -102,7 +102,7 @@ impl RenderResult {
     }
 }
 
-/// What rendering by several kernels took ([`crate::options::Kernels::Split`]).
+/// What rendering by several kernels took ([`crate::options::Kernels::Wavefront`]).
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct SplitStats {
     /// Paths that were followed at a time.
@@ -208,7 +208,7 @@ pub fn require_clock(tracer: &dyn Tracer) -> Result<()> {
     }
     let message = format!(
         "device '{}' does not time its commands (clGetEventProfilingInfo fails, or there are no queues with CL_QUEUE_PROFILING_ENABLE), so \
-         that nothing can be measured on it; choose another with --device",
+         that nothing can be measured on it; choose another with `device`",
         tracer.device_name()
     );
     Err(Error::NoDevice(message))

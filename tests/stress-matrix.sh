@@ -30,16 +30,16 @@ count_wrong() { # name, whether wrong answers count, options
 
 for build in sah median; do
     for traversal in stack restart push-down short-stack ropes; do
-        count_wrong "kd $build $traversal" yes --accel kd --build "$build" --traversal "$traversal" "$@"
+        count_wrong "kd $build $traversal" yes --structure kd --build "$build" --traversal "$traversal" "$@"
     done
     # As good as no stack at all: nearly every far child is forgotten.
-    count_wrong "kd $build short-stack 1" yes --accel kd --build "$build" --traversal short-stack --stack-size 1 "$@"
-    count_wrong "kd $build thesis-restart" no --accel kd --build "$build" --traversal thesis-restart "$@"
+    count_wrong "kd $build short-stack 1" yes --structure kd --build "$build" --traversal short-stack --stack-size 1 "$@"
+    count_wrong "kd $build thesis-restart" no --structure kd --build "$build" --traversal thesis-restart "$@"
 done
 for build in sampled-median spatial-median volume; do
-    count_wrong "kd $build stack" yes --accel kd --build "$build" "$@"
+    count_wrong "kd $build stack" yes --structure kd --build "$build" "$@"
 done
 for accel in brute bvh2 bvh8 grid octree boxes spheres; do
-    count_wrong "$accel" yes --accel "$accel" "$@"
+    count_wrong "$accel" yes --structure "$accel" "$@"
 done
 exit "$status"

@@ -3,13 +3,14 @@
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode};
+pub use raybrook::low_level::choose::tune::Batch;
+use raybrook::low_level::choose::{Request, Workload};
 use raybrook::low_level::device::{Cache, DeviceHandle, Selection, select};
-use raybrook::low_level::options::{Accel, Request, TraceOptions, Workload};
+use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Scene, load};
 use raybrook::low_level::session::{complete, open_tracer};
 use raybrook::low_level::tracer::Tracer;
-pub use raybrook::low_level::tune::Batch;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -73,10 +74,11 @@ pub fn places() -> Vec<Place> {
 
 impl Place {
     /// What is fastest here, with `accel` if it is given.
-    pub fn options(&self, accel: Option<Accel>) -> TraceOptions {
+    pub fn options(&self, accel: Option<StructureKind>) -> TraceOptions {
         let device = self.device.as_ref().map(|device| &device.info);
         let workload = Workload { device, triangle_count: None, features: None, shared_triangles: 0 };
-        Request { accel, ..Request::default() }.choose(&workload, None).expect("valid options").options
+        let request = accel.map_or_else(Request::default, |kind| Request::of(&TraceOptions::of(kind)));
+        request.choose(&workload, None).expect("valid options").options
     }
 
     /// A tracer of `buffers`, which were built with `options`. Compiled kernels are kept, as the program keeps them.
@@ -86,9 +88,9 @@ impl Place {
     }
 }
 
-/// See [`raybrook::low_level::tune::balls`].
+/// See [`raybrook::low_level::choose::tune::balls`].
 pub fn balls(segments: u32) -> Scene {
-    raybrook::low_level::tune::balls(segments).expect("balls")
+    raybrook::low_level::choose::tune::balls(segments).expect("balls")
 }
 
 /// A scene of `scenes/`.
@@ -107,7 +109,7 @@ fn completed(mut scene: Scene) -> Scene {
 const SIDE: u32 = 256;
 const SEED: u64 = 20_081_121;
 
-/// See [`raybrook::low_level::tune::batches`].
+/// See [`raybrook::low_level::choose::tune::batches`].
 pub fn batches(scene: &Scene) -> [Batch; 3] {
-    raybrook::low_level::tune::batches(scene, SIDE, SEED).expect("rays")
+    raybrook::low_level::choose::tune::batches(scene, SIDE, SEED).expect("rays")
 }

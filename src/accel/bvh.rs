@@ -23,7 +23,7 @@ mod sweep;
 use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
 use crate::error::{Error, Result};
-use crate::options::{Accel, KdOptions, TraceOptions};
+use crate::options::{BvhOptions, KdOptions, StructureKind, TraceOptions};
 use glam::Vec3;
 use items::{Extent, Item, PARALLEL_ITEMS, halve};
 use object::ObjectSplit;
@@ -98,12 +98,12 @@ impl Bvh {
     }
 
     /// Checks what a leaf of packed kind `accel` has room for, before anything is packed.
-    pub(super) fn check_leaves(&self, accel: Accel, most: u32) -> Result<()> {
+    pub(super) fn check_leaves(&self, accel: StructureKind, most: u32) -> Result<()> {
         let largest = self.nodes.iter().map(|node| node.count).max().unwrap_or(0);
         if largest > most {
             let message =
-                format!("there is a leaf of {largest} triangles, and --accel {accel} has room for {most} in one");
-            return Err(Error::option("--leaf-size", message));
+                format!("there is a leaf of {largest} triangles, and `structure = {accel}` has room for {most} in one");
+            return Err(Error::option("leaf_size", message));
         }
         Ok(())
     }
@@ -115,7 +115,8 @@ pub(crate) const MAX_TRIANGLES: usize = (1 << 27) - 16;
 /// Checks that links can number `count` triangles when they can number `limit`.
 pub(crate) fn check_triangle_count(count: usize, limit: usize) -> Result<()> {
     if count > limit {
-        let reason = format!("it has {count} triangles, and a hierarchy of boxes can number {limit}; take --accel kd");
+        let reason =
+            format!("it has {count} triangles, and a hierarchy of boxes can number {limit}; take `structure = kd`");
         return Err(Error::Scene(reason));
     }
     Ok(())
@@ -143,19 +144,19 @@ impl BuildOptions {
     /// The most parts that splits of space add per triangle unless something else is asked for.
     const SPATIAL_SPLITS: f32 = 0.0;
 
-    /// What `options` ask for in a bounding volume hierarchy of `triangle_count` triangles.
-    pub fn bvh(options: &TraceOptions, triangle_count: usize) -> Self {
+    /// What `bvh` asks for in a bounding volume hierarchy of that kind.
+    pub fn bvh(bvh: &BvhOptions, kind: StructureKind) -> Self {
         BuildOptions {
-            leaf_size: options.leaf_size.unwrap_or(Self::BVH_LEAF_SIZE),
+            leaf_size: bvh.leaf_size.unwrap_or(Self::BVH_LEAF_SIZE),
             max_depth: TraceOptions::MAX_DEPTH,
-            reinsert: options.reinsert.unwrap_or(Self::REINSERT),
-            spatial_splits: options.spatial_splits.unwrap_or(Self::SPATIAL_SPLITS),
-            cost_traverse: options.kd.cost_traverse.unwrap_or(KdOptions::COST),
-            cost_intersect: options.kd.cost_intersect.unwrap_or(match options.accel {
-                Accel::Bvh8 => Self::WIDE_COST_INTERSECT,
+            reinsert: bvh.reinsert.unwrap_or(Self::REINSERT),
+            spatial_splits: bvh.spatial_splits.unwrap_or(Self::SPATIAL_SPLITS),
+            cost_traverse: bvh.cost_traverse.unwrap_or(KdOptions::COST),
+            cost_intersect: bvh.cost_intersect.unwrap_or(match kind {
+                StructureKind::Bvh8 => Self::WIDE_COST_INTERSECT,
                 _ => KdOptions::COST,
             }),
-            ..BuildOptions::new(&TraceOptions { leaf_size: None, max_depth: None, ..*options }, triangle_count)
+            ..BuildOptions::new(&TraceOptions::DEFAULT, 0)
         }
     }
 }

@@ -23,9 +23,9 @@
 
 use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
 use super::link::{self, NO_CHILD, leaf_link, leaf_range};
-use super::{Aabb, Room, Structure};
+use super::{Aabb, Room, StructureArrays};
 use crate::error::Result;
-use crate::options::{Accel, TraceOptions};
+use crate::options::{BvhOptions, StructureKind};
 use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
 use std::ops::Range;
@@ -69,12 +69,12 @@ fn rounded_up(x: f64) -> f32 {
 /// larger by their `room` on all sides.
 ///
 /// # Errors
-/// [`Error::Option`](crate::Error::Option) when a leaf has more than [`TraceOptions::BVH2_MAX_LEAF`] triangles,
+/// [`Error::Option`](crate::Error::Option) when a leaf has more than [`BvhOptions::MAX_LEAF`] triangles,
 /// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
-pub fn pack_bvh2(tree: &Bvh, top: usize, room: impl Into<Room>) -> Result<Structure> {
+pub fn pack_bvh2(tree: &Bvh, top: usize, room: impl Into<Room>) -> Result<StructureArrays> {
     let room = room.into();
     check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
-    tree.check_leaves(Accel::Bvh2, TraceOptions::BVH2_MAX_LEAF)?;
+    tree.check_leaves(StructureKind::Bvh2, BvhOptions::MAX_LEAF)?;
     let mut references = Vec::with_capacity(tree.order.len());
     // What links to each node say.
     let mut links = vec![0; tree.nodes.len()];
@@ -100,7 +100,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize, room: impl Into<Room>) -> Result<Struct
         let only = if tree.nodes.is_empty() { nowhere } else { child(0) };
         nodes.extend(records([only, nowhere]));
     }
-    Ok(Structure { nodes, references, bounds: Vec::new() })
+    Ok(StructureArrays { nodes, references, bounds: Vec::new() })
 }
 
 /// The inner nodes in their order in memory.
@@ -160,12 +160,13 @@ mod tests {
             [at, at + Vec3::X, at + Vec3::Y]
         };
         let vertices: Vec<_> = (0..count).map(triangle).collect();
-        let options = TraceOptions { leaf_size: Some(leaf_size), ..TraceOptions::DEFAULT };
-        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, count)).unwrap()
+        let options = BvhOptions { leaf_size: Some(leaf_size), ..BvhOptions::DEFAULT };
+        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, StructureKind::Bvh2))
+            .unwrap()
     }
 
     /// The boxes and links of a node, from its records.
-    fn children(structure: &Structure, number: usize) -> [(Middle, u32); 2] {
+    fn children(structure: &StructureArrays, number: usize) -> [(Middle, u32); 2] {
         let records = &structure.nodes[4 * number..][..4];
         let numbers = |record: &KdNode| bytemuck::cast::<KdNode, [f32; 4]>(*record);
         let [xy0, xy1, z0, z1] = [0, 1, 2, 3].map(|i| numbers(&records[i]));
@@ -234,12 +235,12 @@ mod tests {
     #[test]
     fn what_links_have_no_room_for_is_refused() {
         let large = pack_bvh2(&Bvh::of_one_leaf(16), 0, 0.0).map(drop).unwrap_err().to_string();
-        assert!(large.starts_with("option --leaf-size: there is a leaf of 16 triangles"), "{large}");
+        assert!(large.starts_with("option leaf_size: there is a leaf of 16 triangles"), "{large}");
         let limit = MAX_TRIANGLES;
         check_triangle_count(limit, limit).unwrap();
         let many = check_triangle_count(limit + 1, limit).unwrap_err();
         assert!(many.exit_code() == 3 && many.to_string().contains("134217713 triangles"), "{many}");
-        assert!(many.to_string().ends_with("; take --accel kd"), "{many}");
+        assert!(many.to_string().ends_with("; take `structure = kd`"), "{many}");
     }
 
     #[test]

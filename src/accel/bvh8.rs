@@ -18,14 +18,14 @@ use super::bvh::Bvh;
 use super::bvh2::FAR;
 use super::leaf_packets::{WIDTH, pack, push_leaf};
 use super::link::{self, NO_CHILD, leaf_link};
-use super::{Aabb, Room, Structure};
+use super::{Aabb, Room, StructureArrays};
 use crate::error::{Error, Result};
-use crate::options::{Accel, TraceOptions};
+use crate::options::{BvhOptions, StructureKind};
 use crate::shared::{BVH_FIRST_MASK, BVH8_LINKS, BVH8_NODE_RECORDS, KdNode};
 use glam::Vec3;
 
 // A node has as many children as a packet triangles.
-const _: () = assert!(TraceOptions::BVH8_MAX_LEAF as usize == WIDTH);
+const _: () = assert!(BvhOptions::BVH8_MAX_LEAF as usize == WIDTH);
 
 /// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far away.
 const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
@@ -36,7 +36,7 @@ const MAX_LEAVES: usize = (BVH_FIRST_MASK as usize + 1) / WIDTH;
 /// A packed tree, and how deep it is.
 pub struct Bvh8 {
     /// As the kernels read it.
-    pub structure: Structure,
+    pub structure: StructureArrays,
     /// The most entries of a traversal's stack.
     pub stack_entries: u32,
 }
@@ -44,7 +44,7 @@ pub struct Bvh8 {
 /// Packs `tree`, of the triangles `vertices`; its boxes larger by their `room` on all sides.
 ///
 /// # Errors
-/// [`Error::Option`] when a leaf has more than [`TraceOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are more than
+/// [`Error::Option`] when a leaf has more than [`BvhOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are more than
 /// 2^24 leaves.
 pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room) -> Result<Bvh8> {
     pack_leaves(tree, vertices, room, MAX_LEAVES)
@@ -52,11 +52,11 @@ pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room) -> Result<Bvh8>
 
 /// Packs a tree of at most `most_leaves`.
 fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room, most_leaves: usize) -> Result<Bvh8> {
-    tree.check_leaves(Accel::Bvh8, TraceOptions::BVH8_MAX_LEAF)?;
+    tree.check_leaves(StructureKind::Bvh8, BvhOptions::BVH8_MAX_LEAF)?;
     let leaf_count = tree.nodes.iter().filter(|node| node.is_leaf()).count();
     if leaf_count > most_leaves {
         let reason = format!(
-            "its hierarchy of boxes has {leaf_count} leaves, and --accel bvh8 can number {most_leaves}; take --accel bvh2"
+            "its hierarchy of boxes has {leaf_count} leaves, and `structure = bvh8` can number {most_leaves}; take `structure = bvh2`"
         );
         return Err(Error::Scene(reason));
     }
@@ -91,7 +91,7 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room, most_leaves: usiz
     let packets = pack(&references, vertices);
     // Of each node on the way down all children but the one that is visited, and the end.
     let stack_entries = (WIDTH as u32 - 1) * deepest + 2;
-    Ok(Bvh8 { structure: Structure { nodes, references, bounds: packets }, stack_entries })
+    Ok(Bvh8 { structure: StructureArrays { nodes, references, bounds: packets }, stack_entries })
 }
 
 /// The up to eight nodes that become the children of `index`; none of an empty tree, and of one that is a leaf that itself.
@@ -144,22 +144,22 @@ mod tests {
             [at, at + Vec3::X, at + Vec3::Y]
         };
         let vertices: Vec<_> = (0..count).map(triangle).collect();
-        let options = TraceOptions { accel: Accel::Bvh8, leaf_size, ..TraceOptions::DEFAULT };
+        let options = BvhOptions { leaf_size, ..BvhOptions::DEFAULT };
         let primitives: Vec<_> = (0..count as u32).collect();
-        (build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, count)).unwrap(), vertices)
+        (build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, StructureKind::Bvh8)).unwrap(), vertices)
     }
 
     #[test]
     fn what_links_have_no_room_for_is_refused() {
         let error =
             pack_bvh8(&Bvh::of_one_leaf(9), &[[Vec3::ZERO; 3]; 9], Room::from(0.0)).map(drop).unwrap_err().to_string();
-        assert!(error.starts_with("option --leaf-size: there is a leaf of 9 triangles"), "{error}");
+        assert!(error.starts_with("option leaf_size: there is a leaf of 9 triangles"), "{error}");
 
         let (tree, vertices) = tree(100, Some(1));
         pack_leaves(&tree, &vertices, Room::from(0.0), 100).unwrap();
         let error = pack_leaves(&tree, &vertices, Room::from(0.0), 99).map(drop).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("100 leaves"), "{error}");
-        assert!(error.to_string().ends_with("; take --accel bvh2"), "{error}");
+        assert!(error.to_string().ends_with("; take `structure = bvh2`"), "{error}");
         let last = WIDTH * (MAX_LEAVES - 1);
         assert_eq!(leaf_range(leaf_link(last as u32, WIDTH as u32)), Some(last..last + WIDTH));
     }

@@ -7,10 +7,10 @@
 //! Bad at: triangles of very different sizes. Memory is bounded by limits on cells and references.
 
 use super::near::few_outside;
-use super::{Aabb, Structure};
+use super::{Aabb, StructureArrays};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::TraceOptions;
+use crate::options::GridOptions;
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -97,7 +97,7 @@ impl Grid {
         }
     }
 
-    fn fill(&self, vertices: &[[Vec3; 3]], primitives: &[u32], outside: &[u32]) -> Structure {
+    fn fill(&self, vertices: &[[Vec3; 3]], primitives: &[u32], outside: &[u32]) -> StructureArrays {
         let mut ends = vec![0usize; self.cell_count() + 1];
         for &primitive in primitives {
             self.visit_cells(&vertices[primitive as usize], |cell| ends[cell + 1] += 1);
@@ -105,7 +105,7 @@ impl Grid {
         for cell in 1..ends.len() {
             ends[cell] += ends[cell - 1];
         }
-        let nodes = ends.windows(2).map(|range| Structure::leaf(range[0], range[1])).collect();
+        let nodes = ends.windows(2).map(|range| StructureArrays::leaf(range[0], range[1])).collect();
         let mut references = vec![0; *ends.last().expect("a grid has a cell")];
         // From here on ends[cell] is where the cell's next triangle goes.
         for &primitive in primitives {
@@ -126,14 +126,14 @@ impl Grid {
             Float4::new(Vec3::new(self.reach, f32::from_bits(all), f32::from_bits(outside.len() as u32)), 0.0),
             Float4::new(self.high, 0.0),
         ];
-        Structure { nodes, references, bounds }
+        StructureArrays { nodes, references, bounds }
     }
 }
 
 /// About [`CELLS_PER_TRIANGLE`] nearly cubic cells for each triangle: the cube-root rule, over the axes that are not too thin
 /// to be divided.
 fn default_size(extent: Vec3, triangle_count: usize, cells_per_triangle: f64) -> [u32; 3] {
-    let cells = (cells_per_triangle * triangle_count as f64).clamp(1.0, TraceOptions::MAX_GRID_CELLS as f64);
+    let cells = (cells_per_triangle * triangle_count as f64).clamp(1.0, GridOptions::MAX_CELLS as f64);
     let mut divided: Vec<usize> = (0..3).filter(|&k| extent[k] > 0.0).collect();
     let mut per_unit = 0.0;
     while !divided.is_empty() {
@@ -167,7 +167,7 @@ pub fn build_grid(
     bounds: Aabb,
     size: Option<[u32; 3]>,
     near_reach: f32,
-) -> Result<Structure> {
+) -> Result<StructureArrays> {
     build_grid_within(vertices, primitives, bounds, size, near_reach, &|_| Ok(()))
 }
 
@@ -179,7 +179,7 @@ pub(crate) fn build_grid_within(
     size: Option<[u32; 3]>,
     near_reach: f32,
     check: &dyn Fn(u64) -> Result<()>,
-) -> Result<Structure> {
+) -> Result<StructureArrays> {
     if let Some((outside, inside, bounds)) = few_outside(vertices, primitives, near_reach) {
         return build_inside(vertices, &inside, bounds, size, &outside, check);
     }
@@ -194,7 +194,7 @@ fn build_inside(
     size: Option<[u32; 3]>,
     outside: &[u32],
     check: &dyn Fn(u64) -> Result<()>,
-) -> Result<Structure> {
+) -> Result<StructureArrays> {
     let fill = |grid: Grid, references: usize| {
         check(CELL_BYTES * grid.cell_count() as u64 + size_of::<u32>() as u64 * references as u64)?;
         Ok(grid.fill(vertices, primitives, outside))
@@ -204,7 +204,7 @@ fn build_inside(
         let references = grid.reference_count(vertices, primitives);
         if references > MAX_REFERENCES {
             let message = format!("{references} references are over the limit of {MAX_REFERENCES}; take fewer cells");
-            return Err(Error::option("--grid-size", message));
+            return Err(Error::option("grid_size", message));
         }
         return fill(grid, references);
     }

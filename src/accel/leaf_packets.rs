@@ -56,7 +56,7 @@ pub fn pack_kd_leaves(tree: &mut KdTree, vertices: &[[Vec3; 3]]) -> Vec<Float4> 
 mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_kd_tree};
-    use crate::options::{Build, TraceOptions};
+    use crate::options::{Build, KdOptions, TraceOptions};
 
     #[test]
     fn leaves_of_any_size_become_whole_packets_with_their_triangles() {
@@ -64,8 +64,12 @@ mod tests {
         let vertices: Vec<_> = (0..500).map(|i| [at(i), at(i) + Vec3::X, at(i) + Vec3::Y]).collect();
         let primitives: Vec<_> = (0..500).collect();
         for leaf_size in [1, 8, 30, 500] {
-            let options = TraceOptions { build: Build::Median, leaf_size: Some(leaf_size), ..TraceOptions::DEFAULT };
-            let before = build_kd_tree(options.build, &vertices, &primitives, &BuildOptions::new(&options, 500));
+            let options = TraceOptions::of_kd(KdOptions {
+                build: Build::Median,
+                leaf_size: Some(leaf_size),
+                ..KdOptions::DEFAULT
+            });
+            let before = build_kd_tree(options.kd().build, &vertices, &primitives, &BuildOptions::new(&options, 500));
             let mut tree = before.clone();
             let packets = pack_kd_leaves(&mut tree, &vertices);
             let packets: &[[[[f32; WIDTH]; 3]; 3]] = bytemuck::cast_slice(&packets);

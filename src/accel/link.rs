@@ -1,6 +1,6 @@
 //! Links of packed hierarchies of boxes to their leaves, the same for two and for eight children a node, and to instances; the bits are in `bvh2.rs`.
 
-use crate::options::TraceOptions;
+use crate::options::BvhOptions;
 use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF};
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ pub(super) const NO_CHILD: u32 = leaf_link(0, 0);
 
 /// The link to a leaf of `count` triangles, references `first` and following.
 pub(crate) const fn leaf_link(first: u32, count: u32) -> u32 {
-    debug_assert!(count <= TraceOptions::BVH2_MAX_LEAF && first <= BVH_FIRST_MASK);
+    debug_assert!(count <= BvhOptions::MAX_LEAF && first <= BVH_FIRST_MASK);
     BVH_LEAF | count << BVH_COUNT_SHIFT | first
 }
 

@@ -9,7 +9,7 @@
 //! Bad at: scenes of few triangles, where they hardly matter.
 
 use super::{BuildOptions, grid};
-use crate::options::{Accel, PacketSize, Stop, TraceOptions, Traversal};
+use crate::options::{PacketSize, Stop, StructureKind, TraceOptions, Traversal};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Vertices as the builders and as the tracers take them, shading data, and two numbers: what every structure needs.
@@ -31,29 +31,29 @@ const BOUND_REFERENCE_BYTES: u64 = 120;
 pub(crate) fn structure_bytes(options: &TraceOptions, triangle_count: usize, instance_count: usize) -> u64 {
     let build = BuildOptions::of(options, triangle_count);
     let leaf_size = f64::from(build.leaf_size.max(1));
-    let of_structure = match options.accel {
-        Accel::Brute => TRIANGLE_BYTES,
-        Accel::Boxes | Accel::Spheres => 170.0,
-        Accel::Kd => kd_bytes(options, &build, leaf_size),
-        Accel::Octree => 220.0 + 700.0 / leaf_size,
-        Accel::Grid => TRIANGLE_BYTES + grid::DEFAULT_BYTES,
-        Accel::Bvh2 if leaf_size < 2.0 => 350.0,
-        Accel::Bvh2 => 270.0 + 110.0 * f64::from(build.spatial_splits.min(1.0)),
-        Accel::Bvh8 => (150.0 + 800.0 / leaf_size).max(300.0) + 40.0 * f64::from(build.spatial_splits),
-        Accel::Instances => 365.0,
+    let of_structure = match options.kind() {
+        StructureKind::Brute => TRIANGLE_BYTES,
+        StructureKind::Boxes | StructureKind::Spheres => 170.0,
+        StructureKind::Kd => kd_bytes(options, &build, leaf_size),
+        StructureKind::Octree => 220.0 + 700.0 / leaf_size,
+        StructureKind::Grid => TRIANGLE_BYTES + grid::DEFAULT_BYTES,
+        StructureKind::Bvh2 if leaf_size < 2.0 => 350.0,
+        StructureKind::Bvh2 => 270.0 + 110.0 * f64::from(build.spatial_splits.min(1.0)),
+        StructureKind::Bvh8 => (150.0 + 800.0 / leaf_size).max(300.0) + 40.0 * f64::from(build.spatial_splits),
+        StructureKind::Instances => 365.0,
     };
     let of_transforms = if options.intersector.needs_transforms() { TRANSFORM_BYTES } else { 0.0 };
     ((of_structure + of_transforms) * triangle_count as f64 + INSTANCE_BYTES * instance_count as f64) as u64
 }
 
 fn kd_bytes(options: &TraceOptions, build: &BuildOptions, leaf_size: f64) -> f64 {
-    let of_tree = match (build.stop, options.build.weighs_costs(), options.packet_size) {
+    let of_tree = match (build.stop, options.kd().build.weighs_costs(), options.packet_size) {
         (Stop::Cost, _, PacketSize::Sixteen) => 450.0,
         (Stop::Cost, _, PacketSize::One) => 560.0,
         (Stop::Size, true, _) => 250.0 + 580.0 / leaf_size.sqrt(),
         (Stop::Size, false, _) => 180.0 + 500.0 / leaf_size.sqrt(),
     };
-    of_tree + if options.traversal == Traversal::Ropes { 70.0 } else { 0.0 }
+    of_tree + if options.kd().traversal == Traversal::Ropes { 70.0 } else { 0.0 }
 }
 
 /// How many references a tree may have beside one for each triangle; counted by all threads that build it.
@@ -71,7 +71,7 @@ impl GrowthLimit {
 
     /// What so many bytes have room for.
     pub fn of_bytes(bytes: u64, options: &TraceOptions) -> GrowthLimit {
-        let has_bounds = options.traversal == Traversal::Ropes || options.packet_size != PacketSize::One;
+        let has_bounds = options.kd().traversal == Traversal::Ropes || options.packet_size != PacketSize::One;
         let of_reference = REFERENCE_BYTES + if has_bounds { BOUND_REFERENCE_BYTES } else { 0 };
         GrowthLimit { most: (bytes / of_reference) as usize, added: AtomicUsize::new(0) }
     }

@@ -40,7 +40,7 @@ pub use node_order::reorder;
 pub use octree::build_octree;
 pub use ropes::link_leaves;
 pub use stats::{TreeStats, expected_cost};
-pub use structure::{Structure, StructureStats};
+pub use structure::{StructureArrays, StructureStats};
 pub use validate::check_tree;
 pub use volumes::{build_boxes, build_spheres};
 
@@ -50,7 +50,7 @@ pub(crate) use link::{instance_link, instance_of, leaf_link, leaf_range};
 pub(crate) use memory::{GrowthLimit, TRIANGLE_BYTES, structure_bytes};
 pub(crate) use octree::build_octree_within;
 
-use crate::options::{Accel, Build, KdOptions, PacketSize, SplitAxis, Stop, TraceOptions};
+use crate::options::{Build, KdOptions, PacketSize, SplitAxis, Stop, Structure, TraceOptions};
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -120,14 +120,14 @@ pub struct BuildOptions {
 impl BuildOptions {
     /// What `options` ask for in their structure of `triangle_count` triangles, and the defaults of its build for the rest.
     pub fn of(options: &TraceOptions, triangle_count: usize) -> Self {
-        match options.accel {
-            Accel::Octree => Self::octree(triangle_count, options.leaf_size, options.max_depth),
-            Accel::Bvh2 | Accel::Bvh8 | Accel::Instances => Self::bvh(options, triangle_count),
-            Accel::Boxes | Accel::Spheres => BuildOptions {
-                leaf_size: options.leaf_size.unwrap_or_else(|| volumes::cluster_size(triangle_count)),
+        match options.structure {
+            Structure::Octree(octree) => Self::octree(triangle_count, octree.leaf_size, octree.max_depth),
+            Structure::Bvh2(bvh) | Structure::Bvh8(bvh) | Structure::Instances(bvh) => Self::bvh(&bvh, options.kind()),
+            Structure::Boxes(clusters) | Structure::Spheres(clusters) => BuildOptions {
+                leaf_size: clusters.leaf_size.unwrap_or_else(|| volumes::cluster_size(triangle_count)),
                 ..Self::new(options, triangle_count)
             },
-            _ => Self::new(options, triangle_count),
+            Structure::Brute | Structure::Kd(_) | Structure::Grid(_) => Self::new(options, triangle_count),
         }
     }
 
@@ -135,8 +135,8 @@ impl BuildOptions {
     pub fn new(options: &TraceOptions, triangle_count: usize) -> Self {
         // Havran (2000, section 4.4): depth 8 + 1.3 log2 N. On the bunny and sponza 12 levels more gain 0.1 % of cost.
         let depth = 8.0 + 1.3 * (triangle_count.max(1) as f32).log2();
-        let (build, kd) = (options.build, options.kd);
-        let stop = kd.stop(build);
+        let kd = options.kd();
+        let (build, stop) = (kd.build, kd.stop());
         // By size: within 3 % of the least expected cost of 1, 2, 4, 8, 12, 16, 24 and 32 on bunny, sponza, teapot and gears.
         let default_leaf = match (stop, build) {
             (Stop::Cost, _) => 1, // the cost decides
@@ -146,8 +146,8 @@ impl BuildOptions {
         };
         let default_share = if build.weighs_costs() { 1.0 } else { KdOptions::SIMILAR_CHILDREN };
         BuildOptions {
-            leaf_size: options.leaf_size.unwrap_or(default_leaf),
-            max_depth: options.max_depth.unwrap_or(depth as u32),
+            leaf_size: kd.leaf_size.unwrap_or(default_leaf),
+            max_depth: kd.max_depth.unwrap_or(depth as u32),
             stop,
             similar_children: kd.similar_children.unwrap_or(default_share),
             cost_traverse: kd.cost_traverse.unwrap_or(match options.packet_size {

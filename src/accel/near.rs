@@ -8,7 +8,7 @@
 //! Bad at: rays that start farther out, for which all is as large as before; scenes whose scales are many, of which it sees one.
 
 use super::Aabb;
-use crate::options::{Accel, Intersector, TraceOptions};
+use crate::options::{Intersector, StructureKind, TraceOptions};
 use crate::reference::ray::SLACK;
 use glam::Vec3;
 
@@ -43,10 +43,10 @@ const LEAST_SPHERES: f32 = 1.0 / (1u64 << 32) as f32;
 /// How far from 0 most of the triangles `primitives` reach, where the farthest one reaches very much farther and the structure of `options`
 /// can make use of that; else 0.
 pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32], options: &TraceOptions) -> f32 {
-    let least = match (options.accel, options.intersector) {
+    let least = match (options.kind(), options.intersector) {
         // A kd-tree's planes are as sure as they are near; the others are of all triangles, or of objects in places of their own.
-        (Accel::Brute | Accel::Kd | Accel::Instances, _) => return 0.0,
-        (Accel::Spheres, _) => LEAST_SPHERES,
+        (StructureKind::Brute | StructureKind::Kd | StructureKind::Instances, _) => return 0.0,
+        (StructureKind::Spheres, _) => LEAST_SPHERES,
         (_, Intersector::Exact) => LEAST,
         _ => LEAST_ROUNDED,
     };
@@ -116,9 +116,10 @@ impl Room {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::Structure;
     use crate::random::Random;
 
-    const OPTIONS: TraceOptions = TraceOptions { accel: Accel::Grid, ..TraceOptions::DEFAULT };
+    const OPTIONS: TraceOptions = TraceOptions::of(StructureKind::Grid);
 
     fn soup(count: usize) -> Vec<[Vec3; 3]> {
         let mut random = Random::new(20_081_121);
@@ -148,10 +149,13 @@ mod tests {
         // Where what float32 leaves out would count, nothing is.
         let least = |accel, intersector| {
             let small = triangles.iter().map(|triangle| triangle.map(|p| p * 2f32.powi(-70))).collect::<Vec<_>>();
-            near_reach(&small, &all, &TraceOptions { accel, intersector, ..OPTIONS })
+            near_reach(&small, &all, &TraceOptions { structure: Structure::of(accel), intersector, ..OPTIONS })
         };
-        assert!(least(Accel::Bvh2, Intersector::Exact) > 0.0);
-        assert_eq!(least(Accel::Bvh2, Intersector::Watertight) + least(Accel::Spheres, Intersector::Exact), 0.0);
+        assert!(least(StructureKind::Bvh2, Intersector::Exact) > 0.0);
+        assert_eq!(
+            least(StructureKind::Bvh2, Intersector::Watertight) + least(StructureKind::Spheres, Intersector::Exact),
+            0.0
+        );
         // As many as this are the scene, too.
         (0..100).for_each(|i| triangles[i][0].z = 1e9);
         assert!(few_outside(&triangles, &all, near_reach(&triangles, &all, &OPTIONS)).is_none());

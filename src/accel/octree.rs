@@ -10,7 +10,7 @@ use super::clip::Reference;
 use super::memory::GrowthLimit;
 use super::near::few_outside;
 use super::subtree::{Cell, ascending, growth_after};
-use super::{Aabb, BuildOptions, Structure};
+use super::{Aabb, BuildOptions, StructureArrays};
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::shared::KdNode;
@@ -59,7 +59,7 @@ pub fn build_octree(
     bounds: Aabb,
     options: &BuildOptions,
     near_reach: f32,
-) -> Structure {
+) -> StructureArrays {
     build_octree_within(vertices, primitives, bounds, options, near_reach, &GrowthLimit::none())
 }
 
@@ -71,12 +71,12 @@ pub(crate) fn build_octree_within(
     options: &BuildOptions,
     near_reach: f32,
     limit: &GrowthLimit,
-) -> Structure {
+) -> StructureArrays {
     let (outside, primitives, bounds) =
         few_outside(vertices, primitives, near_reach).unwrap_or_else(|| (Vec::new(), primitives.to_vec(), bounds));
     let outside_count = f32::from_bits(outside.len() as u32);
     let around = vec![Float4::new(bounds.low, f32::from_bits(0)), Float4::new(bounds.high, outside_count)];
-    let mut structure = Structure { nodes: vec![KdNode::default()], references: outside, bounds: around };
+    let mut structure = StructureArrays { nodes: vec![KdNode::default()], references: outside, bounds: around };
     let side = (bounds.high - bounds.low).max_element();
     // The sum may round below the high corner.
     let cell = Cell { low: bounds.low.to_array(), high: (bounds.low + side).max(bounds.high).to_array() };
@@ -95,7 +95,7 @@ pub(crate) fn build_octree_within(
         let Some((centre, children, growth)) = divided else {
             let first = structure.references.len();
             structure.references.extend(references.iter().map(|reference| reference.triangle));
-            structure.nodes[node] = Structure::leaf(first, structure.references.len());
+            structure.nodes[node] = StructureArrays::leaf(first, structure.references.len());
             continue;
         };
         let first = structure.nodes.len();

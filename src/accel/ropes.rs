@@ -80,7 +80,7 @@ fn shorten(nodes: &[KdNode], cell: &[[f32; 3]; 2], ropes: &mut Ropes) {
 mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_kd_tree};
-    use crate::options::{Build, TraceOptions};
+    use crate::options::{Build, KdOptions, TraceOptions};
     use glam::Vec3;
 
     /// Leaf boxes below `node_index` by node index, found by going down.
@@ -121,7 +121,10 @@ mod tests {
             .collect();
         let primitives: Vec<u32> = (0..150).collect();
         for &build in Build::ALL {
-            let options = BuildOptions::new(&TraceOptions { build, leaf_size: Some(2), ..TraceOptions::DEFAULT }, 150);
+            let options = BuildOptions::new(
+                &TraceOptions::of_kd(KdOptions { build, leaf_size: Some(2), ..KdOptions::DEFAULT }),
+                150,
+            );
             let mut tree = build_kd_tree(build, &triangles, &primitives, &options);
             let records = link_leaves(&mut tree.nodes, &tree.bounds);
             let mut leaves = Vec::new();

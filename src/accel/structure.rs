@@ -2,12 +2,12 @@
 
 use super::{bvh2, bvh8};
 use crate::layout::Float4;
-use crate::options::Accel;
+use crate::options::StructureKind;
 use crate::shared::{KD_LEAF, KdNode};
 
 /// A structure as the kernels read it; what the arrays mean, its file in `cl/traverse/` says.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Structure {
+pub struct StructureArrays {
     /// Cells, clusters or nodes; those that list triangles are leaf records, but in packed hierarchies of boxes.
     pub nodes: Vec<KdNode>,
     /// Triangle numbers, a range for each leaf record, ascending in each; behind a grid's, all triangles.
@@ -16,7 +16,7 @@ pub struct Structure {
     pub bounds: Vec<Float4>,
 }
 
-impl Structure {
+impl StructureArrays {
     /// A record of the triangles from `first` up to the end of the list.
     pub(super) fn leaf(first: usize, end: usize) -> KdNode {
         KdNode { flags: KD_LEAF, left: first as u32, right: (end - first) as u32, split: 0.0 }
@@ -43,15 +43,15 @@ pub struct StructureStats {
 impl StructureStats {
     /// The numbers of a structure of kind `accel` over `triangle_count` triangles.
     pub fn new(
-        accel: Accel,
+        accel: StructureKind,
         nodes: &[KdNode],
         references: &[u32],
         bounds: &[Float4],
         triangle_count: usize,
     ) -> StructureStats {
         let counts: Vec<u32> = match accel {
-            Accel::Bvh2 | Accel::Instances => bvh2::leaf_counts(nodes).collect(),
-            Accel::Bvh8 => bvh8::leaf_counts(nodes).collect(),
+            StructureKind::Bvh2 | StructureKind::Instances => bvh2::leaf_counts(nodes).collect(),
+            StructureKind::Bvh8 => bvh8::leaf_counts(nodes).collect(),
             _ => nodes.iter().filter(|node| node.flags == KD_LEAF).map(|node| node.right).collect(),
         };
         let listed: usize = counts.iter().map(|&count| count as usize).sum();

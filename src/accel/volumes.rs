@@ -8,7 +8,7 @@
 //! Bad at: large scenes; every ray meets the whole list.
 
 use super::near::few_outside;
-use super::{Aabb, Room, Structure};
+use super::{Aabb, Room, StructureArrays};
 use crate::layout::Float4;
 use crate::shared::KdNode;
 use glam::{DVec3, Vec3};
@@ -28,7 +28,7 @@ pub fn build_boxes(
     primitives: &[u32],
     cluster_size: Option<u32>,
     near_reach: f32,
-) -> Structure {
+) -> StructureArrays {
     let room = Room { everywhere: 0.0, near_reach };
     build(vertices, primitives, cluster_size, near_reach, |cluster, bounds| {
         let around = room.around(bounds_of(vertices, cluster));
@@ -43,7 +43,7 @@ pub fn build_spheres(
     primitives: &[u32],
     cluster_size: Option<u32>,
     near_reach: f32,
-) -> Structure {
+) -> StructureArrays {
     let room = Room { everywhere: 0.0, near_reach };
     build(vertices, primitives, cluster_size, near_reach, |cluster, bounds| {
         let around = bounds_of(vertices, cluster);
@@ -73,14 +73,14 @@ fn build(
     cluster_size: Option<u32>,
     near_reach: f32,
     push_bounds: impl Fn(&[u32], &mut Vec<Float4>),
-) -> Structure {
+) -> StructureArrays {
     let size = cluster_size.unwrap_or_else(|| self::cluster_size(primitives.len())).max(1) as usize;
     // What reaches very far out shares no cluster with anything else.
     let (outside, inside) = few_outside(vertices, primitives, near_reach)
         .map_or_else(|| (Vec::new(), primitives.to_vec()), |(outside, inside, _)| (outside, inside));
     let mut references = [&outside[..], &inside].concat();
     let mut structure =
-        Structure { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };
+        StructureArrays { nodes: vec![KdNode { left: 1, ..KdNode::default() }], references: vec![], bounds: vec![] };
     // Ranges of `references` that are still to be halved or taken, the first one last.
     let mut open = vec![(outside.len(), references.len()), (0, outside.len())];
     while let Some((start, end)) = open.pop() {
@@ -97,7 +97,7 @@ fn build(
         }
         part.sort_unstable();
         push_bounds(part, &mut structure.bounds);
-        structure.nodes.push(Structure::leaf(start, end));
+        structure.nodes.push(StructureArrays::leaf(start, end));
     }
     structure.nodes[0].right = structure.nodes.len() as u32 - 1;
     structure.references = references;

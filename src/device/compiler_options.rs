@@ -5,7 +5,7 @@ use super::{DeviceContext, DeviceHandle};
 use crate::error::{Error, Result};
 
 /// The option of the command line, for messages.
-const OPTION: &str = "--compiler-options";
+const OPTION: &str = "compiler_options";
 
 impl DeviceHandle {
     /// The same device, whose compiler gets `options`, separated by white space, beside those of raybrook and behind them. They are

@@ -5,7 +5,7 @@ use super::passes::{Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
 use super::split::SplitPipeline;
 use crate::features::Features;
-use crate::options::{Accel, Intersector, Kernels, PacketSize, Terminator, TextureFilter, TraceOptions};
+use crate::options::{Intersector, Kernels, PacketSize, StructureKind, Terminator, TextureFilter, TraceOptions};
 use crate::pack::SceneBuffers;
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -43,14 +43,14 @@ impl Definitions {
     }
 
     fn with_shading(tracing: CompileOptions, features: Features, options: &TraceOptions, max_depth: u32) -> Self {
-        let features = features.in_kernels(options.features);
+        let features = features.in_kernels(options.picture.features);
         let shading = tracing
             .clone()
             .define("FEATURES", format!("{}u", features.bits()))
-            .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
-            .define("TEXTURE_FOOTPRINTS", u32::from(options.texture_filter == TextureFilter::Footprint));
-        let shading = match (options.kernels, features.pending_rays(max_depth)) {
-            (Kernels::Split, _) => SplitPipeline::define(shading, options),
+            .define("SMOOTH_TERMINATOR", u32::from(options.picture.terminator == Terminator::Smooth))
+            .define("TEXTURE_FOOTPRINTS", u32::from(options.picture.texture_filter == TextureFilter::Footprint));
+        let shading = match (options.picture.kernels, features.pending_rays(max_depth)) {
+            (Kernels::Wavefront, _) => SplitPipeline::define(shading, options),
             (Kernels::Mega, 1) => shading.define("MAX_PENDING", 1),
             (Kernels::Mega, rays) => shading.define("MAX_PENDING", rays.next_multiple_of(PENDING_STEP)),
         };
@@ -80,8 +80,8 @@ impl Definitions {
 
 /// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is known. A hierarchy of
 /// eight children a node fills up to seven entries a level. Those that are not used cost nothing but room.
-fn stack_step(accel: Accel) -> u32 {
-    if accel == Accel::Bvh8 { 128 } else { 64 }
+fn stack_step(accel: StructureKind) -> u32 {
+    if accel == StructureKind::Bvh8 { 128 } else { 64 }
 }
 
 /// Of what traces any scene whose traversal takes so many entries of a stack, but for what is in constant memory.
@@ -89,10 +89,10 @@ fn of_tracing(options: &TraceOptions, stack_entries: u32) -> CompileOptions {
     let compile_options = CompileOptions::new()
         .define("TRAVERSE", options.cl_traverse())
         .define("HITS", options.intersector.cl_hits())
-        .define("STACK_SIZE", stack_entries.next_multiple_of(stack_step(options.accel)))
-        .define("SHORT_STACK_SIZE", options.short_stack_size());
-    let compile_options = match options.accel {
-        Accel::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
+        .define("STACK_SIZE", stack_entries.next_multiple_of(stack_step(options.kind())))
+        .define("SHORT_STACK_SIZE", options.kd().short_stack_size());
+    let compile_options = match options.kind() {
+        StructureKind::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
         _ => compile_options,
     };
     let compile_options = match options.cl_traverse_packets() {

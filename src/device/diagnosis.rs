@@ -34,7 +34,7 @@ impl Problem {
     /// The driver failed when it was asked for its devices.
     pub(super) fn of_failed_driver(name: &str, error: &ClError) -> Self {
         let what = format!("the OpenCL driver '{name}' failed: clGetDeviceIDs: {}", code_name(error.0));
-        Problem::new(what, "start again, or restart the computer; or use --device reference")
+        Problem::new(what, "start again, or restart the computer; or use `device = reference`")
     }
 }
 

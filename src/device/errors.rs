@@ -28,9 +28,9 @@ pub fn code_name(code: i32) -> String {
 /// What usually lies behind `code` and what to do; empty where the name says it all.
 pub fn code_hint(code: i32) -> &'static str {
     match code {
-        -2 => "the device is in use or was lost; try again, or choose another with --device",
-        -3 => "this OpenCL driver has no compiler for the device; choose another with --device",
-        -4 => "the device has not enough free memory; close other programs that use it, or use --device reference",
+        -2 => "the device is in use or was lost; try again, or choose another with `device`",
+        -3 => "this OpenCL driver has no compiler for the device; choose another with `device`",
+        -4 => "the device has not enough free memory; close other programs that use it, or use `device = reference`",
         -5 => {
             "the device ran out of resources: a kernel was stopped (a display driver's time limit), or memory is short"
         }
@@ -39,7 +39,7 @@ pub fn code_hint(code: i32) -> &'static str {
         BUILD_FAILURE => "the device's compiler refused the kernels",
         -14 => "an earlier command that this one waited for failed",
         -36 | -34 => "the device was lost, usually by a kernel that crashed; start again",
-        -42 => "the binary is not for this device or driver; use --no-cache",
+        -42 => "the binary is not for this device or driver; use `no_cache`",
         -43 => "the driver does not know one of the build options",
         -45 => "the program was not built for this device",
         -46 => "the program has no kernel of that name",

@@ -61,7 +61,7 @@ impl Image {
         let info = context.info();
         if !info.images {
             let message =
-                format!("device '{}' has no images, which {what} were to lie in; take --memory global", info.name);
+                format!("device '{}' has no images, which {what} were to lie in; take `memory = global`", info.name);
             return Err(Error::NoDevice(message));
         }
         // No image is empty. A texel that no index reaches is zero.
@@ -136,7 +136,7 @@ fn check(
     }
     Err(Error::TooLarge {
         device: context.info().name.clone(),
-        what: format!("the image of {what} (--memory global has no such limit)"),
+        what: format!("the image of {what} (`memory = global` has no such limit)"),
         needed_bytes: (texels * texel_bytes) as u64,
         limit_name,
         limit_bytes: (limit * texel_bytes) as u64,

@@ -25,6 +25,7 @@ mod adaptive;
 mod buffer;
 mod cache;
 mod compiler_options;
+mod defaults;
 mod definitions;
 mod diagnosis;
 mod errors;
@@ -49,6 +50,7 @@ mod watchdog;
 
 pub use buffer::Buffer;
 pub use cache::{Cache, cache_folder};
+pub(crate) use defaults::{who_decides, work_group_size};
 pub use diagnosis::{Diagnosis, Problem};
 pub use errors::{cl_error, code_hint, code_name};
 pub use image::{IMAGE_WIDTH, Image, ImageShape};

@@ -164,12 +164,12 @@ pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
     let packets = options.packet_size == PacketSize::Sixteen;
     let mut files = vec![TRACE_FILE];
     files.extend(packets.then_some(TRACE_PACKETS_FILE));
-    match options.kernels {
+    match options.picture.kernels {
         Kernels::Mega => {
             files.push(RENDER_FILE);
             files.extend(packets.then_some(RENDER_PACKETS_FILE));
         }
-        Kernels::Split => files.push(SPLIT_FILE),
+        Kernels::Wavefront => files.push(SPLIT_FILE),
     }
     files
 }

@@ -38,7 +38,7 @@ fn default_index(list: &DeviceList) -> Option<usize> {
 fn report(infos: &[&DeviceInfo], default: Option<usize>, list: &DeviceList) -> String {
     let mut text = String::new();
     if infos.is_empty() {
-        text += "No OpenCL device. '--device reference' works everywhere, slowly.\n";
+        text += "No OpenCL device. `device = reference` works everywhere, slowly.\n";
     } else {
         text += "   #  kind         units    MHz      memory   max buffer  device\n";
     }
@@ -60,7 +60,7 @@ fn report(infos: &[&DeviceInfo], default: Option<usize>, list: &DeviceList) -> S
         }
     }
     if default.is_some() {
-        text += "* is taken unless --device or RAYBROOK_DEVICE says otherwise.\n";
+        text += "* is taken unless `device` or RAYBROOK_DEVICE says otherwise.\n";
     }
     for platform in &list.empty_platforms {
         let _ = writeln!(text, "The driver '{platform}' offers no device.");

@@ -5,7 +5,7 @@ use super::launch::Arguments;
 use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, Kernel, KernelArg};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::options::{Accel, Layout, Memory, TraceOptions, TriangleOrder};
+use crate::options::{Layout, Memory, StructureKind, TraceOptions, TriangleOrder};
 use crate::pack::{CONSTANT_BYTES, CONSTANT_NODES, SceneBuffers};
 use crate::shared::{KdNode, Light, Material, SceneParams, TextureInfo};
 use bytemuck::Pod;
@@ -57,11 +57,11 @@ impl DeviceScene {
     /// Copies everything to the device.
     pub fn upload(context: &DeviceContext, buffers: &SceneBuffers, options: &TraceOptions) -> Result<Self> {
         let arranged = buffers.arrange(options);
-        let memory = options.memory;
+        let memory = options.arrays.memory;
         let info = context.info();
         if memory == Memory::Constant && info.constant_memory_bytes < CONSTANT_BYTES as u64 {
             let message = format!(
-                "device '{}' has {} bytes of constant memory, {CONSTANT_BYTES} are needed; take --memory global",
+                "device '{}' has {} bytes of constant memory, {CONSTANT_BYTES} are needed; take `memory = global`",
                 info.name, info.constant_memory_bytes
             );
             return Err(Error::NoDevice(message));
@@ -70,7 +70,7 @@ impl DeviceScene {
             Memory::Constant => Some(Buffer::from_slice(context, "nodes in constant memory", arranged.constant_nodes)?),
             _ => None,
         };
-        let surface_vertices = match options.triangles {
+        let surface_vertices = match options.arrays.triangles {
             TriangleOrder::LeafOrder => Some(Buffer::from_slice(context, "vertices", arranged.surface_vertices)?),
             TriangleOrder::Indexed => None,
         };
@@ -124,19 +124,19 @@ impl DeviceScene {
 
     /// Adds the definitions for kernels that read scenes with these options.
     pub fn define(mut compile: CompileOptions, options: &TraceOptions) -> CompileOptions {
-        if options.layout == Layout::Whole {
+        if options.arrays.layout == Layout::Whole {
             compile = compile.define("WHOLE_TRIANGLES", 1);
         }
-        if options.triangles == TriangleOrder::LeafOrder {
+        if options.arrays.triangles == TriangleOrder::LeafOrder {
             compile = compile.define("LEAF_ORDER", 1);
         }
-        if options.accel == Accel::Instances {
+        if options.kind() == StructureKind::Instances {
             compile = compile.define("INSTANCES", 1);
         }
         if options.counters {
             compile = compile.define("COUNT_WORK", 1);
         }
-        match options.memory {
+        match options.arrays.memory {
             Memory::Global | Memory::Constant => compile,
             Memory::BufferImage => compile.define("MEMORY_BUFFER_IMAGE", 1),
             Memory::Image2d => compile.define("MEMORY_IMAGE2D", 1).define("IMAGE_WIDTH", format!("{IMAGE_WIDTH}u")),
@@ -149,7 +149,7 @@ impl DeviceScene {
         buffers: &SceneBuffers,
         options: &TraceOptions,
     ) -> CompileOptions {
-        if options.memory != Memory::Constant {
+        if options.arrays.memory != Memory::Constant {
             return compile;
         }
         let arranged = buffers.arrange(options);

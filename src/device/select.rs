@@ -116,7 +116,7 @@ fn choose(infos: &[&DeviceInfo], spec: Option<&str>) -> std::result::Result<Choi
     let wanted = spec.to_lowercase();
     match wanted.as_str() {
         REFERENCE => Ok(Choice::Reference),
-        "" => Err(format!("--device is empty; {}", what_there_is(infos))),
+        "" => Err(format!("`device` is empty; {}", what_there_is(infos))),
         "gpu" => best_or_error(infos, DeviceKind::Gpu),
         "cpu" => best_or_error(infos, DeviceKind::Cpu),
         _ => match wanted.parse::<usize>() {
@@ -162,7 +162,7 @@ fn by_name(infos: &[&DeviceInfo], spec: &str, wanted: &str) -> std::result::Resu
         ([only], _) | ([], [only]) => usable(only),
         ([], []) => Err(format!("no device is called '{spec}'; {}", what_there_is(infos))),
         ([], several) | (several, _) => {
-            Err(format!("--device '{spec}' fits several devices, choose one by its number: {}", numbered(several)))
+            Err(format!("`device` '{spec}' fits several devices, choose one by its number: {}", numbered(several)))
         }
     }
 }
@@ -241,12 +241,12 @@ mod tests {
             ("voodoo", "no device is called 'voodoo'; there is: 0 = Iris 550 (gpu), "),
             ("9", "there is no device 9; there is: "),
             ("-1", "no device is called '-1'; there is: "),
-            ("", "--device is empty; there is: "),
+            ("", "`device` is empty; there is: "),
             ("4", "device 'Broken' cannot be used: its driver has no compiler"),
             ("broken", "device 'Broken' cannot be used: its driver has no compiler"),
             (
                 "xeo",
-                "--device 'xeo' fits several devices, choose one by its number: 2 = Xeon (cpu), 3 = Xeon Phi (cpu)",
+                "`device` 'xeo' fits several devices, choose one by its number: 2 = Xeon (cpu), 3 = Xeon Phi (cpu)",
             ),
         ] {
             let message = choose(&infos, Some(spec)).unwrap_err();

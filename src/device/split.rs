@@ -72,7 +72,7 @@ impl Run<'_> {
 impl SplitPipeline {
     /// Adds the definitions that its kernels look at.
     pub fn define(compile: CompileOptions, options: &TraceOptions) -> CompileOptions {
-        compile.define("HOST_TEXTURES", u32::from(options.textures == TexturePass::HostPass))
+        compile.define("HOST_TEXTURES", u32::from(options.picture.textures == TexturePass::HostPass))
     }
 
     /// Compiles both passes of its kernels.
@@ -93,7 +93,7 @@ impl SplitPipeline {
             });
         }
         let step = |name: &str, traces: bool| Step::new(&first, name, traces);
-        let host_textures = options.textures == TexturePass::HostPass;
+        let host_textures = options.picture.textures == TexturePass::HostPass;
         Ok(SplitPipeline {
             camera: step("split_camera", false)?,
             trace: step("split_trace", true)?,
@@ -108,7 +108,7 @@ impl SplitPipeline {
                 features: buffers.features,
                 host_textures,
                 defers: passes.defers(),
-                paths_in_flight: options.paths_in_flight,
+                paths_in_flight: options.picture.paths_in_flight,
             },
             host_textures: host_textures.then(|| (buffers.clone(), *options)),
         })

@@ -1,6 +1,7 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
 use super::adaptive::{AdaptiveProgram, DevicePixels};
+use super::defaults::{who_decides, work_group_size};
 use super::definitions::Definitions;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
@@ -13,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::film::Film;
 use crate::layout::Float4;
-use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_decides, work_group_size};
+use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
@@ -150,7 +151,7 @@ impl CompiledAhead {
         let definitions = Definitions::of_features(features, options, max_depth);
         let mut passes = Passes::new(definitions, cache, context.info(), notes_on(context.info()));
         // What is in constant memory the scene decides; split kernels are compiled when their pipeline is made.
-        if options.memory != Memory::Constant && options.kernels == Kernels::Mega {
+        if options.arrays.memory != Memory::Constant && options.picture.kernels == Kernels::Mega {
             for &task in tasks {
                 passes.prepare(&context, entry_of(task, options))?;
             }
@@ -172,8 +173,8 @@ fn check_runtime(info: &DeviceInfo, options: &TraceOptions) -> Result<()> {
     // Mesa 22.3.6: whole traces return hits that no triangle has (t = u = v = 0), although the test alone is right.
     if options.intersector == Intersector::Exact && info.platform_name == "rusticl" && info.name.contains("llvmpipe") {
         let message = format!(
-            "exact gives wrong hits on device '{}': the driver miscompiles it; nearest: --intersector watertight --kernels split, \
-             or another --device",
+            "exact gives wrong hits on device '{}': the driver miscompiles it; nearest: `intersector = watertight` `kernels = wavefront`, \
+             or another `device`",
             info.name
         );
         return Err(Error::option(Intersector::OPTION, message));
@@ -272,11 +273,11 @@ impl Tracer for OpenClTracer {
     }
 
     fn prepare(&mut self, task: Task) -> Result<()> {
-        match (task, self.options.kernels) {
+        match (task, self.options.picture.kernels) {
             (Task::Batch, _) | (Task::Picture, Kernels::Mega) => {
                 self.passes.prepare(&self.context, entry_of(task, &self.options))
             }
-            (Task::Picture, Kernels::Split) => {
+            (Task::Picture, Kernels::Wavefront) => {
                 if self.split.is_none() {
                     let split = SplitPipeline::new(&self.context, &mut self.passes, &self.buffers, &self.options)?;
                     self.split = Some(Box::new(split));
@@ -315,7 +316,7 @@ impl Tracer for OpenClTracer {
         adaptive: Adaptive,
         progress: Progress,
     ) -> Result<Option<RenderResult>> {
-        let (decided_by, _) = who_decides(self.options.decisions, self.context.info());
+        let (decided_by, _) = who_decides(self.options.picture.decisions, self.context.info());
         if decided_by == Decisions::Host || self.options.counters {
             return Ok(None);
         }
@@ -324,7 +325,7 @@ impl Tracer for OpenClTracer {
             Some(program) => program,
             None => AdaptiveProgram::new(&self.context, &mut self.passes)?,
         };
-        let may_be_host = self.options.decisions == Decisions::Auto;
+        let may_be_host = self.options.picture.decisions == Decisions::Auto;
         let result = match DevicePixels::new(self, &program, params, adaptive) {
             Ok(pixels) => pixels.render(adaptive, progress).map(Some),
             // The host needs none of the device's memory for what is known of the pixels.
@@ -475,7 +476,7 @@ mod tests {
         let info = DeviceInfo { platform_name: rusticl, name: "llvmpipe (LLVM 15.0.6)".to_owned(), ..sample_info() };
         let watertight = TraceOptions { intersector: Intersector::Watertight, ..TraceOptions::DEFAULT };
         let message = check_runtime(&info, &TraceOptions::DEFAULT).unwrap_err().to_string();
-        assert!(message.starts_with("option --intersector: exact gives wrong hits on device 'llvmpipe"), "{message}");
+        assert!(message.starts_with("option intersector: exact gives wrong hits on device 'llvmpipe"), "{message}");
         assert!(check_runtime(&info, &watertight).is_ok());
         assert!(check_runtime(&sample_info(), &TraceOptions::DEFAULT).is_ok());
     }

@@ -136,7 +136,7 @@ impl Overdue {
                 device: self.device.clone(),
                 call: self.call.clone(),
                 code: "the driver threw an exception".to_owned(),
-                hint: "this computer probably ran out of memory; close other programs, or use --device reference"
+                hint: "this computer probably ran out of memory; close other programs, or use `device = reference`"
                     .to_owned(),
             };
         }

@@ -1,14 +1,14 @@
 //! What goes together with what, found by trying: [`TraceOptions::validate`] is the only place that knows.
 
-use super::{Choice, OPTIONS, TraceOptions, choices};
-use crate::error::Error;
+use super::{Choice, OPTIONS, StructureKind, TraceOptions, choices};
+use crate::error::{Error, Result};
 
 /// Other options that are changed, at most, in the search for a combination that holds two given values. The test that tries every
 /// combination of all options would fail if more were ever needed.
 const MOST_CHANGES: usize = 2;
 
 /// Two values that no combination holds.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone)]
 pub struct NeverTogether {
     /// The two, in the order of [`OPTIONS`].
     pub values: [Choice; 2],
@@ -35,7 +35,7 @@ pub fn never_together() -> Vec<NeverTogether> {
             let pair = [*first, *second];
             // What each needs by itself: what is wrong then is wrong with the pair.
             let fulfilled: Vec<_> = first_needs.iter().chain(second_needs).chain(&pair).copied().collect();
-            if let Err(error) = combine(&fulfilled).validate()
+            if let Err(error) = combine(&fulfilled)
                 && fewest_changes(&pair).is_none()
             {
                 let (refused, reason) = match error {
@@ -49,11 +49,16 @@ pub fn never_together() -> Vec<NeverTogether> {
     never
 }
 
-/// The defaults with `choices`, of which later ones win.
-fn combine(choices: &[Choice]) -> TraceOptions {
+/// The defaults with `choices`, of which later ones win; the structure comes first, as it brings its defaults with it.
+///
+/// # Errors
+/// [`Error::Option`] when they do not go together.
+pub fn combine(choices: &[Choice]) -> Result<TraceOptions> {
+    let is_structure = |choice: &&Choice| choice.option().name == StructureKind::OPTION;
+    let (structures, others): (Vec<&Choice>, Vec<&Choice>) = choices.iter().partition(is_structure);
     let mut options = TraceOptions::DEFAULT;
-    choices.iter().for_each(|choice| choice.set(&mut options));
-    options
+    structures.into_iter().chain(others).try_for_each(|choice: &Choice| choice.set(&mut options))?;
+    options.validate().map(|()| options)
 }
 
 /// The fewest values of other options with which those of `fixed` go together; `None` if they never do.
@@ -68,7 +73,7 @@ pub fn fewest_changes(fixed: &[Choice]) -> Option<Vec<Choice>> {
 fn search(fixed: &[Choice], from: usize, count: usize, changes: &mut Vec<Choice>) -> bool {
     if count == 0 {
         let all: Vec<_> = changes.iter().chain(fixed).copied().collect();
-        return combine(&all).validate().is_ok();
+        return combine(&all).is_ok();
     }
     let is_fixed = |name| fixed.iter().any(|choice| choice.option().name == name);
     for (i, option) in OPTIONS.iter().enumerate().skip(from).filter(|(_, option)| !is_fixed(option.name)) {
@@ -95,11 +100,11 @@ mod tests {
     #[test]
     fn needs_are_the_fewest_changes() {
         for (value, expected) in [
-            ("--accel kd", ""),
-            ("--triangles leaf-order", ""),
-            ("--traversal ropes", ""),
-            ("--stack-size", "--traversal short-stack"),
-            ("--grid-size", "--accel grid"),
+            ("structure = kd", ""),
+            ("triangles = leaf-order", ""),
+            ("traversal = ropes", ""),
+            ("stack_size = 1", "traversal = short-stack"),
+            ("grid_size = 1,1,1", "structure = grid"),
         ] {
             let needs: Vec<_> = needs(choice(value)).iter().map(ToString::to_string).collect();
             assert_eq!(needs.join(" "), expected, "{value}");
@@ -113,12 +118,12 @@ mod tests {
             let pair = [choice(first), choice(second)];
             never.iter().find(|n| n.values == pair).map(|n| format!("{}: {}", n.refused, n.reason))
         };
-        assert_eq!(reason("--accel kd", "--build median"), None);
+        assert_eq!(reason("structure = kd", "build = median"), None);
         for (first, second, words) in [
-            ("--accel grid", "--build median", "--build: means nothing to --accel grid"),
-            ("--layout whole", "--triangles leaf-order", "nearest: --layout split"),
-            ("--traversal stack", "--stack-size", "--traversal short-stack"),
-            ("--grid-size", "--stack-size", "means nothing to --accel grid"),
+            ("structure = grid", "build = median", "build: means nothing to `structure = grid`"),
+            ("layout = whole", "triangles = leaf-order", "nearest: `layout = split`"),
+            ("traversal = stack", "stack_size = 1", "`traversal = short-stack`"),
+            ("grid_size = 1,1,1", "stack_size = 1", "means nothing to `structure = grid`"),
         ] {
             assert!(reason(first, second).unwrap().contains(words), "{first} {second}");
         }

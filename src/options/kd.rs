@@ -1,47 +1,34 @@
-//! What can be chosen of a kd-tree's build beside where its planes come from: axes, costs and stops (thesis, sections 5.5, 5.5.2).
+//! How a kd-tree is built and walked (thesis, chapter 5).
 
-use super::{Build, OPTIONS, TraceOptions};
+use super::structures::{check_costs, check_leaf_size, check_max_depth, check_number};
+use super::{Build, NodeOrder, OPTIONS, SplitAxis, Stop, Structure, TraceOptions, Traversal};
 use crate::error::{Error, Result};
 
-methods! {
-    /// The axis that a build without costs splits first; where a stop refuses that, it tries the others.
-    pub enum SplitAxis ("--split-axis") {
-        /// x, y, z in turn, by depth.
-        Turn = "turn",
-        /// The longest one of the cell.
-        Longest = "longest",
-    }
-}
-
-methods! {
-    /// What makes a node a leaf before the tree is too deep.
-    pub enum Stop ("--stop") {
-        /// It has few triangles, or a split costs more than it saves.
-        Cost = "cost",
-        /// It has few triangles.
-        Size = "size",
-    }
-}
-
-impl Build {
-    /// Whether it weighs the costs of planes, and therefore stops by cost unless something else is asked for.
-    pub fn weighs_costs(self) -> bool {
-        matches!(self, Build::Sah | Build::Volume)
-    }
-}
-
-/// How a kd-tree is split, and when no more; see also [`super::TraceOptions::leaf_size`] and [`super::TraceOptions::max_depth`].
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+/// How a kd-tree is built, when it is split no more, and how rays walk through it.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KdOptions {
+    /// How its planes are chosen.
+    pub build: Build,
+    /// How rays walk through it.
+    pub traversal: Traversal,
+    /// Entries of the short stack, 1 to [`TraceOptions::MAX_DEPTH`]; `None`: [`KdOptions::SHORT_STACK`]. Only for
+    /// [`Traversal::ShortStack`].
+    pub stack_size: Option<u32>,
+    /// The order of its nodes in memory.
+    pub node_order: NodeOrder,
+    /// A node with at most this many triangles is not split; at least 1. `None`: 1 where it stops by cost, else 12 for the median and the
+    /// sampled median, 8 for the spatial median, 4 for the others.
+    pub leaf_size: Option<u32>,
+    /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles).
+    pub max_depth: Option<u32>,
     /// Which axis is split; only for builds that do not weigh costs.
-    #[serde(serialize_with = "super::as_name")]
     pub split_axis: SplitAxis,
     /// Triangles that the median is taken of, at least 1; `None`: [`KdOptions::SAMPLE_SIZE`]. Only for [`Build::SampledMedian`].
     pub sample_size: Option<u32>,
     /// What makes a leaf. `None`: the cost for builds that weigh it, the size for others.
-    #[serde(serialize_with = "as_name_or_none")]
     pub stop: Option<Stop>,
-    /// Cost of one traversal step, 0 or more; `None`: [`KdOptions::COST`], in packets [`KdOptions::PACKET_COST_TRAVERSE`]. Only where planes or stops go by cost.
+    /// Cost of one traversal step, 0 or more; `None`: [`KdOptions::COST`], in packets [`KdOptions::PACKET_COST_TRAVERSE`]. Only where
+    /// planes or stops go by cost.
     pub cost_traverse: Option<f32>,
     /// Cost of one triangle test, above 0; `None`: [`KdOptions::COST`]. Only where planes or stops go by cost.
     pub cost_intersect: Option<f32>,
@@ -53,19 +40,15 @@ pub struct KdOptions {
     pub similar_children: Option<f32>,
 }
 
-fn as_name_or_none<T: std::fmt::Display, S: serde::Serializer>(
-    value: &Option<T>,
-    serializer: S,
-) -> std::result::Result<S::Ok, S::Error> {
-    match value {
-        Some(value) => serializer.collect_str(value),
-        None => serializer.serialize_none(),
-    }
-}
-
 impl KdOptions {
-    /// What is used unless something else is asked for; a constant for tables of options.
+    /// What is used unless something else is asked for.
     pub const DEFAULT: KdOptions = KdOptions {
+        build: Build::Sah,
+        traversal: Traversal::Stack,
+        stack_size: None,
+        node_order: NodeOrder::Preorder,
+        leaf_size: None,
+        max_depth: None,
         split_axis: SplitAxis::Turn,
         sample_size: None,
         stop: None,
@@ -74,6 +57,14 @@ impl KdOptions {
         empty_bonus: None,
         similar_children: None,
     };
+
+    /// Entries of the short stack unless something else is asked for.
+    pub const SHORT_STACK: u32 = 8;
+
+    /// Entries of the short stack.
+    pub fn short_stack_size(&self) -> u32 {
+        self.stack_size.unwrap_or(Self::SHORT_STACK)
+    }
 
     /// Triangles that a sampled median is taken of: it stands at 50 % ± 5 % (standard deviation) of the triangles. On bunny, sponza,
     /// teapot and gears the expected cost of the tree was 0.2, 1, 4 and -6 % above that of the median.
@@ -96,59 +87,72 @@ impl KdOptions {
     /// gears refusing them saved 0.2, 3, 0.1 and 3 % of the expected cost of the median's tree: "at most ~5 %" (section 5.5.2).
     pub const SIMILAR_CHILDREN: f32 = 0.95;
 
-    /// What makes a leaf of `build`.
-    pub fn stop(&self, build: Build) -> Stop {
-        self.stop.unwrap_or(if build.weighs_costs() { Stop::Cost } else { Stop::Size })
+    /// What makes a leaf.
+    pub fn stop(&self) -> Stop {
+        self.stop.unwrap_or(if self.build.weighs_costs() { Stop::Cost } else { Stop::Size })
     }
 
     /// The names of the options that differ from the default.
     fn given(self) -> impl Iterator<Item = &'static str> {
-        let options = TraceOptions { kd: self, ..TraceOptions::DEFAULT };
+        let options = TraceOptions { structure: Structure::Kd(self), ..TraceOptions::DEFAULT };
         OPTIONS.iter().filter(move |option| option.is_set(&options)).map(|option| option.name)
     }
 
-    /// Checks the numbers, and that every option means something to `build`.
-    pub(super) fn validate(&self, build: Build) -> Result<()> {
-        let reads_costs = build.weighs_costs() || self.stop(build) == Stop::Cost;
+    /// Checks the numbers, and that every option means something to build and traversal.
+    pub(super) fn validate(&self) -> Result<()> {
+        let build = self.build;
+        let reads_costs = build.weighs_costs() || self.stop() == Stop::Cost;
         for option in self.given() {
             let (is_read, nearest) = match option {
-                "--split-axis" => (!build.weighs_costs(), "--build median, sampled-median or spatial-median"),
-                "--sample-size" => (build == Build::SampledMedian, "--build sampled-median"),
-                "--cost-traverse" | "--cost-intersect" | "--empty-bonus" => {
-                    (reads_costs, "--stop cost, or --build sah or volume")
+                "split_axis" => {
+                    (!build.weighs_costs(), "`build = median`, `build = sampled-median` or `build = spatial-median`")
+                }
+                "sample_size" => (build == Build::SampledMedian, "`build = sampled-median`"),
+                "cost_traverse" | "cost_intersect" | "empty_bonus" => {
+                    (reads_costs, "`stop = cost`, or `build = sah` or `build = volume`")
                 }
                 _ => (true, ""),
             };
             if !is_read {
-                let message = format!("means nothing to --build {build}; leave it out, or take {nearest}");
+                let message = format!("means nothing to `build = {build}`; leave it out, or take {nearest}");
                 return Err(Error::option(option, message));
             }
         }
-        let finite = f32::MAX;
-        let above_0 = f32::from_bits(1);
-        for (option, value, range, words) in [
-            ("--cost-traverse", self.cost_traverse, 0.0..=finite, "a finite number, 0 or more"),
-            ("--cost-intersect", self.cost_intersect, above_0..=finite, "a finite number above 0"),
-            ("--empty-bonus", self.empty_bonus, 0.0..=1.0, "a number from 0 to 1"),
-            ("--similar-children", self.similar_children, 0.0..=1.0, "a number from 0 to 1"),
-        ] {
-            if let Some(value) = value.filter(|value| !range.contains(value)) {
-                return Err(Error::option(option, format!("{value} is not {words}")));
-            }
-        }
+        check_leaf_size(self.leaf_size)?;
+        check_max_depth(self.max_depth)?;
+        check_costs(self.cost_traverse, self.cost_intersect)?;
+        check_number("empty_bonus", self.empty_bonus, 0.0..=1.0, "a number from 0 to 1")?;
+        check_number("similar_children", self.similar_children, 0.0..=1.0, "a number from 0 to 1")?;
         if self.sample_size == Some(0) {
-            return Err(Error::option("--sample-size", "must be at least 1"));
+            return Err(Error::option("sample_size", "must be at least 1"));
         }
-        Ok(())
+        let most = TraceOptions::MAX_DEPTH;
+        match self.stack_size {
+            Some(size) if !(1..=most).contains(&size) => {
+                Err(Error::option("stack_size", format!("{size} is not in 1 to {most}")))
+            }
+            Some(size) if self.traversal != Traversal::ShortStack => {
+                let reason = format!(
+                    "only the short stack's size can be chosen, a full stack is as large as the tree is deep; nearest: \
+                     `traversal = short-stack` `stack_size = {size}`"
+                );
+                Err(Error::option("stack_size", reason))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Accel;
     use super::*;
 
     const BASE: KdOptions = KdOptions::DEFAULT;
+
+    fn refused(kd: KdOptions) -> Option<String> {
+        let options = TraceOptions { structure: Structure::Kd(kd), ..TraceOptions::DEFAULT };
+        options.validate().err().map(|error| error.to_string())
+    }
 
     #[test]
     fn builds_accept_what_they_read_and_name_what_they_do_not() {
@@ -163,29 +167,23 @@ mod tests {
         ];
         for &build in Build::ALL {
             for kd in each {
-                let refused = |kd: KdOptions| {
-                    let options = TraceOptions { build, kd, ..TraceOptions::DEFAULT };
-                    options.validate().err().map(|error| error.to_string())
-                };
                 let option = kd.given().next().unwrap();
-                let is_cost = option.starts_with("--cost") || option == "--empty-bonus";
+                let kd = KdOptions { build, ..kd };
+                let is_cost = option.starts_with("cost") || option == "empty_bonus";
                 let is_read = match option {
-                    "--split-axis" => !build.weighs_costs(),
-                    "--sample-size" => build == Build::SampledMedian,
+                    "split_axis" => !build.weighs_costs(),
+                    "sample_size" => build == Build::SampledMedian,
                     _ => !is_cost || build.weighs_costs(),
                 };
                 let message = refused(kd);
                 assert_eq!(message.is_none(), is_read, "{build}, {kd:?}: {message:?}");
                 if let Some(message) = message {
-                    assert!(message.contains(&format!("{option}: means nothing to --build {build}")), "{message}");
-                    assert!(message.contains("or take --"), "{message}");
+                    assert!(message.contains(&format!("{option}: means nothing to `build = {build}`")), "{message}");
+                    assert!(message.contains("or take `"), "{message}");
                 }
                 if is_cost {
                     assert_eq!(refused(KdOptions { stop: Some(Stop::Cost), ..kd }), None, "{build}, {option}");
                 }
-                let grid = TraceOptions { accel: Accel::Grid, kd, ..TraceOptions::DEFAULT };
-                let message = grid.validate().unwrap_err().to_string();
-                assert!(message.contains(option) && message.contains("take --accel kd"), "{message}");
             }
         }
     }
@@ -193,28 +191,21 @@ mod tests {
     #[test]
     fn numbers_out_of_range_are_refused() {
         for (kd, hint) in [
-            (KdOptions { cost_traverse: Some(-1.0), ..BASE }, "--cost-traverse: -1"),
-            (KdOptions { cost_traverse: Some(f32::NAN), ..BASE }, "--cost-traverse: NaN"),
+            (KdOptions { cost_traverse: Some(-1.0), ..BASE }, "cost_traverse: -1"),
+            (KdOptions { cost_traverse: Some(f32::NAN), ..BASE }, "cost_traverse: NaN"),
             (KdOptions { cost_traverse: Some(f32::INFINITY), ..BASE }, "0 or more"),
             (KdOptions { cost_intersect: Some(0.0), ..BASE }, "above 0"),
-            (KdOptions { empty_bonus: Some(1.5), ..BASE }, "--empty-bonus: 1.5 is not a number from 0 to 1"),
-            (KdOptions { empty_bonus: Some(-0.1), ..BASE }, "--empty-bonus"),
-            (KdOptions { similar_children: Some(f32::NAN), ..BASE }, "--similar-children"),
+            (KdOptions { empty_bonus: Some(1.5), ..BASE }, "empty_bonus: 1.5 is not a number from 0 to 1"),
+            (KdOptions { empty_bonus: Some(-0.1), ..BASE }, "empty_bonus"),
+            (KdOptions { similar_children: Some(f32::NAN), ..BASE }, "similar_children"),
             (KdOptions { similar_children: Some(1.1), ..BASE }, "from 0 to 1"),
+            (
+                KdOptions { build: Build::SampledMedian, sample_size: Some(0), ..BASE },
+                "sample_size: must be at least 1",
+            ),
         ] {
-            let message = TraceOptions { kd, ..TraceOptions::DEFAULT }.validate().unwrap_err().to_string();
+            let message = refused(kd).unwrap();
             assert!(message.contains(hint), "{message}");
         }
-        let kd = KdOptions { sample_size: Some(0), ..BASE };
-        let sampled = TraceOptions { build: Build::SampledMedian, kd, ..TraceOptions::DEFAULT };
-        assert!(sampled.validate().unwrap_err().to_string().contains("--sample-size: must be at least 1"));
-    }
-
-    #[test]
-    fn options_are_written_flat_and_by_name() {
-        let kd = KdOptions { stop: Some(Stop::Size), cost_traverse: Some(0.5), ..BASE };
-        let json = serde_json::to_value(TraceOptions { kd, ..TraceOptions::DEFAULT }).unwrap();
-        assert_eq!((&json["stop"], &json["cost_traverse"]), (&"size".into(), &0.5.into()));
-        assert_eq!((&json["split_axis"], &json["empty_bonus"]), (&"turn".into(), &serde_json::Value::Null));
     }
 }

@@ -42,8 +42,8 @@ impl SceneBuffers {
             let triangle = |&primitive: &u32| &records[3 * primitive as usize..][..3];
             self.references.iter().flat_map(triangle).copied().collect()
         };
-        let leaf_order = options.triangles == TriangleOrder::LeafOrder;
-        let whole = options.layout == Layout::Whole;
+        let leaf_order = options.arrays.triangles == TriangleOrder::LeafOrder;
+        let whole = options.arrays.layout == Layout::Whole;
         let vertices = match (whole, leaf_order) {
             (true, _) => Cow::Owned(self.whole_triangles()),
             (_, true) => copied(&self.vertices),
@@ -53,7 +53,7 @@ impl SceneBuffers {
             true => copied(&self.transforms),
             false => Cow::Borrowed(&self.transforms[..]),
         };
-        let mut left = if options.memory == Memory::Constant { CONSTANT_BYTES } else { 0 };
+        let mut left = if options.arrays.memory == Memory::Constant { CONSTANT_BYTES } else { 0 };
         let constant_nodes = &self.nodes[..self.nodes.len().min(left / size_of::<KdNode>())];
         left -= size_of_val(constant_nodes);
         // In turn: what does not fit leaves nothing to those behind it, so that few variants of the kernels exist.
@@ -77,7 +77,7 @@ impl SceneBuffers {
 
     /// What kernels read of the shading data.
     fn shading_words(&self, options: &TraceOptions) -> Cow<'_, [u32]> {
-        let features = self.features.in_kernels(options.features);
+        let features = self.features.in_kernels(options.picture.features);
         match (features.need_shading_data(), features.has(Feature::SeveralMaterials)) {
             (true, _) => Cow::Borrowed(bytemuck::cast_slice(&self.shading)),
             (false, true) => self.shading.iter().map(|shading| shading.material).collect(),
@@ -117,6 +117,7 @@ impl SceneBuffers {
 mod tests {
     use super::*;
     use crate::options::KernelFeatures;
+    use crate::options::{ArrayOptions, PictureOptions};
     use crate::scene::{Builder, Material};
 
     fn sphere(fineness: u32, options: &TraceOptions) -> SceneBuffers {
@@ -143,13 +144,17 @@ mod tests {
         assert_eq!(words(&options, two), (1.0, Some(1)));
         let whole_words = (size_of::<Shading>() / size_of::<u32>()) as f32;
         assert_eq!(words(&options, |builder| _ = builder.sphere(1.0, 8)).0, whole_words);
-        let all = TraceOptions { features: KernelFeatures::All, ..options };
+        let all =
+            TraceOptions { picture: PictureOptions { features: KernelFeatures::All, ..options.picture }, ..options };
         assert_eq!(words(&all, |_| ()).0, whole_words);
     }
 
     #[test]
     fn leaf_order_follows_the_references() {
-        let options = TraceOptions { triangles: TriangleOrder::LeafOrder, ..TraceOptions::DEFAULT };
+        let options = TraceOptions {
+            arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..ArrayOptions::DEFAULT },
+            ..TraceOptions::DEFAULT
+        };
         let buffers = sphere(16, &options);
         let arranged = buffers.arrange(&options);
         assert_eq!(arranged.vertices.len(), 3 * buffers.references.len());
@@ -161,7 +166,10 @@ mod tests {
 
     #[test]
     fn whole_triangles_keep_every_number() {
-        let options = TraceOptions { layout: Layout::Whole, ..TraceOptions::DEFAULT };
+        let options = TraceOptions {
+            arrays: ArrayOptions { layout: Layout::Whole, ..ArrayOptions::DEFAULT },
+            ..TraceOptions::DEFAULT
+        };
         let buffers = sphere(16, &options);
         let arranged = buffers.arrange(&options);
         assert!(arranged.shading.is_empty());
@@ -173,7 +181,10 @@ mod tests {
 
     #[test]
     fn constant_memory_gets_what_fits_in_turn() {
-        let options = TraceOptions { memory: Memory::Constant, ..TraceOptions::DEFAULT };
+        let options = TraceOptions {
+            arrays: ArrayOptions { memory: Memory::Constant, ..ArrayOptions::DEFAULT },
+            ..TraceOptions::DEFAULT
+        };
         let mut seen = [false; 3];
         for fineness in [3, 8, 12, 16, 24, 48, 96] {
             let buffers = sphere(fineness, &options);

@@ -18,8 +18,8 @@
 
 use super::shading::{ShadingOf, pack_shading};
 use crate::accel::{
-    BuildOptions, Bvh, MAX_TRIANGLES, Structure, build_bvh, check_triangle_count, instance_link, leaf_link, move_links,
-    pack_bvh2,
+    BuildOptions, Bvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link, leaf_link,
+    move_links, pack_bvh2,
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
@@ -37,7 +37,7 @@ use std::ops::Range;
 
 /// The arrays; see [`super::SceneBuffers`].
 pub(super) struct PackedInstances {
-    pub structure: Structure,
+    pub structure: StructureArrays,
     pub vertices: Vec<Float4>,
     pub shading: Vec<Shading>,
     pub instance_count: u32,
@@ -235,7 +235,7 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
     // What is placed beforehand always has an inverse: scenes are never larger than the limits.
     let in_place = |mesh: &Mesh| {
         Inverse::new(&Transform::IDENTITY, mesh.extent, scale)
-            .ok_or_else(|| Error::Scene("it is too large or too small for instances; take another --accel".into()))
+            .ok_or_else(|| Error::Scene("it is too large or too small for instances; take another `structure`".into()))
     };
     if !scene.triangles.is_empty() {
         let Scene { positions, normals, uvs, triangles, .. } = scene;

@@ -6,7 +6,7 @@ use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::Result;
 use crate::features::Features;
 use crate::layout::Float4;
-use crate::options::{Accel, TraceOptions};
+use crate::options::{StructureKind, TraceOptions};
 use crate::scene::{Scene, Texture};
 use crate::shared::Shading;
 
@@ -20,11 +20,11 @@ impl SceneBuffers {
     /// they are built.
     pub fn estimated_bytes(scene: &Scene, options: &TraceOptions) -> u64 {
         let texels: usize = scene.textures.iter().filter_map(Texture::image).map(|image| image.rgba.len()).sum();
-        let (triangles, instances) = match options.accel {
-            Accel::Instances => (stored_triangles(scene), scene.instances.placed().len()),
+        let (triangles, instances) = match options.kind() {
+            StructureKind::Instances => (stored_triangles(scene), scene.instances.placed().len()),
             _ => (scene.triangle_count(), 0),
         };
-        let copy = if options.accel == Accel::Instances { 0 } else { scene.flattened_bytes() };
+        let copy = if options.kind() == StructureKind::Instances { 0 } else { scene.flattened_bytes() };
         structure_bytes(options, triangles, instances) + copy + TEXEL_BYTES * texels as u64
     }
 
@@ -36,12 +36,12 @@ impl SceneBuffers {
         budget: &MemoryBudget,
         more_bytes: u64,
     ) -> Result<()> {
-        let triangles = match options.accel {
-            Accel::Instances => stored_triangles(scene),
+        let triangles = match options.kind() {
+            StructureKind::Instances => stored_triangles(scene),
             _ => scene.triangle_count(),
         } as u64;
         let bytes = Self::estimated_bytes(scene, options);
-        let shades = Features::of_scene(scene).in_kernels(options.features).need_shading_data();
+        let shades = Features::of_scene(scene).in_kernels(options.picture.features).need_shading_data();
         let of_triangle =
             (3 * size_of::<Float4>() + if shades { size_of::<Shading>() } else { size_of::<u32>() }) as u64;
         // Of what building takes a structure is what triangles do not; the copy comes when it is done.
@@ -77,12 +77,12 @@ impl<'a> StructureBudget<'a> {
     }
 
     fn new(scene: &Scene, options: &'a TraceOptions, budget: &'a MemoryBudget) -> StructureBudget<'a> {
-        let what = format!("--accel {} of {} triangles", options.accel, scene.triangle_count());
-        let remedy = match (options.accel, scene.instances.is_empty()) {
-            (Accel::Instances, _) => "take a scene of fewer triangles, or raise --memory-limit",
-            (_, false) => "take --accel instances or a scene of fewer triangles, or raise --memory-limit",
-            (Accel::Bvh2, true) => "take a scene of fewer triangles or segments, or raise --memory-limit",
-            (_, true) => "take --accel bvh2 or a scene of fewer triangles or segments, or raise --memory-limit",
+        let what = format!("`structure = {}` of {} triangles", options.kind(), scene.triangle_count());
+        let remedy = match (options.kind(), scene.instances.is_empty()) {
+            (StructureKind::Instances, _) => "take a scene of fewer triangles, or raise `memory_limit`",
+            (_, false) => "take `structure = instances` or a scene of fewer triangles, or raise `memory_limit`",
+            (StructureKind::Bvh2, true) => "take a scene of fewer triangles or segments, or raise `memory_limit`",
+            (_, true) => "take `structure = bvh2` or a scene of fewer triangles or segments, or raise `memory_limit`",
         };
         StructureBudget { budget, options, what, remedy }
     }
@@ -113,6 +113,7 @@ mod tests {
     use crate::budget::BudgetOrigin;
     use crate::error::Error;
     use crate::options::Build;
+    use crate::options::{KdOptions, Structure};
     use crate::scene::Builder;
     use glam::Vec3;
 
@@ -136,9 +137,10 @@ mod tests {
     #[test]
     fn estimates_hold_what_is_kept_and_not_much_more() {
         let scene = ball();
-        for &accel in Accel::ALL {
+        for &accel in StructureKind::ALL {
             for leaf_size in [None, Some(1)] {
-                let options = TraceOptions { accel, leaf_size, ..TraceOptions::DEFAULT };
+                let options =
+                    TraceOptions { structure: Structure::of(accel).with_leaf_size(leaf_size), ..TraceOptions::DEFAULT };
                 if options.validate().is_err() {
                     continue;
                 }
@@ -152,8 +154,8 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_with_numbers_before_it_is_built() {
         let scene = ball();
-        for &accel in Accel::ALL {
-            let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+        for &accel in StructureKind::ALL {
+            let options = TraceOptions::of(accel);
             let budget = MemoryBudget::of_bytes(1000);
             let error = SceneBuffers::within(&scene, &options, &budget).map(drop).unwrap_err();
             assert_eq!(error.exit_code(), 3);
@@ -173,8 +175,8 @@ mod tests {
             builder.push().translate(Vec3::X * i as f32).instance(object, None).pop();
         }
         let scene = builder.finish().unwrap();
-        let bytes = |accel| SceneBuffers::estimated_bytes(&scene, &TraceOptions { accel, ..TraceOptions::DEFAULT });
-        assert!(bytes(Accel::Bvh2) > 60 * bytes(Accel::Instances));
+        let bytes = |accel| SceneBuffers::estimated_bytes(&scene, &TraceOptions::of(accel));
+        assert!(bytes(StructureKind::Bvh2) > 60 * bytes(StructureKind::Instances));
         let flat = scene.flattened().unwrap();
         let lists = size_of_val(&flat.positions[..]) + size_of_val(&flat.normals[..]) + size_of_val(&flat.uvs[..]);
         assert_eq!(scene.flattened_bytes(), (lists + size_of_val(&flat.triangles[..])) as u64);
@@ -186,15 +188,23 @@ mod tests {
         let primitives = scene.hittable();
         let vertices: Vec<_> = primitives.iter().map(|&i| scene.vertices(i as usize)).collect();
         let (low, high) = scene.bounds().unwrap();
-        for (accel, build) in [(Accel::Kd, Build::Median), (Accel::Kd, Build::Sah), (Accel::Octree, Build::Sah)] {
-            let options = TraceOptions { accel, build, leaf_size: Some(1), ..TraceOptions::DEFAULT };
+        for (accel, build) in
+            [(StructureKind::Kd, Build::Median), (StructureKind::Kd, Build::Sah), (StructureKind::Octree, Build::Sah)]
+        {
+            let options = TraceOptions {
+                structure: match Structure::of(accel).with_leaf_size(Some(1)) {
+                    Structure::Kd(kd) => Structure::Kd(KdOptions { build, ..kd }),
+                    other => other,
+                },
+                ..TraceOptions::DEFAULT
+            };
             let whole = SceneBuffers::within(&scene, &options, &MemoryBudget::UNLIMITED).unwrap();
             let added = whole.references.len() - primitives.len();
             assert!(added > 100, "{accel} {build}: {added}");
             let limit = GrowthLimit::of_bytes(80 * added as u64 / 2, &options);
             let build_options = crate::accel::BuildOptions::of(&options, primitives.len());
             let bounds = crate::accel::Aabb { low, high };
-            if accel == Accel::Kd {
+            if accel == StructureKind::Kd {
                 crate::accel::build_kd_tree_within(build, &vertices, &primitives, &build_options, &limit);
             } else {
                 crate::accel::build_octree_within(&vertices, &primitives, bounds, &build_options, 0.0, &limit);

@@ -10,7 +10,7 @@ use super::surface::{Surface, SurfacePoint, leave_surface, lift_point, surface_a
 use super::texture::surface_colour;
 use super::traverse::{closest_hit, traverse};
 use super::whitted::{PendingRay, RayKind, push_secondary_rays};
-use crate::options::{Terminator, TextureFilter, TraceOptions};
+use crate::options::{PictureOptions, Terminator, TextureFilter, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::shared::{
     COUNTERS, CameraSample, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, NO_TEXTURE, RenderParams, SurfaceHit,
@@ -138,7 +138,7 @@ fn texture_colour(
     direction: Vec3,
     width: f32,
 ) -> Vec3 {
-    let footprint = match options.texture_filter {
+    let footprint = match options.picture.texture_filter {
         TextureFilter::Footprint => Some(footprint_at(buffers, surface, direction, width)),
         TextureFilter::Bilinear => None,
     };
@@ -151,8 +151,10 @@ pub fn requested_colour(buffers: &SceneBuffers, options: &TraceOptions, request:
     // Of the ray only the direction matters here.
     let TextureRequest { direction_width, weight0, u, v, primitive } = *request;
     let ray = Ray::new(Vec3::ZERO, direction_width.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
-    let options =
-        TraceOptions { terminator: Terminator::Hard, texture_filter: options.texture_filter, ..TraceOptions::DEFAULT };
+    let options = TraceOptions {
+        picture: PictureOptions { terminator: Terminator::Hard, ..options.picture },
+        ..TraceOptions::DEFAULT
+    };
     let surface = surface_at(buffers, &options, &ray, &SurfaceHit { weight0, u, v, primitive });
     let material = &buffers.materials[surface.material as usize];
     let direction = normalize3(ray.direction, Vec3::ZERO);

@@ -106,7 +106,7 @@ pub fn surface_at(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit
         point: surface_point(buffers, options, hit),
         geometric_normal,
         normal: interpolated_normal(normals, [w, hit.u, hit.v], geometric_normal),
-        lift: match options.terminator {
+        lift: match options.picture.terminator {
             Terminator::Smooth => smooth_lift(p1 - p0, p2 - p0, normals, [w, hit.u, hit.v], geometric_normal),
             Terminator::Hard => Vec3::ZERO,
         },

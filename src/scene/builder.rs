@@ -357,7 +357,7 @@ impl Builder {
             return true;
         }
         let what = format!("{what} of {} triangles", counts.triangles);
-        let remedy = "lower its segments, or raise --memory-limit";
+        let remedy = "lower its segments, or raise `memory_limit`";
         let bytes = std::mem::take(&mut self.unchecked_bytes);
         let need = Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy };
         self.budget.check(&need).map_err(|error| self.faults.push(error.to_string())).is_ok()

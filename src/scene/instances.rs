@@ -263,7 +263,8 @@ impl Scene {
         let normals = self.normals.len() + total(|object| object.normals.len());
         let triangles = self.triangle_count();
         if [positions, normals, triangles].into_iter().any(|count| count >= NO_INDEX as usize) {
-            let reason = "its instances have more vertices than 32-bit indices can tell apart; take --accel instances";
+            let reason =
+                "its instances have more vertices than 32-bit indices can tell apart; take `structure = instances`";
             return Err(Error::Scene(reason.into()));
         }
         let mut flat = Scene { instances: Instances::default(), ..self.clone() };

@@ -51,7 +51,7 @@ impl Samples {
     /// # Errors
     /// [`Error::Option`] when it has no two corners, or the count or the error is out of range.
     pub fn check(self, size: (u32, u32)) -> Result<()> {
-        let option = if matches!(self, Samples::Error(_)) { "--error" } else { "--samples" };
+        let option = if matches!(self, Samples::Error(_)) { "error" } else { "samples" };
         self.fault(size).map_or(Ok(()), |fault| Err(Error::option(option, fault)))
     }
 

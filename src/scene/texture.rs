@@ -121,7 +121,7 @@ pub(super) fn decode(path: &Path, name: &str, budget: &MemoryBudget) -> Result<I
         return Err(too_large(bytes));
     }
     let need =
-        Need { what: "it", bytes, decided_by: DecidedBy::Input, remedy: "take a smaller one, or raise --memory-limit" };
+        Need { what: "it", bytes, decided_by: DecidedBy::Input, remedy: "take a smaller one, or raise `memory_limit`" };
     budget.check(&need).map_err(|e| e.to_string())?;
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| format!("cannot be decoded: {e}"))?;
     Ok(Image { name: name.to_owned(), width, height, rgba: texels(picture) })

@@ -1,7 +1,7 @@
-//! What `--accel auto` takes, and what it says of that.
+//! What `--structure auto` takes, and what it says of that.
 
 use super::{folder, raybrook, stderr};
-use raybrook::low_level::options::{Request, Workload};
+use raybrook::low_level::choose::{Request, Workload};
 
 /// Left to choose, the program takes what is fast on the device, and what other options are for.
 #[test]
@@ -10,12 +10,12 @@ fn the_structure_follows_device_and_options() {
     let folder = folder();
     let workload =
         Workload { device: Some(&device.info), triangle_count: Some(1), features: None, shared_triangles: 0 };
-    let fastest = Request::default().choose(&workload, None).unwrap().options.accel.name();
+    let fastest = Request::default().choose(&workload, None).unwrap().options.kind().name();
     let index = device.info.index.to_string();
     for (device, arguments, expected) in [
         (index.as_str(), "", fastest),
-        (&index, "--accel auto --memory constant", fastest),
-        (&index, "--accel octree", "octree"),
+        (&index, "--structure auto --memory constant", fastest),
+        (&index, "--structure octree", "octree"),
         (&index, "--build median", "kd"),
         (&index, "--grid-size 3,3,3", "grid"),
         ("reference", "", "bvh2"),
@@ -41,9 +41,9 @@ fn a_limit_that_changes_the_structure_is_told() {
         assert!(output.status.success(), "{}", stderr(&output));
         stderr(&output)
     };
-    let note = "note: --accel auto takes kd: --leaf-size 16: a leaf of --accel bvh2 has room for 15 at most\n";
+    let note = "note: --structure auto takes kd: --leaf-size 16: a leaf of --structure bvh2 has room for 15 at most\n";
     assert_eq!(said("--leaf-size 16"), note);
-    for silent in ["--leaf-size 15", "--leaf-size 16 -q", "--leaf-size 16 --accel kd", "--leaf-size 16 --build median"]
+    for silent in ["--leaf-size 15", "--leaf-size 16 -q", "--leaf-size 16 --structure kd", "--leaf-size 16 --build median"]
     {
         assert_eq!(said(silent), "", "{silent}");
     }

@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 const CODES: [i32; 6] = [-4, -5, -2, -11, -7, -9999];
 
 /// The smallest kernels: they compile in a moment.
-const SMALL: &[&str] = &["--accel", "brute", "--intersector", "moller-trumbore", "--packet-size", "1"];
+const SMALL: &[&str] = &["--structure", "brute", "--intersector", "moller-trumbore", "--packet-size", "1"];
 
 /// What is run: the arguments, the files that it writes.
 struct Case {
@@ -45,7 +45,7 @@ impl Case {
             Case::new("render, split", "render one.obj -o a.pfm --size 9x7 --samples 1 --kernels split", &["a.pfm"]),
             Case::new("trace", "trace one.obj rays.npz -o h.npz", &["h.npz"]),
             Case::new("check", "check one.obj -o d.png --size 9x7 --samples 1", &["d.png"]),
-            Case::new("tune", "tune one.obj --rays 16 --accel bvh2", &[]),
+            Case::new("tune", "tune one.obj --rays 16 --structure bvh2", &[]),
         ]
     }
 }
@@ -259,7 +259,7 @@ fn a_picture_needs_no_times() {
         judge(&ended, undisturbed).unwrap();
         let said = ended.stderr();
         assert!(ended.output.status.success() && said.contains("does not time its commands"), "{fault}: {said}");
-        let tuned = run(&Case::new("tune", "tune one.obj --rays 16 --accel brute", &[]), fault, &[]);
+        let tuned = run(&Case::new("tune", "tune one.obj --rays 16 --structure brute", &[]), fault, &[]);
         let errors = tuned.errors();
         assert!(tuned.output.status.code() == Some(4) && errors.len() == 1, "{}", tuned.stderr());
         assert!(errors[0].contains("nothing can be measured on it"), "{errors:?}");

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// What every run with a structure of boxes explains, beside the work-group size, which the reference does not have.
 const OPTIONS: [&str; 8] = [
-    "--accel",
+    "--structure",
     "--packet-size",
     "--intersector",
     "--leaf-size",
@@ -20,7 +20,7 @@ const OPTIONS: [&str; 8] = [
 fn explained(at: &Path, arguments: &[&str]) -> (Vec<String>, Vec<Value>) {
     let output = raybrook(at, &[arguments, &["--explain", "--stats", "stats.json"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(!String::from_utf8_lossy(&output.stdout).contains("--accel"), "{output:?}");
+    assert!(!String::from_utf8_lossy(&output.stdout).contains("--structure"), "{output:?}");
     let stats: Value = serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap();
     (stderr(&output).lines().map(str::to_owned).collect(), stats["choices"].as_array().unwrap().clone())
 }
@@ -43,14 +43,14 @@ fn every_choice_is_told_with_its_reason() {
     assert_same(&lines, &choices);
     assert_eq!(choices.iter().map(|choice| choice["option"].as_str().unwrap()).collect::<Vec<_>>(), OPTIONS);
     assert!(choices.iter().all(|choice| choice["origin"] == "model" && choice["reason"] != ""), "{choices:?}");
-    assert!(lines[0].starts_with("--accel bvh2: model: ") && lines[0].contains("1 triangles"), "{}", lines[0]);
+    assert!(lines[0].starts_with("--structure bvh2: model: ") && lines[0].contains("1 triangles"), "{}", lines[0]);
 
     let given =
-        ["--accel", "bvh8", "--packet-size", "1", "--precision", "exact", "--leaf-size", "3", "--reinsert", "2"];
+        ["--structure", "bvh8", "--packet-size", "1", "--precision", "exact", "--leaf-size", "3", "--reinsert", "2"];
     let (lines, choices) = explained(at, &[&render[..], &given, &["--cost-intersect", "2"]].concat());
     assert_same(&lines, &choices);
     for (line, expected) in lines.iter().zip([
-        "--accel bvh8: given on the command line",
+        "--structure bvh8: given on the command line",
         "--packet-size 1: given on the command line",
         "--intersector exact: given on the command line",
         "--leaf-size 3: given on the command line",
@@ -66,7 +66,7 @@ fn every_choice_is_told_with_its_reason() {
     let (lines, choices) =
         explained(at, &["trace", "one.obj", "rays.npz", "--device", "reference", "--max-depth", "9"]);
     assert_same(&lines, &choices);
-    assert!(lines[0].starts_with("--accel kd: model: --max-depth means nothing to bvh2"), "{}", lines[0]);
+    assert!(lines[0].starts_with("--structure kd: model: --max-depth means nothing to bvh2"), "{}", lines[0]);
     assert!(lines.iter().any(|line| line == "--max-depth 9: given on the command line"), "{lines:?}");
 }
 
@@ -81,7 +81,7 @@ fn without_the_option_nothing_is_told_and_info_tells_of_the_build() {
     let output = raybrook(folder.path(), &["info", "one.obj", "--explain", "--json", "--leaf-size", "2"]);
     let said = stderr(&output);
     assert!(
-        said.starts_with("--accel kd: model: ") && said.contains("--leaf-size 2: given on the command line"),
+        said.starts_with("--structure kd: model: ") && said.contains("--leaf-size 2: given on the command line"),
         "{said}"
     );
     assert!(serde_json::from_slice::<Value>(&output.stdout).is_ok());

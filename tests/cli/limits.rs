@@ -53,18 +53,18 @@ fn what_memory_cannot_hold_is_refused_with_numbers_and_what_to_lower() {
     }
     write(at, "solid.toml", "[[object]]\nsolid = 'sphere'\nsegments = 512\n");
     for accel in ["bvh2", "bvh8", "kd", "grid", "octree", "instances"] {
-        let output = raybrook(at, &["info", "solid.toml", "--accel", accel, "--memory-limit", "64M"]);
+        let output = raybrook(at, &["info", "solid.toml", "--structure", accel, "--memory-limit", "64M"]);
         assert_fails(&output, 3, &[accel, "261120 triangles", "64 MiB", "fewer triangles"]);
     }
     let places = vec!["{}"; 300].join(",");
     write(at, "many.toml", &format!("[[object]]\nsolid = 'sphere'\nsegments = 64\ninstances = [{places}]\n"));
     let many = ["render", "many.toml", "--memory-limit", "100M", "-q"];
     assert_fails(
-        &raybrook(at, &[&many[..], &SMALL, &["--accel", "bvh2"]].concat()),
+        &raybrook(at, &[&many[..], &SMALL, &["--structure", "bvh2"]].concat()),
         3,
         &["1190400 triangles", "instances"],
     );
-    let output = raybrook(at, &[&many[..], &SMALL, &["--accel", "instances"]].concat());
+    let output = raybrook(at, &[&many[..], &SMALL, &["--structure", "instances"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
 
     rays(at, 300_000);
@@ -183,7 +183,7 @@ fn what_cannot_be_framed_is_named_and_rays_need_no_camera() {
     assert_fails(&raybrook(at, &[&["render", "lamp.toml"], &SMALL[..]].concat()), 3, &["light 0"]);
     assert!(raybrook(at, &["trace", "lamp.toml", "rays.npz", "--device", "reference"]).status.success());
     assert!(raybrook(at, &["info", "lamp.toml"]).status.success());
-    let tune = ["tune", "huge.obj", "--device", "reference", "--rays", "64", "--accel", "bvh2,kd"];
+    let tune = ["tune", "huge.obj", "--device", "reference", "--rays", "64", "--structure", "bvh2,kd"];
     let output = raybrook(at, &tune);
     assert!(output.status.success(), "{}", stderr(&output));
 }
@@ -218,7 +218,7 @@ fn tune_finds_out_that_it_cannot_write_before_it_measures() {
     }
     let elsewhere = [("RAYBROOK_CACHE_DIR", at.join("file").to_str().unwrap().to_owned())];
     let elsewhere: Vec<_> = elsewhere.iter().map(|(name, value)| (*name, value.as_str())).collect();
-    let output = raybrook_with(at, &[&tune[..], &["--no-cache", "--accel", "bvh2"]].concat(), &elsewhere);
+    let output = raybrook_with(at, &[&tune[..], &["--no-cache", "--structure", "bvh2"]].concat(), &elsewhere);
     assert!(output.status.success(), "{}", stderr(&output));
 }
 
@@ -277,7 +277,7 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
         &["render", "one.obj", "-o", &named],
         &["render", "one.obj", "-o", &output_name, "--size", "8x8", "--device", "reference"],
         &["render", "one.obj", "--device", &named],
-        &["render", "one.obj", "--accel", &named],
+        &["render", "one.obj", "--structure", &named],
         &["render", "one.obj", "--size", &named],
         &["render", "one.obj", "--samples", &named],
         &["render", &named],

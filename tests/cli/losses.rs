@@ -195,7 +195,7 @@ mod on_linux {
             &[evil],
             &["info", name],
             &["render", name, "--size", "4x4", "--device", "reference", "-o", "\u{1b}[31m.png"],
-            &["tune", name, "--device", "reference", "--rays", "64", "--accel", "bvh2", "--json"],
+            &["tune", name, "--device", "reference", "--rays", "64", "--structure", "bvh2", "--json"],
         ] {
             let output = raybrook(at, arguments);
             let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
@@ -292,7 +292,7 @@ mod on_linux {
             said.contains("note: ") && said.contains("tuned.json") && said.contains("not a regular file"),
             "{said}"
         );
-        let tune = ["tune", "one.obj", "--device", "reference", "--rays", "64", "--accel", "bvh2"];
+        let tune = ["tune", "one.obj", "--device", "reference", "--rays", "64", "--structure", "bvh2"];
         assert_fails(&raybrook(at, &tune), 5, &["tuned.json", "not a regular file"]);
     }
 

@@ -90,7 +90,7 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--samples", "corners", "--measure-error"], 2, &["--measure-error"]),
         (&["render", "one.obj", "--samples", "edges"], 2, &["--samples", "corners"]),
         (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
-        (&["render", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "auto, brute, kd, bvh2"]),
+        (&["render", "one.obj", "--structure", "tree"], 2, &["--structure", "tree", "auto, brute, kd, bvh2"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
         (&["info", "one.obj", "--build", "middle"], 2, &["--build", "sampled-median", "volume"]),
@@ -98,14 +98,14 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["info", "one.obj", "--empty-bonus", "2"], 2, &["--empty-bonus", "from 0 to 1"]),
         (&["info", "one.obj", "--build", "median", "--cost-traverse", "2"], 2, &["--cost-traverse", "--stop cost"]),
         (&["info", "one.obj", "--sample-size", "9"], 2, &["--sample-size", "--build sampled-median"]),
-        (&["info", "one.obj", "--accel", "octree", "--stop", "size"], 2, &["--stop", "--accel kd"]),
+        (&["info", "one.obj", "--structure", "octree", "--stop", "size"], 2, &["--stop", "--structure kd"]),
         (&["render", "one.obj", "--aov", "steps,speed"], 2, &["--aov", "speed", "steps, leaves, empty-leaves"]),
         (&["render", "one.obj", "-o", "no/such/folder/x.png", "--aov", "steps"], 5, &["no/such/folder/x.png"]),
         (&["render", "one.obj", "--bit-depth", "12"], 2, &["--bit-depth", "12"]),
         (&["render", "one.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["trace", "one.obj", "missing.npz"], 3, &["missing.npz"]),
         (&["trace", "one.obj", "text.npz"], 3, &["text.npz"]),
-        (&["devices", "--accel", "grid"], 2, &["--accel", "--kernels"]),
+        (&["devices", "--structure", "grid"], 2, &["--structure", "--kernels"]),
         (&["devices", "--depth", "3"], 2, &["--depth", "--kernels"]),
         (&["devices", "--kernels", "--leaf-size", "0"], 2, &["--leaf-size"]),
         (&["devices", "--kernels", "--device", "reference"], 4, &["reference", "no kernels"]),
@@ -117,7 +117,7 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["tune", "missing.obj", "--device", "reference"], 3, &["missing.obj"]),
         (&["tune", "--device", "no such device"], 4, &["no such device"]),
         (&["tune", "one.obj", "--rays", "15"], 2, &["--rays", "16"]),
-        (&["tune", "one.obj", "--accel", "tree"], 2, &["--accel", "tree", "brute, kd, bvh2"]),
+        (&["tune", "one.obj", "--structure", "tree"], 2, &["--structure", "tree", "brute, kd, bvh2"]),
         (&["tune", "--forget", "one.obj"], 2, &["--forget"]),
         (&["paint"], 2, &["paint"]),
         (&[], 2, &["render", "trace", "check", "info", "devices", "methods", "tune"]),
@@ -295,7 +295,7 @@ fn devices_kernels_lists_every_kernel() {
         String::from_utf8(output.stdout).unwrap()
     };
     let json: serde_json::Value =
-        serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--accel", "grid"])).unwrap();
+        serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--structure", "grid"])).unwrap();
     assert_eq!(json[0]["device"], device.info.name);
     let programs = json[0]["programs"].as_array().unwrap();
     let passes = ["DEFER_DOUBTS", "DEFER_DOUBTS", "RESOLVE_DOUBTS", "RESOLVE_DOUBTS"];
@@ -389,7 +389,7 @@ fn trace_answers_a_batch() {
 fn counted_work_is_written_as_numbers_and_colours() {
     let folder = folder();
     let at = folder.path();
-    let fixed = "render one.obj --device reference --size 20x10 --samples 1 --accel kd --stats s.json";
+    let fixed = "render one.obj --device reference --size 20x10 --samples 1 --structure kd --stats s.json";
     let fixed: Vec<_> = fixed.split(' ').collect();
     for (arguments, pictures, files) in [
         (&["--aov", "steps,empty-leaves"][..], 2, &["one-steps.png", "one-empty-leaves.png"][..]),
@@ -437,7 +437,7 @@ fn counted_work_is_written_as_numbers_and_colours() {
         "trace",
         "one.obj",
         "rays.npz",
-        "--accel",
+        "--structure",
         "kd",
         "-o",
         "hits.npz",
@@ -556,7 +556,7 @@ fn stress_lists_kinds_and_refuses_what_it_does_not_know() {
     let cases: &[(&[&str], i32, &[&str])] = &[
         (&["stress", "edgse"], 2, &["edgse", "nearest: edges"]),
         (&["stress", "edges", "--methods=best"], 2, &["--methods", "best", "watertight"]),
-        (&["stress", "edges", "--methods=grid+ropes"], 2, &["--traversal", "--accel kd"]),
+        (&["stress", "edges", "--methods=grid+ropes"], 2, &["--traversal", "--structure kd"]),
         (&["stress", "edges", "--rays", "0"], 2, &["--rays"]),
         (&["stress", "edges", "--json", "no/such/folder/x.json"], 5, &["no/such/folder/x.json"]),
         (&["stress", "--replay", "one.obj", "missing.npz"], 3, &["missing.npz"]),

@@ -1,8 +1,8 @@
 //! `raybrook methods`: complete.
 
 use raybrook::low_level::options::{
-    Accel, Build, Intersector, Kernels, Layout, Memory, NodeOrder, OPTIONS, SplitAxis, Stop, TexturePass, Traversal,
-    TriangleOrder, choices, never_together,
+    Build, Intersector, Kernels, Layout, Memory, NodeOrder, OPTIONS, SplitAxis, Stop, StructureKind, TexturePass,
+    Traversal, TriangleOrder, choices, never_together,
 };
 use std::process::Command;
 
@@ -12,15 +12,20 @@ fn methods(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
+/// `--leaf-size` of `leaf_size`.
+fn flag(name: &str) -> String {
+    format!("--{}", name.replace('_', "-"))
+}
+
 /// Every name of every enum, with its option: from the enums, not from the table that is tested.
-fn all_names() -> Vec<(&'static str, &'static str, String)> {
+fn all_names() -> Vec<(String, &'static str, String)> {
     let mut names = Vec::new();
     macro_rules! add {
         ($($enum:ident),+) => {
-            $(names.extend($enum::ALL.iter().map(|value| ($enum::OPTION, value.name(), value.about())));)+
+            $(names.extend($enum::ALL.iter().map(|value| (flag($enum::OPTION), value.name(), value.about())));)+
         };
     }
-    add!(Accel, Build, Traversal, Intersector, Memory, Layout, NodeOrder, TriangleOrder, SplitAxis, Stop);
+    add!(StructureKind, Build, Traversal, Intersector, Memory, Layout, NodeOrder, TriangleOrder, SplitAxis, Stop);
     add!(Kernels, TexturePass);
     names
 }
@@ -39,15 +44,16 @@ fn text_and_json_have_every_name() {
     for (option, name, about) in all_names() {
         assert!(!about.is_empty() && !about.contains(['`', '[', '\n']), "{option} {name}: {about}");
         assert!(words.contains(&format!("{name} {about}")), "{option} {name}: {about} is not in {words}");
-        let value = find(&find(&json["options"], "option", option)["values"], "name", name);
-        let choice = choices().find(|c| c.to_string() == format!("{option} {name}")).unwrap();
+        let value = find(&find(&json["options"], "option", &option)["values"], "name", name);
+        let choice =
+            choices().find(|c| c.to_string() == format!("{} = {name}", option[2..].replace('-', "_"))).unwrap();
         assert_eq!(value["about"], about);
         assert_eq!(value["default"], choice.is_default());
         assert_eq!(words.contains(&format!("* {name} {about}")), choice.is_default(), "{option} {name}");
     }
     for option in OPTIONS.iter().filter(|option| option.is_number()) {
-        assert!(text.contains(option.name), "{}", option.name);
-        find(&json["numbers"], "option", option.name);
+        assert!(text.contains(&flag(option.name)), "{}", option.name);
+        find(&json["numbers"], "option", &flag(option.name));
     }
     assert_eq!(
         find(&json["numbers"], "option", "--stack-size")["needs"],

@@ -6,7 +6,10 @@ pub mod ply;
 pub mod probe;
 
 use glam::Vec3;
+use raybrook::Result;
+use raybrook::low_level::choose::Request;
 use raybrook::low_level::device::{DeviceHandle, Selection, select};
+use raybrook::low_level::options::TraceOptions;
 pub use raybrook::low_level::random::Random;
 use raybrook::low_level::scene::{Material, NO_INDEX, Scene, Triangle};
 use std::path::{Path, PathBuf};
@@ -45,6 +48,20 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     }
     eprintln!("SKIPPED, there is no {}", path.display());
     None
+}
+
+/// What a text such as `structure=grid grid_size=4,4,4` asks for.
+pub fn try_asked(text: &str) -> Result<TraceOptions> {
+    let mut request = Request::default();
+    for (name, value) in text.split_whitespace().filter_map(|word| word.split_once('=')) {
+        request.set(name, value)?;
+    }
+    request.with_structure(TraceOptions::DEFAULT.kind())
+}
+
+/// The same of a text that asks for what there is.
+pub fn asked(text: &str) -> TraceOptions {
+    try_asked(text).unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
 /// A scene of the given triangles and one matt material.

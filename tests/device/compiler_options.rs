@@ -3,7 +3,9 @@
 use crate::common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::low_level::device::{Cache, CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
-use raybrook::low_level::options::{Accel, Decisions, Intersector, PacketSize, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    Decisions, Intersector, KdOptions, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions, Traversal,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Builder, Image, Light, Material, Samples, Scene};
 use raybrook::low_level::session::{Picture, complete, open_tracer, render};
@@ -78,10 +80,14 @@ fn hits_keep_their_bits() {
     let scene = scene_of(&triangles);
     for options in [
         TraceOptions::DEFAULT,
-        TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT },
-        TraceOptions { intersector: Intersector::MollerTrumbore, traversal: Traversal::Ropes, ..TraceOptions::DEFAULT },
-        TraceOptions { intersector: Intersector::Watertight, accel: Accel::Grid, ..TraceOptions::DEFAULT },
-        TraceOptions { intersector: Intersector::Plucker, accel: Accel::Octree, ..TraceOptions::DEFAULT },
+        TraceOptions::of(StructureKind::Bvh2),
+        TraceOptions {
+            structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..KdOptions::DEFAULT }),
+            intersector: Intersector::MollerTrumbore,
+            ..TraceOptions::DEFAULT
+        },
+        TraceOptions { intersector: Intersector::Watertight, ..TraceOptions::of(StructureKind::Grid) },
+        TraceOptions { intersector: Intersector::Plucker, ..TraceOptions::of(StructureKind::Octree) },
     ] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays = rays(&buffers, &triangles, &mut random);
@@ -92,8 +98,8 @@ fn hits_keep_their_bits() {
         let expected_any = reference.trace(&any_hit, &|_| ()).unwrap().hits;
         assert!(expected.iter().filter(|hit| hit.t.is_finite()).count() > 500);
         // All options for the default; what stands for the most of them for the others, because each is a program to compile.
-        let relaxed_by = match (options.intersector, options.accel) {
-            (Intersector::Exact, Accel::Bvh2) => &GPU[..],
+        let relaxed_by = match (options.intersector, options.kind()) {
+            (Intersector::Exact, StructureKind::Bvh2) => &GPU[..],
             (Intersector::Exact, _) => &RELAXED[..],
             _ => &RELAXED[3..=5],
         };
@@ -138,8 +144,12 @@ fn motley() -> Scene {
 fn pictures_keep_their_bits() {
     let Some(device) = device() else { return };
     let scene = motley();
-    let one = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
-    let sixteen = TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..one };
+    let one = TraceOptions {
+        picture: PictureOptions { decisions: Decisions::Device, ..PictureOptions::DEFAULT },
+        ..TraceOptions::DEFAULT
+    };
+    let sixteen =
+        TraceOptions { structure: Structure::of(StructureKind::Bvh8), packet_size: PacketSize::Sixteen, ..one };
     for (options, relaxed_by) in [(one, &RELAXED[..]), (sixteen, &RELAXED[3..=5])] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let pictures_of = |tracer: &mut dyn Tracer| {
@@ -157,7 +167,7 @@ fn pictures_keep_their_bits() {
         for relaxed in relaxed_by {
             let device = device.clone().with_compiler_options(relaxed).unwrap();
             let Some(mut tracer) = open(&device, &buffers, &options, Task::Picture) else { continue };
-            assert!(pictures_of(tracer.as_mut()) == expected, "{relaxed}, {}", options.accel);
+            assert!(pictures_of(tracer.as_mut()) == expected, "{relaxed}, {}", options.kind());
         }
     }
 }

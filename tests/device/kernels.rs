@@ -6,7 +6,9 @@ use crate::common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
 use raybrook::low_level::device::{CompileOptions, DeviceKind};
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, Intersector, Kernels, TexturePass, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    Intersector, KdOptions, Kernels, PictureOptions, Structure, StructureKind, TexturePass, TraceOptions, Traversal,
+};
 use raybrook::low_level::pack::{SceneBuffers, triangle_transform};
 use raybrook::low_level::reference::exact::{finish_exactly, test_exactly};
 use raybrook::low_level::reference::intersect::{Intersection, intersect};
@@ -467,11 +469,19 @@ fn traversals_equal_their_twins() {
     let Some(device) = device() else { return };
     let mut random = Random::new(SEED);
     let scene = scene_of(&soup(60, 0.3, &mut random));
-    let short =
-        |size| TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(size), ..TraceOptions::DEFAULT };
-    let kd = Traversal::ALL.iter().map(|&traversal| TraceOptions { traversal, ..TraceOptions::DEFAULT });
-    let deep = kd.chain([short(1), short(2)]).map(|o| TraceOptions { leaf_size: Some(1), max_depth: Some(20), ..o });
-    let others = Accel::ALL.iter().map(|&accel| TraceOptions { accel, ..TraceOptions::DEFAULT });
+    let short = |size| {
+        TraceOptions::of_kd(KdOptions {
+            traversal: Traversal::ShortStack,
+            stack_size: Some(size),
+            ..KdOptions::DEFAULT
+        })
+    };
+    let kd = Traversal::ALL.iter().map(|&traversal| TraceOptions::of_kd(KdOptions { traversal, ..KdOptions::DEFAULT }));
+    let deep = kd.chain([short(1), short(2)]).map(|o| TraceOptions {
+        structure: Structure::Kd(KdOptions { leaf_size: Some(1), max_depth: Some(20), ..o.kd() }),
+        ..o
+    });
+    let others = StructureKind::ALL.iter().map(|&accel| TraceOptions::of(accel));
     for options in deep.chain(others) {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays: Vec<_> = (0..200)
@@ -516,8 +526,15 @@ fn split_kernels_equal_the_twin() {
     let camera = Camera { eye: Vec3::Z * 6.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
     let picture = Picture { camera, size: (9, 7), samples: Samples::PerPixel(1), depth: 4, kill_weight: None };
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
-        let options =
-            TraceOptions { kernels: Kernels::Split, textures, paths_in_flight: Some(40), ..TraceOptions::DEFAULT };
+        let options = TraceOptions {
+            picture: PictureOptions {
+                kernels: Kernels::Wavefront,
+                textures,
+                paths_in_flight: Some(40),
+                ..PictureOptions::DEFAULT
+            },
+            ..TraceOptions::DEFAULT
+        };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rendered = [Some(&device), None].map(|device| {
             let mut tracer = open_tracer(device, &buffers, &options, picture.depth, None).unwrap();

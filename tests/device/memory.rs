@@ -4,7 +4,8 @@ use crate::common::{Random, SEED, device, scene_of, sheet};
 use glam::Vec3;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::options::{
-    Accel, Intersector, Layout, Memory, NodeOrder, TraceOptions, Traversal, TriangleOrder,
+    ArrayOptions, Intersector, KdOptions, Layout, Memory, NodeOrder, Structure, StructureKind, TraceOptions, Traversal,
+    TriangleOrder,
 };
 use raybrook::low_level::pack::{CONSTANT_NODES, SceneBuffers};
 use raybrook::low_level::scene::{Builder, Material, Samples, Scene};
@@ -19,7 +20,8 @@ fn arrangements() -> Vec<TraceOptions> {
     for &memory in Memory::ALL {
         for &layout in Layout::ALL {
             for &triangles in TriangleOrder::ALL {
-                let options = TraceOptions { memory, layout, triangles, ..TraceOptions::DEFAULT };
+                let options =
+                    TraceOptions { arrays: ArrayOptions { memory, layout, triangles }, ..TraceOptions::DEFAULT };
                 if options.validate().is_ok() {
                     all.push(options);
                 }
@@ -87,18 +89,26 @@ fn every_array_is_found_in_every_memory() {
     let expected = trace(None, &scene, &TraceOptions::DEFAULT);
     for &memory in Memory::ALL.iter().filter(|&&memory| memory != Memory::Global) {
         for options in [
-            TraceOptions { traversal: Traversal::Ropes, ..TraceOptions::DEFAULT },
-            TraceOptions { accel: Accel::Grid, ..TraceOptions::DEFAULT },
-            TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT },
-            TraceOptions { accel: Accel::Bvh8, ..TraceOptions::DEFAULT },
-            TraceOptions { accel: Accel::Octree, ..TraceOptions::DEFAULT },
-            TraceOptions { accel: Accel::Boxes, triangles: TriangleOrder::LeafOrder, ..TraceOptions::DEFAULT },
+            TraceOptions::of_kd(KdOptions { traversal: Traversal::Ropes, ..KdOptions::DEFAULT }),
+            TraceOptions::of(StructureKind::Grid),
+            TraceOptions::of(StructureKind::Bvh2),
+            TraceOptions::of(StructureKind::Bvh8),
+            TraceOptions::of(StructureKind::Octree),
+            TraceOptions {
+                arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..ArrayOptions::DEFAULT },
+                ..TraceOptions::of(StructureKind::Boxes)
+            },
         ] {
-            let options = TraceOptions { memory, ..options };
+            let options = TraceOptions { arrays: ArrayOptions { memory, ..options.arrays }, ..options };
             assert_same(&trace(Some(&device), &scene, &options), &expected, &format!("{options:?}"));
         }
-        let options = TraceOptions { intersector: Intersector::Precomputed, memory, ..TraceOptions::DEFAULT };
-        let leaf_order = TraceOptions { triangles: TriangleOrder::LeafOrder, ..options };
+        let options = TraceOptions {
+            arrays: ArrayOptions { memory, ..ArrayOptions::DEFAULT },
+            intersector: Intersector::Precomputed,
+            ..TraceOptions::DEFAULT
+        };
+        let leaf_order =
+            TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..options.arrays }, ..options };
         let expected = trace(None, &scene, &options);
         for options in [options, leaf_order] {
             assert_same(&trace(Some(&device), &scene, &options), &expected, &format!("{options:?}"));
@@ -113,11 +123,15 @@ fn every_node_order_gives_the_same_hits() {
     let expected = trace(None, &scene, &TraceOptions::DEFAULT);
     for &node_order in NodeOrder::ALL {
         for &traversal in Traversal::ALL.iter().filter(|traversal| traversal.is_exact()) {
-            let options = TraceOptions { node_order, traversal, ..TraceOptions::DEFAULT };
+            let options = TraceOptions::of_kd(KdOptions { node_order, traversal, ..KdOptions::DEFAULT });
             assert_same(&trace(None, &scene, &options), &expected, &format!("twin: {options:?}"));
         }
         for memory in [Memory::Global, Memory::Constant] {
-            let options = TraceOptions { node_order, memory, traversal: Traversal::Ropes, ..TraceOptions::DEFAULT };
+            let options = TraceOptions {
+                structure: Structure::Kd(KdOptions { node_order, traversal: Traversal::Ropes, ..KdOptions::DEFAULT }),
+                arrays: ArrayOptions { memory, ..ArrayOptions::DEFAULT },
+                ..TraceOptions::DEFAULT
+            };
             if let Some(device) = &device {
                 assert_same(&trace(Some(device), &scene, &options), &expected, &format!("{options:?}"));
             }

@@ -291,7 +291,7 @@ def command(rng, binary, name, uses):
     tail = ["--device", "reference", "-q"]
     scene = name if use not in ("obj", "rays") else "made.obj"
     if use == "info":
-        return [binary, "info", scene, "-q", "--accel", rng.choice(["bvh2", "bvh8", "kd", "grid", "octree", "instances"])]
+        return [binary, "info", scene, "-q", "--structure", rng.choice(["bvh2", "bvh8", "kd", "grid", "octree", "instances"])]
     if use in ("trace", "rays"):
         rays = name if use == "rays" else "made.npz"
         return [binary, "trace", scene, rays, "-o", "out.npz"] + (["--any-hit"] if rng.random() < 0.3 else []) + tail

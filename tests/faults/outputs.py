@@ -23,7 +23,7 @@ PRINTS = [
     ["stress", "edges", "--rays", "20", *SMALL],
     ["stress", "--list"],
     ["study", "--list"],
-    ["tune", "model.obj", "--rays", "64", "--accel", "bvh2", "--json", *SMALL],
+    ["tune", "model.obj", "--rays", "64", "--structure", "bvh2", "--json", *SMALL],
     ["--help"],
     ["--version"],
     [*RENDER, "-o", "out.png"],

@@ -171,16 +171,16 @@ def cases():
         "triangles in one plane": (picture_case(in_one_plane), 25_000),
     }
     for accel in ("kd", "bvh2", "bvh8"):
-        result[f"one outlier, {accel}"] = (rays_case(one_outlier, "--accel", accel), 10_000)
-        result[f"1 % outliers, {accel}"] = (rays_case(many_outliers, "--accel", accel), 10_000)
+        result[f"one outlier, {accel}"] = (rays_case(one_outlier, "--structure", accel), 10_000)
+        result[f"1 % outliers, {accel}"] = (rays_case(many_outliers, "--structure", accel), 10_000)
     for accel in ("grid", "octree"):
-        result[f"one outlier, {accel}"] = (rays_case(one_outlier, "--accel", accel), 10_000)
+        result[f"one outlier, {accel}"] = (rays_case(one_outlier, "--structure", accel), 10_000)
     result |= {
         "TOML materials": (text_case(".toml", toml_materials), 20_000),
         "TOML objects": (text_case(".toml", toml_objects), 10_000),
         "TOML lights": (text_case(".toml", toml_lights), 10_000),
         "TOML textures": (text_case(".toml", toml_textures), 20_000),
-        "TOML instances": (text_case(".toml", toml_instances, "--accel", "instances"), 10_000),
+        "TOML instances": (text_case(".toml", toml_instances, "--structure", "instances"), 10_000),
         "NFF materials": (text_case(".nff", nff_materials), 20_000),
         "MTL materials": (text_case(".obj", obj_materials), 20_000),
     }

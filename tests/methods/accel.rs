@@ -4,7 +4,7 @@
 use crate::common::Random;
 use glam::Vec3;
 use raybrook::low_level::accel::{Aabb, BuildOptions, KdTree, TreeStats, build_kd_tree, check_tree};
-use raybrook::low_level::options::{Build, SplitAxis, Stop, TraceOptions};
+use raybrook::low_level::options::{Build, KdOptions, SplitAxis, Stop, TraceOptions};
 use raybrook::low_level::shared::KD_LEAF;
 use std::time::{Duration, Instant};
 
@@ -122,7 +122,7 @@ fn all(triangles: &Triangles) -> Vec<u32> {
 
 /// The defaults of `build`.
 fn options_of(build: Build, triangle_count: usize) -> BuildOptions {
-    BuildOptions::new(&TraceOptions { build, ..TraceOptions::DEFAULT }, triangle_count)
+    BuildOptions::new(&TraceOptions::of_kd(KdOptions { build, ..KdOptions::DEFAULT }), triangle_count)
 }
 
 fn build_checked(build: Build, name: &str, triangles: &Triangles, options: &BuildOptions) -> KdTree {

@@ -4,7 +4,7 @@
 use crate::common::{Random, SEED, sheet, soup};
 use glam::{DVec3, Vec3};
 use raybrook::low_level::accel::{BuildOptions, KdTree, Measure, TreeStats, build_kd_tree, expected_cost};
-use raybrook::low_level::options::{Build, SplitAxis, Stop, TraceOptions};
+use raybrook::low_level::options::{Build, KdOptions, SplitAxis, Stop, TraceOptions};
 use raybrook::low_level::shared::KD_LEAF;
 use std::collections::BTreeSet;
 
@@ -14,7 +14,7 @@ const MEDIANS: [Build; 3] = [Build::Median, Build::SampledMedian, Build::Spatial
 
 /// The defaults of `build`.
 fn options_of(build: Build, triangles: &Triangles) -> BuildOptions {
-    BuildOptions::new(&TraceOptions { build, ..TraceOptions::DEFAULT }, triangles.len())
+    BuildOptions::new(&TraceOptions::of_kd(KdOptions { build, ..KdOptions::DEFAULT }), triangles.len())
 }
 
 fn grow(build: Build, triangles: &Triangles, options: &BuildOptions) -> KdTree {

@@ -2,7 +2,7 @@
 
 use crate::common::{SEED, device, shared};
 use glam::Vec3;
-use raybrook::low_level::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::low_level::options::{Build, Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::reference::normal::triangle_normal;
 use raybrook::low_level::scene::{Builder, Material, load};
 use raybrook_lab::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
@@ -54,10 +54,13 @@ fn on_reference(mesh: &ClosedMesh, options: &TraceOptions, rays: u64) -> Leaks {
 
 /// Every structure, and every build and traversal of a kd-tree that finds every hit.
 fn structures() -> Vec<TraceOptions> {
-    let accels = Accel::ALL.iter().map(|&accel| TraceOptions { accel, ..EXACT });
-    let builds = Build::ALL.iter().map(|&build| TraceOptions { build, ..EXACT });
+    let accels = StructureKind::ALL.iter().map(|&accel| TraceOptions { structure: Structure::of(accel), ..EXACT });
+    let builds = Build::ALL
+        .iter()
+        .map(|&build| TraceOptions { structure: Structure::Kd(KdOptions { build, ..EXACT.kd() }), ..EXACT });
     let traversals = Traversal::ALL.iter().filter(|traversal| traversal.is_exact());
-    let traversals = traversals.map(|&traversal| TraceOptions { traversal, ..EXACT });
+    let traversals = traversals
+        .map(|&traversal| TraceOptions { structure: Structure::Kd(KdOptions { traversal, ..EXACT.kd() }), ..EXACT });
     accels.chain(builds).chain(traversals).collect()
 }
 
@@ -122,7 +125,7 @@ fn exact_lets_no_ray_through_on_a_device() {
     let Some(device) = device() else { return };
     for (name, closed) in meshes().into_iter().take(4) {
         for traversal in [Traversal::Stack, Traversal::Ropes] {
-            let options = TraceOptions { traversal, ..EXACT };
+            let options = TraceOptions { structure: Structure::Kd(KdOptions { traversal, ..EXACT.kd() }), ..EXACT };
             let leaks = find_leaks(&closed, &options, Some(&device), None, SEED, 20_000, &|_| Ok(())).unwrap();
             assert_eq!(
                 (leaks.rays, leaks.misses, leaks.behind, leaks.cleared),
@@ -171,8 +174,10 @@ fn triangles_as_thin_as_a_line_are_hit() {
         assert_eq!(found.faults(&answers, true), [], "{options:?}");
     }
     if let Some(device) = device() {
-        for accel in [Accel::Kd, Accel::Bvh2, Accel::Bvh8] {
-            let found = Found::new(&case, &TraceOptions { accel, ..EXACT }, Some(&device), None).unwrap();
+        for accel in [StructureKind::Kd, StructureKind::Bvh2, StructureKind::Bvh8] {
+            let found =
+                Found::new(&case, &TraceOptions { structure: Structure::of(accel), ..EXACT }, Some(&device), None)
+                    .unwrap();
             assert_eq!(found.faults(&answers, true), [], "on the device: {accel}");
         }
     }
@@ -191,7 +196,10 @@ fn leaks_are_found() {
     assert!(leaks.misses > 0 && leaks.behind > 0, "from inside and from outside: {leaks:?}");
     let leaks = on_reference(&sphere, &with(Intersector::Watertight), 50_000);
     assert_eq!((leaks.rays, leaks.misses, leaks.behind), (50_000, 0, 0));
-    let lossy = TraceOptions { traversal: Traversal::ThesisRestart, ..EXACT };
+    let lossy = TraceOptions {
+        structure: Structure::Kd(KdOptions { traversal: Traversal::ThesisRestart, ..EXACT.kd() }),
+        ..EXACT
+    };
     assert!(on_reference(&sphere, &lossy, 5000).misses > 0);
 
     // It hits no back faces: half of all rays, more than anybody wants to know of.

@@ -5,7 +5,7 @@ use glam::Vec3;
 use num_bigint::{BigInt, Sign};
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, Intersector, TraceOptions, Traversal};
+use raybrook::low_level::options::{Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::exact::{Decision, decide_wide, finish_wide};
 use raybrook::low_level::reference::exact_whole::{decide_whole, finish_whole};
@@ -283,8 +283,12 @@ fn the_closest_hit_is_the_exact_one() {
         })
         .collect();
     for options in [
-        TraceOptions { intersector: Intersector::Exact, accel: Accel::Brute, ..TraceOptions::DEFAULT },
-        TraceOptions { intersector: Intersector::Exact, traversal: Traversal::ShortStack, ..TraceOptions::DEFAULT },
+        TraceOptions { intersector: Intersector::Exact, ..TraceOptions::of(StructureKind::Brute) },
+        TraceOptions {
+            structure: Structure::Kd(KdOptions { traversal: Traversal::ShortStack, ..KdOptions::DEFAULT }),
+            intersector: Intersector::Exact,
+            ..TraceOptions::DEFAULT
+        },
     ] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays: Vec<_> = queries.iter().map(|&(o, d, [near, far])| buffers.trace_ray(o, d, near, far)).collect();
@@ -322,11 +326,12 @@ fn the_smallest_turns_count() {
     let turn = 1.0 + 2f32.powi(-22);
     let scene = scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Z]]);
     let device = device();
-    for &accel in Accel::ALL {
-        let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+    for &accel in StructureKind::ALL {
+        let options = TraceOptions::of(accel);
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         // Compilers take longer than all else here.
-        let on_device = device.as_ref().filter(|_| matches!(accel, Accel::Kd | Accel::Bvh2 | Accel::Bvh8));
+        let on_device =
+            device.as_ref().filter(|_| matches!(accel, StructureKind::Kd | StructureKind::Bvh2 | StructureKind::Bvh8));
         for (along, sideways) in [(2f32.powi(24), 2f32.powi(-105)), (-2f32.powi(100), 2f32.powi(-29))] {
             let from = Vec3::new(0.0, -2f32.powi(126) * along.signum(), 0.25);
             let ray = buffers.trace_ray(from, Vec3::new(sideways * turn, along, 0.0), 0.0, f32::INFINITY);
@@ -346,7 +351,7 @@ fn numbers_of_the_most_bits_fit() {
     let triangle = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(smallest, 1.0, 0.0)];
     // Another one in its plane, so that neither the same points nor pairs of doubles decide (cl/intersect/ties.cl).
     let other = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(-smallest, 1.0, 0.0)];
-    let options = TraceOptions { intersector: Intersector::Exact, accel: Accel::Brute, ..TraceOptions::DEFAULT };
+    let options = TraceOptions { intersector: Intersector::Exact, ..TraceOptions::of(StructureKind::Brute) };
     let buffers = Arc::new(SceneBuffers::new(&scene_of(&[triangle, other]), &options).unwrap());
     let (from, along) = (2f32.powi(105), 17.0 / 16.0);
     let rays = [buffers.trace_ray(Vec3::Z * from, Vec3::Z * -along, 0.0, f32::INFINITY)];
@@ -534,15 +539,15 @@ fn rays_at_the_ends_of_float32_are_answered_exactly() {
     let device = device();
     for row in rows_at_the_ends() {
         let triangles: Vec<_> = row.triangles.iter().map(|triangle| triangle.map(Vec3::from)).collect();
-        for &accel in Accel::ALL {
-            let options = TraceOptions { accel, ..TraceOptions::DEFAULT };
+        for &accel in StructureKind::ALL {
+            let options = TraceOptions::of(accel);
             let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &options).unwrap());
             let [t_min, t_max] = row.limits;
             let next = row.next.map(|(direction, _)| move |_: usize| Vec3::from(direction));
             let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = next.as_ref().map(|next| next as _);
             let batch = buffers.batch(1, |_| (row.origin.into(), row.direction.into(), t_min, t_max), next);
             // Compilers take longer than all else here.
-            let on_device = device.as_ref().filter(|_| matches!(accel, Accel::Kd | Accel::Bvh2));
+            let on_device = device.as_ref().filter(|_| matches!(accel, StructureKind::Kd | StructureKind::Bvh2));
             for device in [None].into_iter().chain(on_device.map(Some)) {
                 let what = format!("{}, {accel}, {}", row.name, device.map_or("reference", |device| &device.info.name));
                 let mut tracer = open_tracer(device, &buffers, &options, 1, None).unwrap();
@@ -580,7 +585,7 @@ fn ties_are_decided_by_number() {
     assert!(!are_same_points(&same[0], &oblique[0]) && !are_same_points(&oblique[0], &oblique[1]));
     for (name, triangles) in [("same", &same), ("oblique", &oblique)] {
         let seconds = [Intersector::Exact, Intersector::Watertight].map(|intersector| {
-            let options = TraceOptions { intersector, accel: Accel::Brute, ..TraceOptions::DEFAULT };
+            let options = TraceOptions { intersector, ..TraceOptions::of(StructureKind::Brute) };
             let buffers = Arc::new(SceneBuffers::new(&scene_of(triangles), &options).unwrap());
             let ray = |i: usize| {
                 let at = Vec3::new(0.3 + 0.01 * (i % 10) as f32, 0.2 + 0.003 * i as f32, 0.5);

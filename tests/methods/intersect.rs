@@ -3,7 +3,7 @@
 
 use crate::common::{Random, SEED, scene_of};
 use glam::Vec3;
-use raybrook::low_level::options::{Accel, Intersector, TraceOptions};
+use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceTracer;
 use raybrook::low_level::reference::oracle::Oracle;
@@ -18,7 +18,7 @@ type Query = (Vec3, Vec3);
 
 /// Closest hits in world units by the twin, brute force.
 fn trace(scene: &Scene, intersector: Intersector, queries: &[Query]) -> Vec<Hit> {
-    let options = TraceOptions { accel: Accel::Brute, intersector, ..TraceOptions::default() };
+    let options = TraceOptions { intersector, ..TraceOptions::of(StructureKind::Brute) };
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
     let rays: Vec<_> = queries.iter().map(|&(o, d)| buffers.trace_ray(o, d, 0.0, f32::INFINITY)).collect();
     let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };

@@ -6,7 +6,8 @@ use raybrook::low_level::accel::StructureStats;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
-    Accel, KdOptions, KernelFeatures, Layout, Memory, PacketSize, TraceOptions, TriangleOrder,
+    ArrayOptions, BvhOptions, KdOptions, KernelFeatures, Layout, Memory, PacketSize, PictureOptions, Structure,
+    StructureKind, TraceOptions, TriangleOrder,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceTracer;
@@ -17,16 +18,16 @@ use raybrook::low_level::tracer::{TraceJob, TraceResult, Tracer, is_hit};
 use std::sync::Arc;
 
 const PACKETS: TraceOptions =
-    TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..TraceOptions::DEFAULT };
+    TraceOptions { packet_size: PacketSize::Sixteen, ..TraceOptions::of(StructureKind::Bvh8) };
 
 /// In a kd-tree.
-const KD: TraceOptions = TraceOptions { accel: Accel::Kd, ..PACKETS };
+const KD: TraceOptions = TraceOptions { structure: Structure::of(StructureKind::Kd), ..PACKETS };
 
 /// The same, as deep as planes part triangles.
 const KD_TO_THE_END: TraceOptions =
-    TraceOptions { kd: KdOptions { cost_traverse: Some(0.0), ..KdOptions::DEFAULT }, ..KD };
+    TraceOptions { structure: Structure::Kd(KdOptions { cost_traverse: Some(0.0), ..KD.kd() }), ..KD };
 
-const BRUTE: TraceOptions = TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT };
+const BRUTE: TraceOptions = TraceOptions::of(StructureKind::Brute);
 
 fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
     TraceRay { origin_t_min: Float4::new(origin, t_min), direction_t_max: Float4::new(direction, t_max) }
@@ -138,7 +139,11 @@ fn packets_find_the_hits_of_single_rays() {
         rays.extend(scattered(1600, &triangles, &mut random));
         hits += assert_answers(&device, &PACKETS, &triangles, &rays)[0];
         // As it is built for packets, with leaves of several packets of triangles, and deep with small ones.
-        for kd in [KD, TraceOptions { leaf_size: Some(40), ..KD }, KD_TO_THE_END] {
+        for kd in [
+            KD,
+            TraceOptions { structure: Structure::Kd(KdOptions { leaf_size: Some(40), ..KD.kd() }), ..KD },
+            KD_TO_THE_END,
+        ] {
             assert_answers(&device, &kd, &triangles, &rays);
         }
     }
@@ -155,10 +160,13 @@ fn packets_meet_the_parts_of_a_triangle() {
     let mut random = Random::new(SEED);
     let long = soup(200, 2.0, &mut random).into_iter().map(|[a, b, c]| [a, b, b + (c - b) * 0.02]);
     let triangles: Vec<_> = long.chain(soup(200, 0.05, &mut random)).chain(soup(5, 2.0, &mut random)).collect();
-    let options = TraceOptions { spatial_splits: Some(4.0), leaf_size: Some(2), ..PACKETS };
+    let options = TraceOptions {
+        structure: Structure::Bvh8(BvhOptions { spatial_splits: Some(4.0), leaf_size: Some(2), ..BvhOptions::DEFAULT }),
+        ..PACKETS
+    };
     let buffers = SceneBuffers::new(&scene_of(&triangles), &options).unwrap();
     let stats =
-        StructureStats::new(options.accel, &buffers.nodes, &buffers.references, &buffers.bounds, triangles.len());
+        StructureStats::new(options.kind(), &buffers.nodes, &buffers.references, &buffers.bounds, triangles.len());
     assert!(stats.references_per_triangle > 1.5, "{stats:?}");
     let mut rays = bundles(1600, 16, &mut random);
     rays.extend(bundles(3200, 64, &mut random));
@@ -219,12 +227,16 @@ fn sheet_and_rays() -> (Vec<[Vec3; 3]>, Vec<TraceRay>) {
 fn packets_read_every_kind_of_memory() {
     let Some(device) = device() else { return };
     let (triangles, rays) = sheet_and_rays();
-    let memories = Memory::ALL.iter().map(|&memory| TraceOptions { memory, ..PACKETS });
+    let memories =
+        Memory::ALL.iter().map(|&memory| TraceOptions { arrays: ArrayOptions { memory, ..PACKETS.arrays }, ..PACKETS });
     let others = [
-        TraceOptions { layout: Layout::Whole, ..PACKETS },
-        TraceOptions { triangles: TriangleOrder::LeafOrder, ..PACKETS },
-        TraceOptions { triangles: TriangleOrder::LeafOrder, memory: Memory::Constant, ..KD },
-        TraceOptions { layout: Layout::Whole, memory: Memory::Image2d, ..KD },
+        TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, ..PACKETS.arrays }, ..PACKETS },
+        TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..PACKETS.arrays }, ..PACKETS },
+        TraceOptions {
+            arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, memory: Memory::Constant, ..KD.arrays },
+            ..KD
+        },
+        TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, memory: Memory::Image2d, ..KD.arrays }, ..KD },
     ];
     for options in memories.chain(others) {
         assert_answers(&device, &options, &triangles, &rays);
@@ -289,9 +301,9 @@ fn assert_picture(device: &DeviceHandle, name: &str, options: &TraceOptions, siz
         let mut tracer = open_tracer(device, &buffers, options, picture.depth, None).unwrap();
         render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap()
     });
-    assert_eq!(packets.counts, twin.counts, "{name}, {}: rays by kind", options.accel);
+    assert_eq!(packets.counts, twin.counts, "{name}, {}: rays by kind", options.kind());
     for (i, (pixel, expected)) in packets.film.pixels.iter().zip(&twin.film.pixels).enumerate() {
-        assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}, {}: pixel {i}", options.accel);
+        assert_eq!(pixel.map(f32::to_bits), expected.map(f32::to_bits), "{name}, {}: pixel {i}", options.kind());
     }
 }
 
@@ -299,7 +311,10 @@ fn assert_picture(device: &DeviceHandle, name: &str, options: &TraceOptions, siz
 fn pictures_in_packets_have_the_twins_pixels_and_rays() {
     let Some(device) = device() else { return };
     // Kernels with all features are compiled once, those for a scene for each.
-    let [all, all_in_kd] = [PACKETS, KD].map(|options| TraceOptions { features: KernelFeatures::All, ..options });
+    let [all, all_in_kd] = [PACKETS, KD].map(|options| TraceOptions {
+        picture: PictureOptions { features: KernelFeatures::All, ..options.picture },
+        ..options
+    });
     let in_kd = ["cornell.toml", "glass.toml", "vase.obj"].map(|name| (name, all_in_kd));
     let names = ["cornell.toml", "spheres.toml", "showcase.toml"].map(|name| (name, all));
     for (name, options) in [("glass.toml", PACKETS), ("vase.obj", PACKETS)].into_iter().chain(names).chain(in_kd) {

@@ -39,7 +39,8 @@ use combinations::{go_together, is_read, is_robust_enough, kernel_key, product, 
 use models::{Answers, Model, Questions, brute_force, models};
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{
-    Choice, Intersector, Kernels, Terminator, TextureFilter, TraceOptions, Traversal, choices, never_together,
+    Choice, Intersector, KdOptions, Kernels, Structure, Terminator, TextureFilter, TraceOptions, Traversal, choices,
+    combine, fewest_changes, never_together,
 };
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -105,8 +106,8 @@ impl Comparison {
     /// Runs a job on a device, or by the twin.
     fn run(&self, job: &Job, device: Option<&DeviceHandle>, cache: Option<&Cache>) {
         let Job { options, model, questions } = *job;
-        let filter = self.models[model].filter(options.texture_filter);
-        let expected = &self.expected[&(model, options.intersector, options.terminator, filter)];
+        let filter = self.models[model].filter(options.picture.texture_filter);
+        let expected = &self.expected[&(model, options.intersector, options.picture.terminator, filter)];
         let model = &self.models[model];
         let (rays, (count, texts)) = match model.answers(device, &options, questions, cache) {
             Ok(got) => (got.rays(), model.compare(expected, &got, questions)),
@@ -150,8 +151,13 @@ impl Comparison {
     /// test, each on one.
     fn run_in_the_twin(&self, on_all: bool) {
         let is_read_by_the_twin = |options: &TraceOptions| {
-            let TraceOptions { accel, build, traversal, intersector, .. } = *options;
-            *options == TraceOptions { accel, build, traversal, intersector, ..TraceOptions::DEFAULT }
+            let plain = TraceOptions { intersector: options.intersector, ..TraceOptions::of(options.kind()) };
+            let KdOptions { build, traversal, .. } = options.kd();
+            let structure = match options.structure {
+                Structure::Kd(_) => Structure::Kd(KdOptions { build, traversal, ..KdOptions::DEFAULT }),
+                _ => plain.structure,
+            };
+            *options == TraceOptions { structure, ..plain }
         };
         let questions = Questions { batches: true, picture: true };
         let models = self.models.len();
@@ -191,8 +197,8 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
         let mut jobs = Vec::new();
         for &options in list {
             let is_exact = options.intersector == Intersector::Exact;
-            let is_mega = options.kernels == Kernels::Mega;
-            let is_other = options.texture_filter != TraceOptions::DEFAULT.texture_filter;
+            let is_mega = options.picture.kernels == Kernels::Mega;
+            let is_other = options.picture.texture_filter != TraceOptions::DEFAULT.picture.texture_filter;
             for model in (0..models).filter(|&model| is_exact && is_mega || model == own || model == 0 && is_other) {
                 // Only the room has textures.
                 let picture = model == 0 && is_other || model == own && (!is_mega || !is_exact && i % PICTURES == 0);
@@ -208,7 +214,7 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
 fn jobs_of_product(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |list: &Vec<TraceOptions>| {
         let with = |&options: &TraceOptions, model| {
-            let questions = Questions { batches: options.kernels == Kernels::Mega, picture: true };
+            let questions = Questions { batches: options.picture.kernels == Kernels::Mega, picture: true };
             Job { options, model, questions }
         };
         (0..models).flat_map(|model| list.iter().map(move |options| with(options, model))).collect()
@@ -229,13 +235,12 @@ fn the_spread_has_every_value_and_every_pair() {
     let spread = spread();
     let has = |options: &TraceOptions, choice: Choice| {
         let mut set = *options;
-        choice.set(&mut set);
-        set == *options && choice.option().structures.contains(&options.accel)
+        choice.set(&mut set).is_ok() && set == *options && choice.option().structures.contains(&options.kind())
     };
     let is_wanted = |choice: &Choice| {
-        let mut set = TraceOptions::DEFAULT;
-        choice.set(&mut set);
-        is_read(choice) && set.traversal.is_exact() && is_robust_enough(set.intersector)
+        let needs = fewest_changes(&[*choice]).expect("every value goes together with something");
+        let set = combine(&[needs, vec![*choice]].concat()).unwrap();
+        is_read(choice) && set.kd().traversal.is_exact() && is_robust_enough(set.intersector)
     };
     let all: Vec<_> = choices().filter(is_wanted).collect();
     let never = never_together();
@@ -258,10 +263,10 @@ fn the_spread_has_every_value_and_every_pair() {
 #[test]
 fn a_traversal_that_loses_hits_is_seen() {
     let room = &models(SIZES[0])[0];
-    let options = TraceOptions { traversal: Traversal::ThesisRestart, ..TraceOptions::DEFAULT };
+    let options = TraceOptions::of_kd(KdOptions { traversal: Traversal::ThesisRestart, ..KdOptions::DEFAULT });
     let questions = Questions { batches: true, picture: true };
     let got = room.answers(None, &options, questions, None).unwrap();
-    let same = brute_force(options.intersector, options.terminator, options.texture_filter);
+    let same = brute_force(options.intersector, options.picture.terminator, options.picture.texture_filter);
     let (count, texts) = room.compare(&room.expected(&same), &got, questions);
     // It loses none from where all planes are ahead: those of the camera.
     let is_seen = |what: &str| texts.iter().any(|text| text.contains(what));

@@ -4,7 +4,7 @@ use crate::common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::low_level::device::{DeviceHandle, DeviceKind};
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, PacketSize, RayOrder, TraceOptions};
+use raybrook::low_level::options::{PacketSize, RayOrder, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, TraceRay};
@@ -12,9 +12,9 @@ use raybrook::low_level::tracer::{TraceJob, TraceResult, is_hit};
 use std::sync::Arc;
 
 const PACKETS: TraceOptions =
-    TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..TraceOptions::DEFAULT };
+    TraceOptions { packet_size: PacketSize::Sixteen, ..TraceOptions::of(StructureKind::Bvh8) };
 
-const COUNTED: TraceOptions = TraceOptions { accel: Accel::Bvh8, counters: true, ..TraceOptions::DEFAULT };
+const COUNTED: TraceOptions = TraceOptions { counters: true, ..TraceOptions::of(StructureKind::Bvh8) };
 
 /// Triangles about the origin.
 fn triangles() -> Vec<[Vec3; 3]> {

@@ -2,7 +2,7 @@
 
 use crate::common::device;
 use glam::{DVec3, Vec3};
-use raybrook::low_level::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::low_level::options::{Build, Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::random::Random;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
 use raybrook_lab::stress::{
@@ -311,22 +311,28 @@ fn a_seed_makes_the_same_rays_everywhere() {
 fn exact_is_right_in_every_kind_and_structure() {
     let structures = [
         EXACT,
-        TraceOptions { accel: Accel::Brute, ..EXACT },
-        TraceOptions { accel: Accel::Bvh2, ..EXACT },
-        TraceOptions { accel: Accel::Bvh8, ..EXACT },
-        TraceOptions { accel: Accel::Grid, ..EXACT },
-        TraceOptions { accel: Accel::Octree, ..EXACT },
-        TraceOptions { accel: Accel::Boxes, ..EXACT },
-        TraceOptions { accel: Accel::Spheres, ..EXACT },
-        TraceOptions { build: Build::Median, traversal: Traversal::Restart, ..EXACT },
-        TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(2), ..EXACT },
-        TraceOptions { traversal: Traversal::Ropes, ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Brute), ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Bvh2), ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Bvh8), ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Grid), ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Octree), ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Boxes), ..EXACT },
+        TraceOptions { structure: Structure::of(StructureKind::Spheres), ..EXACT },
+        TraceOptions {
+            structure: Structure::Kd(KdOptions { build: Build::Median, traversal: Traversal::Restart, ..EXACT.kd() }),
+            ..EXACT
+        },
+        TraceOptions {
+            structure: Structure::Kd(KdOptions { traversal: Traversal::ShortStack, stack_size: Some(2), ..EXACT.kd() }),
+            ..EXACT
+        },
+        TraceOptions { structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..EXACT.kd() }), ..EXACT },
     ];
     for (kind, case) in Kind::all().flat_map(|kind| kind.cases(SEED, RAYS).map(move |case| (kind, case))) {
         let answers = Answers::new(&case);
         for options in structures {
             let faults = Found::new(&case, &options, None, None).unwrap().faults(&answers, true);
-            assert_eq!(faults, [], "{} (seed {SEED}): {} {}", kind.name, options.accel, options.traversal);
+            assert_eq!(faults, [], "{} (seed {SEED}): {} {}", kind.name, options.kind(), options.kd().traversal);
         }
     }
 }

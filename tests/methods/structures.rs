@@ -1,10 +1,12 @@
 //! Grid, octree, boxes, spheres and hierarchies of boxes: rays and scenes made to break them, against brute force bit for bit; what each structure
 //! promises of its lists; and the options that go with them.
 
-use crate::common::{Random, SEED, device, scene_of, sheet, soup};
+use crate::common::{Random, SEED, asked, device, scene_of, sheet, soup, try_asked};
 use glam::{DVec3, Vec3};
 use raybrook::low_level::accel::{BuildOptions, StructureStats, build_boxes, build_octree, build_spheres};
-use raybrook::low_level::options::{Accel, Build, Intersector, PacketSize, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    GridOptions, Intersector, KdOptions, PacketSize, Structure, StructureKind, TraceOptions, Traversal,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceTracer;
 use raybrook::low_level::scene::Scene;
@@ -19,22 +21,26 @@ type Triangles = Vec<[Vec3; 3]>;
 #[test]
 fn a_scene_is_traced_with_what_it_was_packed_for() {
     let base = TraceOptions::DEFAULT;
-    let kd = TraceOptions { accel: Accel::Kd, ..base };
-    let ropes = TraceOptions { traversal: Traversal::Ropes, ..kd };
+    let kd = TraceOptions { structure: Structure::of(StructureKind::Kd), ..base };
+    let ropes = TraceOptions { structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..kd.kd() }), ..kd };
     let packets = TraceOptions { packet_size: PacketSize::Sixteen, ..kd };
     let precomputed = TraceOptions { intersector: Intersector::Precomputed, ..kd };
     let buffers = |options: &TraceOptions| {
         Arc::new(SceneBuffers::new(&scene_of(&soup(20, 0.5, &mut Random::new(SEED))), options).unwrap())
     };
     for (packed, asked, refused) in [
-        (kd, TraceOptions { traversal: Traversal::Restart, ..kd }, None),
+        (
+            kd,
+            TraceOptions { structure: Structure::Kd(KdOptions { traversal: Traversal::Restart, ..kd.kd() }), ..kd },
+            None,
+        ),
         (ropes, kd, None),
         (packets, kd, None),
         (precomputed, kd, None),
-        (kd, ropes, Some("--traversal: ropes")),
-        (kd, packets, Some("--packet-size: 16")),
-        (kd, precomputed, Some("--intersector: precomputed")),
-        (kd, TraceOptions { accel: Accel::Bvh2, ..base }, Some("--accel: bvh2")),
+        (kd, ropes, Some("traversal: ropes")),
+        (kd, packets, Some("packet_size: 16")),
+        (kd, precomputed, Some("intersector: precomputed")),
+        (kd, TraceOptions { structure: Structure::of(StructureKind::Bvh2), ..base }, Some("structure: bvh2")),
     ] {
         let buffers = buffers(&packed);
         for device in [None, device().as_ref()] {
@@ -87,30 +93,34 @@ fn scenes() -> Vec<(&'static str, Triangles)> {
 
 /// Structures with their numbers; the first is brute force.
 fn all_options() -> Vec<TraceOptions> {
-    let with = |accel| TraceOptions { accel, ..TraceOptions::default() };
-    let grids = [[1, 1, 1], [4, 4, 4], [7, 3, 1], [2, 1, 90], [33, 34, 35]];
-    let grids = grids.map(|size| TraceOptions { grid_size: Some(size), ..with(Accel::Grid) });
-    let others = [Accel::Bvh2, Accel::Bvh8, Accel::Instances, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres];
-    let mut all: Vec<_> = std::iter::once(Accel::Brute).chain(others).map(with).collect();
-    all.extend(grids);
-    for accel in [Accel::Bvh2, Accel::Bvh8, Accel::Octree, Accel::Boxes, Accel::Spheres] {
-        all.push(TraceOptions { leaf_size: Some(1), ..with(accel) });
-    }
-    for accel in [Accel::Bvh2, Accel::Bvh8] {
-        all.push(TraceOptions { reinsert: Some(0), ..with(accel) });
-        all.push(TraceOptions { leaf_size: Some(1), reinsert: Some(100), ..with(accel) });
-        all.extend(cut(accel));
-    }
-    all.push(TraceOptions { leaf_size: Some(1), ..with(Accel::Instances) });
-    all.push(TraceOptions { max_depth: Some(0), ..with(Accel::Octree) });
-    all.push(TraceOptions { leaf_size: Some(1), max_depth: Some(60), ..with(Accel::Octree) });
-    all
+    let kinds = ["brute", "bvh2", "bvh8", "instances", "grid", "octree", "boxes", "spheres"];
+    let numbers = [
+        "grid grid_size=1,1,1",
+        "grid grid_size=4,4,4",
+        "grid grid_size=7,3,1",
+        "grid grid_size=2,1,90",
+        "grid grid_size=33,34,35",
+        "bvh2 leaf_size=1",
+        "bvh8 leaf_size=1",
+        "octree leaf_size=1",
+        "boxes leaf_size=1",
+        "spheres leaf_size=1",
+        "bvh2 reinsert=0",
+        "bvh8 reinsert=0",
+        "bvh2 leaf_size=1 reinsert=100",
+        "bvh8 leaf_size=1 reinsert=100",
+        "instances leaf_size=1",
+        "octree max_depth=0",
+        "octree leaf_size=1 max_depth=60",
+    ];
+    let all = kinds.iter().chain(&numbers).map(|text| asked(&format!("structure={text}")));
+    all.chain([StructureKind::Bvh2, StructureKind::Bvh8].into_iter().flat_map(cut)).collect()
 }
 
 /// Hierarchies of boxes with splits of space.
-fn cut(accel: Accel) -> [TraceOptions; 2] {
-    let options = TraceOptions { accel, spatial_splits: Some(0.5), ..TraceOptions::default() };
-    [options, TraceOptions { leaf_size: Some(1), reinsert: Some(100), spatial_splits: Some(4.0), ..options }]
+fn cut(kind: StructureKind) -> [TraceOptions; 2] {
+    ["spatial_splits=0.5", "leaf_size=1 reinsert=100 spatial_splits=4"]
+        .map(|numbers| asked(&format!("structure={kind} {numbers}")))
 }
 
 /// Rays in tracing space that meet a 4³ grid, its octree and the triangles where it hurts.
@@ -208,7 +218,7 @@ fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let mut tracer = ReferenceTracer::new(buffers, options);
             let hits = tracer.trace(&job, &|_| ()).unwrap().hits;
-            if options.accel == Accel::Brute {
+            if options.kind() == StructureKind::Brute {
                 let count = hits.iter().filter(|hit| is_hit(hit)).count();
                 assert!(count > RAYS / 10, "{name}: only {count} hits");
                 expected = hits;
@@ -228,7 +238,9 @@ fn the_device_agrees_on_them_to_the_bit() {
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
         let rays = queries_of(&scene, 1400);
-        for options in all_options().into_iter().skip(1).take(7).chain(cut(Accel::Bvh2)).chain(cut(Accel::Bvh8)) {
+        for options in
+            all_options().into_iter().skip(1).take(7).chain(cut(StructureKind::Bvh2)).chain(cut(StructureKind::Bvh8))
+        {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
             let expected = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
@@ -251,7 +263,8 @@ fn packed(buffers: &SceneBuffers) -> Triangles {
 fn a_grid_lists_each_triangle_in_every_cell_that_its_box_touches() {
     for (name, triangles) in scenes() {
         for size in [None, Some([1, 1, 1]), Some([5, 6, 7])] {
-            let options = TraceOptions { accel: Accel::Grid, grid_size: size, ..TraceOptions::default() };
+            let options =
+                TraceOptions { structure: Structure::Grid(GridOptions { size: size }), ..TraceOptions::default() };
             let buffers = SceneBuffers::new(&scene_of(&triangles), &options).unwrap();
             let (low, cell) = (buffers.bounds[0].xyz(), buffers.bounds[1].xyz());
             let count = [0, 1, 2].map(|axis| buffers.bounds[axis].w.to_bits());
@@ -362,9 +375,9 @@ fn every_point_of_a_triangle_is_in_an_octree_leaf_that_lists_it() {
 fn default_grids_are_of_bounded_size() {
     let mut random = Random::new(SEED);
     let one_size = scene_of(&soup(20_000, 0.02, &mut random));
-    let options = TraceOptions { accel: Accel::Grid, ..TraceOptions::default() };
+    let options = TraceOptions::of(StructureKind::Grid);
     let stats = |buffers: &SceneBuffers, triangles: usize| {
-        StructureStats::new(Accel::Grid, &buffers.nodes, &buffers.references, &buffers.bounds, triangles)
+        StructureStats::new(StructureKind::Grid, &buffers.nodes, &buffers.references, &buffers.bounds, triangles)
     };
     let good = stats(&SceneBuffers::new(&one_size, &options).unwrap(), 20_000);
     println!("{good:?}");
@@ -377,9 +390,9 @@ fn default_grids_are_of_bounded_size() {
     let empty = SceneBuffers::new(&scene_of(&[]), &options).unwrap();
     assert_eq!((empty.nodes.len(), empty.references.len()), (1, 0));
 
-    let limit = TraceOptions { grid_size: Some([256, 256, 256]), ..options };
+    let limit = asked("structure=grid grid_size=256,256,256");
     let error = SceneBuffers::new(&crossing, &limit).unwrap_err().to_string();
-    assert!(error.contains("--grid-size") && error.contains("references"), "{error}");
+    assert!(error.contains("grid_size") && error.contains("references"), "{error}");
 }
 
 #[test]
@@ -396,40 +409,31 @@ fn an_empty_scene_is_missed() {
 
 #[test]
 fn options_without_a_meaning_are_refused() {
-    let with = |accel| TraceOptions { accel, ..TraceOptions::default() };
-    let cases = [
-        (TraceOptions { build: Build::Median, ..with(Accel::Grid) }, "--build", "--accel kd"),
-        (TraceOptions { leaf_size: Some(4), ..with(Accel::Grid) }, "--leaf-size", "--grid-size X,Y,Z"),
-        (TraceOptions { leaf_size: Some(4), ..with(Accel::Brute) }, "--leaf-size", "boxes or spheres"),
-        (TraceOptions { leaf_size: Some(16), ..with(Accel::Bvh2) }, "--leaf-size", "has room for 15"),
-        (TraceOptions { leaf_size: Some(9), ..with(Accel::Bvh8) }, "--leaf-size", "has room for 8"),
-        (TraceOptions { max_depth: Some(4), ..with(Accel::Bvh2) }, "--max-depth", "kd or octree"),
-        (TraceOptions { max_depth: Some(4), ..with(Accel::Spheres) }, "--max-depth", "kd or octree"),
-        (TraceOptions { reinsert: Some(1), ..with(Accel::Kd) }, "--reinsert", "--accel bvh2 or bvh8"),
-        (TraceOptions { reinsert: Some(0), ..with(Accel::Boxes) }, "--reinsert", "means nothing to --accel boxes"),
-        (TraceOptions { spatial_splits: Some(1.0), ..with(Accel::Kd) }, "--spatial-splits", "--accel bvh2 or bvh8"),
-        (
-            TraceOptions { spatial_splits: Some(4.5), ..with(Accel::Bvh2) },
-            "--spatial-splits",
-            "4.5 is not a number from 0 to 4",
-        ),
-        (TraceOptions { spatial_splits: Some(-0.5), ..with(Accel::Bvh8) }, "--spatial-splits", "from 0 to 4"),
-        (TraceOptions { spatial_splits: Some(f32::NAN), ..with(Accel::Bvh8) }, "--spatial-splits", "NaN is not"),
-        (TraceOptions { spatial_splits: Some(f32::INFINITY), ..with(Accel::Bvh8) }, "--spatial-splits", "from 0 to 4"),
-        (TraceOptions { grid_size: Some([4, 4, 4]), ..with(Accel::Kd) }, "--grid-size", "--accel grid"),
-        (TraceOptions { grid_size: Some([4, 0, 4]), ..with(Accel::Grid) }, "--grid-size", "1,1,1"),
-        (TraceOptions { grid_size: Some([u32::MAX, 2, 1]), ..with(Accel::Grid) }, "--grid-size", "16777216"),
-        (TraceOptions { grid_size: Some([257, 256, 256]), ..with(Accel::Grid) }, "--grid-size", "16777216"),
-    ];
-    for (options, option, remedy) in cases {
-        let error = options.validate().unwrap_err().to_string();
+    for (text, option, remedy) in [
+        ("grid build=median", "build", "`structure = kd`"),
+        ("grid leaf_size=4", "leaf_size", "`grid_size = X,Y,Z`"),
+        ("brute leaf_size=4", "leaf_size", "`structure = boxes` or `structure = spheres`"),
+        ("bvh2 leaf_size=16", "leaf_size", "has room for 15"),
+        ("bvh8 leaf_size=9", "leaf_size", "has room for 8"),
+        ("bvh2 max_depth=4", "max_depth", "`structure = kd` or `structure = octree`"),
+        ("spheres max_depth=4", "max_depth", "`structure = kd` or `structure = octree`"),
+        ("kd reinsert=1", "reinsert", "`structure = bvh2` or `structure = bvh8`"),
+        ("boxes reinsert=0", "reinsert", "means nothing to `structure = boxes`"),
+        ("kd spatial_splits=1", "spatial_splits", "`structure = bvh2` or `structure = bvh8`"),
+        ("bvh2 spatial_splits=4.5", "spatial_splits", "4.5 is not a number from 0 to 4"),
+        ("bvh8 spatial_splits=-0.5", "spatial_splits", "from 0 to 4"),
+        ("bvh8 spatial_splits=nan", "spatial_splits", "NaN is not"),
+        ("bvh8 spatial_splits=inf", "spatial_splits", "from 0 to 4"),
+        ("kd grid_size=4,4,4", "grid_size", "`structure = grid`"),
+        ("grid grid_size=4,0,4", "grid_size", "1,1,1"),
+        ("grid grid_size=4294967295,2,1", "grid_size", "16777216"),
+        ("grid grid_size=257,256,256", "grid_size", "16777216"),
+    ] {
+        let error = try_asked(&format!("structure={text}")).unwrap_err().to_string();
         assert!(error.contains(&format!("option {option}:")) && error.contains(remedy), "{error}");
     }
-    for options in all_options() {
-        assert!(options.validate().is_ok(), "{options:?}");
-    }
-    let largest = TraceOptions { grid_size: Some([1 << 24, 1, 1]), ..with(Accel::Grid) };
-    assert!(largest.validate().is_ok());
+    assert!(all_options().iter().all(|options| options.validate().is_ok()));
+    assert!(try_asked("structure=grid grid_size=16777216,1,1").is_ok());
 }
 
 /// `count` small triangles about the origin, of which some of the first have a corner very far out.
@@ -456,15 +460,22 @@ fn rays_among(buffers: &SceneBuffers, random: &mut Random) -> Vec<TraceRay> {
 fn what_lies_very_far_out_does_not_make_structures_test_everything() {
     let mut random = Random::new(SEED + 11);
     // At 1e38 float32 decides nothing about the others any more: what judges there is a kd-tree, and the exact test.
-    let float32 = (Intersector::Watertight, Accel::Brute);
-    let exact = (Intersector::Exact, Accel::Kd);
+    let float32 = (Intersector::Watertight, StructureKind::Brute);
+    let exact = (Intersector::Exact, StructureKind::Kd);
     for (outliers, far, (intersector, judge)) in
         [(1, 1e9, float32), (10, 1e9, float32), (1, 1e38, exact), (10, 1e38, exact)]
     {
         let scene = scene_of(&with_outliers(1000, outliers, far, &mut random));
         let plain = scene_of(&with_outliers(1000, 0, far, &mut random));
-        for accel in [Accel::Bvh2, Accel::Bvh8, Accel::Grid, Accel::Octree, Accel::Boxes, Accel::Spheres] {
-            let options = TraceOptions { accel, intersector, counters: true, ..TraceOptions::DEFAULT };
+        for accel in [
+            StructureKind::Bvh2,
+            StructureKind::Bvh8,
+            StructureKind::Grid,
+            StructureKind::Octree,
+            StructureKind::Boxes,
+            StructureKind::Spheres,
+        ] {
+            let options = TraceOptions { intersector, counters: true, ..TraceOptions::of(accel) };
             let trace = |scene: &Scene| {
                 let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
                 let rays = rays_among(&buffers, &mut Random::new(SEED));
@@ -473,13 +484,13 @@ fn what_lies_very_far_out_does_not_make_structures_test_everything() {
                 let near = found.work.unwrap().into_iter().enumerate().filter(|(i, _)| i % 5 < 4);
                 (buffers, rays, found.hits, near.map(|(_, work)| u64::from(work.get(WorkCounter::Tests))).sum::<u64>())
             };
-            if accel == Accel::Spheres && far == 1e38 {
+            if accel == StructureKind::Spheres && far == 1e38 {
                 continue; // squares of the others' sizes underflow
             }
             let (buffers, rays, hits, tests) = trace(&scene);
             let (_, _, _, plain_tests) = trace(&plain);
             let all: Vec<Hit> = {
-                let judge = TraceOptions { accel: judge, counters: false, ..options };
+                let judge = TraceOptions { structure: Structure::of(judge), counters: false, ..options };
                 let buffers = Arc::new(SceneBuffers::new(&scene, &judge).unwrap());
                 let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
                 open_tracer(None, &buffers, &judge, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits
@@ -503,9 +514,9 @@ fn a_device_finds_the_same_among_outliers() {
     let Some(device) = device() else { return };
     let mut random = Random::new(SEED + 12);
     let scene = scene_of(&with_outliers(500, 5, 1e9, &mut random));
-    let with = |accel| TraceOptions { accel, ..TraceOptions::DEFAULT };
-    let packets = TraceOptions { packet_size: PacketSize::Sixteen, ..with(Accel::Bvh8) };
-    for options in [packets, with(Accel::Bvh2), with(Accel::Grid), with(Accel::Octree)] {
+    let with = |accel| TraceOptions::of(accel);
+    let packets = TraceOptions { packet_size: PacketSize::Sixteen, ..with(StructureKind::Bvh8) };
+    for options in [packets, with(StructureKind::Bvh2), with(StructureKind::Grid), with(StructureKind::Octree)] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         assert!(buffers.params.high.w > 0.0);
         let rays = rays_among(&buffers, &mut random);

@@ -2,7 +2,7 @@
 
 use crate::common::{Random, SEED, scene_of, sheet};
 use raybrook::low_level::options::{
-    Choice, MethodOption, NeverTogether, OPTIONS, TraceOptions, choices, needs, never_together,
+    Choice, MethodOption, NeverTogether, OPTIONS, TraceOptions, choices, combine, needs, never_together,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::Scene;
@@ -10,13 +10,6 @@ use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, is_hit};
 use std::sync::Arc;
-
-/// The defaults with `choices`.
-fn combined<'a>(choices: impl IntoIterator<Item = &'a Choice>) -> TraceOptions {
-    let mut options = TraceOptions::DEFAULT;
-    choices.into_iter().for_each(|choice| choice.set(&mut options));
-    options
-}
 
 /// An option's values; `None`, the option left out, where that is not the same as one of them.
 fn values_or_none(option: &'static MethodOption) -> Vec<Option<Choice>> {
@@ -27,7 +20,7 @@ fn values_or_none(option: &'static MethodOption) -> Vec<Option<Choice>> {
 /// Calls `visit` with every combination of the values of `options` and `chosen`, and whether it is valid.
 fn sweep(options: &[Vec<Option<Choice>>], chosen: &mut Vec<Choice>, visit: &mut impl FnMut(&[Choice], bool)) {
     match options {
-        [] => visit(chosen, combined(&*chosen).validate().is_ok()),
+        [] => visit(chosen, combine(chosen).is_ok()),
         [values, rest @ ..] => {
             for value in values {
                 chosen.extend(value);
@@ -100,7 +93,7 @@ fn names_go_together_as_the_table_says() {
         for _ in 0..2 {
             let drawn = free.iter().filter_map(|values| values[random.below(values.len())]);
             let all: Vec<_> = chosen.iter().copied().chain(drawn).collect();
-            assert_eq!(combined(&all).validate().is_ok(), is_valid, "{all:?} (seed {SEED})");
+            assert_eq!(combine(&all).is_ok(), is_valid, "{all:?} (seed {SEED})");
             tried += 1;
             if is_valid {
                 possible.add(&all);
@@ -155,13 +148,13 @@ fn every_value_traces_with_what_it_needs() {
     let hit_count = expected.iter().filter(|hit| is_hit(hit)).count();
     assert!(hit_count > 500, "{hit_count}");
     for choice in choices() {
-        let options = combined(needs(choice).iter().chain(&[choice]));
-        options.validate().unwrap_or_else(|error| panic!("{choice}: {error}"));
+        let options =
+            combine(&[needs(choice), vec![choice]].concat()).unwrap_or_else(|error| panic!("{choice}: {error}"));
         let hits = trace(&scene, &options);
-        if options.intersector == TraceOptions::DEFAULT.intersector && options.traversal.is_exact() {
+        if options.intersector == TraceOptions::DEFAULT.intersector && options.kd().traversal.is_exact() {
             let bits = |hits: &[Hit]| bytemuck::cast_slice::<_, u32>(hits).to_vec();
             assert_eq!(bits(&hits), bits(&expected), "{choice} (seed {SEED})");
-        } else if options.intersector.is_robust() && options.traversal.is_exact() {
+        } else if options.intersector.is_robust() && options.kd().traversal.is_exact() {
             // Another triangle test rounds t, u and v otherwise.
             let differ = hits.iter().zip(&expected).filter(|(a, b)| a.primitive != b.primitive).count();
             assert_eq!(differ, 0, "{choice} (seed {SEED})");

@@ -5,7 +5,9 @@ use crate::common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, Build, Intersector, KdOptions, SplitAxis, Stop, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    Build, Intersector, KdOptions, SplitAxis, Stop, Structure, StructureKind, TraceOptions, Traversal,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceTracer;
 use raybrook::low_level::reference::oracle::Oracle;
@@ -22,15 +24,19 @@ type Query = (Vec3, Vec3, f32, f32);
 fn all_options() -> Vec<TraceOptions> {
     let mut all = Vec::new();
     for &intersector in Intersector::ALL {
-        for &accel in Accel::ALL.iter().filter(|&&accel| accel != Accel::Kd) {
+        for &accel in StructureKind::ALL.iter().filter(|&&accel| accel != StructureKind::Kd) {
             // Instances have no data that is computed of every triangle.
-            if accel != Accel::Instances || intersector != Intersector::Precomputed {
-                all.push(TraceOptions { accel, intersector, ..TraceOptions::default() });
+            if accel != StructureKind::Instances || intersector != Intersector::Precomputed {
+                all.push(TraceOptions { intersector, ..TraceOptions::of(accel) });
             }
         }
         for &build in Build::ALL {
             for &traversal in Traversal::ALL.iter().filter(|t| t.is_exact()) {
-                all.push(TraceOptions { accel: Accel::Kd, build, traversal, intersector, ..TraceOptions::default() });
+                all.push(TraceOptions {
+                    structure: Structure::Kd(KdOptions { build, traversal, ..KdOptions::DEFAULT }),
+                    intersector,
+                    ..TraceOptions::default()
+                });
             }
         }
     }
@@ -52,7 +58,7 @@ fn other_stops() -> Vec<TraceOptions> {
         };
         let longest = KdOptions { split_axis: SplitAxis::Longest, ..KdOptions::DEFAULT };
         let choices = [other, free, longest].into_iter().take(if build.weighs_costs() { 2 } else { 3 });
-        all.extend(choices.map(|kd| TraceOptions { build, kd, ..TraceOptions::DEFAULT }));
+        all.extend(choices.map(|kd| TraceOptions::of_kd(KdOptions { build, ..kd })));
     }
     all
 }
@@ -61,8 +67,10 @@ fn other_stops() -> Vec<TraceOptions> {
 /// kernels are the same.
 fn is_tried_on_devices(options: &TraceOptions, scene: &str) -> bool {
     let plain = TraceOptions { intersector: options.intersector, ..TraceOptions::default() };
-    let is_known = options.build != plain.build && options.traversal != plain.traversal;
-    (options.intersector == TraceOptions::default().intersector || *options == plain || options.accel == Accel::Brute)
+    let is_known = options.kd().build != plain.kd().build && options.kd().traversal != plain.kd().traversal;
+    (options.intersector == TraceOptions::default().intersector
+        || *options == plain
+        || options.kind() == StructureKind::Brute)
         && (!is_known || scene == "soup")
 }
 
@@ -226,7 +234,8 @@ fn every_structure_gives_the_hits_of_brute_force() {
 }
 
 /// Trees of tiny cells, for rays that run in and through their planes.
-const DEEP: TraceOptions = TraceOptions { leaf_size: Some(1), max_depth: Some(40), ..TraceOptions::DEFAULT };
+const DEEP: TraceOptions =
+    TraceOptions::of_kd(KdOptions { leaf_size: Some(1), max_depth: Some(40), ..KdOptions::DEFAULT });
 
 /// The hits of `rays` on the reference, or on a device.
 fn trace(
@@ -247,14 +256,21 @@ fn trace(
 fn ties_give_the_hits_of_brute_force() {
     for (name, scene) in scenes() {
         for &build in Build::ALL {
-            let base = TraceOptions { build, ..DEEP };
-            let ropes = SceneBuffers::new(&scene, &TraceOptions { traversal: Traversal::Ropes, ..base }).unwrap();
+            let base = TraceOptions { structure: Structure::Kd(KdOptions { build, ..DEEP.kd() }), ..DEEP };
+            let ropes = SceneBuffers::new(
+                &scene,
+                &TraceOptions {
+                    structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..base.kd() }),
+                    ..base
+                },
+            )
+            .unwrap();
             let rays = tying_rays(&ropes, 6000, &mut Random::new(SEED + 4));
-            let expected =
-                trace(&scene, TraceOptions { accel: Accel::Brute, ..TraceOptions::DEFAULT }, &rays, false, None);
+            let expected = trace(&scene, TraceOptions::of(StructureKind::Brute), &rays, false, None);
             assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 400);
             for (traversal, stack_size) in all_traversals() {
-                let options = TraceOptions { traversal, stack_size, ..base };
+                let options =
+                    TraceOptions { structure: Structure::Kd(KdOptions { traversal, stack_size, ..base.kd() }), ..base };
                 assert_same(
                     &format!("{name}, {options:?}"),
                     &rays,
@@ -281,7 +297,7 @@ fn kd_trees_lose_a_hit_that_rounding_moves_past_the_start_of_the_ray() {
     for options in all_options() {
         let hits = trace(&scene, options, &rays, false, None);
         match options.intersector {
-            Intersector::Watertight => assert_eq!(is_hit(&hits[0]), options.accel != Accel::Kd, "{options:?}"),
+            Intersector::Watertight => assert_eq!(is_hit(&hits[0]), options.kind() != StructureKind::Kd, "{options:?}"),
             Intersector::Exact => assert!(!is_hit(&hits[0]), "{options:?}"),
             _ => {}
         }
@@ -292,10 +308,15 @@ fn kd_trees_lose_a_hit_that_rounding_moves_past_the_start_of_the_ray() {
 fn device_and_twin_agree_on_ties() {
     let Some(device) = device() else { return };
     let scene = scene_of(&sheet(16));
-    let ropes = SceneBuffers::new(&scene, &TraceOptions { traversal: Traversal::Ropes, ..DEEP }).unwrap();
+    let ropes = SceneBuffers::new(
+        &scene,
+        &TraceOptions { structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..DEEP.kd() }), ..DEEP },
+    )
+    .unwrap();
     let rays = tying_rays(&ropes, 5000, &mut Random::new(SEED + 5));
     for (traversal, stack_size) in all_traversals().into_iter().chain([(Traversal::ThesisRestart, None)]) {
-        let options = TraceOptions { traversal, stack_size, ..DEEP };
+        let options =
+            TraceOptions { structure: Structure::Kd(KdOptions { traversal, stack_size, ..DEEP.kd() }), ..DEEP };
         for any_hit in [false, true] {
             let expected = trace(&scene, options, &rays, any_hit, None);
             let got = trace(&scene, options, &rays, any_hit, Some(&device));
@@ -316,7 +337,7 @@ fn has_plane_behind(buffers: &SceneBuffers, ray: &TraceRay) -> bool {
 
 #[test]
 fn the_thesis_restart_loses_hits_behind_planes_and_only_there() {
-    let options = TraceOptions { traversal: Traversal::ThesisRestart, ..TraceOptions::default() };
+    let options = TraceOptions::of_kd(KdOptions { traversal: Traversal::ThesisRestart, ..KdOptions::DEFAULT });
     let scene = scene_of(&soup(2000, 0.03, &mut Random::new(SEED)));
     let buffers = SceneBuffers::new(&scene, &options).unwrap();
     let mut random = Random::new(SEED + 6);
@@ -329,7 +350,7 @@ fn the_thesis_restart_loses_hits_behind_planes_and_only_there() {
         })
         .collect();
     let rays = pack(&buffers, &queries);
-    let expected = trace(&scene, TraceOptions { accel: Accel::Brute, ..TraceOptions::default() }, &rays, false, None);
+    let expected = trace(&scene, TraceOptions::of(StructureKind::Brute), &rays, false, None);
     let got = trace(&scene, options, &rays, false, None);
     let (mut lost, mut exposed) = (0, 0);
     for (i, ray) in rays.iter().enumerate() {
@@ -349,7 +370,7 @@ fn the_thesis_restart_loses_hits_behind_planes_and_only_there() {
 fn the_thesis_restart_fails_as_documented() {
     let wing = |x: f32, y: f32| [Vec3::new(0.0, y, -1.0), Vec3::new(0.0, y, 1.0), Vec3::new(x, y, 0.0)];
     let scene = scene_of(&[wing(-3.0, -1.0), wing(3.0, 1.0)]);
-    let base = TraceOptions { build: Build::Median, leaf_size: Some(1), ..TraceOptions::default() };
+    let base = TraceOptions::of_kd(KdOptions { build: Build::Median, leaf_size: Some(1), ..KdOptions::DEFAULT });
     let buffers = SceneBuffers::new(&scene, &base).unwrap();
     let root = buffers.nodes[0];
     assert_eq!((root.flags, root.split, buffers.nodes.len()), (0, 0.0, 3), "one plane, x = 0");
@@ -366,7 +387,16 @@ fn the_thesis_restart_fails_as_documented() {
     let queries = cases.map(|(_, query, _)| query);
     let rays = pack(&buffers, &queries);
     let right = trace(&scene, base, &rays, false, None);
-    let thesis = trace(&scene, TraceOptions { traversal: Traversal::ThesisRestart, ..base }, &rays, false, None);
+    let thesis = trace(
+        &scene,
+        TraceOptions {
+            structure: Structure::Kd(KdOptions { traversal: Traversal::ThesisRestart, ..base.kd() }),
+            ..base
+        },
+        &rays,
+        false,
+        None,
+    );
     for (i, (name, _, finds)) in cases.iter().enumerate() {
         assert!(is_hit(&right[i]), "{name}");
         assert_eq!(is_hit(&thesis[i]), *finds, "{name}");

@@ -4,7 +4,10 @@
 use crate::common::{Random, SEED, device, scene_of, shared, sheet, soup};
 use glam::Vec3;
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, Build, Intersector, Layout, Memory, TraceOptions, Traversal, TriangleOrder};
+use raybrook::low_level::options::{
+    ArrayOptions, Build, GridOptions, Intersector, KdOptions, Layout, Memory, Structure, StructureKind, TraceOptions,
+    Traversal, TriangleOrder,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::render::camera_direction;
 use raybrook::low_level::scene::{self, Builder, Light, Material, Samples, Scene};
@@ -18,23 +21,40 @@ use std::sync::Arc;
 const COUNTED: TraceOptions = TraceOptions { counters: true, ..TraceOptions::DEFAULT };
 
 fn short_stack(size: u32) -> TraceOptions {
-    TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(size), ..COUNTED }
+    TraceOptions {
+        structure: Structure::Kd(KdOptions {
+            traversal: Traversal::ShortStack,
+            stack_size: Some(size),
+            ..COUNTED.kd()
+        }),
+        ..COUNTED
+    }
 }
 
 /// Every structure and traversal, the one that loses hits among them; triangle tests that read vertices, again in ties, or none; each of
 /// the macros that read arrays.
 fn all_options() -> Vec<TraceOptions> {
-    let deep = |o: TraceOptions| TraceOptions { leaf_size: Some(1), max_depth: Some(20), ..o };
-    let traversals = Traversal::ALL.iter().map(|&traversal| TraceOptions { traversal, ..COUNTED });
+    let deep = |o: TraceOptions| TraceOptions {
+        structure: Structure::Kd(KdOptions { leaf_size: Some(1), max_depth: Some(20), ..o.kd() }),
+        ..o
+    };
+    let traversals = Traversal::ALL.iter().map(|&traversal| TraceOptions {
+        structure: Structure::Kd(KdOptions { traversal, ..COUNTED.kd() }),
+        ..COUNTED
+    });
     let kd = traversals.chain([1, 2, 3].map(short_stack)).map(deep);
-    let others = Accel::ALL.iter().map(|&accel| TraceOptions { accel, ..COUNTED });
+    let others = StructureKind::ALL.iter().map(|&accel| TraceOptions { structure: Structure::of(accel), ..COUNTED });
     let more = [
-        TraceOptions { build: Build::Median, ..COUNTED },
+        TraceOptions { structure: Structure::Kd(KdOptions { build: Build::Median, ..COUNTED.kd() }), ..COUNTED },
         TraceOptions { intersector: Intersector::Precomputed, ..COUNTED },
         TraceOptions { intersector: Intersector::Exact, ..COUNTED },
-        TraceOptions { memory: Memory::Constant, ..COUNTED },
-        TraceOptions { memory: Memory::Image2d, traversal: Traversal::Ropes, ..COUNTED },
-        TraceOptions { triangles: TriangleOrder::LeafOrder, ..COUNTED },
+        TraceOptions { arrays: ArrayOptions { memory: Memory::Constant, ..COUNTED.arrays }, ..COUNTED },
+        TraceOptions {
+            structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..COUNTED.kd() }),
+            arrays: ArrayOptions { memory: Memory::Image2d, ..COUNTED.arrays },
+            ..COUNTED
+        },
+        TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..COUNTED.arrays }, ..COUNTED },
     ];
     kd.chain(others).chain(more).collect()
 }
@@ -151,8 +171,10 @@ fn pixels_have_the_same_work_on_device_and_twin_and_the_same_colours_as_uncounte
         scene
     };
     for (name, scene) in [("glass", balls()), ("opaque", opaque)] {
-        let whole = TraceOptions { layout: Layout::Whole, ..COUNTED };
-        for options in [COUNTED, short_stack(2), TraceOptions { accel: Accel::Grid, ..COUNTED }, whole] {
+        let whole = TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, ..COUNTED.arrays }, ..COUNTED };
+        for options in
+            [COUNTED, short_stack(2), TraceOptions { structure: Structure::of(StructureKind::Grid), ..COUNTED }, whole]
+        {
             let Some(got) = picture_of(&scene, true, options) else { return };
             let expected = picture_of(&scene, false, options).unwrap();
             let silent = picture_of(&scene, false, TraceOptions { counters: false, ..options }).unwrap();
@@ -201,23 +223,45 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
     // test reads a reference and three float4.
     for (options, [steps, leaves, tests, node_bytes, deepest], outside_bytes) in [
         (COUNTED, [0, 1, 1, 16, 0], 0),
-        (TraceOptions { traversal: Traversal::Restart, ..COUNTED }, [0, 1, 1, 16, 0], 0),
+        (
+            TraceOptions {
+                structure: Structure::Kd(KdOptions { traversal: Traversal::Restart, ..COUNTED.kd() }),
+                ..COUNTED
+            },
+            [0, 1, 1, 16, 0],
+            0,
+        ),
         // The three records of ropes.
-        (TraceOptions { traversal: Traversal::Ropes, ..COUNTED }, [0, 1, 1, 16 + 48, 0], 0),
-        (TraceOptions { accel: Accel::Brute, ..COUNTED }, [0, 0, 1, 0, 0], 0),
+        (
+            TraceOptions {
+                structure: Structure::Kd(KdOptions { traversal: Traversal::Ropes, ..COUNTED.kd() }),
+                ..COUNTED
+            },
+            [0, 1, 1, 16 + 48, 0],
+            0,
+        ),
+        (TraceOptions { structure: Structure::of(StructureKind::Brute), ..COUNTED }, [0, 0, 1, 0, 0], 0),
         // The grid's five records and one cell; three of these say how far away a ray may start, and where the grid is.
-        (TraceOptions { accel: Accel::Grid, grid_size: Some([1, 1, 1]), ..COUNTED }, [0, 1, 1, 80 + 16, 0], 48),
+        (
+            TraceOptions { structure: Structure::Grid(GridOptions { size: Some([1, 1, 1]) }), ..COUNTED },
+            [0, 1, 1, 80 + 16, 0],
+            48,
+        ),
         // The octree's two records.
-        (TraceOptions { accel: Accel::Octree, ..COUNTED }, [0, 1, 1, 32 + 16, 0], 32),
+        (TraceOptions { structure: Structure::of(StructureKind::Octree), ..COUNTED }, [0, 1, 1, 32 + 16, 0], 32),
         // The root with its two boxes.
-        (TraceOptions { accel: Accel::Bvh2, ..COUNTED }, [1, 1, 1, 64, 0], 64),
+        (TraceOptions { structure: Structure::of(StructureKind::Bvh2), ..COUNTED }, [1, 1, 1, 64, 0], 64),
         // The roots of the instances and of the object, and the instance; the way back waits on the stack.
-        (TraceOptions { accel: Accel::Instances, ..COUNTED }, [2, 1, 1, 64 + 176 + 64, 1], 64),
+        (
+            TraceOptions { structure: Structure::of(StructureKind::Instances), ..COUNTED },
+            [2, 1, 1, 64 + 176 + 64, 1],
+            64,
+        ),
         // The root's planes and the one link.
-        (TraceOptions { accel: Accel::Bvh8, ..COUNTED }, [1, 1, 1, 192 + 4, 0], 192),
+        (TraceOptions { structure: Structure::of(StructureKind::Bvh8), ..COUNTED }, [1, 1, 1, 192 + 4, 0], 192),
         // The list, one volume, the leaf.
-        (TraceOptions { accel: Accel::Boxes, ..COUNTED }, [1, 1, 1, 16 + 32 + 16, 0], 48),
-        (TraceOptions { accel: Accel::Spheres, ..COUNTED }, [1, 1, 1, 16 + 16 + 16, 0], 32),
+        (TraceOptions { structure: Structure::of(StructureKind::Boxes), ..COUNTED }, [1, 1, 1, 16 + 32 + 16, 0], 48),
+        (TraceOptions { structure: Structure::of(StructureKind::Spheres), ..COUNTED }, [1, 1, 1, 16 + 16 + 16, 0], 32),
     ] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let down = |x, y| buffers.trace_ray(Vec3::new(x, y, 1.0), Vec3::NEG_Z, 0.0, f32::INFINITY);
@@ -237,8 +281,8 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
             .map(|counter| inside.get(counter));
             assert_eq!(counted, [steps, leaves, tests, node_bytes, deepest], "{options:?}");
             // The packet of a wide leaf tells that the triangle is missed.
-            let bytes = match options.accel {
-                Accel::Bvh8 => 288 + if is_hit { 4 + 48 } else { 0 },
+            let bytes = match options.kind() {
+                StructureKind::Bvh8 => 288 + if is_hit { 4 + 48 } else { 0 },
                 _ => 4 + 48,
             };
             assert_eq!(inside.get(WorkCounter::TriangleBytes), bytes, "{options:?}");
@@ -246,9 +290,15 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
                 assert_eq!(inside.get(none), 0, "{options:?}");
             }
         }
-        let brute = options.accel == Accel::Brute;
-        let volumes =
-            matches!(options.accel, Accel::Bvh2 | Accel::Bvh8 | Accel::Instances | Accel::Boxes | Accel::Spheres);
+        let brute = options.kind() == StructureKind::Brute;
+        let volumes = matches!(
+            options.kind(),
+            StructureKind::Bvh2
+                | StructureKind::Bvh8
+                | StructureKind::Instances
+                | StructureKind::Boxes
+                | StructureKind::Spheres
+        );
         assert_eq!(work[2].get(WorkCounter::Tests), u32::from(brute), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Steps), u32::from(volumes), "{options:?}");
         assert_eq!(work[2].get(WorkCounter::Leaves), 0, "{options:?}");
@@ -266,7 +316,7 @@ fn counters_agree_with_each_other() {
         let rays = rays(&buffers, 4000, &mut random);
         let mut tracer = open_tracer(None, &buffers, &options, 1, None).unwrap();
         let all = trace(tracer.as_mut(), &rays, None, false).work.unwrap();
-        let stack_size = options.short_stack_size();
+        let stack_size = options.kd().short_stack_size();
         let seen = WorkSum::new(rays.len() as u64, all.iter().copied());
         for work in all {
             let count = |counter| work.get(counter);
@@ -274,7 +324,7 @@ fn counters_agree_with_each_other() {
             // and where t is wanted in the end, and does not where the nearest one so far is met again.
             let (bytes, tests) = (count(WorkCounter::TriangleBytes), count(WorkCounter::Tests));
             match options.intersector {
-                _ if options.accel == Accel::Bvh8 => {
+                _ if options.kind() == StructureKind::Bvh8 => {
                     let of_packets = 288 * (count(WorkCounter::Leaves) - count(WorkCounter::EmptyLeaves));
                     assert!((of_packets..=of_packets + 100 * tests).contains(&bytes), "{options:?}");
                 }
@@ -283,9 +333,9 @@ fn counters_agree_with_each_other() {
             }
             assert!(count(WorkCounter::EmptyLeaves) <= count(WorkCounter::Leaves), "{options:?}");
             let nodes = count(WorkCounter::Steps) + count(WorkCounter::Leaves);
-            match (options.accel, options.traversal) {
-                (Accel::Kd, Traversal::Ropes) => assert!(count(WorkCounter::NodeBytes) >= 16 * nodes),
-                (Accel::Kd, traversal) => {
+            match (options.kind(), options.kd().traversal) {
+                (StructureKind::Kd, Traversal::Ropes) => assert!(count(WorkCounter::NodeBytes) >= 16 * nodes),
+                (StructureKind::Kd, traversal) => {
                     assert_eq!(count(WorkCounter::NodeBytes), 16 * nodes, "{options:?}");
                     let restarts = count(WorkCounter::Leaves).saturating_sub(1);
                     match traversal {
@@ -297,33 +347,36 @@ fn counters_agree_with_each_other() {
                         _ => assert_eq!(count(WorkCounter::Restarts), restarts, "{options:?}"),
                     }
                 }
-                (Accel::Bvh2, _) => {
+                (StructureKind::Bvh2, _) => {
                     assert_eq!(count(WorkCounter::NodeBytes), 64 * count(WorkCounter::Steps), "{options:?}");
                     // The root, and after each leaf or dead end one from the stack; a node has two children.
                     assert!(count(WorkCounter::Leaves) <= count(WorkCounter::Steps) + 1, "{options:?}");
                 }
-                (Accel::Instances, _) => {
+                (StructureKind::Instances, _) => {
                     let instances = count(WorkCounter::NodeBytes) - 64 * count(WorkCounter::Steps);
                     assert!(instances <= 176 && instances % 176 == 0, "{options:?}");
                 }
-                (Accel::Bvh8, _) => {
+                (StructureKind::Bvh8, _) => {
                     let links = count(WorkCounter::NodeBytes) - 192 * count(WorkCounter::Steps);
                     assert!(links % 4 == 0 && links <= 32 * count(WorkCounter::Steps), "{options:?}");
                     // One link leads to each node and leaf but the root.
                     assert!(count(WorkCounter::Leaves) + count(WorkCounter::Steps) <= links / 4 + 1, "{options:?}");
                 }
-                (Accel::Grid, _) if count(WorkCounter::Leaves) > 0 => {
+                (StructureKind::Grid, _) if count(WorkCounter::Leaves) > 0 => {
                     assert_eq!(count(WorkCounter::Steps) + 1, count(WorkCounter::Leaves));
                 }
-                (Accel::Brute, _) => assert_eq!(count(WorkCounter::Tests), scene.triangles.len() as u32),
+                (StructureKind::Brute, _) => assert_eq!(count(WorkCounter::Tests), scene.triangles.len() as u32),
                 _ => {}
             }
         }
         assert!(seen.get(WorkCounter::Tests) > 0 && seen.saturated == 0, "{options:?}");
-        let walks = options.accel != Accel::Brute;
+        let walks = options.kind() != StructureKind::Brute;
         assert_eq!(seen.get(WorkCounter::Steps) > 0, walks, "{options:?}");
-        let stacks = matches!(options.accel, Accel::Octree | Accel::Bvh2 | Accel::Bvh8 | Accel::Instances)
-            || options.accel == Accel::Kd && matches!(options.traversal, Traversal::Stack | Traversal::ShortStack);
+        let stacks = matches!(
+            options.kind(),
+            StructureKind::Octree | StructureKind::Bvh2 | StructureKind::Bvh8 | StructureKind::Instances
+        ) || options.kind() == StructureKind::Kd
+            && matches!(options.kd().traversal, Traversal::Stack | Traversal::ShortStack);
         assert_eq!(seen.get(WorkCounter::DeepestStack) > 0, stacks, "{options:?}");
     }
 }
@@ -374,7 +427,9 @@ fn camera_bounce_shadow(scene: &Scene, options: TraceOptions) -> [WorkSum; 3] {
 fn assert_work_is_as_published(name: &str, scene: &Scene) {
     let steps = |options| camera_bounce_shadow(scene, options).map(|sum| sum.mean(WorkCounter::Steps));
     let stack = steps(COUNTED);
-    let of = |traversal| steps(TraceOptions { traversal, ..COUNTED });
+    let of = |traversal| {
+        steps(TraceOptions { structure: Structure::Kd(KdOptions { traversal, ..COUNTED.kd() }), ..COUNTED })
+    };
     let (restart, push_down, ropes) = (of(Traversal::Restart), of(Traversal::PushDown), of(Traversal::Ropes));
     let [one, three, eight] = [1, 3, 8].map(|size| steps(short_stack(size)));
     for (i, rays) in ["camera", "bounce", "shadow"].into_iter().enumerate() {
@@ -422,7 +477,7 @@ fn a_grid_on_tetra_costs_what_was_published() {
     let Some(path) = shared("spd/tetra.nff") else { return };
     let mut scene = scene::load(&path).unwrap();
     complete(&mut scene, 1.0);
-    let options = TraceOptions { accel: Accel::Grid, grid_size: Some([35; 3]), ..COUNTED };
+    let options = TraceOptions { structure: Structure::Grid(GridOptions { size: Some([35; 3]) }), ..COUNTED };
     let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
     let size = (513, 513);
     let picture =

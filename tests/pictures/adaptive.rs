@@ -7,7 +7,9 @@ use raybrook::low_level::adaptive::{
     Adaptive, AdaptiveStats, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, sample_sequence,
 };
 use raybrook::low_level::film::{Film, srgb_from_linear};
-use raybrook::low_level::options::{Accel, Decisions, Intersector, KernelFeatures, Kernels, PacketSize, TraceOptions};
+use raybrook::low_level::options::{
+    Decisions, Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, StructureKind, TraceOptions,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Camera, Samples, Scene, load};
 use raybrook::low_level::session::{Picture, complete, open_tracer, render, render_full};
@@ -101,8 +103,9 @@ fn a_list_of_rays_is_what_pictures_are_made_of() {
     let mut devices = vec![ready.reference()];
     let mut options = vec![ready.options];
     if let Some(device) = device() {
-        for kernels in [Kernels::Mega, Kernels::Split] {
-            options.push(TraceOptions { kernels, ..ready.options });
+        for kernels in [Kernels::Mega, Kernels::Wavefront] {
+            options
+                .push(TraceOptions { picture: PictureOptions { kernels, ..ready.options.picture }, ..ready.options });
             devices.push(open_tracer(Some(&device), &ready.buffers, options.last().unwrap(), DEPTH, None).unwrap());
         }
     }
@@ -128,10 +131,10 @@ fn a_list_of_rays_is_what_pictures_are_made_of() {
 #[test]
 fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
     let Some(device) = device() else { return };
-    let bvh8 = TraceOptions { accel: Accel::Bvh8, ..TraceOptions::DEFAULT };
+    let bvh8 = TraceOptions::of(StructureKind::Bvh8);
     for (options, error) in [
         (TraceOptions { packet_size: PacketSize::Sixteen, ..bvh8 }, 0.5),
-        (TraceOptions { kernels: Kernels::Split, ..bvh8 }, 2.0),
+        (TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..bvh8.picture }, ..bvh8 }, 2.0),
         (bvh8, 8.0),
     ] {
         let scene = load(own_scene("cornell.toml")).unwrap();
@@ -142,7 +145,7 @@ fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
         let camera_rays: u64 = stats.pixels.iter().zip(LEVEL_SAMPLES).map(|(&n, samples)| n * u64::from(samples)).sum();
         assert_eq!(twins.counts[0], camera_rays, "every ray is a sample of a pixel");
         for decisions in [Decisions::Host, Decisions::Device] {
-            let options = TraceOptions { decisions, ..options };
+            let options = TraceOptions { picture: PictureOptions { decisions, ..options.picture }, ..options };
             let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
             for picture in ["first", "second"] {
                 let ours = ready.render(on_device.as_mut());
@@ -165,7 +168,10 @@ fn taken(result: &RenderResult) -> AdaptiveStats {
 fn the_device_decides_of_pictures_of_any_shape_and_lattice_what_the_host_decides() {
     let Some(device) = device() else { return };
     let scene = load(own_scene("spheres.toml")).unwrap();
-    let options = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
+    let options = TraceOptions {
+        picture: PictureOptions { decisions: Decisions::Device, ..PictureOptions::DEFAULT },
+        ..TraceOptions::DEFAULT
+    };
     for (size, lattice, error) in [
         ((1, 1), 1, 1.0),
         ((1, 1), 8, 1.0),
@@ -198,7 +204,10 @@ fn short_lists_make_the_same_picture() {
     let mut scene = crate::common::scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     scene.materials[0].emission = Vec3::splat(0.5);
     scene.camera = Some(Camera { eye: Vec3::new(0.4, 0.3, 3.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 30.0 });
-    let options = TraceOptions { decisions: Decisions::Device, ..TraceOptions::DEFAULT };
+    let options = TraceOptions {
+        picture: PictureOptions { decisions: Decisions::Device, ..PictureOptions::DEFAULT },
+        ..TraceOptions::DEFAULT
+    };
     for (error, lattice) in [(3.0, 1), (8.0, 2)] {
         let ready = Ready::new(scene.clone(), (19, 12), Samples::Error(error), options);
         let size = ready.picture.size;
@@ -248,10 +257,9 @@ fn no_error_means_the_full_picture_where_there_is_anything_to_see() {
 fn assert_bound_is_kept(path: &Path, side: u32) {
     let device = device();
     let options = TraceOptions {
-        accel: Accel::Bvh8,
+        picture: PictureOptions { features: KernelFeatures::All, ..PictureOptions::DEFAULT },
         packet_size: device.as_ref().map_or(PacketSize::One, |_| PacketSize::Sixteen),
-        features: KernelFeatures::All,
-        ..TraceOptions::DEFAULT
+        ..TraceOptions::of(StructureKind::Bvh8)
     };
     let first = Ready::new(load(path).unwrap(), (side, side), Samples::Error(1.0), options);
     let mut tracer = open_tracer(device.as_ref(), &first.buffers, &options, DEPTH, None).unwrap();
@@ -346,7 +354,8 @@ fn work_is_counted_on_all_samples_of_a_pixel() {
         work.iter().map(|pixel| u64::from(pixel.total().get(raybrook::low_level::shared::WorkCounter::Steps))).sum();
     assert!(steps > result.counts[0], "{steps}");
     if let Some(device) = device() {
-        let options = TraceOptions { decisions: Decisions::Device, ..options };
+        let options =
+            TraceOptions { picture: PictureOptions { decisions: Decisions::Device, ..options.picture }, ..options };
         let mut on_device = open_tracer(Some(&device), &ready.buffers, &options, DEPTH, None).unwrap();
         let ours = ready.render(on_device.as_mut());
         assert_eq!(ours.work.unwrap(), work);

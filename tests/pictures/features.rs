@@ -5,7 +5,9 @@ use crate::common::device;
 use glam::{DVec3, Vec3};
 use raybrook::low_level::device::kernel_resources;
 use raybrook::low_level::features::{Feature, Features};
-use raybrook::low_level::options::{Accel, Intersector, KernelFeatures, Kernels, PacketSize, TraceOptions};
+use raybrook::low_level::options::{
+    Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, StructureKind, TraceOptions,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{
     Builder, Camera, Falloff, Image, Light, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples, Scene, Toon,
@@ -19,7 +21,7 @@ const SIZE: (u32, u32) = (24, 20);
 
 /// What is quick to compile: with a single list of triangles and a plain test the kernels are mostly shading.
 const QUICK: TraceOptions =
-    TraceOptions { accel: Accel::Brute, intersector: Intersector::MollerTrumbore, ..TraceOptions::DEFAULT };
+    TraceOptions { intersector: Intersector::MollerTrumbore, ..TraceOptions::of(StructureKind::Brute) };
 
 /// No feature but what a scene with light cannot do without.
 fn fewest() -> Features {
@@ -138,7 +140,7 @@ fn compare(set: Features, options: &TraceOptions) {
     let scene = scene_of(set);
     let buffers = Arc::new(SceneBuffers::new(&scene, options).unwrap());
     let rendered = |device, features| {
-        let options = TraceOptions { features, ..*options };
+        let options = TraceOptions { picture: PictureOptions { features, ..options.picture }, ..*options };
         let mut tracer = open_tracer(device, &buffers, &options, DEPTH, None).unwrap();
         outcome(&render(tracer.as_mut(), &buffers, &picture(&scene), &|_| ()).unwrap())
     };
@@ -162,12 +164,11 @@ fn scenes_of_all_features_but_one_have_the_same_pixels() {
 #[test]
 fn other_kernels_have_the_same_pixels() {
     let packets = TraceOptions {
-        accel: Accel::Bvh8,
         packet_size: PacketSize::Sixteen,
         intersector: Intersector::Exact,
-        ..TraceOptions::DEFAULT
+        ..TraceOptions::of(StructureKind::Bvh8)
     };
-    let split = TraceOptions { kernels: Kernels::Split, ..QUICK };
+    let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..QUICK.picture }, ..QUICK };
     for options in [packets, split] {
         for set in [with(Feature::Mirrors), Features::ALL] {
             compare(set, &options);
@@ -197,7 +198,7 @@ fn kernels_for_few_features_are_smaller() {
     let scene = scene_of(fewest());
     let buffers = SceneBuffers::new(&scene, &QUICK).unwrap();
     let bytes = |features| {
-        let options = TraceOptions { features, ..QUICK };
+        let options = TraceOptions { picture: PictureOptions { features, ..QUICK.picture }, ..QUICK };
         let programs = kernel_resources(&device, &buffers, &options, DEPTH).unwrap();
         let render = programs.into_iter().find(|program| program.kernels[0].kernel == "render").unwrap();
         render.binary_bytes

@@ -3,7 +3,7 @@
 use crate::common::device;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use raybrook::low_level::film::Film;
-use raybrook::low_level::options::{Accel, TraceOptions};
+use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
@@ -130,8 +130,8 @@ fn bits(film: &Film) -> Vec<[u32; 3]> {
 
 #[test]
 fn device_and_twin_render_the_same_bits() {
-    for accel in [Accel::Kd, Accel::Brute] {
-        let options = TraceOptions { accel, ..TraceOptions::default() };
+    for accel in [StructureKind::Kd, StructureKind::Brute] {
+        let options = TraceOptions::of(accel);
         for scene in [motley(), patterned()] {
             let Some(got) = picture_of(&scene, true, options) else { return };
             let expected = picture_of(&scene, false, options).unwrap();

@@ -6,7 +6,7 @@ use crate::common::probe::{assert_same_bits, run, v3};
 use crate::common::{Random, SEED, device};
 use glam::{DVec3, Vec2, Vec3};
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Kernels, Terminator, TexturePass, TraceOptions};
+use raybrook::low_level::options::{Kernels, PictureOptions, Terminator, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::light::{blinn_phong, sample_light};
 use raybrook::low_level::reference::math::{dot3, normalize3};
@@ -362,7 +362,8 @@ fn light_ends_smoothly_on_coarse_balls() {
         builder.sphere(1.0, 24).light(Light::directional(Vec3::new(-1.0, -0.3, -0.2), Vec3::ONE));
         builder.background(Background { bottom: Vec3::ZERO, top: Vec3::ZERO });
         let scene = builder.finish().unwrap();
-        let options = TraceOptions { terminator, ..TraceOptions::DEFAULT };
+        let options =
+            TraceOptions { picture: PictureOptions { terminator, ..PictureOptions::DEFAULT }, ..TraceOptions::DEFAULT };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let camera = Camera { eye: Vec3::Z * 1e3, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 0.1 };
         let size = (100, 100);
@@ -526,7 +527,10 @@ fn pictures_with_texture_coordinates_without_sense_are_numbers() {
     let picture = Picture { camera, size: (16, 12), samples: Samples::PerPixel(1), depth: 1, kill_weight: None };
     // The split kernels, which Oclgrind runs; tests/scene/hostile.rs has both.
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
-        let options = TraceOptions { kernels: Kernels::Split, textures, ..TraceOptions::DEFAULT };
+        let options = TraceOptions {
+            picture: PictureOptions { kernels: Kernels::Wavefront, textures, ..PictureOptions::DEFAULT },
+            ..TraceOptions::DEFAULT
+        };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rendered = |device: Option<&_>| {
             let mut tracer = open_tracer(device, &buffers, &options, 1, None).unwrap();
@@ -546,7 +550,8 @@ fn flat_scenes_do_not_depend_on_the_terminator() {
     let path = crate::common::root().join("scenes/cornell.toml");
     let scene = raybrook::low_level::scene::load(path).unwrap();
     let [smooth, hard] = [Terminator::Smooth, Terminator::Hard].map(|terminator| {
-        let options = TraceOptions { terminator, ..TraceOptions::DEFAULT };
+        let options =
+            TraceOptions { picture: PictureOptions { terminator, ..PictureOptions::DEFAULT }, ..TraceOptions::DEFAULT };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let (camera, samples) = (scene.camera.unwrap(), Samples::PerPixel(1));
         let picture = Picture { camera, size: (64, 48), samples, depth: 6, kill_weight: None };

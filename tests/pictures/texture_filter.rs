@@ -6,14 +6,20 @@ use crate::common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::low_level::film::{Film, srgb_from_linear};
-use raybrook::low_level::options::{Accel, Kernels, Layout, PacketSize, TextureFilter, TexturePass, TraceOptions};
+use raybrook::low_level::options::{
+    ArrayOptions, Kernels, Layout, PacketSize, PictureOptions, Structure, StructureKind, TextureFilter, TexturePass,
+    TraceOptions,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene, Texture};
 use raybrook::low_level::session::{Picture, open_tracer, render};
 use std::sync::Arc;
 
-const FOOTPRINT: TraceOptions = TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT };
-const BILINEAR: TraceOptions = TraceOptions { texture_filter: TextureFilter::Bilinear, ..FOOTPRINT };
+const FOOTPRINT: TraceOptions = TraceOptions::of(StructureKind::Bvh2);
+const BILINEAR: TraceOptions = TraceOptions {
+    picture: PictureOptions { texture_filter: TextureFilter::Bilinear, ..FOOTPRINT.picture },
+    ..FOOTPRINT
+};
 const SIZE: (u32, u32) = (120, 80);
 
 /// A picture of random dots; sides that are no powers of two, too.
@@ -108,11 +114,18 @@ fn device_and_twin_filter_alike_in_every_kernel() {
     for options in [
         FOOTPRINT,
         BILINEAR,
-        TraceOptions { kernels: Kernels::Split, ..FOOTPRINT },
-        TraceOptions { kernels: Kernels::Split, textures: TexturePass::HostPass, ..FOOTPRINT },
-        TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..FOOTPRINT },
-        TraceOptions { layout: Layout::Whole, ..FOOTPRINT },
-        TraceOptions { accel: Accel::Instances, ..FOOTPRINT },
+        TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..FOOTPRINT.picture }, ..FOOTPRINT },
+        TraceOptions {
+            picture: PictureOptions {
+                kernels: Kernels::Wavefront,
+                textures: TexturePass::HostPass,
+                ..FOOTPRINT.picture
+            },
+            ..FOOTPRINT
+        },
+        TraceOptions { structure: Structure::of(StructureKind::Bvh8), packet_size: PacketSize::Sixteen, ..FOOTPRINT },
+        TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, ..FOOTPRINT.arrays }, ..FOOTPRINT },
+        TraceOptions { structure: Structure::of(StructureKind::Instances), ..FOOTPRINT },
     ] {
         for samples in [Samples::PerPixel(3), Samples::Error(2.0)] {
             let [ours, twins] = [true, false].map(|on_device| bits(&picture(&scene, &options, on_device, samples)));
@@ -167,7 +180,7 @@ fn a_scene_that_was_packed_without_levels_is_refused() {
     let buffers = Arc::new(SceneBuffers::new(&scene, &BILINEAR).unwrap());
     let refused = open_tracer(None, &buffers, &FOOTPRINT, 4, None).map(|_| ());
     let Err(Error::Option { option, .. }) = &refused else { panic!("{refused:?}") };
-    assert_eq!(*option, "--texture-filter");
+    assert_eq!(*option, "texture_filter");
     // The other way round there is only more than needed, which changes nothing.
     let bilinear = picture(&scene, &BILINEAR, false, Samples::PerPixel(1));
     let buffers = Arc::new(SceneBuffers::new(&scene, &FOOTPRINT).unwrap());

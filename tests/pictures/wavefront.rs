@@ -4,7 +4,8 @@
 use crate::common::{Random, SEED, device};
 use glam::Vec3;
 use raybrook::low_level::options::{
-    Accel, Intersector, KernelFeatures, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder,
+    ArrayOptions, Intersector, KernelFeatures, Kernels, Layout, Memory, PictureOptions, Structure, StructureKind,
+    TexturePass, TraceOptions, TriangleOrder,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ray::Ray;
@@ -20,8 +21,10 @@ use std::sync::Arc;
 const DEPTH: u32 = 8;
 
 /// With all features, so that all scenes have the same kernels: what is left out of others is the business of `tests/pictures/features.rs`.
-const SPLIT: TraceOptions =
-    TraceOptions { kernels: Kernels::Split, features: KernelFeatures::All, ..TraceOptions::DEFAULT };
+const SPLIT: TraceOptions = TraceOptions {
+    picture: PictureOptions { kernels: Kernels::Wavefront, features: KernelFeatures::All, ..PictureOptions::DEFAULT },
+    ..TraceOptions::DEFAULT
+};
 
 /// Everything that renders one scene.
 struct Tracers {
@@ -36,8 +39,15 @@ impl Tracers {
     fn of(mut scene: Scene, options: TraceOptions) -> Option<Self> {
         let device = device()?;
         complete_camera(&mut scene);
-        let options =
-            TraceOptions { kernels: Kernels::Mega, textures: TexturePass::InKernel, paths_in_flight: None, ..options };
+        let options = TraceOptions {
+            picture: PictureOptions {
+                kernels: Kernels::Mega,
+                textures: TexturePass::InKernel,
+                paths_in_flight: None,
+                ..options.picture
+            },
+            ..options
+        };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let twin = open_tracer(None, &buffers, &options, DEPTH, None).unwrap();
         let mega = open_tracer(Some(&device), &buffers, &options, DEPTH, None).unwrap();
@@ -166,7 +176,8 @@ fn every_scene_has_the_same_pixels() {
         let samples = tracers.picture((29, 21), 3, DEPTH);
         tracers.compare(&SPLIT, &[&depths[..], &[samples]].concat());
         if !tracers.scene.textures.is_empty() {
-            let host_pass = TraceOptions { textures: TexturePass::HostPass, ..SPLIT };
+            let host_pass =
+                TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture }, ..SPLIT };
             let result = &tracers.compare(&host_pass, &depths[4..])[0];
             assert!(result.split.unwrap().host_colours > 0, "{}", file.display());
         }
@@ -180,7 +191,8 @@ fn paths_in_flight_change_no_bit() {
     let pictures = [tracers.picture(size, 2, 6)];
     let mut waves = Vec::new();
     for in_flight in [1, 7, 64, 100, 1000, 1_000_000] {
-        let options = TraceOptions { paths_in_flight: Some(in_flight), ..SPLIT };
+        let options =
+            TraceOptions { picture: PictureOptions { paths_in_flight: Some(in_flight), ..SPLIT.picture }, ..SPLIT };
         // A single path in flight takes a wave for every ray.
         let small = [tracers.picture((5, 4), 2, 6)];
         let result = &tracers.compare(&options, if in_flight == 1 { &small } else { &pictures })[0];
@@ -204,7 +216,7 @@ fn one_pixel_and_other_odd_sizes() {
     let pictures = sizes.map(|size| tracers.picture(size, 1, DEPTH));
     tracers.compare(&SPLIT, &pictures);
     // One pixel of more samples than the batch of a single path in flight has.
-    let options = TraceOptions { paths_in_flight: Some(1), ..SPLIT };
+    let options = TraceOptions { picture: PictureOptions { paths_in_flight: Some(1), ..SPLIT.picture }, ..SPLIT };
     let pictures = [tracers.picture((1, 1), 40, 3), tracers.picture((3, 2), 5, 1)];
     tracers.compare(&options, &pictures);
 }
@@ -236,8 +248,12 @@ fn an_empty_scene_shows_its_background() {
 fn the_host_evaluates_textures_to_the_same_bits() {
     let Some(mut tracers) = Tracers::of(glass_house(many_lights()), SPLIT) else { return };
     let pictures = [1, 4].map(|depth| tracers.picture((40, 30), 2, depth));
-    let host_pass = TraceOptions { textures: TexturePass::HostPass, ..SPLIT };
-    for options in [host_pass, TraceOptions { paths_in_flight: Some(300), ..host_pass }] {
+    let host_pass =
+        TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture }, ..SPLIT };
+    for options in [
+        host_pass,
+        TraceOptions { picture: PictureOptions { paths_in_flight: Some(300), ..host_pass.picture }, ..host_pass },
+    ] {
         for result in tracers.compare(&options, &pictures) {
             let stats = result.split.unwrap();
             let hits: u64 = [1, 5, 7].iter().map(|&kind| result.counts[kind]).sum();
@@ -257,11 +273,19 @@ fn the_host_evaluates_textures_to_the_same_bits() {
 #[test]
 fn wavefront_kernels_read_every_kind_of_memory() {
     let others = [
-        TraceOptions { layout: Layout::Whole, textures: TexturePass::HostPass, ..SPLIT },
-        TraceOptions { triangles: TriangleOrder::LeafOrder, ..SPLIT },
-        TraceOptions { accel: Accel::Brute, ..SPLIT },
+        TraceOptions {
+            arrays: ArrayOptions { layout: Layout::Whole, ..SPLIT.arrays },
+            picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture },
+            ..SPLIT
+        },
+        TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..SPLIT.arrays }, ..SPLIT },
+        TraceOptions { structure: Structure::of(StructureKind::Brute), ..SPLIT },
     ];
-    for options in Memory::ALL.iter().map(|&memory| TraceOptions { memory, ..SPLIT }).chain(others) {
+    for options in Memory::ALL
+        .iter()
+        .map(|&memory| TraceOptions { arrays: ArrayOptions { memory, ..SPLIT.arrays }, ..SPLIT })
+        .chain(others)
+    {
         let Some(mut tracers) = Tracers::of(glass_house(one_light()), options) else { return };
         let pictures = [tracers.picture((20, 17), 1, 5)];
         tracers.compare(&options, &pictures);

@@ -5,7 +5,9 @@ use crate::common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::low_level::device::DeviceHandle;
-use raybrook::low_level::options::{Accel, KernelFeatures, Kernels, PacketSize, TraceOptions};
+use raybrook::low_level::options::{
+    KernelFeatures, Kernels, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Normals, Pattern, Procedural, Samples,
@@ -200,9 +202,16 @@ fn pixels_are_numbers(renders: u64, device: Option<&DeviceHandle>) {
         let kernels = random.pick(Kernels::ALL);
         // Every scene needs other features, which are compiled for a few.
         let features = if seed.is_multiple_of(8) { KernelFeatures::Scene } else { KernelFeatures::All };
-        let mut options = TraceOptions { kernels, features, ..TraceOptions::DEFAULT };
+        let mut options = TraceOptions {
+            picture: PictureOptions { kernels, features, ..PictureOptions::DEFAULT },
+            ..TraceOptions::DEFAULT
+        };
         if kernels == Kernels::Mega && features == KernelFeatures::All && random.below(2) == 0 {
-            options = TraceOptions { accel: Accel::Bvh8, packet_size: PacketSize::Sixteen, ..options };
+            options = TraceOptions {
+                structure: Structure::of(StructureKind::Bvh8),
+                packet_size: PacketSize::Sixteen,
+                ..options
+            };
         }
         let buffers = match SceneBuffers::new(&scene, &options) {
             Ok(buffers) => Arc::new(buffers),

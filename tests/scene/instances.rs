@@ -4,7 +4,9 @@ use crate::common::{Random, SEED, device, sheet, soup};
 use glam::{Affine3A, Vec2, Vec3};
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, Intersector, Kernels, Memory, TraceOptions};
+use raybrook::low_level::options::{
+    ArrayOptions, Intersector, Kernels, Memory, PictureOptions, StructureKind, TraceOptions,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene};
 use raybrook::low_level::session::{Picture, open_tracer, render};
@@ -12,8 +14,8 @@ use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, is_hit};
 use std::sync::Arc;
 
-const INSTANCES: TraceOptions = TraceOptions { accel: Accel::Instances, ..TraceOptions::DEFAULT };
-const FLAT: TraceOptions = TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT };
+const INSTANCES: TraceOptions = TraceOptions::of(StructureKind::Instances);
+const FLAT: TraceOptions = TraceOptions::of(StructureKind::Bvh2);
 
 fn positions(triangles: &[[Vec3; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let corners: Vec<Vec3> = triangles.iter().flatten().copied().collect();
@@ -145,7 +147,7 @@ fn hits_are_those_of_the_flattened_scene() {
         assert_eq!(trace(&scene, &with(FLAT), None, &made), expected, "{intersector}, flattened by the packer");
         let Some(device) = device().filter(|_| intersector == Intersector::Exact) else { continue };
         for memory in [Memory::Global, Memory::Constant, Memory::Image2d] {
-            let options = TraceOptions { memory, ..INSTANCES };
+            let options = TraceOptions { arrays: ArrayOptions { memory, ..INSTANCES.arrays }, ..INSTANCES };
             assert_eq!(trace(&scene, &options, Some(&device), &made), expected, "{memory}, seed {SEED}");
         }
     }
@@ -174,7 +176,8 @@ fn pictures_are_those_of_the_flattened_scene() {
     assert_eq!(picture(&scene, &INSTANCES, None), expected);
     let Some(device) = device() else { return };
     assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected, "mega-kernel");
-    let split = TraceOptions { kernels: Kernels::Split, ..INSTANCES };
+    let split =
+        TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..INSTANCES.picture }, ..INSTANCES };
     assert_eq!(picture(&scene, &split, Some(&device)), expected, "split kernels");
 }
 

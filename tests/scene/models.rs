@@ -2,7 +2,7 @@
 
 use crate::common::{Random, SEED, device, shared};
 use glam::Vec3;
-use raybrook::low_level::options::{Accel, Build, Intersector, TraceOptions};
+use raybrook::low_level::options::{Build, Intersector, KdOptions, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceTracer;
 use raybrook::low_level::scene::{Builder, Scene, load};
@@ -88,13 +88,13 @@ fn every_tree_gives_the_hits_of_brute_force() {
     for model in MODELS {
         let Some(path) = shared(&format!("scenes/{model}")) else { continue };
         let scene = load(path).unwrap();
-        let brute = TraceOptions { accel: Accel::Brute, ..TraceOptions::default() };
+        let brute = TraceOptions::of(StructureKind::Brute);
         let buffers = Arc::new(SceneBuffers::new(&scene, &brute).unwrap());
         let rays = rays(&scene, &buffers, RAYS);
         let expected = trace(&mut ReferenceTracer::new(buffers, brute), &rays);
         assert!(expected.iter().filter(|hit| is_hit(hit)).count() > RAYS / 2, "{model}");
         for &build in Build::ALL {
-            let options = TraceOptions { build, ..TraceOptions::default() };
+            let options = TraceOptions::of_kd(KdOptions { build, ..KdOptions::DEFAULT });
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let mut tracers = vec![open_tracer(None, &buffers, &options, 1, None).unwrap()];
             tracers.extend(device.iter().map(|d| open_tracer(Some(d), &buffers, &options, 1, None).unwrap()));

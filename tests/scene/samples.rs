@@ -2,7 +2,7 @@
 
 use crate::common::device;
 use glam::Vec3;
-use raybrook::low_level::options::{Accel, PacketSize, TraceOptions};
+use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
 use raybrook::low_level::reference::render::camera_direction;
 use raybrook::low_level::scene::{Builder, Camera, Material, Samples, Scene, load};
@@ -109,8 +109,8 @@ fn samples_of_several_launches_add_up() {
         depth: 3,
         kill_weight: None,
     };
-    for (accel, packet_size) in [(Accel::Bvh2, PacketSize::One), (Accel::Bvh8, PacketSize::Sixteen)] {
-        let options = TraceOptions { accel, packet_size, ..TraceOptions::DEFAULT };
+    for (accel, packet_size) in [(StructureKind::Bvh2, PacketSize::One), (StructureKind::Bvh8, PacketSize::Sixteen)] {
+        let options = TraceOptions { packet_size, ..TraceOptions::of(accel) };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let [got, expected] = [Some(&device), None].map(|device| {
             let mut tracer = open_tracer(device, &buffers, &options, picture.depth, None).unwrap();

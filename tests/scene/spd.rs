@@ -11,7 +11,10 @@ use crate::common::{device, shared};
 use glam::{DVec3, Vec3};
 use raybrook::low_level::accel::StructureStats;
 use raybrook::low_level::device::DeviceHandle;
-use raybrook::low_level::options::{Accel, Build, Intersector, KernelFeatures, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    Build, GridOptions, Intersector, KdOptions, KernelFeatures, PictureOptions, Structure, StructureKind, TraceOptions,
+    Traversal,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::oracle::{Oracle, OracleRay};
 use raybrook::low_level::scene::{Samples, Scene, load};
@@ -68,14 +71,16 @@ fn structures(triangles: usize) -> Vec<TraceOptions> {
     const MOST_FOR_BRUTE_FORCE: usize = 5000;
     let base = TraceOptions::DEFAULT;
     let traversals = Traversal::ALL.iter().filter(|traversal| traversal.is_exact());
-    let mut all: Vec<_> = traversals.map(|&traversal| TraceOptions { traversal, ..base }).collect();
-    all.push(TraceOptions { build: Build::Median, ..base });
-    let others = Accel::ALL.iter().filter(|&&accel| accel != Accel::Kd);
-    all.extend(others.map(|&accel| TraceOptions { accel, ..base }));
+    let mut all: Vec<_> = traversals
+        .map(|&traversal| TraceOptions { structure: Structure::Kd(KdOptions { traversal, ..base.kd() }), ..base })
+        .collect();
+    all.push(TraceOptions { structure: Structure::Kd(KdOptions { build: Build::Median, ..base.kd() }), ..base });
+    let others = StructureKind::ALL.iter().filter(|&&accel| accel != StructureKind::Kd);
+    all.extend(others.map(|&accel| TraceOptions { structure: Structure::of(accel), ..base }));
     all.extend(
         Intersector::ALL.iter().filter(|i| i.is_robust()).map(|&intersector| TraceOptions { intersector, ..base }),
     );
-    all.retain(|options| options.accel != Accel::Brute || triangles <= MOST_FOR_BRUTE_FORCE);
+    all.retain(|options| options.kind() != StructureKind::Brute || triangles <= MOST_FOR_BRUTE_FORCE);
     all
 }
 
@@ -86,11 +91,14 @@ fn the_eye_sees_what_was_published_with_every_structure() {
         let Some(mut scene) = database(name) else { return };
         scene.lights.clear();
         for options in structures(scene.triangles.len()) {
-            let plain = TraceOptions { accel: options.accel, ..TraceOptions::DEFAULT };
+            let plain = TraceOptions::of(options.kind());
             let device = device.as_ref().filter(|_| options == plain);
             for device in std::iter::once(None).chain(device.map(Some)) {
                 // One kernel for all databases.
-                let options = TraceOptions { features: KernelFeatures::All, ..options };
+                let options = TraceOptions {
+                    picture: PictureOptions { features: KernelFeatures::All, ..options.picture },
+                    ..options
+                };
                 let counts = counts(&scene, &options, device, 1);
                 let place = device.map_or("the twin", |_| "the device");
                 assert_eq!(counts[..2], [u64::from(SIDE * SIDE), eye_hits], "{name} on {place}, {options:?}");
@@ -111,7 +119,10 @@ fn device_and_twin_count_the_same_rays() {
             if let Some(device) = &device {
                 // Kernels of their own only for the databases as they are.
                 let features = if depth == DEPTH { KernelFeatures::Scene } else { KernelFeatures::All };
-                let options = TraceOptions { features, ..TraceOptions::DEFAULT };
+                let options = TraceOptions {
+                    picture: PictureOptions { features, ..PictureOptions::DEFAULT },
+                    ..TraceOptions::DEFAULT
+                };
                 assert_eq!(counts(scene, &options, Some(device), depth), twin, "{name}, depth {depth}");
             }
             RayCounts::from_counters(&twin)
@@ -135,10 +146,16 @@ fn a_grid_lists_what_was_published() {
     // Havran 1999: triangles are put into the cells that their boxes touch. The margin of our grid's boxes, 3/16384 of the extent,
     // is smaller than the distance of any vertex, at m/32, from the planes, at 2k/35 - 1, but for those in the rim.
     let Some(scene) = database("tetra") else { return };
-    let options = TraceOptions { accel: Accel::Grid, grid_size: Some([35; 3]), ..TraceOptions::DEFAULT };
+    let options =
+        TraceOptions { structure: Structure::Grid(GridOptions { size: Some([35; 3]) }), ..TraceOptions::DEFAULT };
     let buffers = SceneBuffers::new(&scene, &options).unwrap();
-    let stats =
-        StructureStats::new(Accel::Grid, &buffers.nodes, &buffers.references, &buffers.bounds, scene.triangles.len());
+    let stats = StructureStats::new(
+        StructureKind::Grid,
+        &buffers.nodes,
+        &buffers.references,
+        &buffers.bounds,
+        scene.triangles.len(),
+    );
     assert_eq!((stats.cells, stats.empty_cells, stats.references), (42_875, 37_311, 35_936));
 }
 

@@ -6,7 +6,7 @@ use super::stress::{StressArgs, keep, replay_command};
 use super::{Talk, open, stop};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::low_level::device::{Cache, DeviceHandle};
-use raybrook::low_level::options::{Accel, TraceOptions};
+use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::output::{check_writable, write_json};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{self, Scene};
@@ -119,7 +119,7 @@ impl Report {
 fn claim(args: &StressArgs, names: &[(String, PathBuf)], mut files: Files) -> Result<()> {
     files.write_if(args.json.as_deref(), "--json")?;
     let Some(folder) = &args.write else { return Ok(()) };
-    let method = method_of(args.method.options(Accel::Kd, false)?);
+    let method = method_of(args.method.options(StructureKind::Kd, false)?);
     for (name, _) in names {
         let (mesh, rays) = replay_names(name, args, &method);
         Replay::in_folder(folder, &mesh, &rays).files().iter().try_for_each(|path| files.write(path, "--write"))?;
@@ -130,7 +130,7 @@ fn claim(args: &StressArgs, names: &[(String, PathBuf)], mut files: Files) -> Re
 /// Checks that there is memory for the structure over a model.
 fn check_memory(path: &Path, scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<()> {
     budget.check(&Need {
-        what: &format!("{}: --accel {} of {} triangles", path.display(), options.accel, scene.triangle_count()),
+        what: &format!("{}: `structure = {}` of {} triangles", path.display(), options.kind(), scene.triangle_count()),
         bytes: SceneBuffers::estimated_bytes(scene, options),
         decided_by: DecidedBy::Input,
         remedy: "take a model of fewer triangles, or raise --memory-limit",

@@ -3,7 +3,7 @@
 use super::{CompilerArgs, DEVICE_VARIABLE, MethodArgs, Talk, kernels, print};
 use clap::parser::ValueSource;
 use raybrook::low_level::device::{devices_json, devices_report, list_devices};
-use raybrook::low_level::options::{Accel, OPTIONS, TraceOptions};
+use raybrook::low_level::options::{OPTIONS, StructureKind, TraceOptions};
 use raybrook::low_level::scene::PictureDefaults;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ tell. The kernels of the second pass of --intersector exact come second. All opt
 
 /// Of the method options `--kernels` may stand alone here.
 fn optional_kernels(argument: clap::Arg) -> clap::Arg {
-    argument.num_args(0..=1).default_missing_value(TraceOptions::DEFAULT.kernels.name()).help(KERNELS_HELP)
+    argument.num_args(0..=1).default_missing_value(TraceOptions::DEFAULT.picture.kernels.name()).help(KERNELS_HELP)
 }
 
 #[derive(clap::Args)]
@@ -69,7 +69,7 @@ impl clap::Args for KernelsGiven {
 }
 
 pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
-    let options = args.method.options(Accel::Kd, args.counters)?;
+    let options = args.method.options(StructureKind::Kd, args.counters)?;
     if args.kernels.0 {
         return kernels::run(args, talk);
     }

@@ -2,11 +2,11 @@
 
 use super::{DeviceArgs, MethodArgs, Talk};
 use raybrook::Result;
+use raybrook::low_level::choose::tune::{DeviceKey, TunedFile};
+use raybrook::low_level::choose::{Chosen, Decision, Source, TunedChoice, Workload};
 use raybrook::low_level::device::{DeviceHandle, cache_folder};
 use raybrook::low_level::features::Features;
-use raybrook::low_level::options::{Chosen, Decision, Origin, TunedChoice, Workload};
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::tune::{DeviceKey, TunedFile};
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
@@ -24,8 +24,8 @@ impl ExplainArgs {
             return;
         }
         for decision in decisions {
-            match decision.origin {
-                Origin::Given => tell!("{decision} on the command line"),
+            match decision.source {
+                Source::Given => tell!("{decision} on the command line"),
                 _ => tell!("{decision}"),
             }
         }

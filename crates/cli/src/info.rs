@@ -1,10 +1,11 @@
 //! `raybrook info`.
 
 use super::explain::ExplainArgs;
-use super::{AccelChoice, MethodArgs, SceneArgs, Talk, open, print};
+use super::{MethodArgs, SceneArgs, Talk, flags, open, print};
 use raybrook::Result;
 use raybrook::low_level::accel::{KdTree, StructureStats, TreeStats};
-use raybrook::low_level::options::{Accel, Decision, Origin, TraceOptions};
+use raybrook::low_level::choose::{Decision, Source, numbers_in_effect};
+use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{DropReason, Object, Texture};
 use serde::Serialize;
@@ -49,7 +50,7 @@ struct SceneInfo {
 }
 
 pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
-    let options = args.method.options(Accel::Kd, false)?;
+    let options = args.method.options(StructureKind::Kd, false)?;
     let budget = args.scene.memory.budget();
     let mut loaded = open::load(&args.scene.scene, &budget, talk)?;
     // No picture is made of it.
@@ -80,11 +81,11 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         load_s: loaded.load_s,
         build_s: buffers.build_s,
         device_bytes: buffers.size_bytes(&options),
-        structure: (!matches!(options.accel, Accel::Kd | Accel::Brute)).then(|| {
+        structure: (!matches!(options.kind(), StructureKind::Kd | StructureKind::Brute)).then(|| {
             let triangle_count = scene.triangle_count() - reasons.len();
-            StructureStats::new(options.accel, &buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)
+            StructureStats::new(options.kind(), &buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)
         }),
-        tree: (options.accel == Accel::Kd).then(|| {
+        tree: (options.kind() == StructureKind::Kd).then(|| {
             let bounds =
                 raybrook::low_level::accel::Aabb { low: buffers.params.low.xyz(), high: buffers.params.high.xyz() };
             let tree = KdTree { nodes: buffers.nodes, references: buffers.references, bounds };
@@ -102,13 +103,18 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
 impl InfoArgs {
     /// Explains the structure that is told of, and the numbers of its build.
     fn explain(&self, options: &TraceOptions, triangle_count: usize, talk: Talk) {
-        let (origin, reason) = match self.method.accel {
-            AccelChoice::Only(_) => (Origin::Given, ""),
-            AccelChoice::Auto => (Origin::Model, "info tells of kd-trees, or of what other options are for"),
+        let (source, reason) = match self.method.has_structure() {
+            true => (Source::Given, ""),
+            false => (Source::Model, "info tells of kd-trees, or of what other options are for"),
         };
-        let structure =
-            Decision { option: Accel::OPTION, value: options.accel.to_string(), origin, reason: reason.to_owned() };
-        self.explain.print(&[vec![structure], options.numbers_in_effect(triangle_count)].concat(), talk);
+        let structure = Decision {
+            option: StructureKind::OPTION.into(),
+            value: options.kind().to_string(),
+            source,
+            reason: reason.to_owned(),
+        };
+        let decisions = [vec![structure], numbers_in_effect(options, triangle_count)].concat();
+        self.explain.print(&flags::decisions(decisions), talk);
     }
 }
 

@@ -10,9 +10,10 @@ mod devices;
 mod end;
 mod explain;
 mod files;
+mod flags;
 mod info;
-mod kd;
 mod kernels;
+mod method;
 mod methods;
 mod open;
 mod progress;
@@ -26,21 +27,16 @@ mod tune;
 mod work;
 
 use end::fail;
+use method::MethodArgs;
 
 use clap::{Args, Parser, Subcommand};
 use raybrook::Error;
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::device::{Cache, DeviceHandle};
-use raybrook::low_level::options::{
-    Accel, Build, Chosen, Decisions, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize,
-    RayOrder, Request, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder, TunedChoice,
-    Workload,
-};
 use raybrook::low_level::scene::{PictureDefaults, Samples};
 use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::str::FromStr;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different ones; 2 wrong option or argument; 3 the scene or another input is \
@@ -92,170 +88,9 @@ enum Command {
     /// Measure methods against each other on a device, speed beside accuracy, and write a report of charts and tables. Goes on
     /// where it was stopped.
     Study(study::StudyArgs),
-    /// Measure which structure and packet size are fastest on a device, and remember that for --accel auto. Closest hits and
+    /// Measure which structure and packet size are fastest on a device, and remember that for later runs. Closest hits and
     /// pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
-}
-
-/// What to trace with.
-#[derive(Args)]
-struct MethodArgs {
-    #[arg(long, help = format!("Structure: {}, or auto: what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU, on the reference kd for 100 to 299999 triangles and bvh2 for fewer or more, instances where these share a million triangles, on a GPU 65536, or what other options are for, such as kd with --build (info and tables of methods prefer kd)", Accel::names()), value_name = "NAME", default_value = "auto")]
-    accel: AccelChoice,
-    #[arg(long, help = format!("How the kd-tree is built: {}", Build::names()), value_name = "NAME", default_value_t = TraceOptions::default().build)]
-    build: Build,
-    #[arg(long, help = format!("How rays walk through the kd-tree: {}; thesis-restart loses hits and is there for study", Traversal::names()), value_name = "NAME", default_value_t = TraceOptions::default().traversal)]
-    traversal: Traversal,
-    /// Entries of the short stack, 1 to 60; only with --traversal short-stack [default: 8].
-    #[arg(long, value_name = "K")]
-    stack_size: Option<u32>,
-    #[arg(long, help = format!("Rays that are traced together: {}; 16 only with bvh8 or kd by a full stack, and exact hits [default: what `raybrook tune` found; else 16 there on a CPU, else 1]", PacketSize::names()), value_name = "N")]
-    packet_size: Option<PacketSize>,
-    #[arg(long, help = format!("Order in which a batch's rays are traced, hits coming back in the batch's: {}; auto sorts large shuffled batches for packets on a CPU", RayOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().ray_order)]
-    ray_order: RayOrder,
-    #[arg(long, help = format!("Ray-triangle test: {}; on a CPU all but exact are slower, because only with exact hits do rays go in packets [default: {}]", Intersector::names(), TraceOptions::DEFAULT.intersector), value_name = "NAME")]
-    intersector: Option<Intersector>,
-    /// Short for an --intersector: exact hits, or the fastest float32 test, which loses some: moller-trumbore. On a CPU "fast" is 3 to
-    /// 4 times slower than exact: only with exact hits do rays go in packets there.
-    #[arg(long, value_name = "exact|fast", value_parser = parse_precision, conflicts_with = "intersector")]
-    precision: Option<Intersector>,
-    /// Do not split nodes of up to N triangles [default: 1 with --stop cost, where the cost decides; with --stop size 12 for median
-    /// and sampled-median, 8 for spatial-median, 4 for sah and volume; 8 for octree];
-    /// put no more than N into a leaf of bvh2 [default: 8; at most 15] or bvh8 [default and at most 8];
-    /// put up to N into one box or sphere [default: the square root of the triangles].
-    #[arg(long, value_name = "N")]
-    leaf_size: Option<u32>,
-    /// Make no leaf deeper than this; the root is 0 [default: 8 + 1.3 log2(triangles), 4 + 0.5 log2(triangles) for octree; at
-    /// most 60].
-    #[arg(long, value_name = "N")]
-    max_depth: Option<u32>,
-    /// Improve a finished bvh2 or bvh8 in up to N passes, each of which moves large subtrees to where they fit better; 0: none
-    /// [default: 5].
-    #[arg(long, value_name = "N")]
-    reinsert: Option<u32>,
-    /// Cut long and large triangles in bvh2 or bvh8, which makes up to X more references per triangle, 0 to 4; 0: none [default: 0].
-    #[arg(long, value_name = "X")]
-    spatial_splits: Option<f32>,
-    #[command(flatten)]
-    kd: kd::KdArgs,
-    /// Cells of the grid along the axes [default: nearly cubic ones, about 8 for each triangle].
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_grid_size)]
-    grid_size: Option<[u32; 3]>,
-    #[arg(long, help = format!("Where nodes and triangles lie on the device: {}", Memory::names()), value_name = "NAME", default_value_t = TraceOptions::default().memory)]
-    memory: Memory,
-    #[arg(long, help = format!("Shading data apart from the vertices or with them: {}", Layout::names()), value_name = "NAME", default_value_t = TraceOptions::default().layout)]
-    layout: Layout,
-    #[arg(long, help = format!("Order of the kd-tree's nodes: {}", NodeOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().node_order)]
-    node_order: NodeOrder,
-    #[arg(long, help = format!("Vertices by number, or copied for each leaf: {}", TriangleOrder::names()), value_name = "NAME", default_value_t = TraceOptions::default().triangles)]
-    triangles: TriangleOrder,
-    #[arg(long, help = format!("Kernels that render: {}", Kernels::names()), value_name = "NAME", default_value_t = TraceOptions::default().kernels)]
-    kernels: Kernels,
-    #[arg(long, help = format!("Who evaluates textures: {}; host-pass only with --kernels split", TexturePass::names()), value_name = "NAME", default_value_t = TraceOptions::default().textures)]
-    textures: TexturePass,
-    #[arg(long, help = format!("What colour a ray takes from a picture on a surface: {}", TextureFilter::names()), value_name = "NAME", default_value_t = TraceOptions::default().texture_filter)]
-    texture_filter: TextureFilter,
-    #[arg(long, help = format!("Who decides what is traced next of a picture whose error is asked for: {}", Decisions::names()), value_name = "NAME", default_value_t = TraceOptions::default().decisions)]
-    decisions: Decisions,
-    #[arg(long, help = format!("What the kernels of pictures can do: {}", KernelFeatures::names()), value_name = "NAME", default_value_t = TraceOptions::default().features)]
-    features: KernelFeatures,
-    #[arg(long, help = format!("Shadow rays start at the height that smooth normals claim, or on the triangle, where coarse meshes show stairs: {}", Terminator::names()), value_name = "NAME", default_value_t = TraceOptions::default().terminator)]
-    terminator: Terminator,
-    /// Paths (samples of pixels) that --kernels split follows at a time [default: as many as fit into 256 MiB].
-    #[arg(long, value_name = "N")]
-    paths_in_flight: Option<u32>,
-}
-
-/// A structure, or the choice of one.
-#[derive(Clone, Copy)]
-enum AccelChoice {
-    Auto,
-    Only(Accel),
-}
-
-impl FromStr for AccelChoice {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let no_accel = |_| Error::option(Accel::OPTION, format!("no '{text}'; possible: auto, {}", Accel::names()));
-        if text == "auto" { Ok(AccelChoice::Auto) } else { text.parse().map(AccelChoice::Only).map_err(no_accel) }
-    }
-}
-
-impl MethodArgs {
-    /// What is wrong with the options on any device comes before what takes time.
-    fn check(&self, counters: bool) -> Result<TraceOptions, Error> {
-        Ok(self.request(counters).choose(&without_scene(None), None)?.options)
-    }
-
-    /// The options, with what is fastest on `device` where the user leaves the choice, for no scene in particular.
-    fn options_for(&self, device: Option<&DeviceHandle>, counters: bool, talk: Talk) -> Result<TraceOptions, Error> {
-        Ok(self.choose(&without_scene(device), None, counters, talk)?.options)
-    }
-
-    /// Chooses what the user leaves open. Says so where a limit of the fastest structure leads to another one, which nobody asked for.
-    fn choose(
-        &self,
-        workload: &Workload,
-        tuned: Option<&TunedChoice>,
-        counters: bool,
-        talk: Talk,
-    ) -> Result<Chosen, Error> {
-        let chosen = self.request(counters).choose(workload, tuned)?;
-        if let Some(limit) = chosen.limit.as_ref().filter(|_| !talk.quiet) {
-            tell!("note: --accel auto takes {}: {limit}", chosen.options.accel);
-        }
-        Ok(chosen)
-    }
-
-    /// Whether structure or packets are left to be chosen.
-    fn leaves_a_choice(&self) -> bool {
-        matches!(self.accel, AccelChoice::Auto) || self.packet_size.is_none()
-    }
-
-    /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.
-    fn options(&self, preferred: Accel, counters: bool) -> Result<TraceOptions, Error> {
-        self.request(counters).with_structure(preferred)
-    }
-
-    /// What the user asks for.
-    fn request(&self, counters: bool) -> Request {
-        let rest = TraceOptions {
-            build: self.build,
-            traversal: self.traversal,
-            stack_size: self.stack_size,
-            ray_order: self.ray_order,
-            leaf_size: self.leaf_size,
-            max_depth: self.max_depth,
-            reinsert: self.reinsert,
-            spatial_splits: self.spatial_splits,
-            kd: self.kd.options(),
-            grid_size: self.grid_size,
-            memory: self.memory,
-            layout: self.layout,
-            node_order: self.node_order,
-            triangles: self.triangles,
-            kernels: self.kernels,
-            textures: self.textures,
-            features: self.features,
-            texture_filter: self.texture_filter,
-            decisions: self.decisions,
-            terminator: self.terminator,
-            paths_in_flight: self.paths_in_flight,
-            counters,
-            ..TraceOptions::DEFAULT
-        };
-        let accel = match self.accel {
-            AccelChoice::Auto => None,
-            AccelChoice::Only(accel) => Some(accel),
-        };
-        Request { accel, packet_size: self.packet_size, intersector: self.precision.or(self.intersector), rest }
-    }
-}
-
-/// Batches of rays on `device` through whatever scene.
-fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
-    Workload { device: device.map(|device| &device.info), triangle_count: None, features: None, shared_triangles: 0 }
 }
 
 /// The variable that sets the default of `--device`.
@@ -333,20 +168,6 @@ fn parse_size(text: &str) -> Result<(u32, u32), String> {
             Ok((w, h))
         }
         _ => Err(format!("expected WIDTHxHEIGHT with sides of 1 to {}, such as 1280x720", PictureDefaults::MAX_SIDE)),
-    }
-}
-
-fn parse_grid_size(text: &str) -> Result<[u32; 3], String> {
-    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
-    let size = numbers.and_then(|numbers| <[u32; 3]>::try_from(numbers).ok());
-    size.ok_or_else(|| "expected three numbers of cells, such as 32,32,16".into())
-}
-
-fn parse_precision(text: &str) -> Result<Intersector, String> {
-    match text {
-        "exact" => Ok(Intersector::Exact),
-        "fast" => Ok(Intersector::FASTEST),
-        _ => Err("possible: exact, fast".into()),
     }
 }
 
@@ -435,6 +256,9 @@ pub fn run() -> Result<ExitCode, Error> {
         tell!("warning: files that are not finished will be left behind when the program is stopped: {error}");
     }
     end::watch_drivers(cli.talk)?;
+    if !cli.talk.quiet {
+        method::note_old_names(std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()));
+    }
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
@@ -470,9 +294,9 @@ fn end_of_arguments(other: &clap::Error) -> ExitCode {
 const WRONG_ARGUMENTS: u8 = 2;
 
 /// An error and what caused it, in one line.
-pub fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
+pub fn chain(error: &Error) -> String {
+    let mut text = flags::message(error);
+    let mut next = std::error::Error::source(error);
     while let Some(cause) = next {
         text += &format!(": {cause}");
         next = cause.source();

@@ -1,10 +1,12 @@
 //! `raybrook methods`: what exists, what it needs, and what never goes together, from the library's own table.
 
+use super::flags::{flag, in_flags, typed};
+use super::print;
 use super::text::wrapped;
-use super::{MethodArgs, print};
-use clap::Args;
 use raybrook::Result;
-use raybrook::low_level::options::{Accel, Choice, MethodOption, NeverTogether, OPTIONS, needs, never_together};
+use raybrook::low_level::options::{
+    Choice, MethodOption, NeverTogether, OPTIONS, StructureKind, needs, never_together,
+};
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -19,13 +21,15 @@ pub struct MethodsArgs {
 struct Methods {
     options: Vec<OptionEntry>,
     numbers: Vec<NumberEntry>,
-    never_together: Vec<NeverTogether>,
+    never_together: Vec<Pair>,
+    #[serde(skip)]
+    groups: Vec<Group>,
 }
 
 /// An option that takes a name.
 #[derive(Serialize)]
 struct OptionEntry {
-    option: &'static str,
+    option: String,
     about: String,
     structures: Vec<&'static str>,
     values: Vec<ValueEntry>,
@@ -36,16 +40,39 @@ struct ValueEntry {
     name: &'static str,
     about: String,
     default: bool,
-    needs: Vec<Choice>,
+    needs: Vec<String>,
 }
 
 /// An option that takes a number.
 #[derive(Serialize)]
 struct NumberEntry {
-    option: &'static str,
+    option: String,
     about: String,
     structures: Vec<&'static str>,
-    needs: Vec<Choice>,
+    needs: Vec<String>,
+}
+
+/// Two values that no combination of options holds.
+#[derive(Serialize)]
+struct Pair {
+    values: [String; 2],
+    refused: String,
+    reason: String,
+}
+
+impl Pair {
+    fn of(never: &NeverTogether) -> Pair {
+        Pair {
+            values: never.values.map(|choice| shown(&choice)),
+            refused: flag(&never.refused),
+            reason: in_flags(&never.reason).into_owned(),
+        }
+    }
+}
+
+/// A choice as it is typed; of a number the option alone, for all that are within its limits.
+fn shown(choice: &Choice) -> String {
+    if choice.option().is_number() { flag(choice.option().name) } else { typed(choice) }
 }
 
 pub fn run(args: &MethodsArgs) -> Result<()> {
@@ -60,17 +87,22 @@ pub fn run(args: &MethodsArgs) -> Result<()> {
 
 impl Methods {
     fn collect() -> Methods {
-        let mut methods = Methods { options: Vec::new(), numbers: Vec::new(), never_together: never_together() };
+        let never_together = never_together();
+        let mut methods = Methods {
+            options: Vec::new(),
+            numbers: Vec::new(),
+            never_together: never_together.iter().map(Pair::of).collect(),
+            groups: groups(&never_together),
+        };
         for option in OPTIONS {
-            let structures = option.structures.iter().map(|accel| accel.name()).collect();
-            match option.about() {
-                Some(about) => {
-                    methods.options.push(OptionEntry { option: option.name, about, structures, values: values(option) })
-                }
-                None => {
-                    let needs = option.choices().flat_map(needs).collect();
-                    methods.numbers.push(NumberEntry { option: option.name, about: help(option), structures, needs });
-                }
+            let structures = option.structures.iter().map(|kind| kind.name()).collect();
+            let (name, about) = (flag(option.name), option.about());
+            if option.is_number() {
+                let needs = option.choices().flat_map(needs).map(|choice| shown(&choice)).collect();
+                let about = format!("{} [default: {}]", about.trim_end_matches('.'), option.default_words());
+                methods.numbers.push(NumberEntry { option: name, about, structures, needs });
+            } else {
+                methods.options.push(OptionEntry { option: name, about, structures, values: values(option) });
             }
         }
         methods
@@ -78,13 +110,14 @@ impl Methods {
 
     fn text(&self) -> String {
         let names = self.options.iter().flat_map(|option| &option.values).map(|value| value.name);
-        let longest = names.chain(self.numbers.iter().map(|number| number.option)).map(str::len).max().unwrap_or(0);
+        let numbers = self.numbers.iter().map(|number| &number.option[..]);
+        let longest = names.chain(numbers).map(str::len).max().unwrap_or(0);
         let label = |mark: char, name: &str| format!("  {mark} {name:longest$}  ");
 
         let mut text = wrapped(
             "",
-            "Options that choose the method, for every command that traces. * marks the default, which --accel auto, the \
-             program's own, replaces by what is fastest on the device.",
+            "Options that choose the method, for every command that traces. * marks the default; the structure is the \
+             fastest on the device unless it is asked for.",
         );
         for option in &self.options {
             text += "\n";
@@ -99,10 +132,10 @@ impl Methods {
         for number in &self.numbers {
             let only = only_with(&number.structures, &number.needs);
             let about = format!("{}.{only}{}", number.about, needed(&number.needs));
-            text += &wrapped(&label(' ', number.option), &about);
+            text += &wrapped(&label(' ', &number.option), &about);
         }
         text += "\nNever together:\n";
-        for group in groups(&self.never_together) {
+        for group in &self.groups {
             text += &wrapped("    ", &format!("{} with {}", group.values, group.partners));
             text += &wrapped("        ", &group.reason);
         }
@@ -113,32 +146,23 @@ impl Methods {
 fn values(option: &'static MethodOption) -> Vec<ValueEntry> {
     let entry = |choice: Choice| {
         let (name, about) = (choice.name()?, choice.about()?);
-        Some(ValueEntry { name, about, default: choice.is_default(), needs: needs(choice) })
+        Some(ValueEntry { name, about, default: choice.is_default(), needs: needs(choice).iter().map(shown).collect() })
     };
     option.choices().filter_map(entry).collect()
 }
 
-/// What `--help` says of an option.
-fn help(option: &MethodOption) -> String {
-    let command = MethodArgs::augment_args(clap::Command::new(""));
-    let argument = command.get_arguments().find(|a| a.get_long() == option.name.strip_prefix("--"));
-    argument.and_then(clap::Arg::get_help).map(ToString::to_string).unwrap_or_default()
-}
-
 /// The structures that read an option, unless all do or `needs` has the one.
-fn only_with(structures: &[&str], needs: &[Choice]) -> String {
-    let is_needed = needs.iter().any(|choice| choice.option().name == Accel::OPTION);
-    match structures.len() < Accel::ALL.len() && !is_needed {
-        true => format!(" Only with {} {}.", Accel::OPTION, structures.join(", ")),
+fn only_with(structures: &[&str], needs: &[String]) -> String {
+    let structure = flag(StructureKind::OPTION);
+    let is_needed = needs.iter().any(|choice| choice.starts_with(&structure));
+    match structures.len() < StructureKind::ALL.len() && !is_needed {
+        true => format!(" Only with {structure} {}.", structures.join(", ")),
         false => String::new(),
     }
 }
 
-fn needed(needs: &[Choice]) -> String {
-    match needs {
-        [] => String::new(),
-        _ => format!(" Needs {}.", needs.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")),
-    }
+fn needed(needs: &[String]) -> String {
+    if needs.is_empty() { String::new() } else { format!(" Needs {}.", needs.join(" ")) }
 }
 
 /// Pairs that have the same reason: each of `values` with each of `partners`.
@@ -171,7 +195,7 @@ fn groups(never: &[NeverTogether]) -> Vec<Group> {
         }
     }
     let group = |(values, partners, reason): (Vec<Choice>, Vec<Choice>, &str)| Group {
-        reason: if values.len() > 1 { general(reason, values[0]) } else { reason.to_owned() },
+        reason: in_flags(&if values.len() > 1 { general(reason, values[0]) } else { reason.to_owned() }).into_owned(),
         values: listed(&values),
         partners: listed(&partners),
     };
@@ -179,15 +203,15 @@ fn groups(never: &[NeverTogether]) -> Vec<Group> {
 }
 
 fn general(reason: &str, value: Choice) -> String {
-    reason.replace(&value.to_string(), &format!("{} …", value.option().name))
+    reason.replace(&value.to_string(), &format!("{} = …", value.option().name))
 }
 
 /// Values by option: `--accel grid, octree; --leaf-size`.
 fn listed(choices: &[Choice]) -> String {
     let of_options = choices.chunk_by(|a, b| a.option().name == b.option().name);
     let names = |choices: &[Choice]| choices.iter().filter_map(Choice::name).collect::<Vec<_>>().join(", ");
-    let texts =
-        of_options.map(|choices| format!("{} {}", choices[0].option().name, names(choices)).trim_end().to_owned());
+    let texts = of_options
+        .map(|choices| format!("{} {}", flag(choices[0].option().name), names(choices)).trim_end().to_owned());
     texts.collect::<Vec<_>>().join("; ")
 }
 
@@ -195,18 +219,11 @@ fn listed(choices: &[Choice]) -> String {
 mod tests {
     use super::*;
 
-    /// Options that are other words for one of the table.
-    const SHORT_FORMS: [&str; 1] = ["--precision"];
-
     #[test]
-    fn the_table_has_every_option_of_methods_and_help_has_every_option_of_the_table() {
-        let command = MethodArgs::augment_args(clap::Command::new(""));
-        let mut of_help: Vec<_> = command.get_arguments().map(|a| format!("--{}", a.get_long().unwrap())).collect();
-        let mut of_table: Vec<_> = OPTIONS.iter().map(|option| option.name.to_owned()).collect();
-        of_help.retain(|name| !SHORT_FORMS.contains(&name.as_str()));
-        of_help.sort();
-        of_table.sort();
-        assert_eq!(of_table, of_help);
-        assert!(OPTIONS.iter().all(|option| !help(option).is_empty()));
+    fn every_option_of_methods_is_told_of() {
+        let methods = Methods::collect();
+        assert_eq!(methods.options.len() + methods.numbers.len(), OPTIONS.len());
+        let text = methods.text();
+        assert!(OPTIONS.iter().all(|option| text.contains(&flag(option.name))), "{text}");
     }
 }

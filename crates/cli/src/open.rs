@@ -2,9 +2,10 @@
 
 use super::{DeviceArgs, PictureArgs, SceneArgs, Talk};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
+use raybrook::low_level::choose::Chosen;
 use raybrook::low_level::device::{DeviceHandle, Selection, select_working};
 use raybrook::low_level::film::ImageFormat;
-use raybrook::low_level::options::{Chosen, TraceOptions};
+use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{self, Samples, Scene};
 use raybrook::low_level::session::{build_and_open_within, complete, picture_bytes};
@@ -191,7 +192,7 @@ pub fn open(
             "{}: {} triangles in {}, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",
             tracer.device_name(),
             loaded.scene.triangle_count(),
-            options.accel,
+            options.kind(),
             loaded.load_s,
             buffers.build_s,
             tracer.compile_s(),

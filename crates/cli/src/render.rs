@@ -7,7 +7,6 @@ use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
 use raybrook::low_level::adaptive::MOST_SAMPLES;
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{ImageFormat, check_output};
-use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render, render_full};
@@ -89,7 +88,7 @@ impl RenderArgs {
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
-    args.method.check(counters)?;
+    let options = args.method.check(counters)?;
     let wanted = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
@@ -104,7 +103,6 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let budget = args.scene.memory.budget();
-    let options = TraceOptions { counters, kernels: args.method.kernels, ..TraceOptions::DEFAULT };
     let check_picture = |size, samples| open::check_picture(size, samples, &options, device.as_ref(), format, &budget);
     if let Some(size) = args.picture.size {
         check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;

@@ -1,9 +1,9 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
 use super::files::Files;
-use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, closed, open, print, stop};
+use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, closed, flags, open, print, stop};
 use raybrook::low_level::device::{Cache, DeviceHandle};
-use raybrook::low_level::options::{Accel, Intersector, TraceOptions};
+use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::output::{check_writable, write_json};
 use raybrook::low_level::scene;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
@@ -130,7 +130,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let options = args.method.options(Accel::Kd, false)?;
+    let options = args.method.options(StructureKind::Kd, false)?;
     if let Some(models) = &args.closed {
         return closed::run(args, models, talk);
     }
@@ -317,7 +317,7 @@ impl Run<'_> {
 pub(super) fn replay_command(replay: &Replay, any_hit: bool, method: &Method, args: &StressArgs) -> String {
     let mut words = vec!["raybrook stress --replay".to_owned()];
     words.extend([&replay.mesh, &replay.rays].map(|path| path.display().to_string()));
-    words.extend(method.arguments());
+    words.extend(flags::arguments(&method.options));
     words.extend(any_hit.then(|| "--any-hit".to_owned()));
     words.extend(args.strict.then(|| "--strict".to_owned()));
     words.extend(args.device.device.iter().map(|name| format!("--device '{name}'")));

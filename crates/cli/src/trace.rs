@@ -112,8 +112,9 @@ fn check_memory(batch: &RayBatch, args: &TraceArgs, budget: &MemoryBudget) -> Re
 pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let options = args.method.check(args.counters)?;
-    if options.kernels != Kernels::Mega {
-        let message = format!("{} is for pictures: a batch of rays has one kernel, {}", options.kernels, Kernels::Mega);
+    if options.picture.kernels != Kernels::Mega {
+        let message =
+            format!("{} is for pictures: a batch of rays has one kernel, {}", options.picture.kernels, Kernels::Mega);
         return Err(Error::option("--kernels", message));
     }
     let mut files = Files::default();

@@ -1,12 +1,15 @@
-//! `raybrook tune`: measures what is fastest on a device, prints it, and remembers it for `--accel auto`.
+//! `raybrook tune`: measures what is fastest on a device, prints it, and remembers it for later runs.
 
 use super::{DeviceArgs, MemoryArgs, Talk, open, print};
 use raybrook::Result;
 use raybrook::low_level::budget::MemoryBudget;
+use raybrook::low_level::choose::SceneSize;
+use raybrook::low_level::choose::tune::{
+    DeviceKey, Measured, Plan, SceneTuning, TunedFile, Tuning, scene_of, tune_scene,
+};
 use raybrook::low_level::device::cache_folder;
-use raybrook::low_level::options::{Accel, PacketSize, SceneSize};
+use raybrook::low_level::options::{PacketSize, StructureKind};
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::tune::{DeviceKey, Measured, Plan, SceneTuning, TunedFile, Tuning, scene_of, tune_scene};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -20,13 +23,13 @@ pub struct TuneArgs {
     /// of two].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(i64::from(Plan::LEAST_RAYS)..=i64::from(Plan::MOST_RAYS)))]
     rays: Option<u32>,
-    #[arg(long, help = format!("Structures to measure, with every packet size, beside what the program takes by itself: {} [default: all; brute, boxes and spheres only up to {} triangles]", Accel::names(), Plan::MOST_FOR_LISTS), value_name = "NAMES", value_delimiter = ',')]
-    accel: Vec<Accel>,
+    #[arg(long, help = format!("Structures to measure, with every packet size, beside what the program takes by itself: {} [default: all; brute, boxes and spheres only up to {} triangles]", StructureKind::names(), Plan::MOST_FOR_LISTS), alias = "accel", value_name = "NAMES", value_delimiter = ',')]
+    structure: Vec<StructureKind>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
     /// Measure nothing: remove what is remembered, of all devices.
-    #[arg(long, conflicts_with_all = ["scenes", "rays", "accel", "json", "no_cache", "compiler_options"])]
+    #[arg(long, conflicts_with_all = ["scenes", "rays", "structure", "json", "no_cache", "compiler_options"])]
     forget: bool,
     #[command(flatten)]
     device: DeviceArgs,
@@ -50,7 +53,7 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
     }
     let defaults = Plan::default();
     let plan = Plan {
-        structures: if args.accel.is_empty() { defaults.structures } else { args.accel.clone() },
+        structures: if args.structure.is_empty() { defaults.structures } else { args.structure.clone() },
         rays: args.rays.unwrap_or(defaults.rays),
         memory: args.memory.memory_limit.map(MemoryBudget::of_bytes),
         ..defaults
@@ -152,7 +155,7 @@ fn print_scene(scene: &SceneTuning) {
     for (i, measured) in scene.measured.iter().enumerate() {
         let Measured { candidate, mrays_per_s: [camera, shadow, diffuse], ratio, build_s, differing, .. } = measured;
         let packets = if candidate.packet_size == PacketSize::One { "-" } else { candidate.packet_size.name() };
-        let accel = candidate.accel.name();
+        let accel = candidate.structure.name();
         let model = if i == 0 { "  taken by default" } else { "" };
         let wrong = if *differing > 0 { format!("  {differing} DIFFERENT ANSWERS") } else { String::new() };
         say!(

@@ -27,7 +27,7 @@ fn all(triangles: &Triangles) -> Vec<u32> {
 }
 
 fn options(leaf_size: Option<u32>) -> BuildOptions {
-    BuildOptions::bvh(&TraceOptions { leaf_size, ..TraceOptions::DEFAULT }, 0)
+    BuildOptions::bvh(&BvhOptions { leaf_size, ..BvhOptions::DEFAULT }, StructureKind::Bvh2)
 }
 
 /// Scenes from which builders come out badly, beside ordinary ones.

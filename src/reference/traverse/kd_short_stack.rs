@@ -21,7 +21,7 @@ pub fn traverse_kd_short_stack(
 ) -> Hit {
     let mut hit = no_hit_yet(ray);
     let Some(mut start) = root_cell(buffers, ray) else { return hit };
-    let size = options.short_stack_size() as usize;
+    let size = options.kd().short_stack_size() as usize;
     let mut ring = [KdCell::default(); TraceOptions::MAX_DEPTH as usize];
     let mut stored = 0;
     let mut top = 0;

@@ -21,7 +21,7 @@ use super::fma::with_fma;
 use super::instances::placed_vertices;
 use super::memory::Work;
 use super::ray::Ray;
-use crate::options::{Accel, Intersector, TraceOptions, Traversal};
+use crate::options::{Intersector, StructureKind, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
@@ -76,23 +76,23 @@ with_fma! {
         any_hit: bool,
         work: &mut W,
     ) -> Hit {
-        match (options.accel, options.traversal) {
-            (Accel::Bvh2, _) => bvh2::traverse_bvh2(buffers, options, ray, any_hit, work),
-            (Accel::Bvh8, _) => bvh8::traverse_bvh8(buffers, options, ray, any_hit, work),
-            (Accel::Instances, _) => instances::traverse_instances(buffers, options, ray, any_hit, work),
-            (Accel::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
-            (Accel::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
-            (Accel::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),
-            (Accel::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit, work),
-            (Accel::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit, work),
-            (Accel::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit, work),
-            (Accel::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work),
-            (Accel::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work),
-            (Accel::Kd, Traversal::ShortStack) => {
+        match (options.kind(), options.kd().traversal) {
+            (StructureKind::Bvh2, _) => bvh2::traverse_bvh2(buffers, options, ray, any_hit, work),
+            (StructureKind::Bvh8, _) => bvh8::traverse_bvh8(buffers, options, ray, any_hit, work),
+            (StructureKind::Instances, _) => instances::traverse_instances(buffers, options, ray, any_hit, work),
+            (StructureKind::Grid, _) => traverse_grid(buffers, options, ray, any_hit, work),
+            (StructureKind::Octree, _) => traverse_octree(buffers, options, ray, any_hit, work),
+            (StructureKind::Boxes, _) => traverse_boxes(buffers, options, ray, any_hit, work),
+            (StructureKind::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit, work),
+            (StructureKind::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit, work),
+            (StructureKind::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit, work),
+            (StructureKind::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work),
+            (StructureKind::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work),
+            (StructureKind::Kd, Traversal::ShortStack) => {
                 kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit, work)
             }
-            (Accel::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit, work),
-            (Accel::Kd, Traversal::ThesisRestart) => {
+            (StructureKind::Kd, Traversal::Ropes) => kd_ropes::traverse_kd_ropes(buffers, options, ray, any_hit, work),
+            (StructureKind::Kd, Traversal::ThesisRestart) => {
                 thesis_restart::traverse_thesis_restart(buffers, options, ray, any_hit, work)
             }
         }

@@ -1,8 +1,8 @@
 //! Which combinations there are, from the table of options and its checks.
 
 use raybrook::low_level::options::{
-    Choice, Decisions, Intersector, KdOptions, MethodOption, OPTIONS, RayOrder, SplitAxis, Stop, Terminator,
-    TextureFilter, TexturePass, TraceOptions, fewest_changes,
+    Choice, Decisions, Intersector, KdOptions, MethodOption, OPTIONS, PictureOptions, RayOrder, SplitAxis, Stop,
+    Structure, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, combine, fewest_changes,
 };
 use std::collections::HashSet;
 
@@ -12,7 +12,7 @@ const REFINEMENTS: [&str; 6] =
 
 /// Whether brute force with the same triangle test must have the same hits.
 fn is_right(options: &TraceOptions) -> bool {
-    options.validate().is_ok() && options.traversal.is_exact() && is_robust_enough(options.intersector)
+    options.validate().is_ok() && options.kd().traversal.is_exact() && is_robust_enough(options.intersector)
 }
 
 /// Whether a triangle test's hits in these models do not depend on the structure: see the head of the test.
@@ -20,11 +20,9 @@ pub fn is_robust_enough(intersector: Intersector) -> bool {
     intersector.is_robust() || intersector == Intersector::Plucker
 }
 
-/// The defaults with `choices`.
+/// The defaults with `choices`, which go together.
 fn combined<'a>(choices: impl IntoIterator<Item = &'a Choice>) -> TraceOptions {
-    let mut options = TraceOptions::DEFAULT;
-    choices.into_iter().for_each(|choice| choice.set(&mut options));
-    options
+    combine(&choices.into_iter().copied().collect::<Vec<_>>()).unwrap()
 }
 
 /// Whether anything here could differ by it: pictures have fixed samples, those by their error are in `tests/pictures/adaptive.rs`.
@@ -54,12 +52,11 @@ pub fn product() -> Vec<TraceOptions> {
         let values = values(option);
         let with = |options: &TraceOptions, value: &Option<Choice>| {
             let mut options = *options;
-            value.iter().for_each(|choice| choice.set(&mut options));
-            options
+            value.iter().all(|choice| choice.set(&mut options).is_ok()).then_some(options)
         };
         all = all
             .iter()
-            .flat_map(|options| values.iter().map(|value| with(options, value)).collect::<Vec<_>>())
+            .flat_map(|options| values.iter().filter_map(|value| with(options, value)).collect::<Vec<_>>())
             .collect();
     }
     all.retain(is_right);
@@ -95,8 +92,23 @@ impl Pairs {
         Pairs { axes, missing }
     }
 
-    fn options(&self, row: &Row) -> TraceOptions {
-        combined(row.iter().enumerate().filter_map(|(axis, &i)| self.axes[axis][i].as_ref()))
+    fn choices<'a>(&'a self, row: &'a Row) -> impl Iterator<Item = Choice> + 'a {
+        row.iter().enumerate().filter_map(|(axis, &i)| self.axes[axis][i])
+    }
+
+    /// `None` where they do not go together.
+    fn options(&self, row: &Row) -> Option<TraceOptions> {
+        combine(&self.choices(row).collect::<Vec<_>>()).ok()
+    }
+
+    fn is_right(&self, row: &Row) -> bool {
+        self.options(row).is_some_and(|options| is_right(&options))
+    }
+
+    /// The structure, whether or not it goes together with the rest.
+    fn kind(&self, row: &Row) -> StructureKind {
+        let structure = self.choices(row).find(|choice| choice.option().name == StructureKind::OPTION);
+        combined(&structure).kind()
     }
 
     fn row_of(&self, choices: &[Choice]) -> Row {
@@ -111,7 +123,7 @@ impl Pairs {
 
     /// Those of the missing pairs that a combination holds: both values are its own, and its structure reads them.
     fn gain<'a>(&'a self, row: &'a Row) -> impl Iterator<Item = &'a [Value; 2]> {
-        let accel = self.options(row).accel;
+        let accel = self.kind(row);
         let has = move |&(axis, i): &Value| row[axis] == i && OPTIONS[axis].structures.contains(&accel);
         self.missing.iter().filter(move |pair| pair.iter().all(has))
     }
@@ -124,7 +136,7 @@ impl Pairs {
                 let before = std::mem::replace(&mut row[axis], i);
                 let gain = self.gain(&row).count();
                 let keeps_pair = self.gain(&row).any(|gained| gained == pair);
-                match gain > most && keeps_pair && is_right(&self.options(&row)) {
+                match gain > most && keeps_pair && self.is_right(&row) {
                     true => most = gain,
                     false => row[axis] = before,
                 }
@@ -154,8 +166,8 @@ pub fn spread() -> Vec<TraceOptions> {
             row
         };
         let has_kernels = |row: &Row| {
-            let key = |row: &Row| kernel_key(&pairs.options(row));
-            is_right(&pairs.options(row))
+            let key = |row: &Row| pairs.options(row).map(|options| kernel_key(&options));
+            pairs.is_right(row)
                 && pairs.gain(row).any(|&gained| gained == pair)
                 && rows.iter().any(|other| key(other) == key(row))
         };
@@ -175,7 +187,7 @@ pub fn spread() -> Vec<TraceOptions> {
         assert!(!pairs.missing.contains(&pair), "the combination holds it");
         rows.push(row);
     }
-    let mut spread: Vec<_> = rows.iter().map(|row| pairs.options(row)).collect();
+    let mut spread: Vec<_> = rows.iter().map(|row| pairs.options(row).expect("they go together")).collect();
     spread.sort_by_key(kernel_key);
     spread
 }
@@ -184,7 +196,7 @@ pub fn spread() -> Vec<TraceOptions> {
 pub fn go_together(first: Choice, second: Choice) -> bool {
     let pair = [first, second];
     fewest_changes(&pair).is_some_and(|changes| {
-        let accel = combined(changes.iter().chain(&pair)).accel;
+        let accel = combined(changes.iter().chain(&pair)).kind();
         pair.iter().all(|choice| choice.option().structures.contains(&accel))
     })
 }
@@ -197,17 +209,15 @@ fn is_compiled(choice: &Choice) -> bool {
 
 /// The same for all combinations that run the same kernels: what only the host's builders read is left out.
 pub fn kernel_key(options: &TraceOptions) -> String {
-    let default = TraceOptions::DEFAULT;
     let host_only = TraceOptions {
-        build: default.build,
-        node_order: default.node_order,
-        ray_order: default.ray_order,
-        leaf_size: None,
-        reinsert: None,
-        spatial_splits: None,
-        kd: KdOptions::DEFAULT,
-        grid_size: None,
-        paths_in_flight: None,
+        structure: match options.structure {
+            Structure::Kd(KdOptions { traversal, stack_size, .. }) => {
+                Structure::Kd(KdOptions { traversal, stack_size, ..KdOptions::DEFAULT })
+            }
+            other => Structure::of(other.kind()),
+        },
+        picture: PictureOptions { paths_in_flight: None, ..options.picture },
+        ray_order: TraceOptions::DEFAULT.ray_order,
         ..*options
     };
     format!("{host_only:?}")

@@ -4,7 +4,9 @@ use crate::common::{Random, SEED, shared};
 use glam::Vec3;
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Accel, Intersector, Terminator, TextureFilter, TraceOptions};
+use raybrook::low_level::options::{
+    Intersector, PictureOptions, StructureKind, Terminator, TextureFilter, TraceOptions,
+};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
 use raybrook::low_level::reference::light::sample_light;
 use raybrook::low_level::reference::ray::Ray;
@@ -107,13 +109,17 @@ pub fn models(size: (u32, u32)) -> Vec<Model> {
 
 /// What all combinations with a triangle test, a treatment of the shadows' terminator and a filter of textures are to agree with.
 pub fn brute_force(intersector: Intersector, terminator: Terminator, texture_filter: TextureFilter) -> TraceOptions {
-    TraceOptions { accel: Accel::Brute, intersector, terminator, texture_filter, ..TraceOptions::DEFAULT }
+    TraceOptions {
+        picture: PictureOptions { terminator, texture_filter, ..PictureOptions::DEFAULT },
+        intersector,
+        ..TraceOptions::of(StructureKind::Brute)
+    }
 }
 
 impl Model {
     /// The filter that stands for `filter`: without textures the default does for all.
     pub fn filter(&self, filter: TextureFilter) -> TextureFilter {
-        if self.scene.textures.is_empty() { TraceOptions::DEFAULT.texture_filter } else { filter }
+        if self.scene.textures.is_empty() { TraceOptions::DEFAULT.picture.texture_filter } else { filter }
     }
 
     fn new(name: &'static str, mut scene: Scene, size: (u32, u32)) -> Model {

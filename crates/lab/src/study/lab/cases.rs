@@ -33,7 +33,7 @@ impl Lab<'_> {
         let mut rows = Vec::new();
         for Variant { label, options, .. } in variants {
             let found = Found::new(&made, options, self.device, self.cache)?;
-            let strictly = options.intersector == Intersector::Exact && options.traversal.is_exact();
+            let strictly = options.intersector == Intersector::Exact && options.kd().traversal.is_exact();
             let mut out = row([("method", json!(label))]);
             out.extend(case.clone());
             out.extend(errors(found.faults(&answers, strictly).len(), made.rays.len()));

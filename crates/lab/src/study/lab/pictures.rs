@@ -133,7 +133,7 @@ impl Lab<'_> {
             out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
             if let Some(split) = result.split {
                 out.insert("launches".into(), json!(split.launches));
-                if variant.options.textures == TexturePass::HostPass {
+                if variant.options.picture.textures == TexturePass::HostPass {
                     out.insert("host_colours".into(), json!(split.host_colours));
                 }
             }

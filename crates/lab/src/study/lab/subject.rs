@@ -4,6 +4,7 @@ use crate::stress::{ExactTracer, Interval, Mesh};
 use crate::study::fingerprint::fingerprint;
 use glam::Vec3;
 use raybrook::Result;
+use raybrook::low_level::choose::tune::{Batch, LIFT, batches};
 use raybrook::low_level::compare::ulp_distance;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::pack::scale_of;
@@ -12,7 +13,6 @@ use raybrook::low_level::reference::oracle::{Oracle, OracleHit, OracleRay};
 use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use raybrook::low_level::tracer::is_hit;
-use raybrook::low_level::tune::{Batch, LIFT, batches};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 

@@ -8,7 +8,9 @@ use super::{PICTURE, Verdict, by_scene, ratio_of};
 use raybrook::Result;
 use raybrook::low_level::device::kernel_resources;
 use raybrook::low_level::features::Feature;
-use raybrook::low_level::options::{Accel, KernelFeatures, PacketSize, TraceOptions};
+use raybrook::low_level::options::{
+    KernelFeatures, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{Scene, TextureId};
 use raybrook::low_level::session::complete;
@@ -53,7 +55,7 @@ fn economy_scenes(lab: &Lab) -> Result<Vec<(String, Scene)>> {
 
 fn economy(lab: &mut Lab) -> Result<Vec<Table>> {
     let options = fast_options(lab);
-    let all = TraceOptions { features: KernelFeatures::All, ..options };
+    let all = TraceOptions { picture: PictureOptions { features: KernelFeatures::All, ..options.picture }, ..options };
     let one = |label: &str, options| PictureVariant::new(label, options, 1, DEPTH);
     let errors: &[f32] = if lab.quick { &[1.0] } else { &[1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12] };
     // In the order of `Pictures`.
@@ -158,13 +160,14 @@ fn instances(lab: &mut Lab, options: TraceOptions) -> Result<Vec<Row>> {
             ("1000 boulders".to_owned(), scenes::boulder_field(4, 1000)?),
         ],
     };
-    let one_by_one = TraceOptions { accel: Accel::Bvh2, packet_size: PacketSize::One, ..options };
-    let shared = TraceOptions { accel: Accel::Instances, ..one_by_one };
+    let one_by_one =
+        TraceOptions { structure: Structure::of(StructureKind::Bvh2), packet_size: PacketSize::One, ..options };
+    let shared = TraceOptions { structure: Structure::of(StructureKind::Instances), ..one_by_one };
     let mut all = vec![options];
     all.extend((one_by_one != options).then_some(one_by_one));
     all.push(shared);
     let variants: Vec<_> =
-        all.iter().map(|options| PictureVariant::new(options.accel.name(), *options, 1, DEPTH)).collect();
+        all.iter().map(|options| PictureVariant::new(options.kind().name(), *options, 1, DEPTH)).collect();
     let mut rows = Vec::new();
     for (scene_name, mut scene) in scenes {
         complete(&mut scene, 1.0);
@@ -208,7 +211,7 @@ fn resources(lab: &Lab, scene_name: &str, buffers: &SceneBuffers, each: [TraceOp
     let Some(device) = lab.device else { return Ok(Vec::new()) };
     let mut rows = Vec::new();
     for options in each {
-        (lab.progress)(&format!("{scene_name}: registers with the features of {}", options.features));
+        (lab.progress)(&format!("{scene_name}: registers with the features of {}", options.picture.features));
         let wanted = if options.packet_size == PacketSize::One { "render" } else { "render_packets" };
         let programs = kernel_resources(device, buffers, &options, DEPTH)?;
         let found = programs.iter().find_map(|program| {
@@ -218,8 +221,8 @@ fn resources(lab: &Lab, scene_name: &str, buffers: &SceneBuffers, each: [TraceOp
         let Some((program, kernel)) = found else { continue };
         let mut out = row([
             ("scene", json!(scene_name)),
-            ("features", json!(options.features.name())),
-            ("feature_count", json!(buffers.features.in_kernels(options.features).iter().count())),
+            ("features", json!(options.picture.features.name())),
+            ("feature_count", json!(buffers.features.in_kernels(options.picture.features).iter().count())),
         ]);
         out.extend(known([
             ("registers", kernel.registers),
@@ -253,7 +256,7 @@ fn saved(
         ("triangles", json!(triangle_count)),
         ("needs", json!(buffers.features.to_string())),
         ("feature_count", json!(format!("{} of {}", buffers.features.iter().count(), Feature::ALL.len()))),
-        ("method", json!(options.accel.name())),
+        ("method", json!(options.kind().name())),
         ("bytes_per_triangle", json!(buffers.size_bytes(options) as f64 / triangle_count.max(1) as f64)),
         ("unused_bytes", json!(unused_bytes(scene, buffers, options))),
     ]);

@@ -4,7 +4,9 @@ use super::super::table::{name, values};
 use super::super::{ChartKind, Findings, Lab, Measured, Study, Table, Variant};
 use super::{BATCH, SPREAD, by_scene, error_note, usual_rays, with};
 use raybrook::Result;
-use raybrook::low_level::options::{Accel, Layout, Memory, NodeOrder, TraceOptions, TriangleOrder};
+use raybrook::low_level::options::{
+    ArrayOptions, KdOptions, Layout, Memory, NodeOrder, Structure, StructureKind, TraceOptions, TriangleOrder,
+};
 
 const MEMORY_TITLE: &str = "Speed by kind of memory";
 const LAYOUT_TITLE: &str = "Speed by layout";
@@ -25,7 +27,14 @@ fn memory_kind(lab: &mut Lab) -> Result<Vec<Table>> {
         .iter()
         .filter(|&&memory| can_be(memory))
         .map(|&memory| {
-            Variant::new(memory.name(), TraceOptions { memory, ..with(Accel::Kd) }).with("memory", memory.name())
+            Variant::new(
+                memory.name(),
+                TraceOptions {
+                    arrays: ArrayOptions { memory, ..with(StructureKind::Kd).arrays },
+                    ..with(StructureKind::Kd)
+                },
+            )
+            .with("memory", memory.name())
         })
         .collect();
     usual_rays(lab, &variants, MEMORY_TITLE)
@@ -87,14 +96,31 @@ const PLAIN: &str = "split, pre-order";
 const WHOLE: &str = "whole triangles";
 
 fn layout(lab: &mut Lab) -> Result<Vec<Table>> {
-    let base = with(Accel::Kd);
-    let mut variants =
-        vec![Variant::new(PLAIN, base), Variant::new(WHOLE, TraceOptions { layout: Layout::Whole, ..base })];
+    let base = with(StructureKind::Kd);
+    let mut variants = vec![
+        Variant::new(PLAIN, base),
+        Variant::new(WHOLE, TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, ..base.arrays }, ..base }),
+    ];
     if !lab.quick {
         variants.extend([
-            Variant::new("breadth-first nodes", TraceOptions { node_order: NodeOrder::BreadthFirst, ..base }),
-            Variant::new("van Emde Boas nodes", TraceOptions { node_order: NodeOrder::VanEmdeBoas, ..base }),
-            Variant::new("triangles in leaf order", TraceOptions { triangles: TriangleOrder::LeafOrder, ..base }),
+            Variant::new(
+                "breadth-first nodes",
+                TraceOptions {
+                    structure: Structure::Kd(KdOptions { node_order: NodeOrder::BreadthFirst, ..base.kd() }),
+                    ..base
+                },
+            ),
+            Variant::new(
+                "van Emde Boas nodes",
+                TraceOptions {
+                    structure: Structure::Kd(KdOptions { node_order: NodeOrder::VanEmdeBoas, ..base.kd() }),
+                    ..base
+                },
+            ),
+            Variant::new(
+                "triangles in leaf order",
+                TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..base.arrays }, ..base },
+            ),
         ]);
     }
     usual_rays(lab, &variants, LAYOUT_TITLE)

@@ -13,7 +13,7 @@ use super::table::{Row, name, number, row, values};
 use super::{Chart, ChartKind, Findings, Header, Lab, Study, Subject, Table, Variant};
 use raybrook::Result;
 use raybrook::low_level::device::DeviceKind;
-use raybrook::low_level::options::{Accel, PacketSize, TraceOptions};
+use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use serde_json::json;
 
 /// All of them, in the order of the report.
@@ -76,12 +76,12 @@ fn usual_rays(lab: &mut Lab, variants: &[Variant], title: &str) -> Result<Vec<Ta
 }
 
 /// Options of a structure.
-fn with(accel: Accel) -> TraceOptions {
-    TraceOptions { accel, ..TraceOptions::DEFAULT }
+fn with(accel: StructureKind) -> TraceOptions {
+    TraceOptions::of(accel)
 }
 
 /// The same with packets.
-fn in_packets(accel: Accel) -> TraceOptions {
+fn in_packets(accel: StructureKind) -> TraceOptions {
     TraceOptions { packet_size: PacketSize::Sixteen, ..with(accel) }
 }
 

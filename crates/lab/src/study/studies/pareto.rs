@@ -8,7 +8,7 @@ use super::{
 };
 use crate::stress::Kind;
 use raybrook::Result;
-use raybrook::low_level::options::{Accel, Intersector, TraceOptions, Traversal};
+use raybrook::low_level::options::{Intersector, KdOptions, StructureKind, TraceOptions, Traversal};
 use serde_json::json;
 
 pub const STUDY: Study = Study {
@@ -23,35 +23,39 @@ pub const STUDY: Study = Study {
 
 /// The methods: every structure with exact hits, every traversal of the kd-tree, and every triangle test in a hierarchy and in a kd-tree.
 fn variants(lab: &Lab, triangle_count: usize) -> Vec<Variant> {
-    let exact = |accel: Accel| Variant::new(format!("{accel}, exact"), with(accel));
-    let tested = |accel: Accel, intersector: Intersector| {
+    let exact = |accel: StructureKind| Variant::new(format!("{accel}, exact"), with(accel));
+    let tested = |accel: StructureKind, intersector: Intersector| {
         Variant::new(format!("{accel}, {intersector}"), TraceOptions { intersector, ..with(accel) })
     };
     if lab.quick {
-        let packets = lab.is_cpu().then(|| Variant::new("bvh8 in packets, exact", in_packets(Accel::Bvh8)));
+        let packets = lab.is_cpu().then(|| Variant::new("bvh8 in packets, exact", in_packets(StructureKind::Bvh8)));
         let others = [
-            exact(Accel::Kd),
-            exact(Accel::Bvh2),
-            tested(Accel::Bvh2, Intersector::MollerTrumbore),
-            tested(Accel::Kd, Intersector::Thesis),
+            exact(StructureKind::Kd),
+            exact(StructureKind::Bvh2),
+            tested(StructureKind::Bvh2, Intersector::MollerTrumbore),
+            tested(StructureKind::Kd, Intersector::Thesis),
         ];
         return packets.into_iter().chain(others).collect();
     }
-    let is_list = |accel: Accel| matches!(accel, Accel::Brute | Accel::Boxes | Accel::Spheres);
-    let mut all: Vec<_> = Accel::ALL
+    let is_list =
+        |accel: StructureKind| matches!(accel, StructureKind::Brute | StructureKind::Boxes | StructureKind::Spheres);
+    let mut all: Vec<_> = StructureKind::ALL
         .iter()
         .filter(|&&accel| !is_list(accel) || triangle_count <= MOST_FOR_LISTS)
         .map(|&accel| exact(accel))
         .collect();
     if lab.is_cpu() {
-        for accel in [Accel::Bvh8, Accel::Kd] {
+        for accel in [StructureKind::Bvh8, StructureKind::Kd] {
             all.push(Variant::new(format!("{accel} in packets, exact"), in_packets(accel)));
         }
     }
     for &traversal in Traversal::ALL.iter().filter(|&&traversal| traversal != Traversal::Stack) {
-        all.push(Variant::new(format!("kd, {traversal}, exact"), TraceOptions { traversal, ..with(Accel::Kd) }));
+        all.push(Variant::new(
+            format!("kd, {traversal}, exact"),
+            TraceOptions::of_kd(KdOptions { traversal, ..KdOptions::DEFAULT }),
+        ));
     }
-    for accel in [Accel::Bvh2, Accel::Kd] {
+    for accel in [StructureKind::Bvh2, StructureKind::Kd] {
         all.extend(
             Intersector::ALL.iter().filter(|&&test| test != Intersector::Exact).map(|&test| tested(accel, test)),
         );
@@ -180,7 +184,7 @@ fn speeds_and_stress(scenes: &Table, modes: &Table) -> Result<Vec<Row>> {
 
 /// What is the fastest, or nearly so, with exact hits.
 pub(super) fn fast_options(lab: &Lab) -> TraceOptions {
-    if lab.is_cpu() { in_packets(Accel::Bvh8) } else { with(Accel::Bvh2) }
+    if lab.is_cpu() { in_packets(StructureKind::Bvh8) } else { with(StructureKind::Bvh2) }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, scen
 use super::{PICTURE, Verdict, by_scene, ratio_of, scenes_of, with};
 use raybrook::Result;
 use raybrook::low_level::device::kernel_resources;
-use raybrook::low_level::options::{Accel, Kernels, TexturePass, TraceOptions};
+use raybrook::low_level::options::{Kernels, PictureOptions, StructureKind, TexturePass, TraceOptions};
 use raybrook::low_level::scene::Scene;
 use serde_json::json;
 
@@ -88,15 +88,16 @@ const MEGA: &str = "mega";
 const SPLIT: &str = "split";
 
 fn kernels(lab: &mut Lab) -> Result<Vec<Table>> {
-    let base = with(Accel::Bvh2);
-    let split = TraceOptions { kernels: Kernels::Split, ..base };
+    let base = with(StructureKind::Bvh2);
+    let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
     let mut variants = vec![
         PictureVariant::new(MEGA, base, 1, 8).with("kernels", "mega"),
         PictureVariant::new(SPLIT, split, 1, 8).with("kernels", "split"),
     ];
     if !lab.quick {
         for paths in [1 << 12, 1 << 16] {
-            let options = TraceOptions { paths_in_flight: Some(paths), ..split };
+            let options =
+                TraceOptions { picture: PictureOptions { paths_in_flight: Some(paths), ..split.picture }, ..split };
             variants.push(
                 PictureVariant::new(format!("split, {paths} paths at a time"), options, 1, 8).with("kernels", "split"),
             );
@@ -191,9 +192,9 @@ const IN_SPLIT: &str = "in the kernel, split";
 const BY_HOST: &str = "by the host, split";
 
 fn texturing(lab: &mut Lab) -> Result<Vec<Table>> {
-    let base = with(Accel::Bvh2);
-    let split = TraceOptions { kernels: Kernels::Split, ..base };
-    let host = TraceOptions { textures: TexturePass::HostPass, ..split };
+    let base = with(StructureKind::Bvh2);
+    let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
+    let host = TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..split.picture }, ..split };
     let detail = if lab.quick { 24 } else { 96 };
     let mut rows = Vec::new();
     let one =

@@ -6,7 +6,7 @@ use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Subject, Ta
 use super::pareto::fast_options;
 use super::{ALL_KINDS, BATCH, CAMERA, SPREAD, Verdict, by_scene, error_note, scenes_of, with};
 use raybrook::low_level::device::Limits;
-use raybrook::low_level::options::{Accel, Intersector, TraceOptions};
+use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::{Error, Result};
 use serde_json::json;
@@ -32,7 +32,7 @@ const FRAME: f64 = 640.0 * 480.0;
 
 fn intersection(lab: &mut Lab) -> Result<Vec<Table>> {
     let counts: &[u32] = if lab.quick { &[5, 15, 30] } else { &[5, 10, 15, 20, 25, 30] };
-    let options = TraceOptions { intersector: Intersector::MollerTrumbore, ..with(Accel::Brute) };
+    let options = TraceOptions { intersector: Intersector::MollerTrumbore, ..with(StructureKind::Brute) };
     let mut rows = Vec::new();
     for &count in counts {
         let subject = lab.subject("cubes", scenes::cubes(count)?)?;
@@ -156,7 +156,8 @@ pub const RAY_KIND: Study = Study {
 };
 
 fn ray_kind(lab: &mut Lab) -> Result<Vec<Table>> {
-    let mut variants = vec![Variant::new("kd", with(Accel::Kd)), Variant::new("bvh2", with(Accel::Bvh2))];
+    let mut variants =
+        vec![Variant::new("kd", with(StructureKind::Kd)), Variant::new("bvh2", with(StructureKind::Bvh2))];
     if lab.is_cpu() {
         variants.push(Variant::new("bvh8 in packets", fast_options(lab)));
     }
@@ -299,12 +300,12 @@ fn cpu_gpu(lab: &mut Lab) -> Result<Vec<Table>> {
     const REFERENCE_SIDE: u32 = 64;
     let levels: &[u32] = if lab.quick { &[3] } else { &[3, 5, 6] };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let methods = [Accel::Kd, Accel::Brute];
+    let methods = [StructureKind::Kd, StructureKind::Brute];
     let mut rows: Vec<Row> = Vec::new();
     let mut measure = |scene_name: &str, scene: raybrook::low_level::scene::Scene, lab: &mut Lab| -> Result<()> {
         let fits = scene.hittable().len() <= 40_000;
         let variants = |device: &str| -> Vec<Variant> {
-            let methods = methods.iter().filter(|&&accel| fits || accel != Accel::Brute);
+            let methods = methods.iter().filter(|&&accel| fits || accel != StructureKind::Brute);
             methods.map(|&accel| Variant::new(accel.name(), with(accel)).with("device", device)).collect()
         };
         if let Some(device) = lab.device {
@@ -348,11 +349,11 @@ fn judge_cpu_gpu(found: &Measured) -> Result<Findings> {
     if found.header.is_reference() {
         verdict.say(None, "The reference was measured alone: there is nothing to compare it with".to_owned());
     } else {
-        let ratio = |accel: Accel| {
+        let ratio = |accel: StructureKind| {
             let key = |device| [("device", device), ("method", accel.name())];
             table.ratio("mrays_per_s", &key(&found.header.device), &key(&reference_on(1)), &["scene"])
         };
-        let (kd, brute) = (ratio(Accel::Kd)?, ratio(Accel::Brute)?);
+        let (kd, brute) = (ratio(StructureKind::Kd)?, ratio(StructureKind::Brute)?);
         let times = |ratio: Option<f64>| ratio.map_or("(not measured)".to_owned(), |ratio| format!("{ratio:.1}"));
         verdict.say(
             kd.map(|kd| kd >= 3.0),

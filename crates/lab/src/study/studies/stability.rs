@@ -7,7 +7,7 @@ use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, Vari
 use super::{by_scene, with};
 use crate::stress::{Kind, Mesh};
 use raybrook::Result;
-use raybrook::low_level::options::{Accel, Intersector, TraceOptions, Traversal};
+use raybrook::low_level::options::{Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
 use serde_json::json;
 
 pub const STUDY: Study = Study {
@@ -23,11 +23,15 @@ pub const STUDY: Study = Study {
 fn methods(lab: &Lab) -> Vec<Variant> {
     let quick = [Intersector::Exact, Intersector::MollerTrumbore, Intersector::Thesis];
     let tests = Intersector::ALL.iter().filter(|test| !lab.quick || quick.contains(test));
-    let mut all: Vec<_> =
-        tests.map(|&test| Variant::new(test.name(), TraceOptions { intersector: test, ..with(Accel::Bvh2) })).collect();
+    let mut all: Vec<_> = tests
+        .map(|&test| Variant::new(test.name(), TraceOptions { intersector: test, ..with(StructureKind::Bvh2) }))
+        .collect();
     if !lab.quick {
-        let thesis =
-            TraceOptions { traversal: Traversal::ThesisRestart, intersector: Intersector::Thesis, ..with(Accel::Kd) };
+        let thesis = TraceOptions {
+            structure: Structure::Kd(KdOptions { traversal: Traversal::ThesisRestart, ..with(StructureKind::Kd).kd() }),
+            intersector: Intersector::Thesis,
+            ..with(StructureKind::Kd)
+        };
         all.push(Variant::new("thesis, its kd-restart", thesis));
     }
     all

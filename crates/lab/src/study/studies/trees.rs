@@ -8,7 +8,7 @@ use super::{
     usual_rays, with,
 };
 use raybrook::Result;
-use raybrook::low_level::options::{Accel, Build, Intersector, TraceOptions, Traversal};
+use raybrook::low_level::options::{Build, Intersector, KdOptions, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::scene::Scene;
 use serde_json::json;
 
@@ -28,7 +28,8 @@ pub const LEAF_SIZE: Study = Study {
 fn leaf_size(lab: &mut Lab) -> Result<Vec<Table>> {
     let sizes: &[u32] = if lab.quick { &[1, 8, 32, 128] } else { &[1, 2, 4, 8, 12, 16, 24, 32, 48, 64, 128, 256] };
     let variant = |&size: &u32| {
-        let options = TraceOptions { build: Build::Median, leaf_size: Some(size), ..with(Accel::Kd) };
+        let options =
+            TraceOptions::of_kd(KdOptions { build: Build::Median, leaf_size: Some(size), ..KdOptions::DEFAULT });
         Variant::new(format!("median, {size}"), options).with("leaf_size", size)
     };
     let variants: Vec<_> = sizes.iter().map(variant).collect();
@@ -103,10 +104,15 @@ fn depth(lab: &mut Lab) -> Result<Vec<Table>> {
         Ok(())
     };
     let mut variants =
-        vec![Variant::new("brute force", with(Accel::Brute)).with("max_depth", 0).with("build", "brute force")];
+        vec![Variant::new("brute force", with(StructureKind::Brute)).with("max_depth", 0).with("build", "brute force")];
     for &build in builds {
         variants.extend(depths.iter().filter(|&&depth| depth > 0).map(|&depth| {
-            let options = TraceOptions { build, leaf_size: Some(1), max_depth: Some(depth), ..with(Accel::Kd) };
+            let options = TraceOptions::of_kd(KdOptions {
+                build,
+                leaf_size: Some(1),
+                max_depth: Some(depth),
+                ..KdOptions::DEFAULT
+            });
             Variant::new(format!("{build}, {depth}"), options).with("max_depth", depth).with("build", build.name())
         }));
     }
@@ -176,8 +182,11 @@ fn triangles(lab: &mut Lab) -> Result<Vec<Table>> {
         // 8 million triangles.
         (false, true) => 0..=10,
     };
-    let structures =
-        if lab.quick { &[Accel::Kd, Accel::Bvh2][..] } else { &[Accel::Kd, Accel::Bvh2, Accel::Bvh8, Accel::Grid] };
+    let structures = if lab.quick {
+        &[StructureKind::Kd, StructureKind::Bvh2][..]
+    } else {
+        &[StructureKind::Kd, StructureKind::Bvh2, StructureKind::Bvh8, StructureKind::Grid]
+    };
     let mut rows = Vec::new();
     let mut measure = |name: &str, scene: Scene, lab: &mut Lab| -> Result<()> {
         let variants: Vec<_> = structures.iter().map(|&accel| Variant::new(accel.name(), with(accel))).collect();
@@ -185,7 +194,7 @@ fn triangles(lab: &mut Lab) -> Result<Vec<Table>> {
         rows.extend(lab.compare(&subject, &variants, &[CAMERA])?);
         if subject.triangle_count <= if lab.quick { 600 } else { 40_000 } {
             let fewer = Subject::new(name, scene, lab.side_for_lists(), lab.seed)?;
-            rows.extend(lab.compare(&fewer, &[Variant::new("brute", with(Accel::Brute))], &[CAMERA])?);
+            rows.extend(lab.compare(&fewer, &[Variant::new("brute", with(StructureKind::Brute))], &[CAMERA])?);
         }
         Ok(())
     };
@@ -205,9 +214,9 @@ fn judge_triangles(found: &Measured) -> Result<Findings> {
     let table = found.table("rays", &["scene", "triangles", "method"])?;
     let mut verdict = Verdict::default();
     let mut ratios = Vec::new();
-    for row in table.rows.iter().filter(|row| name(row, "method") == Accel::Brute.name()) {
+    for row in table.rows.iter().filter(|row| name(row, "method") == StructureKind::Brute.name()) {
         let (scene, count) = (name(row, "scene"), name(row, "triangles"));
-        let tree = table.one(&[("scene", &scene), ("triangles", &count), ("method", Accel::Kd.name())])?;
+        let tree = table.one(&[("scene", &scene), ("triangles", &count), ("method", StructureKind::Kd.name())])?;
         let ratio = tree.and_then(|tree| ratio_of(tree, row, "mrays_per_s"));
         let Some((ratio, triangles)) = ratio.zip(number(row, "triangles")) else { continue };
         ratios.push((triangles, ratio, count));
@@ -238,7 +247,7 @@ fn judge_triangles(found: &Measured) -> Result<Findings> {
 /// something else.
 fn growth(table: &Table, verdict: &mut Verdict) {
     for scene in scenes_of(&table.rows) {
-        let of = |row: &&Row| name(row, "scene") == scene && name(row, "method") == Accel::Kd.name();
+        let of = |row: &&Row| name(row, "scene") == scene && name(row, "method") == StructureKind::Kd.name();
         let points = table.rows.iter().filter(of);
         let points = points.filter_map(|row| Some((number(row, "triangles")?, 1e3 / number(row, "mrays_per_s")?)));
         let mut points: Vec<_> = points.filter(|(count, _)| *count >= 1.0).collect();
@@ -267,10 +276,12 @@ pub const SPLIT_RULE: Study = Study {
 const ANY_CHILDREN: &str = "median, however similar children are";
 
 fn split_rule(lab: &mut Lab) -> Result<Vec<Table>> {
-    let mut variants: Vec<_> =
-        Build::ALL.iter().map(|&build| Variant::new(build.name(), TraceOptions { build, ..with(Accel::Kd) })).collect();
-    let mut any = TraceOptions { build: Build::Median, ..with(Accel::Kd) };
-    any.kd.similar_children = Some(1.0);
+    let mut variants: Vec<_> = Build::ALL
+        .iter()
+        .map(|&build| Variant::new(build.name(), TraceOptions::of_kd(KdOptions { build, ..KdOptions::DEFAULT })))
+        .collect();
+    let any =
+        TraceOptions::of_kd(KdOptions { build: Build::Median, similar_children: Some(1.0), ..KdOptions::DEFAULT });
     variants.push(Variant::new(ANY_CHILDREN, any));
     usual_rays(lab, &variants, SPLIT_TITLE)
 }
@@ -354,18 +365,28 @@ fn short_stack(size: &str) -> String {
 
 fn traversal(lab: &mut Lab) -> Result<Vec<Table>> {
     let mut variants = vec![
-        Variant::new(STACK, with(Accel::Kd)),
-        Variant::new(RESTART, TraceOptions { traversal: Traversal::Restart, ..with(Accel::Kd) }),
-        Variant::new("push-down", TraceOptions { traversal: Traversal::PushDown, ..with(Accel::Kd) }),
+        Variant::new(STACK, with(StructureKind::Kd)),
+        Variant::new(RESTART, TraceOptions::of_kd(KdOptions { traversal: Traversal::Restart, ..KdOptions::DEFAULT })),
+        Variant::new(
+            "push-down",
+            TraceOptions::of_kd(KdOptions { traversal: Traversal::PushDown, ..KdOptions::DEFAULT }),
+        ),
     ];
     let sizes: &[u32] = if lab.quick { &[4] } else { &[1, 2, 4, 8, 16] };
     variants.extend(sizes.iter().map(|&size| {
-        let options = TraceOptions { traversal: Traversal::ShortStack, stack_size: Some(size), ..with(Accel::Kd) };
+        let options = TraceOptions::of_kd(KdOptions {
+            traversal: Traversal::ShortStack,
+            stack_size: Some(size),
+            ..KdOptions::DEFAULT
+        });
         Variant::new(short_stack(&size.to_string()), options).with("stack_size", size)
     }));
-    variants.push(Variant::new(ROPES, TraceOptions { traversal: Traversal::Ropes, ..with(Accel::Kd) }));
+    variants.push(Variant::new(
+        ROPES,
+        TraceOptions::of_kd(KdOptions { traversal: Traversal::Ropes, ..KdOptions::DEFAULT }),
+    ));
     if !lab.quick {
-        let thesis = TraceOptions { traversal: Traversal::ThesisRestart, ..with(Accel::Kd) };
+        let thesis = TraceOptions::of_kd(KdOptions { traversal: Traversal::ThesisRestart, ..KdOptions::DEFAULT });
         variants.push(Variant::new("restart as the thesis prints it", thesis));
     }
     usual_rays(lab, &variants, TRAVERSAL_TITLE)
@@ -415,10 +436,17 @@ fn bounding_volumes(lab: &mut Lab) -> Result<Vec<Table>> {
         ("cubes", &|| scenes::cubes(if levels == 3 { 20 } else { 160 })),
     ])?;
     let fit: Vec<_> = subjects.into_iter().filter(|subject| subject.triangle_count <= MOST_FOR_LISTS).collect();
-    let structures = [Accel::Brute, Accel::Spheres, Accel::Boxes, Accel::Octree, Accel::Grid, Accel::Bvh2];
+    let structures = [
+        StructureKind::Brute,
+        StructureKind::Spheres,
+        StructureKind::Boxes,
+        StructureKind::Octree,
+        StructureKind::Grid,
+        StructureKind::Bvh2,
+    ];
     let variants: Vec<_> = structures
         .iter()
-        .filter(|accel| !lab.quick || !matches!(accel, Accel::Octree | Accel::Grid))
+        .filter(|accel| !lab.quick || !matches!(accel, StructureKind::Octree | StructureKind::Grid))
         .map(|&accel| Variant::new(accel.name(), TraceOptions { intersector: Intersector::Watertight, ..with(accel) }))
         .collect();
     let rows = lab.compare_all(&fit, &variants, &[CAMERA])?;
@@ -429,11 +457,11 @@ fn judge_bounding_volumes(found: &Measured) -> Result<Findings> {
     let table = found.table("rays", &BATCH)?;
     let mut verdict = Verdict::default();
     for scene in scenes_of(&table.rows) {
-        let times = |accel: Accel| {
-            let key = |accel: Accel| [("scene", scene.as_str()), ("method", accel.name())];
-            table.ratio("mrays_per_s", &key(accel), &key(Accel::Brute), &["rays_of"])
+        let times = |accel: StructureKind| {
+            let key = |accel: StructureKind| [("scene", scene.as_str()), ("method", accel.name())];
+            table.ratio("mrays_per_s", &key(accel), &key(StructureKind::Brute), &["rays_of"])
         };
-        match (times(Accel::Spheres)?, times(Accel::Boxes)?) {
+        match (times(StructureKind::Spheres)?, times(StructureKind::Boxes)?) {
             (Some(spheres), Some(boxes)) => verdict.say(
                 spheres > 10.0 && spheres > boxes,
                 format!("{scene}: spheres have {spheres:.1} times and boxes {boxes:.1} times the speed of brute force"),

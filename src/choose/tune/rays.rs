@@ -1,7 +1,7 @@
 //! Rays like those of pictures, as batches: what benches and [`super::tune_scene`] measure.
 
 use crate::error::{Error, Result};
-use crate::options::{Accel, TraceOptions};
+use crate::options::{StructureKind, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::random::Random;
 use crate::reference::ReferenceTracer;
@@ -43,7 +43,7 @@ pub fn batches(scene: &Scene, side: u32, seed: u64) -> Result<[Batch; 3]> {
     }
     let mut scene = scene.clone();
     complete(&mut scene, 1.0);
-    let options = TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT };
+    let options = TraceOptions::of(StructureKind::Bvh2);
     let buffers = Arc::new(SceneBuffers::new(&scene, &options)?);
     let camera = scene.camera.expect("a completed scene has a camera");
     let params = buffers.render_params(&camera, (side, side), Samples::PerPixel(1), 1, None);

@@ -1,12 +1,12 @@
 //! Which methods are the fastest on a device, by measuring, and a file that remembers it for
-//! [`Request::choose`](crate::options::Request::choose).
+//! [`Request::choose`](super::Request::choose).
 //!
 //! Candidates are structures with every size of packets that goes together with exact hits. They trace the same rays by turns, round
 //! by round, so that a machine that grows slower or faster meanwhile does so for all; the median of each counts. All of them must
 //! give the same answers to the bit ([`SceneTuning::differing`]): tuning changes times, never hits.
 //!
 //! Bad at: what is not measured. The best for camera, shadow and diffuse rays together need not be the best for each, nor for
-//! pictures with glass, which [`Request::choose`](crate::options::Request::choose) therefore leaves to its model.
+//! pictures with glass, which [`Request::choose`](super::Request::choose) therefore leaves to its model.
 
 mod rays;
 mod scenes;
@@ -17,11 +17,12 @@ pub use rays::{Batch, batches};
 pub use scenes::{balls, cubes, scene_of};
 pub use store::{DeviceKey, TunedFile, Tuning};
 
+use super::{Request, SceneSize, Workload};
 use crate::budget::MemoryBudget;
 use crate::compare::compare_hits;
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
-use crate::options::{Accel, PacketSize, Request, SceneSize, TraceOptions, Workload};
+use crate::options::{PacketSize, StructureKind, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::scene::Scene;
 use crate::session::open_tracer;
@@ -37,19 +38,19 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Candidate {
     /// The structure.
-    pub accel: Accel,
+    pub structure: StructureKind,
     /// How many rays are traced together.
     pub packet_size: PacketSize,
 }
 
 impl Candidate {
     fn of(options: &TraceOptions) -> Candidate {
-        Candidate { accel: options.accel, packet_size: options.packet_size }
+        Candidate { structure: options.kind(), packet_size: options.packet_size }
     }
 
     /// The options, everything else at its default: exact hits.
     pub fn options(self) -> TraceOptions {
-        TraceOptions { accel: self.accel, packet_size: self.packet_size, ..TraceOptions::DEFAULT }
+        TraceOptions { packet_size: self.packet_size, ..TraceOptions::of(self.structure) }
     }
 
     /// What the model takes on `device` for a scene of so many triangles.
@@ -64,8 +65,8 @@ impl Candidate {
 impl fmt::Display for Candidate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.packet_size {
-            PacketSize::One => write!(f, "{}", self.accel),
-            size => write!(f, "{}, {size} rays at a time", self.accel),
+            PacketSize::One => write!(f, "{}", self.structure),
+            size => write!(f, "{}, {size} rays at a time", self.structure),
         }
     }
 }
@@ -74,7 +75,7 @@ impl Serialize for Candidate {
     fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         use serde::ser::SerializeStruct;
         let mut fields = serializer.serialize_struct("Candidate", 2)?;
-        fields.serialize_field("accel", self.accel.name())?;
+        fields.serialize_field("accel", self.structure.name())?;
         fields.serialize_field("packet_size", self.packet_size.name())?;
         fields.end()
     }
@@ -85,7 +86,7 @@ impl Serialize for Candidate {
 pub struct Plan {
     /// The structures; that of the model is measured beside them in any case. Those whose time is in proportion to the triangles are
     /// left out of scenes of more than [`Plan::MOST_FOR_LISTS`].
-    pub structures: Vec<Accel>,
+    pub structures: Vec<StructureKind>,
     /// Camera rays, from [`Plan::LEAST_RAYS`] on; rounded down to the next square of a power of two.
     pub rays: u32,
     /// How often each candidate traces each batch; at least 1.
@@ -99,7 +100,7 @@ pub struct Plan {
 impl Default for Plan {
     /// Every structure, 262,144 camera rays, seven rounds.
     fn default() -> Self {
-        Plan { structures: Accel::ALL.to_vec(), rays: 1 << 18, rounds: 7, seed: 1, memory: None }
+        Plan { structures: StructureKind::ALL.to_vec(), rays: 1 << 18, rounds: 7, seed: 1, memory: None }
     }
 }
 
@@ -117,20 +118,20 @@ impl Plan {
     fn side(&self) -> Result<u32> {
         if !(Self::LEAST_RAYS..=Self::MOST_RAYS).contains(&self.rays) {
             let message = format!("{} is not in {} to {}", self.rays, Self::LEAST_RAYS, Self::MOST_RAYS);
-            return Err(Error::option("--rays", message));
+            return Err(Error::option("rays", message));
         }
         Ok(1 << (self.rays.ilog2() / 2))
     }
 
     /// What is measured in a scene of so many triangles, the model's choice first.
     fn candidates(&self, model: Candidate, triangle_count: usize) -> Vec<Candidate> {
-        let is_list = |accel| matches!(accel, Accel::Brute | Accel::Boxes | Accel::Spheres);
+        let is_list = |accel| matches!(accel, StructureKind::Brute | StructureKind::Boxes | StructureKind::Spheres);
         let structures =
             self.structures.iter().filter(|&&accel| triangle_count <= Self::MOST_FOR_LISTS || !is_list(accel));
         let all = structures.flat_map(|&accel| PacketSize::ALL.iter().map(move |&packet_size| (accel, packet_size)));
         let mut candidates = vec![model];
         for (accel, packet_size) in all {
-            let candidate = Candidate { accel, packet_size };
+            let candidate = Candidate { structure: accel, packet_size };
             if candidate.options().validate().is_ok() && !candidates.contains(&candidate) {
                 candidates.push(candidate);
             }
@@ -350,9 +351,9 @@ mod tests {
 
     const ONE: PacketSize = PacketSize::One;
 
-    fn scene(ratios: &[(Accel, f64)]) -> SceneTuning {
-        let measured = |&(accel, ratio): &(Accel, f64)| Measured {
-            candidate: Candidate { accel, packet_size: ONE },
+    fn scene(ratios: &[(StructureKind, f64)]) -> SceneTuning {
+        let measured = |&(accel, ratio): &(StructureKind, f64)| Measured {
+            candidate: Candidate { structure: accel, packet_size: ONE },
             build_s: 0.0,
             kernel_s: [1.0; 3],
             mrays_per_s: [1.0; 3],
@@ -370,10 +371,10 @@ mod tests {
 
     #[test]
     fn the_fastest_is_that_of_all_scenes_and_clearly_faster() {
-        let (bvh2, kd, grid) = (Accel::Bvh2, Accel::Kd, Accel::Grid);
+        let (bvh2, kd, grid) = (StructureKind::Bvh2, StructureKind::Kd, StructureKind::Grid);
         let fastest_of = |scenes: &[SceneTuning]| {
             let found = fastest(&scenes.iter().collect::<Vec<_>>());
-            found.map(|(candidate, ratio)| (candidate.accel, (ratio * 1000.0).round()))
+            found.map(|(candidate, ratio)| (candidate.structure, (ratio * 1000.0).round()))
         };
         for (ratios, expected) in [
             (vec![vec![(bvh2, 1.0), (kd, 1.2), (grid, 1.1)]], Some((kd, 1200.0))),
@@ -392,18 +393,18 @@ mod tests {
     #[test]
     fn candidates_go_together_with_exact_hits_and_lists_are_for_few_triangles() {
         let plan = Plan::default();
-        let model = Candidate { accel: Accel::Bvh2, packet_size: ONE };
+        let model = Candidate { structure: StructureKind::Bvh2, packet_size: ONE };
         let few = plan.candidates(model, Plan::MOST_FOR_LISTS);
         let many = plan.candidates(model, Plan::MOST_FOR_LISTS + 1);
         assert_eq!(few[0], model);
-        assert_eq!((few.len(), many.len()), (Accel::ALL.len() + 2, Accel::ALL.len() - 1));
-        for accel in [Accel::Kd, Accel::Bvh8] {
-            assert!(few.contains(&Candidate { accel, packet_size: PacketSize::Sixteen }));
+        assert_eq!((few.len(), many.len()), (StructureKind::ALL.len() + 2, StructureKind::ALL.len() - 1));
+        for accel in [StructureKind::Kd, StructureKind::Bvh8] {
+            assert!(few.contains(&Candidate { structure: accel, packet_size: PacketSize::Sixteen }));
         }
-        let one = Plan { structures: vec![Accel::Kd], ..plan }.candidates(model, 10);
+        let one = Plan { structures: vec![StructureKind::Kd], ..plan }.candidates(model, 10);
         assert_eq!(
-            one.iter().map(|candidate| candidate.accel).collect::<Vec<_>>(),
-            [Accel::Bvh2, Accel::Kd, Accel::Kd]
+            one.iter().map(|candidate| candidate.structure).collect::<Vec<_>>(),
+            [StructureKind::Bvh2, StructureKind::Kd, StructureKind::Kd]
         );
     }
 }

@@ -1,9 +1,10 @@
 //! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the choice together
 //! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
-use super::{Accel, Decisions, Intersector, KernelFeatures, Layout, PacketSize, SceneSize, TraceOptions};
+use super::SceneSize;
 use crate::device::{DeviceInfo, DeviceKind};
 use crate::features::{Feature, Features};
+use crate::options::{Intersector, KernelFeatures, Layout, PacketSize, StructureKind, TraceOptions};
 use crate::shared::Shading;
 
 /// The work that methods are chosen for.
@@ -40,8 +41,8 @@ impl Workload<'_> {
     /// The fastest structure with the triangle test that is the default.
     ///
     /// A CPU has vectors that one ray fills with eight boxes, so that the bunny takes half to a third of the kd-tree's
-    /// time with [`Accel::Bvh8`]. A GPU's work-item has one lane, and the fewer registers it takes the better:
-    /// [`Accel::Bvh2`]. Measured in `docs/record/2026-11-21-pocl-boxes-and-kd-tree.md` and
+    /// time with [`StructureKind::Bvh8`]. A GPU's work-item has one lane, and the fewer registers it takes the better:
+    /// [`StructureKind::Bvh2`]. Measured in `docs/record/2026-11-21-pocl-boxes-and-kd-tree.md` and
     /// `docs/record/2026-11-22-h200-boxes-and-kd-tree.md`.
     ///
     /// There is no number of triangles up to which brute force is the fastest on a CPU: by `raybrook tune` on PoCL (2 cores, loose
@@ -52,7 +53,7 @@ impl Workload<'_> {
     /// The reference is scalar code, to which a kd-tree's one plane is less work than two boxes: `kd` had 1.4 to 2 times the speed of
     /// `bvh2` in scenes of 948 to 99,202 triangles, the same in chess.toml. With 2 to 98 triangles it was 0.8 to 2.5 times as fast by
     /// turns; with 990,002 it was 1.3 times as fast, but the second that its build takes longer is more than a picture wins back.
-    pub(super) fn structure(&self) -> (Accel, String) {
+    pub(super) fn structure(&self) -> (StructureKind, String) {
         let with_count = |reason: &str| match self.triangle_count {
             Some(count) => format!("{reason} ({count} triangles)"),
             None => reason.to_owned(),
@@ -62,23 +63,23 @@ impl Workload<'_> {
             let reason = format!(
                 "{shared} triangles are shared by instances; to make and to build them takes longer than it gains"
             );
-            return (Accel::Instances, reason);
+            return (StructureKind::Instances, reason);
         }
         match (self.kind(), self.triangle_count.map(SceneSize::of)) {
             (Some(DeviceKind::Cpu), _) => {
                 let reason = "the device is a CPU, whose vectors hold the eight boxes of a node; brute force is slower at any size";
-                (Accel::Bvh8, with_count(reason))
+                (StructureKind::Bvh8, with_count(reason))
             }
             (Some(kind), _) => {
                 let reason = "a work-item has one lane, and two boxes take few registers";
-                (Accel::Bvh2, with_count(&format!("the device is of kind {kind}: {reason}")))
+                (StructureKind::Bvh2, with_count(&format!("the device is of kind {kind}: {reason}")))
             }
             (None, Some(SceneSize::Small | SceneSize::Medium)) => {
                 let reason = "one plane is less work to the reference than boxes, which pays from";
-                (Accel::Kd, with_count(&format!("{reason} {}", kd_sizes())))
+                (StructureKind::Kd, with_count(&format!("{reason} {}", kd_sizes())))
             }
             (None, _) => (
-                Accel::Bvh2,
+                StructureKind::Bvh2,
                 with_count(&format!("the reference builds it soonest, and a kd-tree pays from {}", kd_sizes())),
             ),
         }
@@ -116,7 +117,7 @@ impl Workload<'_> {
             && exact.validate().is_ok();
         is_slower.then(|| {
             format!(
-                "{} {} is slower than {} on a CPU, 3 to 4 times: only with exact hits do rays go in packets of {}",
+                "`{} = {}` is slower than {} on a CPU, 3 to 4 times: only with exact hits do rays go in packets of {}",
                 Intersector::OPTION,
                 options.intersector,
                 Intersector::Exact,
@@ -127,7 +128,7 @@ impl Workload<'_> {
 }
 
 impl TraceOptions {
-    /// Whether [`RayOrder::Auto`](super::RayOrder::Auto) sorts shuffled batches on a kind of device (`None`: the reference). Packets on
+    /// Whether [`RayOrder::Auto`] sorts shuffled batches on a kind of device (`None`: the reference). Packets on
     /// a CPU take up to eleven times as long when their rays are no neighbours, single rays up to 1.7 times, most of which sorting would
     /// take. An H200 takes 1.3 to 2.7 times as long, 0.1 to 0.5 ns a ray, and sixteen cores beside it sort one in 20 to 30.
     pub fn gains_by_sorted_rays(&self, device: Option<DeviceKind>) -> bool {
@@ -158,40 +159,13 @@ fn kd_sizes() -> String {
     format!("{} to {} triangles", SceneSize::Small.fewest(), SceneSize::Large.fewest() - 1)
 }
 
-/// The rays of a work-group on `device`, and why.
-///
-/// CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
-pub(crate) fn work_group_size(device: &DeviceInfo) -> (usize, String) {
-    let (size, reason) = match device.kind {
-        DeviceKind::Gpu => (64, "the device is a GPU, which fills its lanes from one work-group".to_owned()),
-        kind => (16, format!("the device is of kind {kind}: what a small work-group keeps stays in cache")),
-    };
-    match device.max_work_group_size.max(1) {
-        most if most < size => (most, format!("the device has no larger ones (it would be {size}: {reason})")),
-        _ => (size, reason),
-    }
-}
-
-/// Who decides what is traced next of pictures by their error on `device`, and why.
-pub(crate) fn who_decides(decisions: Decisions, device: &DeviceInfo) -> (Decisions, String) {
-    match decisions {
-        Decisions::Auto if device.kind != DeviceKind::Gpu => {
-            (Decisions::Host, format!("the device is of kind {}: the host's cores do it as fast", device.kind))
-        }
-        // Decisions, and with them pixels, would be others than elsewhere.
-        Decisions::Auto if !device.correctly_rounded_divide_sqrt => {
-            (Decisions::Host, "the device does not round divisions and roots as the host does".to_owned())
-        }
-        Decisions::Auto => (Decisions::Device, "the device is a GPU, which would wait for the host".to_owned()),
-        given => (given, "as asked for".to_owned()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::choose::{Chosen, Decision, Request, Source};
     use crate::device::sample_info;
-    use crate::options::{Chosen, Decision, Origin, Request};
+    use crate::device::{who_decides, work_group_size};
+    use crate::options::Decisions;
 
     fn device(kind: DeviceKind) -> DeviceInfo {
         DeviceInfo { kind, ..sample_info() }
@@ -208,22 +182,22 @@ mod tests {
         let [cpu, gpu] = [DeviceKind::Cpu, DeviceKind::Gpu].map(device);
         let (one, sixteen) = (PacketSize::One, PacketSize::Sixteen);
         for (device, triangles, accel, packets, words) in [
-            (Some(&cpu), 2, Accel::Bvh8, sixteen, ["CPU", "sixteen rays"]),
-            (Some(&cpu), 2_000_000, Accel::Bvh8, sixteen, ["2000000 triangles", "CPU"]),
-            (Some(&gpu), 5000, Accel::Bvh2, one, ["kind gpu", "kind gpu"]),
-            (None, 99, Accel::Bvh2, one, ["99 triangles", "the reference"]),
-            (None, 100, Accel::Kd, one, ["100 triangles", "the reference"]),
-            (None, 299_999, Accel::Kd, one, ["299999 triangles", "the reference"]),
-            (None, 300_000, Accel::Bvh2, one, ["300000 triangles", "the reference"]),
+            (Some(&cpu), 2, StructureKind::Bvh8, sixteen, ["CPU", "sixteen rays"]),
+            (Some(&cpu), 2_000_000, StructureKind::Bvh8, sixteen, ["2000000 triangles", "CPU"]),
+            (Some(&gpu), 5000, StructureKind::Bvh2, one, ["kind gpu", "kind gpu"]),
+            (None, 99, StructureKind::Bvh2, one, ["99 triangles", "the reference"]),
+            (None, 100, StructureKind::Kd, one, ["100 triangles", "the reference"]),
+            (None, 299_999, StructureKind::Kd, one, ["299999 triangles", "the reference"]),
+            (None, 300_000, StructureKind::Bvh2, one, ["300000 triangles", "the reference"]),
         ] {
             let workload = Workload { device, triangle_count: Some(triangles), features: None, shared_triangles: 0 };
             let chosen = Request::default().choose(&workload, None).unwrap();
-            assert_eq!((chosen.options.accel, chosen.options.packet_size), (accel, packets), "{workload:?}");
+            assert_eq!((chosen.options.kind(), chosen.options.packet_size), (accel, packets), "{workload:?}");
             for (option, value, word) in
-                [("--accel", accel.name(), words[0]), ("--packet-size", packets.name(), words[1])]
+                [("structure", accel.name(), words[0]), ("packet_size", packets.name(), words[1])]
             {
                 let decision = about(&chosen, option);
-                assert_eq!((decision.value.as_str(), decision.origin), (value, Origin::Model), "{decision}");
+                assert_eq!((decision.value.as_str(), decision.source), (value, Source::Model), "{decision}");
                 assert!(decision.reason.contains(word), "{decision}");
                 assert!(decision.to_string().starts_with(&format!("{option} {value}: model: ")), "{decision}");
             }
@@ -233,18 +207,18 @@ mod tests {
     #[test]
     fn other_tests_than_the_exact_one_are_slower_where_that_goes_in_packets() {
         let [cpu, gpu] = [DeviceKind::Cpu, DeviceKind::Gpu].map(device);
-        let fast = TraceOptions { accel: Accel::Bvh8, intersector: Intersector::FASTEST, ..TraceOptions::DEFAULT };
+        let fast = TraceOptions { intersector: Intersector::FASTEST, ..TraceOptions::of(StructureKind::Bvh8) };
         for (device, options, is_slower) in [
             (Some(&cpu), fast, true),
             (Some(&cpu), TraceOptions { intersector: Intersector::Exact, ..fast }, false),
-            (Some(&cpu), TraceOptions { accel: Accel::Grid, ..fast }, false),
+            (Some(&cpu), fast.with_structure(StructureKind::Grid), false),
             (Some(&gpu), fast, false),
             (None, fast, false),
         ] {
             let workload = Workload { device, triangle_count: None, features: None, shared_triangles: 0 };
             let warning = workload.slower_than_exact(&options);
             assert_eq!(warning.is_some(), is_slower, "{options:?}");
-            let words = ["--intersector moller-trumbore", "exact", "packets of 16"];
+            let words = ["`intersector = moller-trumbore`", "exact", "packets of 16"];
             assert!(warning.is_none_or(|warning| words.iter().all(|word| warning.contains(word))));
         }
     }
@@ -257,8 +231,8 @@ mod tests {
                 let workload =
                     Workload { device: info, triangle_count: Some(2_000_000), features: None, shared_triangles };
                 let chosen = Request::default().choose(&workload, None).unwrap();
-                assert_eq!(chosen.options.accel == Accel::Instances, is_shared, "{workload:?}");
-                assert_eq!(about(&chosen, "--accel").reason.contains("shared by instances"), is_shared);
+                assert_eq!(chosen.options.kind() == StructureKind::Instances, is_shared, "{workload:?}");
+                assert_eq!(about(&chosen, "structure").reason.contains("shared by instances"), is_shared);
             }
         }
     }
@@ -280,8 +254,8 @@ mod tests {
             let workload = Workload { device: Some(&gpu), triangle_count: None, features, shared_triangles: 0 };
             Request::default().choose(&workload, None).unwrap()
         };
-        assert_eq!(about(&of(Some(Features::ALL)), "--decisions").value, "device");
-        assert!(of(None).decisions.iter().all(|decision| decision.option != "--decisions"), "a batch has none");
+        assert_eq!(about(&of(Some(Features::ALL)), "decisions").value, "device");
+        assert!(of(None).decisions.iter().all(|decision| decision.option != "decisions"), "a batch has none");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::fmt;
 
-/// Sizes of scenes. What [`crate::tune`] finds is remembered for each of them.
+/// Sizes of scenes. What [`crate::choose::tune`] finds is remembered for each of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SceneSize {

@@ -5,10 +5,10 @@
 //! the same time both succeed, and the file is that of the last one.
 
 use super::{Candidate, SceneTuning, fastest};
+use crate::choose::{SceneSize, TunedChoice};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::input::read_regular;
-use crate::options::{SceneSize, TunedChoice};
 use crate::output::{check_writable, write_json};
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
@@ -75,7 +75,7 @@ impl Entry {
     /// The choice, for a scene of so many triangles; the error says what is wrong with the entry.
     fn choice(&self, triangle_count: usize) -> std::result::Result<TunedChoice, String> {
         let read = || -> Result<Candidate> {
-            let candidate = Candidate { accel: self.accel.parse()?, packet_size: self.packet_size.parse()? };
+            let candidate = Candidate { structure: self.accel.parse()?, packet_size: self.packet_size.parse()? };
             candidate.options().validate().map(|()| candidate)
         };
         let candidate = read().map_err(|error| error.to_string())?;
@@ -86,7 +86,7 @@ impl Entry {
         };
         let reason =
             format!("{speed} in {} scenes ({} triangles; this one has {triangle_count})", self.size, counts.join(", "));
-        Ok(TunedChoice { accel: candidate.accel, packet_size: candidate.packet_size, reason })
+        Ok(TunedChoice { structure: candidate.structure, packet_size: candidate.packet_size, reason })
     }
 }
 
@@ -155,7 +155,7 @@ impl TunedFile {
     /// fail: the file is damaged, or what it says of this device holds for other versions.
     pub fn find(&self, key: &DeviceKey, triangle_count: usize) -> std::result::Result<Option<TunedChoice>, String> {
         let ignored = |why: String| {
-            format!("'{}' is ignored: {why}; `raybrook tune` makes it anew, --forget removes it", self.path.display())
+            format!("'{}' is ignored: {why}; `raybrook tune` makes it anew, `forget` removes it", self.path.display())
         };
         let entries = self.read().map_err(ignored)?.entries;
         let size = SceneSize::of(triangle_count).name();
@@ -188,7 +188,7 @@ impl TunedFile {
         all.entries.extend(tunings.iter().map(|tuning| Entry {
             key: key.clone(),
             size: tuning.size.name().to_owned(),
-            accel: tuning.fastest.accel.name().to_owned(),
+            accel: tuning.fastest.structure.name().to_owned(),
             packet_size: tuning.fastest.packet_size.name().to_owned(),
             ratio: tuning.ratio,
             model: tuning.model.to_string(),
@@ -233,11 +233,17 @@ impl TunedFile {
 mod tests {
     use super::*;
     use crate::device::sample_info;
-    use crate::options::{Accel, PacketSize};
+    use crate::options::{PacketSize, StructureKind};
 
-    fn tuning(size: SceneSize, accel: Accel) -> Tuning {
-        let candidate = |accel| Candidate { accel, packet_size: PacketSize::One };
-        Tuning { size, fastest: candidate(accel), ratio: 1.5, model: candidate(Accel::Bvh2), triangle_counts: vec![7] }
+    fn tuning(size: SceneSize, accel: StructureKind) -> Tuning {
+        let candidate = |accel| Candidate { structure: accel, packet_size: PacketSize::One };
+        Tuning {
+            size,
+            fastest: candidate(accel),
+            ratio: 1.5,
+            model: candidate(StructureKind::Bvh2),
+            triangle_counts: vec![7],
+        }
     }
 
     /// A file in a folder that does not exist yet, and the key of a device.
@@ -252,10 +258,14 @@ mod tests {
         let (_folder, file, key) = file();
         assert_eq!(file.find(&key, 7), Ok(None));
         assert!(!file.forget().unwrap());
-        file.remember(&key, &[tuning(SceneSize::Tiny, Accel::Kd), tuning(SceneSize::Large, Accel::Bvh2)]).unwrap();
+        file.remember(
+            &key,
+            &[tuning(SceneSize::Tiny, StructureKind::Kd), tuning(SceneSize::Large, StructureKind::Bvh2)],
+        )
+        .unwrap();
         let found = |count| file.find(&key, count).unwrap();
         let tiny = found(12).unwrap();
-        assert_eq!((tiny.accel, tiny.packet_size), (Accel::Kd, PacketSize::One));
+        assert_eq!((tiny.structure, tiny.packet_size), (StructureKind::Kd, PacketSize::One));
         for words in ["1.50 times the speed of bvh2", "tiny", "this one has 12"] {
             assert!(tiny.reason.contains(words), "{}", tiny.reason);
         }
@@ -264,11 +274,11 @@ mod tests {
         assert_eq!(file.find(&DeviceKey::new(None), 12), Ok(None));
 
         // Another device and a new measurement of one size leave the rest as it is.
-        file.remember(&DeviceKey::new(None), &[tuning(SceneSize::Tiny, Accel::Grid)]).unwrap();
-        file.remember(&key, &[tuning(SceneSize::Tiny, Accel::Octree)]).unwrap();
-        assert_eq!(found(12).unwrap().accel, Accel::Octree);
-        assert_eq!(found(1 << 20).unwrap().accel, Accel::Bvh2);
-        assert_eq!(file.find(&DeviceKey::new(None), 12).unwrap().unwrap().accel, Accel::Grid);
+        file.remember(&DeviceKey::new(None), &[tuning(SceneSize::Tiny, StructureKind::Grid)]).unwrap();
+        file.remember(&key, &[tuning(SceneSize::Tiny, StructureKind::Octree)]).unwrap();
+        assert_eq!(found(12).unwrap().structure, StructureKind::Octree);
+        assert_eq!(found(1 << 20).unwrap().structure, StructureKind::Bvh2);
+        assert_eq!(file.find(&DeviceKey::new(None), 12).unwrap().unwrap().structure, StructureKind::Grid);
         assert!(file.forget().unwrap());
         assert_eq!(found(12), None);
     }
@@ -276,7 +286,7 @@ mod tests {
     #[test]
     fn other_versions_and_damage_are_notes() {
         let (_folder, file, key) = file();
-        file.remember(&key, &[tuning(SceneSize::Tiny, Accel::Bvh2)]).unwrap();
+        file.remember(&key, &[tuning(SceneSize::Tiny, StructureKind::Bvh2)]).unwrap();
         let newer = DeviceKey::new(Some(&DeviceInfo { driver_version: "newer".to_owned(), ..sample_info() }));
         let note = file.find(&newer, 7).unwrap_err();
         assert!(note.contains("measured with driver") && note.contains("newer"), "{note}");
@@ -285,20 +295,20 @@ mod tests {
         let good = std::fs::read_to_string(file.path()).unwrap();
         for (from, to, words) in [
             ("\"bvh2\"", "\"tree\"", "no 'tree'"),
-            ("\"1\"", "\"16\"", "--packet-size"),
+            ("\"1\"", "\"16\"", "packet_size"),
             ("\"entries\"", "\"others\"", "entries"),
         ] {
             std::fs::write(file.path(), good.replace(from, to)).unwrap();
             let note = file.find(&key, 7).unwrap_err();
-            assert!(note.contains(words) && note.contains("--forget"), "{note}");
+            assert!(note.contains(words) && note.contains("forget"), "{note}");
         }
         for length in 0..good.trim_end().len() {
             std::fs::write(file.path(), &good[..length]).unwrap();
             assert!(file.find(&key, 7).is_err(), "truncated to {length} bytes");
         }
-        let note = file.remember(&key, &[tuning(SceneSize::Tiny, Accel::Grid)]).unwrap();
+        let note = file.remember(&key, &[tuning(SceneSize::Tiny, StructureKind::Grid)]).unwrap();
         assert!(note.unwrap().contains("is replaced"));
-        assert_eq!(file.find(&key, 7).unwrap().unwrap().accel, Accel::Grid);
+        assert_eq!(file.find(&key, 7).unwrap().unwrap().structure, StructureKind::Grid);
         std::fs::remove_file(file.path()).unwrap();
         std::fs::create_dir(file.path()).unwrap();
         assert!(file.find(&key, 7).is_err());

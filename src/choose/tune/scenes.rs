@@ -1,7 +1,7 @@
 //! Scenes of every size, made in code.
 
+use crate::choose::SceneSize;
 use crate::error::Result;
-use crate::options::SceneSize;
 use crate::scene::{Builder, Camera, Scene};
 use crate::session::complete;
 use glam::Vec3;

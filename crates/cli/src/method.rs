@@ -1,0 +1,238 @@
+//! The options of methods. Their names, values and texts are those of the library's table.
+
+use super::{Talk, flags};
+use clap::{Arg, ArgMatches, Command, FromArgMatches};
+use raybrook::Error;
+use raybrook::low_level::choose::{Chosen, Request, TunedChoice, Workload};
+use raybrook::low_level::device::DeviceHandle;
+use raybrook::low_level::options::{
+    Build, Choice, Heading, Intersector, MethodOption, OPTIONS, PacketSize, StructureKind, TraceOptions, Traversal,
+    parse_method,
+};
+
+/// The flag that takes a whole method.
+const METHOD: &str = "method";
+const PRECISION: &str = "precision";
+/// What leaves the choice of the structure to the program.
+const AUTO: &str = "auto";
+/// Flags of earlier versions, which are understood for one more release, and what they are called now.
+const OLD_FLAGS: [(&str, &str); 1] = [("accel", StructureKind::OPTION)];
+/// Values of earlier versions, by option: likewise.
+const OLD_VALUES: [(&str, &str, &str); 1] = [("kernels", "split", "wavefront")];
+
+/// What to trace with.
+pub struct MethodArgs {
+    request: Request,
+}
+
+impl clap::Args for MethodArgs {
+    fn augment_args(command: Command) -> Command {
+        let command = command.arg(method()).arg(precision());
+        OPTIONS.iter().fold(command, |command, option| command.arg(argument(option)))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+fn method() -> Arg {
+    let names = [
+        ("structure", StructureKind::names()),
+        ("build of a kd-tree", Build::names()),
+        ("way through a kd-tree", Traversal::names()),
+        ("triangle test", Intersector::names()),
+    ];
+    let lists: Vec<_> = names.iter().map(|(part, names)| format!("{part}: {names}")).collect();
+    Arg::new(METHOD)
+        .long(METHOD)
+        .value_name("PARTS")
+        .help_heading(Heading::Accuracy.name())
+        .help("Structure, traversal and triangle test, joined by '+', such as bvh8 or kd+ropes+plucker [default: auto]")
+        .long_help(format!(
+            "Structure, traversal and triangle test, joined by '+' in any order, such as bvh8 or kd+ropes+plucker [default: what is \
+             fastest on the device, with exact hits]. What is left out is left to the program. `raybrook methods` explains the parts:\n{}",
+            lists.join("\n")
+        ))
+        .value_parser(|text: &str| parse_method(text).map_err(|error| what(&error)))
+}
+
+fn precision() -> Arg {
+    Arg::new(PRECISION)
+        .long(PRECISION)
+        .value_name("exact|fast")
+        .help_heading(Heading::Accuracy.name())
+        .help("exact: hits as exact arithmetic has them; fast: the fastest float32 test, which loses some [default: exact]")
+        .long_help(
+            "exact: hits as exact arithmetic has them [default]; fast: the fastest float32 test, which loses some hits: \
+             moller-trumbore. On a CPU fast is 3 to 4 times slower than exact: only with exact hits do rays go in packets there",
+        )
+        .conflicts_with(Intersector::OPTION)
+        .value_parser(|text: &str| match text {
+            "exact" => Ok(Intersector::Exact),
+            "fast" => Ok(Intersector::FASTEST),
+            _ => Err("possible: exact, fast"),
+        })
+}
+
+/// A value of an option; `None` is `auto`.
+type Asked = Option<Choice>;
+
+/// The argument of an option of the table.
+fn argument(option: &'static MethodOption) -> Arg {
+    let is_structure = option.name == StructureKind::OPTION;
+    let mut values: Vec<_> =
+        option.choices().filter_map(|choice| Some(format!("{}: {}", choice.name()?, choice.about()?))).collect();
+    if is_structure {
+        values.insert(0, format!("{AUTO}: {AUTO_STRUCTURE}"));
+    }
+    let about = format!("{} [default: {}]", option.about().trim_end_matches('.'), option.default_words());
+    let only = only_with(option);
+    let long = [&format!("{about}{only}")[..], &values.join("\n")].join("\n");
+    let argument = Arg::new(option.name)
+        .long(option.name.replace('_', "-"))
+        .value_name(option.value_name())
+        .help_heading(option.heading.name())
+        .help(about)
+        .long_help(long.trim_end().to_owned())
+        .hide_short_help(true)
+        .allow_negative_numbers(true)
+        .value_parser(move |text: &str| match text {
+            AUTO if is_structure => Ok(Asked::None),
+            _ => option.parse(text).map(Some).map_err(|error| what(&error)),
+        });
+    let old = OLD_FLAGS.iter().filter(|(_, name)| *name == option.name);
+    old.fold(argument, |argument, (old, _)| argument.alias(*old))
+}
+
+/// How the program chooses a structure.
+const AUTO_STRUCTURE: &str = "what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU; on the reference kd for 100 to \
+    299999 triangles, bvh2 for fewer or more; instances where these share a million triangles, on a GPU 65536; or what other options are \
+    for, such as kd with --build (info and tables of methods prefer kd)";
+
+/// The structures that read an option, where not all do.
+pub fn only_with(option: &MethodOption) -> String {
+    let structures: Vec<_> = option.structures.iter().map(|kind| kind.name()).collect();
+    match structures.len() < StructureKind::ALL.len() {
+        true => format!(". Only with {} {}", flags::flag(StructureKind::OPTION), structures.join(", ")),
+        false => String::new(),
+    }
+}
+
+/// What is wrong with a value: its flag stands before it already.
+fn what(error: &Error) -> String {
+    match error {
+        Error::Option { message, .. } => flags::in_flags(message).into_owned(),
+        other => other.to_string(),
+    }
+}
+
+impl FromArgMatches for MethodArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let mut request = Request::default();
+        for option in OPTIONS {
+            if let Some(Some(choice)) = matches.get_one::<Asked>(option.name) {
+                request.give(*choice);
+            }
+        }
+        if let Some(&intersector) = matches.get_one::<Intersector>(PRECISION) {
+            let named = request.set(Intersector::OPTION, intersector.name());
+            named.map_err(|error| clap::Error::raw(clap::error::ErrorKind::InvalidValue, what(&error)))?;
+        }
+        for choice in matches.get_one::<Vec<Choice>>(METHOD).into_iter().flatten() {
+            if request.has(choice.option().name) {
+                let message = format!(
+                    "--{METHOD} has {}, and {} is given, too; give it once\n",
+                    flags::typed(choice),
+                    flags::flag(choice.option().name)
+                );
+                return Err(clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message));
+            }
+            request.give(*choice);
+        }
+        Ok(MethodArgs { request })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl MethodArgs {
+    /// What the user asks for.
+    fn request(&self, counters: bool) -> Request {
+        self.request.clone().with_counters(counters)
+    }
+
+    /// What is wrong with the options on any device comes before what takes time.
+    pub fn check(&self, counters: bool) -> Result<TraceOptions, Error> {
+        Ok(self.request(counters).choose(&without_scene(None), None)?.options)
+    }
+
+    /// The options, with what is fastest on `device` where the user leaves the choice, for no scene in particular.
+    pub fn options_for(
+        &self,
+        device: Option<&DeviceHandle>,
+        counters: bool,
+        talk: Talk,
+    ) -> Result<TraceOptions, Error> {
+        Ok(self.choose(&without_scene(device), None, counters, talk)?.options)
+    }
+
+    /// Chooses what the user leaves open. Says so where a limit of the fastest structure leads to another one, which nobody asked for.
+    pub fn choose(
+        &self,
+        workload: &Workload,
+        tuned: Option<&TunedChoice>,
+        counters: bool,
+        talk: Talk,
+    ) -> Result<Chosen, Error> {
+        let mut chosen = self.request(counters).choose(workload, tuned)?;
+        if let Some(limit) = chosen.limit.as_ref().filter(|_| !talk.quiet) {
+            tell!("note: {} {AUTO} takes {}: {limit}", flags::flag(StructureKind::OPTION), chosen.options.kind());
+        }
+        chosen.decisions = flags::decisions(chosen.decisions);
+        Ok(chosen)
+    }
+
+    /// Whether structure or packets are left to be chosen.
+    pub fn leaves_a_choice(&self) -> bool {
+        !self.request.has(StructureKind::OPTION) || !self.request.has(PacketSize::OPTION)
+    }
+
+    /// Whether a structure is asked for.
+    pub fn has_structure(&self) -> bool {
+        self.request.has(StructureKind::OPTION)
+    }
+
+    /// The options, with the `preferred` structure where the user leaves the choice and nothing else needs another one.
+    pub fn options(&self, preferred: StructureKind, counters: bool) -> Result<TraceOptions, Error> {
+        self.request(counters).with_structure(preferred)
+    }
+}
+
+/// Batches of rays on `device` through whatever scene.
+fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
+    Workload { device: device.map(|device| &device.info), triangle_count: None, features: None, shared_triangles: 0 }
+}
+
+/// Says which names of earlier versions the arguments have.
+pub fn note_old_names(arguments: impl Iterator<Item = String>) {
+    let arguments: Vec<_> = arguments.take_while(|word| word != "--").collect();
+    let has =
+        |flag: &str, word: &str| word == flag || word.strip_prefix(flag).is_some_and(|rest| rest.starts_with('='));
+    for (old, name) in OLD_FLAGS {
+        let (old, new) = (flags::flag(old), flags::flag(name));
+        if arguments.iter().any(|word| has(&old, word)) {
+            tell!("note: {old} is called {new} now; the next release knows it no more");
+        }
+    }
+    for (name, old, new) in OLD_VALUES {
+        let flag = flags::flag(name);
+        let is_apart = arguments.windows(2).any(|pair| pair[0] == flag && pair[1] == old);
+        if is_apart || arguments.contains(&format!("{flag}={old}")) {
+            tell!("note: {flag} {old} is called {flag} {new} now; the next release knows it no more");
+        }
+    }
+}
