@@ -11,12 +11,10 @@
 // of edge functions above it do not. It is for the start of a ray, too, that leaves a triangle at a point whose second part came out 0: that
 // is off by 2^-66 of the triangle's coordinates at most (rounding_errors.cl). A difference that is off by e, below 2^-43, moves an edge
 // function by 4 H e, which is no more than LEAST_EDGE and the EPSILON H^2 that EDGE_ERROR_EXTENT has to spare.
-#ifndef EDGE_ERROR
-#define EDGE_ERROR (13.0f * EPSILON)       // times H M
-#define EDGE_ERROR_LOW (38.0f * EPSILON)   // the same of a ray that does not start at its origin
-#define EDGE_ERROR_EXTENT (8.0f * EPSILON) // times H^2
-#define EDGE_ERROR2 (220.0f * EPSILON * EPSILON)
-#define LEAST_EDGE 0x1p-60f
+//
+// EDGE_ERROR and EDGE_ERROR_LOW (D = 4) are times H M, EDGE_ERROR_EXTENT times H^2, EDGE_ERROR2 times M^2.
+#ifndef HAS_EDGE_ERROR
+#define HAS_EDGE_ERROR
 
 // EDGE_ERROR of a ray whose origin has that second part.
 float edge_error(float3 origin_low) {

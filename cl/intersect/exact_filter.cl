@@ -24,10 +24,7 @@
 // edge functions. These, each off by `bound`, move that mean by at most 3 bound spread / |their sum|, where spread is the vertices'
 // extent in z. The z are off by 5 EPSILON of the largest, Z; the sums, reciprocals and products that give t round by 3 + 2 + 10 + 2
 // EPSILON Z: 22, and the last room is for the rounding of the bound. |direction_z| is at least 1. Three products may underflow, each by up
-// to 2^-126; their sum is divided by more than LEAST_EDGE.
-#define SPREAD_ERROR 3.1f
-#define DEPTH_ERROR (26.0f * EPSILON)
-#define LEAST_DEPTH 0x1p-64f
+// to 2^-126; their sum is divided by more than LEAST_EDGE. SPREAD_ERROR is the 3 and a tenth, DEPTH_ERROR 26, LEAST_DEPTH what underflows.
 
 // Whether a triangle that is not surely missed is hit, and limits of the hit's t, if there is one: in doubt those of all the triangle.
 int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float* t_high) {
@@ -60,16 +57,15 @@ int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
 // Step 2. The numbers behind every answer, with a = p0 - start, e1 and e2 the edges from p0, N = e1 x e2, c = a x direction:
 //     T = N . a,  D = N . direction,  t = T / D;   U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
 // None of them is off by more than 9 WIDE_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of three products;
-// W by 3 more. P, the same expression of magnitudes, is computed in float32, which the constants leave room for.
-#define WIDE_ERROR (10.0f * WIDE_EPSILON)
-#define WIDE_ERROR_W (14.0f * WIDE_EPSILON)
+// W by 3 more. P, the same expression of magnitudes, is computed in float32, which the roundings of src/shared/constants.rs leave room for.
+#define WIDE_ERROR (WIDE_ROUNDINGS * WIDE_EPSILON)
+#define WIDE_ERROR_W (WIDE_ROUNDINGS_W * WIDE_EPSILON)
 // a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this times that part.
 // And by what no float is small enough for (PLANE_ERROR in ray.cl): each of nine terms by up to 2^-149, which the bounds are to cover
 // whatever direction it is multiplied by, be it lifted to 2^61.
-#define LEAST_FROM (0x1p-145f * WIDE_PRECISION)
-#define START_ERROR (0.4f * EPSILON * WIDE_PRECISION) // 4 EPSILON / WIDE_ERROR: not every compiler divides constants
-// Below this a product of floats may have underflowed: nothing is certain.
-#define LEAST_MAGNITUDE 0x1p-80f
+#define LEAST_FROM (LEAST_START * WIDE_PRECISION)
+#define START_ERROR (START_SHARE * EPSILON * WIDE_PRECISION) // 4 EPSILON / WIDE_ERROR: not every compiler divides constants
+// Below LEAST_MAGNITUDE a product of floats may have underflowed: nothing is certain.
 
 typedef struct {
     Wide distance, det, weight0, weight1, weight2; // T, D, W, U, V

@@ -117,10 +117,6 @@ RARE float whole_quotient(const Integer* numerator, const Integer* denominator, 
     return integer_quotient(&above, &below, exponent, n);
 }
 
-// Numbers from this on have no nearest float: FLT_MAX and half of its last bit.
-#define INFINITE_SIGNIFICAND 0x1ffffffu
-#define INFINITE_EXPONENT 103
-
 // The sign of the caller's t minus `limit`, where t is that of T / D times 2 to `exponent`; t whose nearest float is infinite is not less
 // than an infinite limit.
 RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, int exponent, float limit) {

@@ -12,8 +12,7 @@
 // The thesis worked in world units with directions of length 1; the tracer does not. In tracing space det is larger by
 // scale^2 |direction| and dist, before the division, by scale^3. Epsilon is multiplied by the same, which keeps the printed
 // order of operations and drops what the thesis would have dropped, whatever the scale. Its value is not printed there; that of
-// the paper is taken.
-#define THESIS_EPSILON 1.0e-6f
+// the paper is taken: THESIS_EPSILON.
 
 bool intersect_thesis(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
     const float3 a = LOAD_VERTEX(geometry, slot, 0);

@@ -40,8 +40,7 @@ float2 texture_way(const Shading* at, float3 edge1, float3 edge2, float3 normal,
 }
 
 // A ray that grazes its triangle sees no more of it than at this cosine: the ellipse, which is no longer one where the plane is
-// all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places stand for.
-#define LEAST_CONE_COSINE 0x1p-7f
+// all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places stand for. LEAST_CONE_COSINE.
 
 // `direction`: of the ray, unit. `width`: of its cone at the surface.
 Footprint footprint_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Surface* surface, float3 direction, float width) {

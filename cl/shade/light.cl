@@ -81,9 +81,6 @@ float toon_tone(float cosine, uint steps, float threshold) {
     return step < count ? step / count : 1.0f;
 }
 
-// A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
-#define TOON_HIGHLIGHT 0.5f
-
 // Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light is below
 // the surface, judged by both normals: a smooth normal must not let light through the back of its triangle. Where shadow rays start
 // above the triangle (see smooth_lift()) they find out by themselves what is in the way, and the smooth normal alone judges.
@@ -98,6 +95,7 @@ float3 blinn_phong(const Surface* surface, const Material* material, float3 diff
     if (HAS(FEATURE_HIGHLIGHTS) && max_component(material->specular_shininess.xyz) > 0.0f) {
         const float3 middle = halfway != 0 ? *halfway : normalize3(sample->direction - view_direction, surface->normal);
         float highlight = power_fixed(clamp01(dot3(surface->normal, middle)), material->specular_shininess.w);
+        // A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }

@@ -16,9 +16,8 @@ float3 triangle_normal(float3 p0, float3 p1, float3 p2) {
     return normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), (float3)(0.0f));
 }
 
-// Where all components of an interpolated normal are smaller than this, none needs to have the right sign: the roundings of the
-// weights (5 EPSILON together), of the vertices' unit normals (1) and of the sum (2).
-#define LARGEST_NORMAL_NOISE (8.0f * EPSILON)
+// Where all components of an interpolated normal are smaller than LARGEST_NORMAL_NOISE, none needs to have the right sign: the roundings
+// of the weights (5 EPSILON together), of the vertices' unit normals (1) and of the sum (2).
 
 // The unit normal interpolated between the unit normals of the vertices with weights w, u and v, on the side of the geometric one.
 // That one itself where there is none: on flat triangles, which store zeros, and where opposite normals cancel.

@@ -18,9 +18,9 @@ float split_cell(float x, uint* cell) {
 // 32 well mixed bits for a cell: a linear combination by odd constants (those of xxHash, Collet 2012), then the finaliser of
 // MurmurHash3 (Appleby 2011). Cells wrap around at 2^32.
 uint hash_cell(uint x, uint y, uint z, uint seed) {
-    uint h = (x * 0x9e3779b1u) ^ (y * 0x85ebca77u) ^ (z * 0xc2b2ae3du) ^ (seed * 0x27d4eb2fu);
-    h = (h ^ (h >> 16)) * 0x85ebca6bu;
-    h = (h ^ (h >> 13)) * 0xc2b2ae35u;
+    uint h = (x * HASH_X) ^ (y * HASH_Y) ^ (z * HASH_Z) ^ (seed * HASH_SEED);
+    h = (h ^ (h >> 16)) * HASH_FIRST;
+    h = (h ^ (h >> 13)) * HASH_SECOND;
     return h ^ (h >> 16);
 }
 
@@ -54,10 +54,9 @@ float gradient_noise(float3 p, uint seed) {
     return mix_fixed(low, high, fade(fz));
 }
 
-// Moves the octaves against each other and against the axes, so that their corners, where all noise is 0, do not meet in planes
-// with whole coordinates, where floors and walls like to be. Powers of 0.8192, the root of r^4 + r = 1: the additive
-// sequence of least discrepancy in three dimensions (Roberts 2018).
-#define OCTAVE_SHIFT (float3)(0.8191725f, 0.6710436f, 0.5497005f)
+// OCTAVE_SHIFT moves the octaves against each other and against the axes, so that their corners, where all noise is 0, do not meet in
+// planes with whole coordinates, where floors and walls like to be. Powers of 0.8192, the root of r^4 + r = 1: the additive sequence of
+// least discrepancy in three dimensions (Roberts 2018).
 
 // Octaves of noise, each of double frequency and half strength; `folded`: of their absolute values, Perlin's turbulence.
 float fractal_noise(float3 p, uint octaves, uint seed, bool folded) {
@@ -94,13 +93,8 @@ float marble_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     return (wave * wave) * (wave * wave);
 }
 
-// Share of a year's ring that is early wood, which darkens gradually; the late wood ends sharply.
-#define EARLY_WOOD 0.85f
-
-// The noise that bends the rings is as wide as four of them and eight times as long along the trunk.
-#define WOOD_NOISE (float3)(0.25f, 0.03125f, 0.25f)
-
-// Rings about the axis y, one in each unit, that noise has bent.
+// Rings about the axis y, one in each unit, that noise has bent. EARLY_WOOD is a ring's share that darkens gradually; the late wood ends
+// sharply. WOOD_NOISE makes the noise that bends the rings as wide as four of them and eight times as long along the trunk.
 float wood_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     const float radius = sqrt(fma(p.x, p.x, p.z * p.z));
     uint ring;
@@ -130,5 +124,5 @@ float3 procedural_colour(const TextureInfo* info, float u, float v, float3 posit
 // in the pattern of its rounding errors; so it shows the cell of its inside, also when border and wall agree but for a few roundings.
 float3 solid_position(const Surface* surface) {
     const float3 outward = surface->front ? surface->geometric_normal : -surface->geometric_normal;
-    return fma3(outward, -12.0f * EPSILON * surface->largest_coordinate, surface->point.position);
+    return fma3(outward, -SOLID_DEPTH * surface->largest_coordinate, surface->point.position);
 }

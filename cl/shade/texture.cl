@@ -66,7 +66,6 @@ float texels_along(float2 way, const TextureInfo* info) {
 // Mean over a footprint: along its longer axis as many places as the shorter one fits into it, at most so many, at a level whose
 // texels are as large as the shorter axis, or between two levels (Williams, "Pyramidal Parametrics", SIGGRAPH 1983; several places:
 // McCormack et al., "Feline: Fast Elliptical Lines for Anisotropic Texture Mapping", SIGGRAPH 1999). Less than a texel: bilinear.
-#define MORE_TEXELS 0x1p31f // than any texture has on a side
 float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear, float u, float v,
                         const Footprint* footprint) {
     const float along = texels_along(footprint->along, info), across = texels_along(footprint->across, info);

@@ -66,10 +66,6 @@ float positive_zero(float x) { return as_uint(x) == 0x80000000u ? 0.0f : x; }
 // The power of two that brings `magnitude` (normal, positive, below 2^126) into [1, 2); multiplying by it is exact.
 float power_of_two_scale(float magnitude) { return as_float((254u - (as_uint(magnitude) >> 23)) << 23); }
 
-#define SMALLEST_SCALED 1.0e-30f // below this a squared length would lose bits to underflow
-#define LARGEST_SCALED 1.0e18f   // above this a squared length would overflow
-#define LIFT 0x1p64f             // brings the smallest subnormal number into the normal range
-
 // v brought to a largest component in [1, 2) by an exact factor, which is multiplied into *scale. False when v is zero,
 // infinite or NaN.
 bool scale_to_unit(float3* v, float* scale) {
@@ -102,17 +98,17 @@ float3 normalize3(float3 v, float3 otherwise) {
 // quarter turn is exact, so that zeros are, too; the Taylor series after r^13 leaves 7e-10. Error at most 3.3 ulp.
 float sin_turns(float x) {
     const float turns = fabs(x);
-    float r = turns < 0x1p22f ? turns - floor(turns) : 0.0f; // 0 .. 1
+    float r = turns < MOST_TURNS ? turns - floor(turns) : 0.0f; // 0 .. 1
     r = r > 0.75f ? r - 1.0f : r > 0.25f ? 0.5f - r : r;
     r = x < 0.0f ? -r : r;
     const float r2 = r * r;
-    float p = 3.81995259f;         // (2 pi)^13 / 13!
-    p = fma(p, r2, -15.0946426f);  // (2 pi)^11 / 11!
-    p = fma(p, r2, 42.0586939f);   // (2 pi)^9 / 9!
-    p = fma(p, r2, -76.7058598f);  // (2 pi)^7 / 7!
-    p = fma(p, r2, 81.6052493f);   // (2 pi)^5 / 5!
-    p = fma(p, r2, -41.3417022f);  // (2 pi)^3 / 3!
-    p = fma(p, r2, 6.28318531f);   // 2 pi
+    float p = SIN_13;
+    p = fma(p, r2, SIN_11);
+    p = fma(p, r2, SIN_9);
+    p = fma(p, r2, SIN_7);
+    p = fma(p, r2, SIN_5);
+    p = fma(p, r2, SIN_3);
+    p = fma(p, r2, SIN_1);
     return p * r;
 }
 
@@ -122,17 +118,17 @@ float log2_fixed(float x) {
     const uint bits = as_uint(x);
     float m = as_float((bits & 0x007fffffu) | 0x3f800000u);
     int e = (int)(bits >> 23) - 127;
-    if (m > 1.41421356f) {
+    if (m > LOG2_MOST) {
         m *= 0.5f;
         e += 1;
     }
     const float f = (m - 1.0f) / (m + 1.0f);
     const float f2 = f * f;
-    float p = 0.32059889f;       // 2 / (9 ln 2)
-    p = fma(p, f2, 0.41219858f); // 2 / (7 ln 2)
-    p = fma(p, f2, 0.57707802f); // 2 / (5 ln 2)
-    p = fma(p, f2, 0.96179669f); // 2 / (3 ln 2)
-    p = fma(p, f2, 2.88539008f); // 2 / ln 2
+    float p = LOG2_9;
+    p = fma(p, f2, LOG2_7);
+    p = fma(p, f2, LOG2_5);
+    p = fma(p, f2, LOG2_3);
+    p = fma(p, f2, LOG2_1);
     return fma(p, f, (float)e);
 }
 
@@ -142,13 +138,13 @@ float exp2_fixed(float x) {
     if (!(x >= -126.0f)) return 0.0f;
     const float n = floor(x + 0.5f);
     const float r = x - n;
-    float p = 1.52527338e-5f;         // ln2^7 / 5040
-    p = fma(p, r, 1.54035304e-4f);    // ln2^6 / 720
-    p = fma(p, r, 1.33335581e-3f);    // ln2^5 / 120
-    p = fma(p, r, 9.61812911e-3f);    // ln2^4 / 24
-    p = fma(p, r, 5.55041087e-2f);    // ln2^3 / 6
-    p = fma(p, r, 2.40226507e-1f);    // ln2^2 / 2
-    p = fma(p, r, 6.93147181e-1f);    // ln2
+    float p = EXP2_7;
+    p = fma(p, r, EXP2_6);
+    p = fma(p, r, EXP2_5);
+    p = fma(p, r, EXP2_4);
+    p = fma(p, r, EXP2_3);
+    p = fma(p, r, EXP2_2);
+    p = fma(p, r, EXP2_1);
     p = fma(p, r, 1.0f);
     return p * as_float((uint)((int)n + 127) << 23);
 }

@@ -1,12 +1,5 @@
-// Rays, their limits, what shears triangles along them, and how a ray leaves a surface. The only home of rounding bounds.
-
-#define EPSILON 0x1p-24f // half the distance from 1 to the next float: the largest relative error of one rounding
-
-// The t of a plane: a difference from the origin's two parts, off by 5 EPSILON (see from_origin), one reciprocal and one product:
-// within gamma(7) < 8 EPSILON (Higham, "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1). The product with the
-// factor itself rounds once more: 9, and the factors are exact floats with 10 to have one to spare.
-#define WIDEN_UP (1.0f + 10.0f * EPSILON)
-#define WIDEN_DOWN (1.0f - 10.0f * EPSILON)
+// Rays, their limits, what shears triangles along them, and how a ray leaves a surface. Where most rounding bounds are derived; the
+// numbers are in src/shared/constants.rs. EPSILON is the largest relative error of one rounding.
 
 // v with the component of `axis` and that of z exchanged. Mirrors where they are two; an even permutation would take a GPU six selections.
 float3 swap_to_z(float3 v, uint axis) {
@@ -112,9 +105,6 @@ bool is_moderate3(float3 v) {
     return all(moderate);
 }
 
-#define SHORT_DIRECTION 0x1p-100f
-#define SMALL_TURN_LIFT 0x1p60f
-
 // Whether a number has lost bits when it was scaled, or may have, which it keeps if it is lifted. Where it has, scale and lift are no
 // larger than 2^83 together; elsewhere their product may be infinite.
 bool is_too_small(float x, float scaled, float lifted) { return x != 0.0f && fabs(scaled) < FLT_MIN && lifted != 0.0f; }
@@ -175,13 +165,16 @@ Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint sk
 }
 
 // t rounded away from and towards -infinity by more than its error. Products, so that infinity stays infinity and NaN NaN.
+// The t of a plane: a difference from the origin's two parts, off by 5 EPSILON (see from_origin), one reciprocal and one product:
+// within gamma(7) < 8 EPSILON (Higham, "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1). The product with the
+// factor itself rounds once more: 9, and the factors WIDEN_UP and WIDEN_DOWN are exact floats with 10 to have one to spare.
 float widen_up(float t) { return t * (t > 0.0f ? WIDEN_UP : WIDEN_DOWN); }
 float widen_down(float t) { return t * (t > 0.0f ? WIDEN_DOWN : WIDEN_UP); }
 
 // Beside the relative error a plane's distance from the origin has one that does not shrink with it: what the second part of the start
-// leaves out, below 2^-66 of vertices below 2 (rounding_errors.cl), or all of that part where no float is so small. This is twice that.
-// Without it the product with a large reciprocal made much of nothing, and one that is subnormal was not widened by any factor.
-#define PLANE_ERROR 0x1p-64f
+// leaves out, below 2^-66 of vertices below 2 (rounding_errors.cl), or all of that part where no float is so small. PLANE_ERROR is twice
+// that. Without it the product with a large reciprocal made much of nothing, and one that is subnormal was not widened by any
+// factor.
 
 // Narrows *t_near..*t_far to the time between two planes, a little more rather than less. The comparisons are false for NaN.
 void narrow_interval(float t_low, float t_high, float inv_direction, float* t_near, float* t_far) {
@@ -258,9 +251,9 @@ void start_on_triangle(const TrianglePoint* point, float3* high, float3* low) {
 
 // What a float32 triangle test may be off from the plane of a neighbour that shares the point where a ray starts, on each axis. To
 // first order in EPSILON, with E the largest component of the edges: the vertices' differences from the point, of up to E, round by
-// 2 E, and as much once more in the sum that weighs them.
+// 2 E, and as much once more in the sum that weighs them: POINT_ERROR E.
 float point_error(float3 p0, float3 p1, float3 p2) {
-    return 4.0f * EPSILON * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)));
+    return POINT_ERROR * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)));
 }
 
 // How far, on any axis, the point of the ray at the t of a computed hit can lie from some point of the triangle, and so outside of
@@ -270,10 +263,7 @@ float point_error(float3 p0, float3 p1, float3 p2) {
 // exact); weights that are off by 3 each, so relative to their sum by 6, move the point by 6 * 2 D; t is off by 9 (the vertices'
 // 2, three fma, two sums, a product, a quotient), and the shear of at most 1 passes that on: 8 + 12 + 9 = 29. Moller and
 // Trumbore's test has no such bound: on a triangle seen edge-on it may report a hit anywhere, and such a hit may depend on the
-// structure.
-#define HIT_ERROR 32.0f
-// With it the two differences and D itself of the tests below.
-#define SLACK ((HIT_ERROR + 8.0f) * EPSILON)
+// structure. HIT_ERROR is 32; SLACK, in units of D, leaves 8 more for the two differences and D itself of the tests below.
 
 // D: no corner of the box is farther from the origin on any axis. NaN or infinite for an origin that is so or nearly so.
 float farthest_distance(const Ray* ray, float3 low, float3 high) {

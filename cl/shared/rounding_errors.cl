@@ -27,8 +27,6 @@ void LANES(two_product)(REAL v, FACTOR s, REAL* high, REAL* low) {
 // traversals sound is that *low is off by at most 2 EPSILON of itself, however small it is: a plane of the structure lies on the same side of
 // what they see as of the exact point. Three passes of error-free sums see to that (Ogita, Rump and Oishi, "Accurate Sum and Dot
 // Product", SIAM J. Sci. Comput. 26(6), 2005): what is left out is below 2^-66 of the vertices, where it is not zero.
-#define POINT_TERMS 9
-#define POINT_PASSES 3
 void LANES(point_of_triangle)(REAL base, REAL other1, REAL other2, FACTOR weight1, FACTOR weight2, REAL* high, REAL* low) {
     REAL terms[POINT_TERMS];
     LANES(two_product)(other1, weight1, &terms[7], &terms[3]);

@@ -10,8 +10,8 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 #define WIDE_IS_DOUBLE
 typedef double Wide;
-#define WIDE_EPSILON 0x1p-53f // the relative error of one operation
-#define WIDE_PRECISION 0x1p53f // its inverse
+#define WIDE_EPSILON DOUBLE_EPSILON     // the relative error of one operation
+#define WIDE_PRECISION DOUBLE_PRECISION // its inverse
 Wide wide_difference(float a, float b) { return (double)a - (double)b; }
 Wide wide_from(float a) { return (double)a; }
 Wide wide_add(Wide a, Wide b) { return a + b; }
@@ -21,8 +21,8 @@ Wide wide_divide(Wide a, Wide b) { return a / b; }
 float wide_to_float(Wide a) { return (float)a; }
 #else
 typedef float2 Wide; // the value is x + y, and x is that rounded
-#define WIDE_EPSILON 0x1p-44f
-#define WIDE_PRECISION 0x1p44f
+#define WIDE_EPSILON PAIR_EPSILON
+#define WIDE_PRECISION PAIR_PRECISION
 Wide wide_sum(float a, float b) {
     const float sum = a + b;
     const float b_part = sum - a;

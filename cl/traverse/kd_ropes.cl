@@ -19,8 +19,6 @@
 // Planes of one axis may be as close as they like, their order is known. At the start of the ray there is nothing behind it
 // that could be missed: where its first t is in a plane's band, the first child is taken, and the plane is crossed next.
 
-#define NO_AXIS 3u
-
 // One axis of a leaf, as src/accel/ropes.rs packs it: {low, high, rope below, rope above}, the ropes' bits being node indices.
 // The t at which the ray leaves it, at the earliest (`error` negative) or latest, not widened; infinite when it runs along or in its face.
 float leave_slab(float4 slab, float origin, float origin_low, float direction, float inv_direction, float error) {

@@ -14,7 +14,7 @@
 //   the radius and of the squares: 3 + 3 EPSILON each, covered by widen_up and widen_down.
 // - half_chord is off by 16 radius, so by 28 D, along by 13 |to_centre| / |direction|, so by 23 D, and the sums round by 10 D:
 //   61 D in all. The radicand itself is too large: (R + 96)^2 - (b + 26)^2 > (R + 56)^2 - b^2 for b <= R + 56.
-#define SPHERE_SLACK (96.0f * EPSILON)
+// SPHERE_SLACK is 96 EPSILON.
 
 // Whether the ray meets the sphere within its limits before t_hit, a little more often rather than less. Every comparison is
 // false for NaN, which arises from overflow: the sphere then counts as met, and so it does where a direction of up to 2^61 makes `along`

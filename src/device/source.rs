@@ -14,6 +14,7 @@ macro_rules! kernel_files {
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/internal_begin.cl",
     "cl/shared/types.cl",
+    "cl/shared/constants.cl",
     "cl/shared/features.cl",
     "cl/shared/math.cl",
     "cl/shared/wide.cl",
@@ -103,7 +104,7 @@ const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 
 /// Kernels that decide what is traced of pictures of bounded error, and what they need.
 const ADAPTIVE_FILES: &[(&str, &str)] =
-    kernel_files!["cl/shared/types.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
+    kernel_files!["cl/shared/types.cl", "cl/shared/constants.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
 
 /// A program that measures the device.
 const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];

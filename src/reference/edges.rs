@@ -2,14 +2,8 @@
 
 use super::intersect::ShearedTriangle;
 use super::math::{max_or, min_or};
-use super::ray::EPSILON;
+use crate::shared::constants::{EDGE_ERROR, EDGE_ERROR_EXTENT, EDGE_ERROR_LOW, EDGE_ERROR2, LEAST_EDGE};
 use glam::Vec3;
-
-const EDGE_ERROR: f32 = 13.0 * EPSILON;
-const EDGE_ERROR_LOW: f32 = 38.0 * EPSILON;
-const EDGE_ERROR_EXTENT: f32 = 8.0 * EPSILON;
-const EDGE_ERROR2: f32 = 220.0 * EPSILON * EPSILON;
-const LEAST_EDGE: f32 = f32::from_bits((127 - 60) << 23);
 
 /// The error of edge functions, times extent and distance, of a ray whose origin has that second part.
 #[inline(always)]
@@ -68,7 +62,7 @@ mod tests {
     use super::*;
     use crate::random::Random;
     use crate::reference::intersect::{major_axis, shear_triangle, swap_to_z};
-    use crate::reference::ray::Ray;
+    use crate::reference::ray::{EPSILON, Ray};
     use crate::shared::NO_PRIMITIVE;
     use glam::DVec3;
 

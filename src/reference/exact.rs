@@ -10,12 +10,12 @@ use super::ray::{EPSILON, Ray};
 use super::ties::{are_in_one_plane, are_same_points};
 use super::traverse::vertices;
 use crate::pack::SceneBuffers;
+use crate::shared::constants::{
+    DEPTH_ERROR, DOUBLE_EPSILON, DOUBLE_PRECISION, LEAST_DEPTH, LEAST_MAGNITUDE, LEAST_START, SPREAD_ERROR,
+    START_SHARE, WIDE_ROUNDINGS, WIDE_ROUNDINGS_W,
+};
 use crate::shared::{Hit, NO_PRIMITIVE, WorkCounter};
 use glam::{DVec3, Vec3};
-
-const SPREAD_ERROR: f32 = 3.1;
-const DEPTH_ERROR: f32 = 26.0 * EPSILON;
-const LEAST_DEPTH: f32 = f32::from_bits((127 - 64) << 23);
 
 /// What a step finds out.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,12 +64,11 @@ fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
 }
 
 /// The relative error of one operation of `f64`, the twin's only kind of wide numbers.
-const WIDE_EPSILON: f32 = (f64::EPSILON / 2.0) as f32;
-const WIDE_ERROR: f32 = 10.0 * WIDE_EPSILON;
-const WIDE_ERROR_W: f32 = 14.0 * WIDE_EPSILON;
-const START_ERROR: f32 = 4.0 * EPSILON / WIDE_ERROR;
-const LEAST_FROM: f32 = f32::from_bits((127 - 92) << 23);
-const LEAST_MAGNITUDE: f32 = 1.0 / (1u128 << 80) as f32;
+const WIDE_EPSILON: f32 = DOUBLE_EPSILON;
+const WIDE_ERROR: f32 = WIDE_ROUNDINGS * WIDE_EPSILON;
+const WIDE_ERROR_W: f32 = WIDE_ROUNDINGS_W * WIDE_EPSILON;
+const START_ERROR: f32 = START_SHARE * EPSILON * DOUBLE_PRECISION;
+const LEAST_FROM: f32 = LEAST_START * DOUBLE_PRECISION;
 
 #[inline(always)]
 fn magnitude_dot(a: Vec3, b: Vec3) -> f32 {

@@ -6,11 +6,9 @@ use super::intersect::Intersection;
 use super::ray::{Ray, TrianglePoint};
 use super::traverse::vertices;
 use crate::pack::SceneBuffers;
+use crate::shared::constants::{INFINITE_EXPONENT, INFINITE_SIGNIFICAND};
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
-
-/// Numbers from this times a power of two on, its exponent the second one, have no nearest float: FLT_MAX and half of its last bit.
-const INFINITE_LIMIT: (u32, i32) = ((1 << 25) - 1, 103);
 
 /// The units in which everything is whole, as exponents of 2, and the limbs that hold every number.
 #[derive(Debug, Clone, Copy)]
@@ -145,7 +143,10 @@ impl<const ROOM: usize> WholeNumbers<ROOM> {
         if sign != limit_sign || sign == 0 {
             return (sign - limit_sign).signum();
         }
-        let (significand, exponent) = if limit.is_infinite() { INFINITE_LIMIT } else { float_significand(limit) };
+        let (significand, exponent) = match limit.is_infinite() {
+            true => (INFINITE_SIGNIFICAND, INFINITE_EXPONENT),
+            false => float_significand(limit),
+        };
         scaled.add_product(&Integer::from_limb(significand), &det, 1, n);
         let shift = units.position - units.direction + t_exponent - exponent;
         let (bits, limit_bits) = (distance.bits(n) + shift, scaled.bits(n));

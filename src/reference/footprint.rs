@@ -6,6 +6,7 @@ use super::surface::Surface;
 use super::traverse::vertices;
 use crate::pack::SceneBuffers;
 use crate::shared::Shading;
+use crate::shared::constants::LEAST_CONE_COSINE;
 use glam::Vec3;
 
 /// A ray is the axis of a cone.
@@ -42,8 +43,6 @@ fn texture_way(at: &Shading, [edge1, edge2]: [Vec3; 2], normal: Vec3, area: f32,
     let [u0, u1, u2] = [at.normal0_u0.w, at.normal1_u1.w, at.normal2_u2.w];
     [weight1.mul_add(u1 - u0, weight2 * (u2 - u0)), weight1.mul_add(at.v1 - at.v0, weight2 * (at.v2 - at.v0))]
 }
-
-const LEAST_CONE_COSINE: f32 = 1.0 / 128.0;
 
 /// What a cone of `width` about a ray along unit `direction` cuts out of a surface.
 #[inline(always)]

@@ -7,6 +7,7 @@ use super::ray::Ray;
 use crate::layout::Float4;
 use crate::options::Intersector;
 use crate::pack::SceneBuffers;
+use crate::shared::constants::THESIS_EPSILON;
 use glam::Vec3;
 
 /// Distance and weights of vertices 1 and 2.
@@ -189,8 +190,6 @@ pub fn intersect_precomputed(ray: &Ray, [corner_axis, normal_u, gradient_v]: [Fl
     let v = gradient_v.x.mul_add(x, gradient_v.y * y);
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t.is_finite()).then_some(Intersection { t, u, v })
 }
-
-const THESIS_EPSILON: f32 = 1.0e-6;
 
 /// Twin of `cl/intersect/thesis.cl`; `scale` is that of tracing space.
 #[inline(always)]

@@ -4,6 +4,7 @@
 
 use super::math::{clamp01, dot3, fma3, max_component, min_or, normalize3, power_fixed, scale_to_unit};
 use super::surface::Surface;
+use crate::shared::constants::TOON_HIGHLIGHT;
 use crate::shared::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, MAX_RADIANCE, Material};
 use glam::Vec3;
 
@@ -63,8 +64,6 @@ pub fn toon_tone(cosine: f32, steps: u32, threshold: f32) -> f32 {
     let step = (above * count).floor() + 1.0;
     if step < count { step / count } else { 1.0 }
 }
-
-const TOON_HIGHLIGHT: f32 = 0.5;
 
 /// Light sent towards `-view_direction` for a light that is not in shadow.
 #[inline(always)]

@@ -1,9 +1,14 @@
 //! Twin of `cl/shared/math.cl`: the same operations in the same order, so that every bit agrees. The reasons are there.
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
-#![allow(clippy::excessive_precision)] // the digits are those of the kernels
 
+use crate::shared::constants::{
+    EXP2_1, EXP2_2, EXP2_3, EXP2_4, EXP2_5, EXP2_6, EXP2_7, LARGEST_SCALED, LOG2_1, LOG2_3, LOG2_5, LOG2_7, LOG2_9,
+    LOG2_MOST, MOST_TURNS, SIN_1, SIN_3, SIN_5, SIN_7, SIN_9, SIN_11, SIN_13, SMALLEST_SCALED,
+};
 use glam::Vec3;
+
+pub use crate::shared::constants::LIFT;
 
 /// `a*b - c*d` with an error of at most 1.5 ulp (Kahan).
 #[inline(always)]
@@ -84,11 +89,6 @@ pub fn power_of_two_scale(magnitude: f32) -> f32 {
     f32::from_bits((254 - (magnitude.to_bits() >> 23)) << 23)
 }
 
-const SMALLEST_SCALED: f32 = 1.0e-30;
-const LARGEST_SCALED: f32 = 1.0e18;
-/// Brings the smallest subnormal number into the normal range.
-pub const LIFT: f32 = 18446744073709551616.0; // 2^64
-
 /// Brings `v` to a largest component in [1, 2); `None` when it is zero, infinite or NaN. Returns the vector and the factor.
 #[inline(always)]
 pub fn scale_to_unit(mut v: Vec3) -> Option<(Vec3, f32)> {
@@ -124,7 +124,7 @@ pub fn normalize3(v: Vec3, otherwise: Vec3) -> Vec3 {
 #[inline(always)]
 pub fn sin_turns(x: f32) -> f32 {
     let turns = x.abs();
-    let mut r = if turns < 4_194_304.0 { turns - turns.floor() } else { 0.0 };
+    let mut r = if turns < MOST_TURNS { turns - turns.floor() } else { 0.0 };
     r = if r > 0.75 {
         r - 1.0
     } else if r > 0.25 {
@@ -134,13 +134,13 @@ pub fn sin_turns(x: f32) -> f32 {
     };
     r = if x < 0.0 { -r } else { r };
     let r2 = r * r;
-    let mut p = 3.819_952_59_f32;
-    p = p.mul_add(r2, -15.094_642_6);
-    p = p.mul_add(r2, 42.058_693_9);
-    p = p.mul_add(r2, -76.705_859_8);
-    p = p.mul_add(r2, 81.605_249_3);
-    p = p.mul_add(r2, -41.341_702_2);
-    p = p.mul_add(r2, std::f32::consts::TAU);
+    let mut p = SIN_13;
+    p = p.mul_add(r2, SIN_11);
+    p = p.mul_add(r2, SIN_9);
+    p = p.mul_add(r2, SIN_7);
+    p = p.mul_add(r2, SIN_5);
+    p = p.mul_add(r2, SIN_3);
+    p = p.mul_add(r2, SIN_1);
     p * r
 }
 
@@ -150,17 +150,17 @@ pub fn log2_fixed(x: f32) -> f32 {
     let bits = x.to_bits();
     let mut m = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000);
     let mut e = (bits >> 23) as i32 - 127;
-    if m > std::f32::consts::SQRT_2 {
+    if m > LOG2_MOST {
         m *= 0.5;
         e += 1;
     }
     let f = (m - 1.0) / (m + 1.0);
     let f2 = f * f;
-    let mut p = 0.320_598_89_f32;
-    p = p.mul_add(f2, 0.412_198_58);
-    p = p.mul_add(f2, 0.577_078_02);
-    p = p.mul_add(f2, 0.961_796_69);
-    p = p.mul_add(f2, 2.885_390_08);
+    let mut p = LOG2_9;
+    p = p.mul_add(f2, LOG2_7);
+    p = p.mul_add(f2, LOG2_5);
+    p = p.mul_add(f2, LOG2_3);
+    p = p.mul_add(f2, LOG2_1);
     p.mul_add(f, e as f32)
 }
 
@@ -172,13 +172,13 @@ pub fn exp2_fixed(x: f32) -> f32 {
     }
     let n = (x + 0.5).floor();
     let r = x - n;
-    let mut p = 1.525_273_38e-5_f32;
-    p = p.mul_add(r, 1.540_353_04e-4);
-    p = p.mul_add(r, 1.333_355_81e-3);
-    p = p.mul_add(r, 9.618_129_11e-3);
-    p = p.mul_add(r, 5.550_410_87e-2);
-    p = p.mul_add(r, 2.402_265_07e-1);
-    p = p.mul_add(r, 6.931_471_81e-1);
+    let mut p = EXP2_7;
+    p = p.mul_add(r, EXP2_6);
+    p = p.mul_add(r, EXP2_5);
+    p = p.mul_add(r, EXP2_4);
+    p = p.mul_add(r, EXP2_3);
+    p = p.mul_add(r, EXP2_2);
+    p = p.mul_add(r, EXP2_1);
     p = p.mul_add(r, 1.0);
     p * f32::from_bits(((n as i32 + 127) as u32) << 23)
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
 
 use super::math::{abs3, cross3, dot3, fma3, max_component, max_or, normalize3, scale_to_unit};
-use super::ray::EPSILON;
+use crate::shared::constants::LARGEST_NORMAL_NOISE;
 use glam::Vec3;
 
 /// What `a - b` leaves out beside its rounding.
@@ -23,8 +23,6 @@ pub fn triangle_normal([p0, p1, p2]: [Vec3; 3]) -> Vec3 {
     let (low1, low2) = (difference_low(p1, p0) * scale1, difference_low(p2, p0) * scale2);
     normalize3(cross3(edge1, edge2) + (cross3(edge1, low2) + cross3(low1, edge2)), Vec3::ZERO)
 }
-
-const LARGEST_NORMAL_NOISE: f32 = 8.0 * EPSILON;
 
 /// The interpolated normal on the side of the geometric one, or that.
 #[inline(always)]

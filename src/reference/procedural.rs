@@ -1,9 +1,11 @@
 //! Twin of `cl/shade/procedural.cl`: procedural textures. The reasons are there.
 
 use super::math::{clamp01, fma3, sin_turns};
-use super::ray::EPSILON;
 use super::surface::Surface;
 use crate::layout::Float4;
+use crate::shared::constants::{
+    EARLY_WOOD, HASH_FIRST, HASH_SECOND, HASH_SEED, HASH_X, HASH_Y, HASH_Z, OCTAVE_SHIFT, SOLID_DEPTH, WOOD_NOISE,
+};
 use crate::shared::{TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TextureInfo};
 use glam::Vec3;
 
@@ -15,12 +17,9 @@ fn split_cell(x: f32) -> (u32, f32) {
 
 #[inline(always)]
 fn hash_cell(x: u32, y: u32, z: u32, seed: u32) -> u32 {
-    let mut h = x.wrapping_mul(0x9e37_79b1)
-        ^ y.wrapping_mul(0x85eb_ca77)
-        ^ z.wrapping_mul(0xc2b2_ae3d)
-        ^ seed.wrapping_mul(0x27d4_eb2f);
-    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
-    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    let mut h = x.wrapping_mul(HASH_X) ^ y.wrapping_mul(HASH_Y) ^ z.wrapping_mul(HASH_Z) ^ seed.wrapping_mul(HASH_SEED);
+    h = (h ^ (h >> 16)).wrapping_mul(HASH_FIRST);
+    h = (h ^ (h >> 13)).wrapping_mul(HASH_SECOND);
     h ^ (h >> 16)
 }
 
@@ -84,8 +83,6 @@ pub fn gradient_noise(p: Vec3, seed: u32) -> f32 {
     mix(low, high, fade(fz))
 }
 
-const OCTAVE_SHIFT: Vec3 = Vec3::new(0.819_172_5, 0.671_043_6, 0.549_700_5);
-
 /// Octaves of noise; `folded`: of their absolute values.
 #[inline(always)]
 pub fn fractal_noise(mut p: Vec3, octaves: u32, seed: u32, folded: bool) -> f32 {
@@ -121,9 +118,6 @@ pub fn marble_pattern(p: Vec3, octaves: u32, seed: u32, turbulence: f32) -> f32 
     (wave * wave) * (wave * wave)
 }
 
-const EARLY_WOOD: f32 = 0.85;
-const WOOD_NOISE: Vec3 = Vec3::new(0.25, 0.031_25, 0.25);
-
 /// Bent rings about the axis y, in 0..1.
 #[inline(always)]
 pub fn wood_pattern(p: Vec3, octaves: u32, seed: u32, turbulence: f32) -> f32 {
@@ -158,7 +152,7 @@ pub fn procedural_colour(info: &TextureInfo, [u, v]: [f32; 2], position: Vec3) -
 #[inline(always)]
 pub fn solid_position(surface: &Surface) -> Vec3 {
     let outward = if surface.front { surface.geometric_normal } else { -surface.geometric_normal };
-    fma3(outward, -12.0 * EPSILON * surface.largest_coordinate, surface.point.position)
+    fma3(outward, -SOLID_DEPTH * surface.largest_coordinate, surface.point.position)
 }
 
 #[cfg(test)]

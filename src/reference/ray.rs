@@ -3,19 +3,12 @@
 
 use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
 use crate::shared::Hit;
+use crate::shared::constants::{
+    POINT_ERROR, POINT_PASSES, POINT_TERMS, SHORT_DIRECTION, SMALL_TURN_LIFT, WIDEN_DOWN, WIDEN_UP,
+};
 use glam::Vec3;
 
-/// The largest relative error of one rounding.
-pub const EPSILON: f32 = 1.0 / 16_777_216.0;
-const WIDEN_UP: f32 = 1.0 + 10.0 * EPSILON;
-const WIDEN_DOWN: f32 = 1.0 - 10.0 * EPSILON;
-/// What the distance of a plane from the origin is off by, however small it is.
-pub const PLANE_ERROR: f32 = 1.0 / (1u128 << 64) as f32;
-
-/// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
-pub const HIT_ERROR: f32 = 32.0;
-/// With it the rounding of the tests of thick boxes.
-pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
+pub use crate::shared::constants::{EPSILON, HIT_ERROR, PLANE_ERROR, SLACK};
 
 /// A ray ready for traversal.
 #[derive(Debug, Clone, Copy)]
@@ -45,9 +38,6 @@ pub struct Ray {
     /// Where on it, as weights of its vertices; the largest is -1. All 0: at `origin`.
     pub start_weights: Vec3,
 }
-
-const SHORT_DIRECTION: f32 = 1.0 / (1u128 << 100) as f32;
-const SMALL_TURN_LIFT: f32 = (1u64 << 60) as f32;
 
 #[inline(always)]
 fn clamp_to_floats(t: f32) -> f32 {
@@ -249,9 +239,6 @@ fn two_product3(v: Vec3, s: f32) -> (Vec3, Vec3) {
     (high, fma3(v, s, -high))
 }
 
-const POINT_TERMS: usize = 9;
-const POINT_PASSES: usize = 3;
-
 /// The point, rounded, and the rest, rounded.
 #[inline(always)]
 pub fn start_on_triangle(point: &TrianglePoint) -> (Vec3, Vec3) {
@@ -277,5 +264,5 @@ pub fn start_on_triangle(point: &TrianglePoint) -> (Vec3, Vec3) {
 /// How far from its triangle a ray that starts there may meet the neighbours, by a rounded test.
 #[inline(always)]
 pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
-    4.0 * EPSILON * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)))
+    POINT_ERROR * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)))
 }

@@ -4,19 +4,15 @@
 
 use super::instances::{transform_direction, transform_point};
 use super::math::{abs3, fma3, max_component, max_or};
-use super::ray::{EPSILON, Ray, SLACK};
+use super::ray::{Ray, SLACK};
 use crate::layout::Float4;
+use crate::shared::constants::{
+    FARTHEST_START, LEAST_SLAB_DIRECTION, OBJECT_ORIGIN_ERROR, ORIGIN_ERROR, THICKEST, TRANSFORM_ERROR,
+};
 use crate::shared::{INSTANCE_BLUR, INSTANCE_REACH, INSTANCE_TO_OBJECT};
 use glam::Vec3;
 
-const LEAST_SLAB_DIRECTION: f32 = 1.0 / (1u64 << 26) as f32;
-const ORIGIN_ERROR: f32 = 4.0 * EPSILON;
-/// A pad at least this thick stays in float32's range.
-pub const LEAST_PAD: f32 = 1.0 / (1u128 << 120) as f32;
-const FARTHEST_START: f32 = (1u128 << 64) as f32;
-const TRANSFORM_ERROR: f32 = 8.0 * EPSILON;
-const OBJECT_ORIGIN_ERROR: f32 = 12.0 * EPSILON;
-const THICKEST: f32 = (1u128 << 126) as f32;
+pub use crate::shared::constants::LEAST_PAD;
 
 /// Of a ray. The near plane of a slab is the upper one where `inv` < 0.
 #[derive(Debug, Clone, Copy)]
@@ -179,7 +175,7 @@ mod tests {
     use super::*;
     use crate::accel::{Aabb, Middle, NOWHERE};
     use crate::random::Random;
-    use crate::reference::ray::HIT_ERROR;
+    use crate::reference::ray::{EPSILON, HIT_ERROR};
     use crate::shared::NO_PRIMITIVE;
 
     const SEED: u64 = 20_081_121;

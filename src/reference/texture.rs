@@ -4,6 +4,7 @@ use super::footprint::Footprint;
 use super::math::{fma3, max_or, min_or};
 use super::procedural::procedural_colour;
 use crate::pack::SceneBuffers;
+use crate::shared::constants::MORE_TEXELS;
 use crate::shared::{MOST_TAPS, TEXTURE_IMAGE, TextureInfo};
 use glam::Vec3;
 
@@ -86,8 +87,6 @@ fn texels_along(way: [f32; 2], info: &TextureInfo) -> f32 {
     let (x, y) = (way[0] * info.width as f32, way[1] * info.height as f32);
     x.mul_add(x, y * y).sqrt()
 }
-
-const MORE_TEXELS: f32 = (1u32 << 31) as f32;
 
 #[inline(always)]
 fn sample_footprint(buffers: &SceneBuffers, info: &TextureInfo, uv: [f32; 2], footprint: &Footprint) -> Vec3 {

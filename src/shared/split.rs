@@ -1,21 +1,25 @@
 //! What the split kernels (`cl/kernels/split.cl`) and the host share beyond what the mega-kernel needs: queues and the state of slots.
 
-use crate::layout::{Float4, Int4, device_struct};
+use crate::layout::{Float4, Int4, device_const, device_struct};
 
-/// `SplitSlot::path` of a slot that follows none.
-pub const NO_PATH: u32 = u32::MAX;
-/// Of the lengths of the split kernels' queues: slots that trace a ray in this wave.
-pub const QUEUE_ACTIVE: u32 = 0;
-/// Slots whose ray has hit something.
-pub const QUEUE_HITS: u32 = 1;
-/// Requests for colours of textures.
-pub const QUEUE_TEXTURED: u32 = 2;
-/// Paths of the batch that were given to slots; slots that came too late count, too.
-pub const QUEUE_PATHS: u32 = 3;
-/// Rays of the wave that the second pass traced.
-pub const QUEUE_RESOLVED: u32 = 4;
-/// Shadow rays towards the first light; the other lights' follow.
-pub const QUEUE_SHADOWS: u32 = 5;
+device_const! {
+    /// Queues of the split kernels.
+    pub group QUEUES;
+    /// `SplitSlot::path` of a slot that follows none.
+    pub const NO_PATH: u32 = u32::MAX;
+    /// Of the lengths of the split kernels' queues: slots that trace a ray in this wave.
+    pub const QUEUE_ACTIVE: u32 = 0;
+    /// Slots whose ray has hit something.
+    pub const QUEUE_HITS: u32 = 1;
+    /// Requests for colours of textures.
+    pub const QUEUE_TEXTURED: u32 = 2;
+    /// Paths of the batch that were given to slots; slots that came too late count, too.
+    pub const QUEUE_PATHS: u32 = 3;
+    /// Rays of the wave that the second pass traced.
+    pub const QUEUE_RESOLVED: u32 = 4;
+    /// Shadow rays towards the first light; the other lights' follow.
+    pub const QUEUE_SHADOWS: u32 = 5;
+}
 
 device_struct! {
     /// A slot follows one path after the other: a sample of a pixel and all the rays that come of it.

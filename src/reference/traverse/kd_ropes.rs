@@ -9,9 +9,8 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::memory::{Work, load_bounds, load_node};
 use crate::reference::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
+use crate::shared::constants::NO_AXIS;
 use crate::shared::{Hit, KD_LEAF, NO_ROPE, WorkCounter};
-
-const NO_AXIS: usize = 3;
 
 /// The t at which the ray leaves one axis of a leaf, at the earliest (`error` negative) or latest.
 #[inline(always)]

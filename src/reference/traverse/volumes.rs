@@ -7,12 +7,11 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::math::{dot3, fma3};
 use crate::reference::memory::{Work, load_bounds, load_node};
-use crate::reference::ray::{EPSILON, Ray, SLACK, widen_down, widen_up};
+use crate::reference::ray::{Ray, SLACK, widen_down, widen_up};
 use crate::reference::slab::pad_distance;
 use crate::shared::{Hit, WorkCounter};
 
-/// What a sphere grows by, in units of the farthest distance.
-pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
+pub use crate::shared::constants::SPHERE_SLACK;
 
 /// Whether the ray may meet the sphere within its limits before `t_hit`.
 #[inline(always)]
