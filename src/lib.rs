@@ -43,7 +43,7 @@
 //! # Invariants
 //!
 //! * Nothing but [`device`] calls OpenCL; nothing but the binary prints, exits or reads arguments.
-//! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/shared/memory.cl`.
+//! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/memory/`.
 //! * `cl/shared/compiler.cl` comes before every program: no compiler may regroup, fuse or assume away anything, whatever its options.
 //! * No recursion on the device; no built-in of free rounding (`dot`, `normalize`, `pow`, …) in `cl/`.
 //! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in `cl/shared/ray.cl`, `cl/shared/slab.cl` and the files of exact hits.

@@ -9,7 +9,8 @@
 //  3. Where there is double, four times the precision (exact_closer.cl).
 //  4. Whole numbers (exact_whole.cl) decide what is left: rays exactly through edges and vertices, in planes, equal distances.
 // Registers for calls in the loop over the triangles would slow down all of it: kernels postpone what step 1 leaves open until the
-// traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and DECIDE_WHOLE in memory.cl).
+// traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and DECIDE_WHOLE in
+// cl/memory/deferral.cl).
 // t, u and v are computed once, for the triangle that the traversal has found, in the arithmetic of steps 2 to 4.
 // Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the same on
 // devices with and without double. Weakness: the instructions of the second step.

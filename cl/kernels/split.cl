@@ -19,7 +19,7 @@
 //
 //   split_film     adds up each pixel's samples
 //
-// Where kernels leave doubts to a second pass (cl/shared/memory.cl), split_trace and split_shadow exist once more, run behind the first
+// Where kernels leave doubts to a second pass (cl/memory/deferral.cl), split_trace and split_shadow exist once more, run behind the first
 // ones, and do what these have left.
 //
 // All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and matters to no result.

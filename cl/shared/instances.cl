@@ -1,5 +1,5 @@
 // Triangles of objects that stand in the scene many times, placed when they are read (src/pack/instances.rs; with INSTANCES alone).
-// `vertices` and `shading` have each object once, in its own coordinates; the macros of memory.cl lead here, so that whatever knows a
+// `vertices` and `shading` have each object once, in its own coordinates; the macros of cl/memory/ lead here, so that whatever knows a
 // triangle by its number in the scene gets it where the instance is, with the bits that placing it beforehand would have given.
 //
 // Who reads a triangle mostly reads another one of the same instance next: its transform is kept in the Geometry's Placed.

@@ -1,5 +1,5 @@
 //! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that the first one
-//! leaves in doubt (`cl/shared/memory.cl`) are traced again by kernels that can decide everything.
+//! leaves in doubt (`cl/memory/deferral.cl`) are traced again by kernels that can decide everything.
 
 use super::definitions::Definitions;
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};

@@ -1,4 +1,5 @@
-//! Twin of `cl/shared/memory.cl`: what traversals read of the scene, and how that and their work is counted. The rest is there.
+//! Twin of `cl/memory/`: what traversals read of the scene (`records.cl`, `shading.cl`), and how that and their work is counted
+//! (`work.cl`). The twin's arrays lie in one place, and it defers nothing.
 
 use super::instances::{instance_records, placed_shading, placed_vertices};
 use crate::layout::Float4;
