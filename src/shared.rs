@@ -4,9 +4,9 @@
 //! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
-mod split;
+mod wavefront;
 
-pub use split::*;
+pub use wavefront::*;
 
 use crate::features::Feature;
 use crate::layout::{Float4, Int4, StructLayout, device_struct};
@@ -457,11 +457,11 @@ pub const SHARED_STRUCTS: [StructLayout; 17] = [
     CameraSample::LAYOUT,
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
-    SplitSlot::LAYOUT,
+    WavefrontSlot::LAYOUT,
     WaitingRay::LAYOUT,
-    SplitSurface::LAYOUT,
-    SplitYield::LAYOUT,
-    SplitShadow::LAYOUT,
+    WavefrontSurface::LAYOUT,
+    WavefrontYield::LAYOUT,
+    WavefrontShadow::LAYOUT,
     TextureRequest::LAYOUT,
 ];
 

@@ -15,8 +15,8 @@ pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
 const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
-/// The kernels that [`super::split`] starts.
-pub(super) const SPLIT_FILE: &str = "cl/kernels/split.cl";
+/// The kernels that [`super::wavefront`] starts.
+pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
 
 /// Whether the kernels of this file shade; the others trace batches.
 pub(super) fn is_shading(file: &str) -> bool {
@@ -169,7 +169,7 @@ pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
             files.push(RENDER_FILE);
             files.extend(packets.then_some(RENDER_PACKETS_FILE));
         }
-        Kernels::Split => files.push(SPLIT_FILE),
+        Kernels::Split => files.push(WAVEFRONT_FILE),
     }
     files
 }

@@ -92,7 +92,7 @@ const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",
     "cl/kernels/render_packets.cl",
-    "cl/kernels/split.cl"
+    "cl/kernels/wavefront.cl"
 ];
 
 /// Before all others: what keeps compilers from changing the arithmetic.

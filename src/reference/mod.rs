@@ -278,7 +278,16 @@ impl Tracer for ReferenceTracer {
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
         let kernel_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None, adaptive: None })
+        Ok(RenderResult {
+            film,
+            counts,
+            work,
+            second_pass: None,
+            kernel_s,
+            read_s: 0.0,
+            wavefront: None,
+            adaptive: None,
+        })
     }
 }
 

@@ -494,9 +494,9 @@ fn traversals_equal_their_twins() {
 }
 
 /// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture, a second pass and more paths than are in flight: that the
-/// split kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/pictures/wavefront.rs`.
+/// wavefront kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/pictures/wavefront.rs`.
 #[test]
-fn split_kernels_equal_the_twin() {
+fn wavefront_kernels_equal_the_twin() {
     let Some(device) = device() else { return };
     let mut builder = Builder::new();
     let rgba = vec![[230, 220, 200, 255], [40, 60, 90, 255]];

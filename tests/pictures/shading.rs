@@ -524,7 +524,7 @@ fn pictures_with_texture_coordinates_without_sense_are_numbers() {
     let scene = builder.finish().unwrap();
     let camera = Camera { eye: Vec3::Z * 5.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 30.0 };
     let picture = Picture { camera, size: (16, 12), samples: Samples::PerPixel(1), depth: 1, kill_weight: None };
-    // The split kernels, which Oclgrind runs; tests/scene/hostile.rs has both.
+    // The wavefront kernels, which Oclgrind runs; tests/scene/hostile.rs has both.
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
         let options = TraceOptions { kernels: Kernels::Split, textures, ..TraceOptions::DEFAULT };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());

@@ -1,11 +1,11 @@
-//! Rendering with several kernels (`cl/kernels/split.cl`): the host's part of a wave, which is to launch each kernel over the right number
+//! Rendering with several kernels (`cl/kernels/wavefront.cl`): the host's part of a wave, which is to launch each kernel over the right number
 //! of slots and, where it is asked to, to evaluate textures.
 
 mod state;
 mod step;
 
 use super::launch::LaunchPlan;
-use super::passes::{Pass, Passes, SPLIT_FILE};
+use super::passes::{Pass, Passes, WAVEFRONT_FILE};
 use super::scene::DeviceScene;
 use super::tracer::{PictureBuffers, Rendered};
 use super::{Buffer, CompileOptions, DeviceContext};
@@ -16,7 +16,7 @@ use crate::reference::texture_colours;
 use crate::shared::{
     QUEUE_ACTIVE, QUEUE_PATHS, QUEUE_RESOLVED, QUEUE_SHADOWS, QUEUE_TEXTURED, RenderParams, TextureRequest,
 };
-use crate::tracer::{Progress, SplitStats};
+use crate::tracer::{Progress, WavefrontStats};
 use state::{Setup, Shape, State};
 use std::mem::swap;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use std::time::Instant;
 use step::{Late, Step};
 
 /// The kernels.
-pub(super) struct SplitPipeline {
+pub(super) struct WavefrontPipeline {
     camera: Step,
     trace: Step,
     request: Step,
@@ -54,7 +54,7 @@ struct Run<'a> {
     /// No counter of the device was raised more often since the counts were taken.
     uncounted: usize,
     rendered: Rendered,
-    stats: SplitStats,
+    stats: WavefrontStats,
 }
 
 impl Run<'_> {
@@ -69,7 +69,7 @@ impl Run<'_> {
     }
 }
 
-impl SplitPipeline {
+impl WavefrontPipeline {
     /// Adds the definitions that its kernels look at.
     pub fn define(compile: CompileOptions, options: &TraceOptions) -> CompileOptions {
         compile.define("HOST_TEXTURES", u32::from(options.textures == TexturePass::HostPass))
@@ -82,26 +82,26 @@ impl SplitPipeline {
         buffers: &Arc<SceneBuffers>,
         options: &TraceOptions,
     ) -> Result<Self> {
-        let first = passes.program(context, Pass::First, SPLIT_FILE)?;
+        let first = passes.program(context, Pass::First, WAVEFRONT_FILE)?;
         let mut second = None;
         if passes.defers() {
             // Now, not at the first doubt: whether there is one only the device knows while it renders.
-            let program = passes.program(context, Pass::Second, SPLIT_FILE)?;
+            let program = passes.program(context, Pass::Second, WAVEFRONT_FILE)?;
             second = Some(SecondPass {
-                trace: Step::new(&program, "split_trace", true)?,
-                shadow: Step::new(&program, "split_shadow", true)?,
+                trace: Step::new(&program, "wavefront_trace", true)?,
+                shadow: Step::new(&program, "wavefront_shadow", true)?,
             });
         }
         let step = |name: &str, traces: bool| Step::new(&first, name, traces);
         let host_textures = options.textures == TexturePass::HostPass;
-        Ok(SplitPipeline {
-            camera: step("split_camera", false)?,
-            trace: step("split_trace", true)?,
-            request: step("split_request", false)?,
-            shade: step("split_shade", false)?,
-            light: step("split_light", false)?,
-            shadow: step("split_shadow", true)?,
-            film: step("split_film", false)?,
+        Ok(WavefrontPipeline {
+            camera: step("wavefront_camera", false)?,
+            trace: step("wavefront_trace", true)?,
+            request: step("wavefront_request", false)?,
+            shade: step("wavefront_shade", false)?,
+            light: step("wavefront_light", false)?,
+            shadow: step("wavefront_shadow", true)?,
+            film: step("wavefront_film", false)?,
             second,
             setup: Setup {
                 lights: buffers.params.light_count as usize,
@@ -115,7 +115,7 @@ impl SplitPipeline {
     }
 
     fn steps(&mut self) -> impl Iterator<Item = &mut Step> {
-        let SplitPipeline { camera, trace, request, shade, light, shadow, film, second, .. } = self;
+        let WavefrontPipeline { camera, trace, request, shade, light, shadow, film, second, .. } = self;
         let second = second.iter_mut().flat_map(|second| [&mut second.trace, &mut second.shadow]);
         [camera, trace, request, shade, light, shadow, film].into_iter().chain(second)
     }
@@ -142,7 +142,7 @@ impl SplitPipeline {
             plan: LaunchPlan::starting_with(first_items, context.info().kind),
             uncounted: 0,
             rendered: Rendered { second_pass: self.setup.defers.then_some(0), ..Rendered::default() },
-            stats: SplitStats { paths_in_flight: shape.slots, ..SplitStats::default() },
+            stats: WavefrontStats { paths_in_flight: shape.slots, ..WavefrontStats::default() },
         };
         let pixels = params.film_len();
         for first_pixel in (0..pixels).step_by(shape.batch_pixels) {
@@ -160,7 +160,7 @@ impl SplitPipeline {
         }
         self.wait(&mut run)?;
         picture.take_counts(&mut run.rendered.counts)?;
-        run.rendered.split = Some(run.stats);
+        run.rendered.wavefront = Some(run.stats);
         Ok(run.rendered)
     }
 

@@ -1,10 +1,10 @@
-//! One of the split kernels, and its launches.
+//! One of the wavefront kernels, and its launches.
 
 use crate::device::launch::LaunchPlan;
 use crate::device::{Event, Kernel, KernelArg, Program};
 use crate::error::Result;
 
-/// Arguments that change while a picture is rendered, counted from the end: the last of `SPLIT_ARGUMENTS`.
+/// Arguments that change while a picture is rendered, counted from the end: the last of `WAVEFRONT_ARGUMENTS`.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Late {
     End = 1,

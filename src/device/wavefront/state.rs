@@ -1,4 +1,4 @@
-//! What lies on the device between two of the split kernels.
+//! What lies on the device between two of the wavefront kernels.
 
 use super::step::Step;
 use super::{Buffer, DeviceContext, DeviceScene, PictureBuffers};
@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::features::Features;
 use crate::layout::Float4;
 use crate::shared::{
-    NO_PATH, QUEUE_SHADOWS, RenderParams, SplitShadow, SplitSlot, SplitSurface, SplitYield, SurfaceHit, TextureRequest,
-    WaitingRay,
+    NO_PATH, QUEUE_SHADOWS, RenderParams, SurfaceHit, TextureRequest, WaitingRay, WavefrontShadow, WavefrontSlot,
+    WavefrontSurface, WavefrontYield,
 };
 
 /// Memory for the paths in flight and their batch: at 970 bytes each with a depth of 8 room for 270,000, more than the largest GPUs run
@@ -50,9 +50,11 @@ impl Shape {
         let rays = self.depth * size_of::<WaitingRay>();
         let path_radiance = PATHS_PER_SLOT * size_of::<Float4>();
         let request = if self.setup.host_textures { size_of::<TextureRequest>() + size_of::<Float4>() } else { 0 };
-        let state =
-            size_of::<SplitSlot>() + size_of::<SurfaceHit>() + size_of::<SplitSurface>() + size_of::<SplitYield>();
-        let shadow_and_lists = size_of::<SplitShadow>() + 3 * size_of::<u32>();
+        let state = size_of::<WavefrontSlot>()
+            + size_of::<SurfaceHit>()
+            + size_of::<WavefrontSurface>()
+            + size_of::<WavefrontYield>();
+        let shadow_and_lists = size_of::<WavefrontShadow>() + 3 * size_of::<u32>();
         let all = rays + path_radiance + request + state + shadow_and_lists;
         (all as u64, rays.max(path_radiance) as u64)
     }
@@ -77,12 +79,12 @@ impl Shape {
 }
 
 pub(super) struct State {
-    slots: Buffer<SplitSlot>,
+    slots: Buffer<WavefrontSlot>,
     rays: Buffer<WaitingRay>,
     hits: Buffer<SurfaceHit>,
-    surfaces: Buffer<SplitSurface>,
-    yields: Buffer<SplitYield>,
-    shadows: Buffer<SplitShadow>,
+    surfaces: Buffer<WavefrontSurface>,
+    yields: Buffer<WavefrontYield>,
+    shadows: Buffer<WavefrontShadow>,
     pub requests: Buffer<TextureRequest>,
     pub colours: Buffer<Float4>,
     path_radiance: Buffer<Float4>,
@@ -95,7 +97,7 @@ impl State {
     pub fn new(context: &DeviceContext, shape: &Shape) -> Result<Self> {
         let slots = shape.slots;
         let requests = if shape.setup.host_textures { slots } else { 0 };
-        let idle = SplitSlot { path: NO_PATH, ..SplitSlot::default() };
+        let idle = WavefrontSlot { path: NO_PATH, ..WavefrontSlot::default() };
         Ok(State {
             slots: Buffer::read_write(context, "paths in flight", &vec![idle; slots])?,
             rays: Buffer::empty(context, "pending rays", slots * shape.depth)?,

@@ -1,10 +1,10 @@
-//! What the split kernels (`cl/kernels/split.cl`) and the host share beyond what the mega-kernel needs: queues and the state of slots.
+//! What the wavefront kernels (`cl/kernels/wavefront.cl`) and the host share beyond what the mega-kernel needs: queues and the state of slots.
 
 use crate::layout::{Float4, Int4, device_struct};
 
-/// `SplitSlot::path` of a slot that follows none.
+/// `WavefrontSlot::path` of a slot that follows none.
 pub const NO_PATH: u32 = u32::MAX;
-/// Of the lengths of the split kernels' queues: slots that trace a ray in this wave.
+/// Of the lengths of the wavefront kernels' queues: slots that trace a ray in this wave.
 pub const QUEUE_ACTIVE: u32 = 0;
 /// Slots whose ray has hit something.
 pub const QUEUE_HITS: u32 = 1;
@@ -19,7 +19,7 @@ pub const QUEUE_SHADOWS: u32 = 5;
 
 device_struct! {
     /// A slot follows one path after the other: a sample of a pixel and all the rays that come of it.
-    pub struct SplitSlot {
+    pub struct WavefrontSlot {
         /// Radiance of the path so far in x, y, z; w unused.
         pub radiance: Float4,
         /// Number of the path in its batch, or NO_PATH.
@@ -35,7 +35,7 @@ device_struct! {
 
 device_struct! {
     /// What the lights need to know of a hit.
-    pub struct SplitSurface {
+    pub struct WavefrontSurface {
         /// Position in x, y, z and bound of its error in w.
         pub position_error: Float4,
         /// What that leaves out of the position in x, y, z; x of the way to where shadow rays start in w.
@@ -55,7 +55,7 @@ device_struct! {
 
 device_struct! {
     /// What the ray of this wave brings its path.
-    pub struct SplitYield {
+    pub struct WavefrontYield {
         /// Radiance along the ray so far in x, y, z; w unused.
         pub radiance: Float4,
         /// What it is multiplied by in x, y, z; w unused.
@@ -65,7 +65,7 @@ device_struct! {
 
 device_struct! {
     /// A ray to a light.
-    pub struct SplitShadow {
+    pub struct WavefrontShadow {
         /// Direction, of the light's distance where t_far is 1, in x, y, z and t_far in w.
         pub to_light_t_far: Float4,
         /// Bits of what the light adds where nothing is in its way in x, y, z and the slot in w.

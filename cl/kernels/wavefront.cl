@@ -6,20 +6,20 @@
 // every wave each slot that is not out of work traces one ray, in the very order of the mega-kernel, so that every sum is the same
 // to the last bit:
 //
-//   split_camera   adds what the last wave's ray has brought; takes the next pending ray, else the camera ray of the next path of
+//   wavefront_camera   adds what the last wave's ray has brought; takes the next pending ray, else the camera ray of the next path of
 //                  the batch; lists the slots that have a ray
-//   split_trace    finds the closest hit
-//   split_request  only for textures that the host evaluates: asks for the colours of the hits
-//   split_shade    misses: background; hits: light without lamps, secondary rays, and the list of hits
+//   wavefront_trace    finds the closest hit
+//   wavefront_request  only for textures that the host evaluates: asks for the colours of the hits
+//   wavefront_shade    misses: background; hits: light without lamps, secondary rays, and the list of hits
 //   then for each light
-//   split_light    what it adds to each hit; lists the shadow rays
-//   split_shadow   traces them and adds what arrives
+//   wavefront_light    what it adds to each hit; lists the shadow rays
+//   wavefront_shadow   traces them and adds what arrives
 //
 // Where no slot has a ray any more the batch, all samples of some pixels, is done:
 //
-//   split_film     adds up each pixel's samples
+//   wavefront_film     adds up each pixel's samples
 //
-// Where kernels leave doubts to a second pass (cl/shared/memory.cl), split_trace and split_shadow exist once more, run behind the first
+// Where kernels leave doubts to a second pass (cl/shared/memory.cl), wavefront_trace and wavefront_shadow exist once more, run behind the first
 // ones, and do what these have left.
 //
 // All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and matters to no result.
@@ -30,13 +30,13 @@
 // `rays`: pending rays number 0 of all slots, then number 1, and so on. `lengths`: lengths of the queues, see QUEUE_…
 // `path_radiance`: of the batch's paths, which are the first sample of all its pixels, then the second, and so on; the pixels are
 // numbers first_pixel .. first_pixel + batch_pixels in the order of pixel_in_tiles.
-// `queue`: slots of this wave. `other_queue`: written by split_camera for the next wave, by split_shade with the hits; the host
-// exchanges the two after split_camera.
-#define SPLIT_ARGUMENTS                                                                                                 \
+// `queue`: slots of this wave. `other_queue`: written by wavefront_camera for the next wave, by wavefront_shade with the hits; the host
+// exchanges the two after wavefront_camera.
+#define WAVEFRONT_ARGUMENTS                                                                                             \
     SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,       \
-        __global float4* restrict film, volatile __global uint* restrict counters, __global SplitSlot* restrict slots,  \
-        __global WaitingRay* restrict rays, __global SurfaceHit* restrict hits, __global SplitSurface* restrict surfaces,        \
-        __global SplitYield* restrict yields, __global SplitShadow* restrict shadows,                                   \
+        __global float4* restrict film, volatile __global uint* restrict counters, __global WavefrontSlot* restrict slots, \
+        __global WaitingRay* restrict rays, __global SurfaceHit* restrict hits, __global WavefrontSurface* restrict surfaces, \
+        __global WavefrontYield* restrict yields, __global WavefrontShadow* restrict shadows,                           \
         __global TextureRequest* restrict requests, __global const float4* restrict colours,                            \
         __global float4* restrict path_radiance, volatile __global uint* restrict lengths, DOUBTS_ARGUMENT              \
         const uint slot_count,                                                                                          \
@@ -83,7 +83,7 @@ uint pixel_in_tiles(__global const RenderParams* render, uint index) {
 }
 
 // Through a pointer: what Oclgrind 21.10 makes of a returned struct here (llvm.experimental.noalias.scope.decl) it cannot run.
-void load_point(__global const SplitSurface* from, SurfacePoint* point) {
+void load_point(__global const WavefrontSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
     point->position = position_error.xyz;
     point->position_low = from->position_low_lift_x.xyz;
@@ -92,17 +92,17 @@ void load_point(__global const SplitSurface* from, SurfacePoint* point) {
     point->primitive = as_uint(from->geometric_normal_primitive.w);
 }
 
-float3 load_lift(__global const SplitSurface* from) {
+float3 load_lift(__global const WavefrontSurface* from) {
     return (float3)(from->position_low_lift_x.w, from->view_direction_lift_y.w, from->diffuse_lift_z.w);
 }
 
-__kernel void split_camera(SPLIT_ARGUMENTS) {
+__kernel void wavefront_camera(WAVEFRONT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    if (index == 0u) doubts[0] = 0u; // for split_trace
+    if (index == 0u) doubts[0] = 0u; // for wavefront_trace
     const bool is_item = index < end;
     const uint slot = is_item ? queue[index] : 0u;
-    SplitSlot state;
+    WavefrontSlot state;
     state.path = NO_PATH;
     if (is_item) state = slots[slot];
     if (state.path != NO_PATH) {
@@ -133,7 +133,7 @@ __kernel void split_camera(SPLIT_ARGUMENTS) {
     if (has_ray) other_queue[place] = slot;
 }
 
-// Empties the lists that the kernels after split_trace fill.
+// Empties the lists that the kernels after wavefront_trace fill.
 void clear_lists(const Scene* scene, volatile __global uint* lengths) {
     lengths[QUEUE_HITS] = 0u;
     lengths[QUEUE_TEXTURED] = 0u;
@@ -141,7 +141,7 @@ void clear_lists(const Scene* scene, volatile __global uint* lengths) {
     for (uint i = 0; i < light_count(scene); i++) lengths[QUEUE_SHADOWS + i] = 0u;
 }
 
-__kernel void split_trace(SPLIT_ARGUMENTS) {
+__kernel void wavefront_trace(WAVEFRONT_ARGUMENTS) {
     const uint number = first + (uint)get_global_id(0);
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
@@ -164,7 +164,7 @@ __kernel void split_trace(SPLIT_ARGUMENTS) {
     add_counts(counts, counters, index);
 }
 
-__kernel void split_request(SPLIT_ARGUMENTS) {
+__kernel void wavefront_request(WAVEFRONT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
     TRAVERSAL_STATE
@@ -195,7 +195,7 @@ __kernel void split_request(SPLIT_ARGUMENTS) {
     requests[place].primitive = hit.primitive;
 }
 
-__kernel void split_shade(SPLIT_ARGUMENTS) {
+__kernel void wavefront_shade(WAVEFRONT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
     TRAVERSAL_STATE
@@ -245,12 +245,12 @@ __kernel void split_shade(SPLIT_ARGUMENTS) {
     if (is_hit) other_queue[place] = slot;
 }
 
-__kernel void split_light(SPLIT_ARGUMENTS) {
+__kernel void wavefront_light(WAVEFRONT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
-    if (index == 0u) doubts[0] = 0u; // for split_shadow
+    if (index == 0u) doubts[0] = 0u; // for wavefront_shadow
     bool adds = false;
     uint slot = 0u;
     LightSample sample;
@@ -273,7 +273,7 @@ __kernel void split_light(SPLIT_ARGUMENTS) {
     shadows[place].reflected_slot = pack_bits(reflected, slot);
 }
 
-__kernel void split_shadow(SPLIT_ARGUMENTS) {
+__kernel void wavefront_shadow(WAVEFRONT_ARGUMENTS) {
     const uint number = first + (uint)get_global_id(0);
     if (IS_SECOND_PASS && number == 0u) lengths[QUEUE_RESOLVED] += doubts[0];
     if (number >= traced_end(min(end, lengths[QUEUE_SHADOWS + light]), doubts)) return;
@@ -297,7 +297,7 @@ __kernel void split_shadow(SPLIT_ARGUMENTS) {
     add_counts(counts, counters, index);
 }
 
-__kernel void split_film(SPLIT_ARGUMENTS) {
+__kernel void wavefront_film(WAVEFRONT_ARGUMENTS) {
     const uint index = first + (uint)get_global_id(0);
     if (index >= end) return;
     float3 sum = (float3)(0.0f);
