@@ -148,7 +148,7 @@ methods! {
         Tests = "tests",
         /// Those of them that `exact` takes to twice the precision, because float32 bounds leave them open.
         WideTests = "wide-tests",
-        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to whole numbers.
+        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to exact integers.
         CloseTests = "close-tests",
         /// Descents that began anew; with ropes rays that `push-down` traces again, and its restarts.
         Restarts = "restarts",

@@ -129,7 +129,7 @@ pub struct RunStats {
     pub extreme_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
-    /// Rays (of a batch, or of wavefront kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see
+    /// Rays (of a batch, or of wavefront kernels) or pixels (of the mega-kernel's picture) that only exact integers could decide: see
     /// `cl/intersect/exact.cl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_pass: Option<u64>,

@@ -36,7 +36,7 @@ pub struct TraceResult {
     pub work: Option<Vec<RayWork>>,
     /// The same of the second rays; none on a ray that was not cast because the first one missed.
     pub next_work: Option<Vec<RayWork>>,
-    /// How many rays, over all repeats, only whole numbers could decide, in a second pass; `None` where there is no such pass.
+    /// How many rays, over all repeats, only exact integers could decide, in a second pass; `None` where there is no such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Tracer::has_clock`].
     pub kernel_s: Vec<f64>,
@@ -60,7 +60,7 @@ pub struct RenderResult {
     pub counts: [u64; COUNTERS],
     /// With [`crate::options::TraceOptions::counters`] the work on the rays of each pixel, top row first.
     pub work: Option<Vec<PixelWork>>,
-    /// How many pixels had a ray that only whole numbers could decide, and were rendered in a second pass; of wavefront kernels how many
+    /// How many pixels had a ray that only exact integers could decide, and were rendered in a second pass; of wavefront kernels how many
     /// rays. `None` where there is no such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time, transfers left out. See [`Tracer::has_clock`].

@@ -7,7 +7,7 @@
 //   CONSTANT_REFERENCES, CONSTANT_VERTICES  that array lies in __constant memory
 //   LEAF_ORDER           vertices and transforms are copied for each reference, in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle, not in an array of its own
-//   DEFER_DOUBTS         what only whole numbers can decide is left to a second pass over the rays or pixels that met it, so that
+//   DEFER_DOUBTS         what only exact integers can decide is left to a second pass over the rays or pixels that met it, so that
 //                        their many registers are not in the kernels that all others run: see doubts below
 //   RESOLVE_DOUBTS       the kernels are that second pass
 //   INSTANCES            vertices and shading data are those of objects, which are placed when they are read: instances.cl
@@ -214,7 +214,7 @@ int4 load_node(const Geometry* geometry, uint index) {
 
 // Doubts. Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
 //   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
-//   DECIDE_WHOLE       what `call`, in whole numbers, decides; or false, and the item is in doubt
+//   DECIDE_BY_INTEGERS       what `call`, in exact integers, decides; or false, and the item is in doubt
 //   NOTE_DOUBT         puts an item on the list if it is in doubt
 //   TAKE_IN_DOUBT      whether an item is in doubt, and forgets it: for work-items with several items, which put them on the list by
 //   ADD_DOUBT
@@ -225,7 +225,7 @@ int4 load_node(const Geometry* geometry, uint index) {
 #define UNDECIDED                  \
     uint postponed[MAX_POSTPONED]; \
     Undecided undecided = {0u, 0u, postponed};
-#define DECIDE_WHOLE(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
+#define DECIDE_BY_INTEGERS(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
 #define IN_DOUBT (undecided.in_doubt != 0u)
 #define ADD_DOUBT(item) doubts[1u + atomic_inc(&doubts[0])] = item
 #define TAKE_IN_DOUBT(geometry) take_in_doubt(geometry)
@@ -248,7 +248,7 @@ bool postpone(const Geometry* geometry, uint primitive) {
 }
 #else
 #define UNDECIDED
-#define DECIDE_WHOLE(geometry, call) call
+#define DECIDE_BY_INTEGERS(geometry, call) call
 #define IN_DOUBT false
 #define ADD_DOUBT(item)
 #define TAKE_IN_DOUBT(geometry) false

@@ -268,7 +268,7 @@ impl Passes {
             set(kernel)?;
             // How long such items take is not known from the others. The first launch takes most lists whole: a small one would
             // leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group while units are free: each
-            // would wait for whatever whole numbers the others compute.
+            // would wait for whatever exact integers the others compute.
             let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, context.info().kind);
             let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, work_group);
             let shape = Shape { work_group, ..shape(count, entry.second()) };

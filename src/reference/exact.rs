@@ -1,8 +1,8 @@
 //! Twin of `cl/intersect/exact.cl` and `exact_filter.cl`: the ray-triangle test that is right. The reasons are there. There is no step
-//! between wide and whole numbers here, as on devices without double: the answers are the same.
+//! between wide and exact integers here, as on devices without double: the answers are the same.
 
 use super::edges::Edges;
-use super::exact_whole::{decide_whole, finish_whole, weight0_whole};
+use super::exact_integers::{decide_by_integers, finish_by_integers, weight0_by_integers};
 use super::intersect::{Intersection, ShearedTriangle, shear_triangle};
 use super::math::{abs3, dot3, fma3, max_or, min_or};
 use super::memory::{Work, load_vertices};
@@ -240,7 +240,7 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
         decision = decide_tie(buffers, ray, &triangle, primitive, hit, is_hit);
     }
     if decision == Decision::Doubtful {
-        decision = decide_whole(buffers, ray, triangle, primitive, hit);
+        decision = decide_by_integers(buffers, ray, triangle, primitive, hit);
     }
     if let Decision::Hit([t_low, t_high]) = decision {
         *hit = Hit { t: t_high, u: t_low, v: 0.0, primitive };
@@ -254,7 +254,8 @@ pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit) {
         return;
     }
     let triangle = vertices(buffers, hit.primitive);
-    let Intersection { t, u, v } = finish_wide(ray, triangle).unwrap_or_else(|| finish_whole(buffers, ray, triangle));
+    let Intersection { t, u, v } =
+        finish_wide(ray, triangle).unwrap_or_else(|| finish_by_integers(buffers, ray, triangle));
     *hit = Hit { t, u, v, ..*hit };
 }
 
@@ -263,5 +264,5 @@ pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit) {
 pub fn weight0_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> f32 {
     let triangle = vertices(buffers, hit.primitive);
     let n = wide_numbers(ray, triangle);
-    rounds_surely(n.weights[0], n.det).unwrap_or_else(|| weight0_whole(buffers, ray, triangle))
+    rounds_surely(n.weights[0], n.det).unwrap_or_else(|| weight0_by_integers(buffers, ray, triangle))
 }

@@ -1,6 +1,6 @@
-//! Twin of `cl/shared/integer.cl`: whole numbers of any length that a ray-triangle test needs. The reasons are there.
+//! Twin of `cl/shared/integer.cl`: exact integers of any length that a ray-triangle test needs. The reasons are there.
 
-/// The most limbs of a number: those that `whole_units()` of `cl/intersect/exact_whole.cl` takes where positions are any floats, which
+/// The most limbs of a number: those that `integer_units()` of `cl/intersect/exact_integers.cl` takes where positions are any floats, which
 /// rays of extreme numbers need (`src/extreme.rs`). In the bits of its formula such positions have p = 277 + 149 and directions d = 277.
 pub const MAX_LIMBS: usize = 77;
 
@@ -130,7 +130,7 @@ impl<const ROOM: usize> Integer<ROOM> {
     }
 }
 
-/// The float's significand as a whole number, and the exponent with |x| = significand * 2^exponent.
+/// The float's significand as an integer, and the exponent with |x| = significand * 2^exponent.
 pub fn float_significand(x: f32) -> (u32, i32) {
     let bits = x.to_bits();
     let field = bits >> 23 & 255;

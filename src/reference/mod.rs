@@ -6,7 +6,7 @@
 
 pub mod edges;
 pub mod exact;
-pub mod exact_whole;
+pub mod exact_integers;
 mod fma;
 pub mod footprint;
 pub mod instances;

@@ -13,7 +13,7 @@ pub fn are_same_points(a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {
 /// all, which `i128` holds with a sign.
 const MOST_BITS: i32 = 40;
 
-/// Whether two triangles certainly lie in one plane. Not pairs of doubles as in the kernel, but whole numbers, of more bits: what this
+/// Whether two triangles certainly lie in one plane. Not pairs of doubles as in the kernel, but exact integers, of more bits: what this
 /// leaves open is decided in longer ones, and the answer is the same.
 #[inline(never)]
 pub fn are_in_one_plane(a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {

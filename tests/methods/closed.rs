@@ -129,7 +129,7 @@ fn exact_lets_no_ray_through_on_a_device() {
                 (20_000, 0, 0, 0),
                 "{name} {options:?}"
             );
-            // The rays are as hard as they should be: some pass so exactly through an edge that only whole numbers tell.
+            // The rays are as hard as they should be: some pass so exactly through an edge that only exact integers tell.
             assert!(leaks.second_pass.unwrap() > 0, "{name}: {:?}", leaks.second_pass);
         }
     }

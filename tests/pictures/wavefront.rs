@@ -268,7 +268,7 @@ fn wavefront_kernels_read_every_kind_of_memory() {
     }
 }
 
-/// Rays through the diagonals that the triangles of a quad share: only whole numbers tell which of the two they hit.
+/// Rays through the diagonals that the triangles of a quad share: only exact integers tell which of the two they hit.
 #[test]
 fn rays_in_doubt_take_the_second_pass() {
     let mut builder = Builder::new();

@@ -1,6 +1,7 @@
-// A ray of a packet that goes on by itself, because few others are where it is: eight triangles at a time.
+// The single-ray fallback of packets: where few rays of a packet go the same way, each is traced by itself, against eight triangles at a
+// time.
 
-// Up to so many rays go on by themselves.
+// Up to so many rays are traced by themselves.
 #define FEW_RAYS 4u
 
 typedef struct {
@@ -12,10 +13,10 @@ typedef struct {
     float t_limit, hit_low;
     uint found, primitive;
     bool is_decided; // by float32
-} LoneRay;
+} SingleRay;
 
-LoneRay take_ray(const RayPacket* p, uint lane, const float16* t_limits, const PacketHits* hits) {
-    const LoneRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
+SingleRay take_single_ray(const RayPacket* p, uint lane, const float16* t_limits, const PacketHits* hits) {
+    const SingleRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
                          three_of_lane(p->origin, lane),
                          three_of_lane(p->origin_low, lane),
                          three_of_lane(p->direction, lane),
@@ -30,7 +31,7 @@ LoneRay take_ray(const RayPacket* p, uint lane, const float16* t_limits, const P
 }
 
 // Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a single lane.
-void put_back(const LoneRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
+void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
     *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
@@ -46,7 +47,7 @@ void put_back(const LoneRay* ray, uint lane, const bool any_hit, float16* t_limi
 
 // Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32 does not decide, or
 // with any_hit there is a hit.
-bool test_alone(GEOMETRY_PARAMETERS, LoneRay* ray, uint first, uint count, const bool any_hit) {
+bool test_single_ray(GEOMETRY_PARAMETERS, SingleRay* ray, uint first, uint count, const bool any_hit) {
     LeafTriangles l;
     float8 b[3], c[3];
     load_corners(GEOMETRY, first / 8u, l.a, b, c);

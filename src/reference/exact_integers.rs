@@ -1,4 +1,4 @@
-//! Twin of `cl/intersect/exact_whole.cl`: the last step of the exact test, in whole numbers. The reasons are there.
+//! Twin of `cl/intersect/exact_integers.cl`: the last step of the exact test, in exact integers. The reasons are there.
 
 use super::exact::Decision;
 use super::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
@@ -12,9 +12,9 @@ use glam::Vec3;
 /// Numbers from this times a power of two on, its exponent the second one, have no nearest float: FLT_MAX and half of its last bit.
 const INFINITE_LIMIT: (u32, i32) = ((1 << 25) - 1, 103);
 
-/// The units in which everything is whole, as exponents of 2, and the limbs that hold every number.
+/// The units in which everything is an integer, as exponents of 2, and the limbs that hold every number.
 #[derive(Debug, Clone, Copy)]
-struct WholeUnits {
+struct IntegerUnits {
     position: i32,
     vertex: i32,
     weight: i32,
@@ -22,9 +22,9 @@ struct WholeUnits {
     n: usize,
 }
 
-/// A ray as whole numbers take it, in any units.
+/// A ray as exact integers take it, in any units.
 #[derive(Debug, Clone, Copy)]
-pub struct WholeRay {
+pub struct IntegerRay {
     /// Where it starts.
     pub start: TrianglePoint,
     /// Where it goes.
@@ -37,20 +37,20 @@ pub struct WholeRay {
     pub leaves: bool,
 }
 
-impl WholeRay {
-    fn new(buffers: &SceneBuffers, ray: &Ray) -> WholeRay {
+impl IntegerRay {
+    fn new(buffers: &SceneBuffers, ray: &Ray) -> IntegerRay {
         let leaves = ray.starts_on_triangle();
         let start = match leaves {
             true => TrianglePoint::of_weights(vertices(buffers, ray.skip), ray.start_weights),
             false => TrianglePoint::at(ray.origin),
         };
         let (direction, limits) = (ray.direction, [ray.t_min, ray.t_max]);
-        WholeRay { start, direction, limits, t_exponent: ray.t_exponent(), leaves }
+        IntegerRay { start, direction, limits, t_exponent: ray.t_exponent(), leaves }
     }
 }
 
-impl WholeUnits {
-    fn new(start: &TrianglePoint, direction: Vec3, triangles: &[[Vec3; 3]]) -> WholeUnits {
+impl IntegerUnits {
+    fn new(start: &TrianglePoint, direction: Vec3, triangles: &[[Vec3; 3]]) -> IntegerUnits {
         let (mut low_p, mut high_p, mut low_d, mut high_d) = (1000, -1000, 1000, -1000);
         let (mut low_w, mut high_w) = (0, 0);
         for p in start.vertices.iter().chain(triangles.iter().flatten()) {
@@ -62,12 +62,12 @@ impl WholeUnits {
         let (bits_p, bits_d) = ((high_p - position).max(1), (high_d - low_d).max(1));
         let bits = if triangles.len() > 1 { 5 * bits_p + bits_d + 40 } else { 3 * bits_p.max(bits_d) + 34 };
         let n = (bits as usize).div_ceil(32);
-        WholeUnits { position, vertex: position - low_w, weight: low_w, direction: low_d, n }
+        IntegerUnits { position, vertex: position - low_w, weight: low_w, direction: low_d, n }
     }
 }
 
 /// The numbers behind every answer.
-struct WholeNumbers<const ROOM: usize> {
+struct IntegerNumbers<const ROOM: usize> {
     distance: Integer<ROOM>,
     det: Integer<ROOM>,
     weight1: Integer<ROOM>,
@@ -86,28 +86,28 @@ macro_rules! with_room {
     };
 }
 
-impl<const ROOM: usize> WholeNumbers<ROOM> {
-    fn new(start: &TrianglePoint, direction: Vec3, [p0, p1, p2]: [Vec3; 3], units: &WholeUnits) -> Self {
+impl<const ROOM: usize> IntegerNumbers<ROOM> {
+    fn new(start: &TrianglePoint, direction: Vec3, [p0, p1, p2]: [Vec3; 3], units: &IntegerUnits) -> Self {
         let n = units.n;
-        let whole = |v: Vec3, exponent: i32| v.to_array().map(|x| Integer::from_float(x, exponent, n));
+        let integers = |v: Vec3, exponent: i32| v.to_array().map(|x| Integer::from_float(x, exponent, n));
         let minus = |mut a: [Integer<ROOM>; 3], b: &[Integer<ROOM>; 3]| {
             a.iter_mut().zip(b).for_each(|(a, b)| a.add(b, -1, n));
             a
         };
         let [base, others @ ..] = start.vertices;
-        let mut origin = whole(base, units.position);
+        let mut origin = integers(base, units.position);
         for (other, &weight) in others.iter().zip(&start.weights).filter(|(_, weight)| **weight != 0.0) {
-            let edge = minus(whole(*other, units.vertex), &whole(base, units.vertex));
+            let edge = minus(integers(*other, units.vertex), &integers(base, units.vertex));
             let weight = Integer::from_float(weight, units.weight, n);
             origin.iter_mut().zip(&edge).for_each(|(origin, edge)| origin.add_product(&weight, edge, 1, n));
         }
-        let corner = whole(p0, units.position);
-        let edge1 = minus(whole(p1, units.position), &corner);
-        let edge2 = minus(whole(p2, units.position), &corner);
+        let corner = integers(p0, units.position);
+        let edge1 = minus(integers(p1, units.position), &corner);
+        let edge2 = minus(integers(p2, units.position), &corner);
         let from = minus(corner, &origin);
-        let direction = whole(direction, units.direction);
+        let direction = integers(direction, units.direction);
         let zero = Integer::ZERO;
-        let mut numbers = WholeNumbers { distance: zero, det: zero, weight1: zero, weight2: zero };
+        let mut numbers = IntegerNumbers { distance: zero, det: zero, weight1: zero, weight2: zero };
         for k in 0..3 {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             let mut normal = zero;
@@ -132,12 +132,12 @@ impl<const ROOM: usize> WholeNumbers<ROOM> {
     }
 
     /// The float nearest to t times 2 to `exponent`.
-    fn t(&self, units: &WholeUnits, exponent: i32) -> f32 {
+    fn t(&self, units: &IntegerUnits, exponent: i32) -> f32 {
         integer_quotient(self.distance, self.det, units.position - units.direction + exponent, units.n)
     }
 
     /// The sign of the caller's t minus `limit`; t whose nearest float is infinite is not less than an infinite limit.
-    fn compare_with_limit(&self, units: &WholeUnits, t_exponent: i32, limit: f32) -> i32 {
+    fn compare_with_limit(&self, units: &IntegerUnits, t_exponent: i32, limit: f32) -> i32 {
         let n = units.n;
         let (mut distance, mut det, mut scaled) = (self.distance, self.det, Integer::ZERO);
         let sign = distance.take_sign(n) * det.take_sign(n);
@@ -162,7 +162,7 @@ impl<const ROOM: usize> WholeNumbers<ROOM> {
     }
 
     /// Whether the ray meets the triangle, and inside of its interval.
-    fn is_hit(&self, ray: &WholeRay, units: &WholeUnits) -> bool {
+    fn is_hit(&self, ray: &IntegerRay, units: &IntegerUnits) -> bool {
         let n = units.n;
         let sign = self.det.sign(n);
         let is_outside = |weight: &Integer<ROOM>| sign * weight.sign(n) < 0;
@@ -182,11 +182,11 @@ fn is_nearer<const ROOM: usize>(
     start: &TrianglePoint,
     direction: Vec3,
     triangles: [[Vec3; 3]; 2],
-    units: &WholeUnits,
+    units: &IntegerUnits,
     is_lower: bool,
 ) -> bool {
     let n = units.n;
-    let [numbers, best] = triangles.map(|triangle| WholeNumbers::<ROOM>::new(start, direction, triangle, units));
+    let [numbers, best] = triangles.map(|triangle| IntegerNumbers::<ROOM>::new(start, direction, triangle, units));
     let sign = numbers.det.sign(n) * best.det.sign(n);
     let mut difference = Integer::ZERO;
     difference.add_product(&numbers.distance, &best.det, sign, n);
@@ -196,58 +196,64 @@ fn is_nearer<const ROOM: usize>(
 }
 
 /// The float nearest to the t, in the ray's own units, of a triangle that is hit inside of the ray's interval.
-fn t_inside<const ROOM: usize>(ray: &WholeRay, triangle: [Vec3; 3], units: &WholeUnits) -> Option<f32> {
-    let numbers = WholeNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
+fn t_inside<const ROOM: usize>(ray: &IntegerRay, triangle: [Vec3; 3], units: &IntegerUnits) -> Option<f32> {
+    let numbers = IntegerNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
     numbers.is_hit(ray, units).then(|| numbers.t(units, 0))
 }
 
-impl WholeRay {
+impl IntegerRay {
     /// Whether the triangle is hit inside of the ray's interval, and the float nearest to its t in the ray's own units.
     pub fn t_inside(&self, triangle: [Vec3; 3]) -> Option<f32> {
-        let units = WholeUnits::new(&self.start, self.direction, &[triangle]);
+        let units = IntegerUnits::new(&self.start, self.direction, &[triangle]);
         with_room!(units.n, t_inside(self, triangle, &units))
     }
 
     /// Whether the first of two triangles that are hit is nearer than the second one, or as near and `is_lower`.
     pub fn is_nearer(&self, triangles: [[Vec3; 3]; 2], is_lower: bool) -> bool {
-        let units = WholeUnits::new(&self.start, self.direction, &triangles);
+        let units = IntegerUnits::new(&self.start, self.direction, &triangles);
         with_room!(units.n, is_nearer(&self.start, self.direction, triangles, &units, is_lower))
     }
 
     /// t in the caller's units, u and v of a triangle that is hit.
     pub fn finish(&self, triangle: [Vec3; 3]) -> Intersection {
-        let units = WholeUnits::new(&self.start, self.direction, &[triangle]);
+        let units = IntegerUnits::new(&self.start, self.direction, &[triangle]);
         with_room!(units.n, finish(self, triangle, &units))
     }
 
     /// The weight of vertex 0 of a triangle that is hit.
     pub fn weight0(&self, triangle: [Vec3; 3]) -> f32 {
-        let units = WholeUnits::new(&self.start, self.direction, &[triangle]);
+        let units = IntegerUnits::new(&self.start, self.direction, &[triangle]);
         with_room!(units.n, weight0(&self.start, self.direction, triangle, &units))
     }
 }
 
 /// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Doubtful`].
 #[inline(never)]
-pub fn decide_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3], primitive: u32, hit: &Hit) -> Decision {
+pub fn decide_by_integers(
+    buffers: &SceneBuffers,
+    ray: &Ray,
+    triangle: [Vec3; 3],
+    primitive: u32,
+    hit: &Hit,
+) -> Decision {
     let has_interval = ray.t_near <= ray.t_far;
     if !has_interval {
         return Decision::Miss;
     }
-    let whole = WholeRay::new(buffers, ray);
-    let Some(t) = whole.t_inside(triangle) else { return Decision::Miss };
+    let exact = IntegerRay::new(buffers, ray);
+    let Some(t) = exact.t_inside(triangle) else { return Decision::Miss };
     let limits = Decision::Hit([t.next_down(), t.next_up()]);
     if hit.primitive == NO_PRIMITIVE || t < hit.u {
         return limits;
     }
-    if t > hit.t || !whole.is_nearer([triangle, vertices(buffers, hit.primitive)], primitive < hit.primitive) {
+    if t > hit.t || !exact.is_nearer([triangle, vertices(buffers, hit.primitive)], primitive < hit.primitive) {
         return Decision::Miss;
     }
     limits
 }
 
-fn finish<const ROOM: usize>(ray: &WholeRay, triangle: [Vec3; 3], units: &WholeUnits) -> Intersection {
-    let numbers = WholeNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
+fn finish<const ROOM: usize>(ray: &IntegerRay, triangle: [Vec3; 3], units: &IntegerUnits) -> Intersection {
+    let numbers = IntegerNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
     Intersection {
         t: numbers.t(units, ray.t_exponent),
         u: integer_quotient(numbers.weight1, numbers.det, 0, units.n),
@@ -257,17 +263,22 @@ fn finish<const ROOM: usize>(ray: &WholeRay, triangle: [Vec3; 3], units: &WholeU
 
 /// t in the caller's units, u and v of a triangle that is hit.
 #[inline(never)]
-pub fn finish_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> Intersection {
-    WholeRay::new(buffers, ray).finish(triangle)
+pub fn finish_by_integers(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> Intersection {
+    IntegerRay::new(buffers, ray).finish(triangle)
 }
 
-fn weight0<const ROOM: usize>(start: &TrianglePoint, direction: Vec3, triangle: [Vec3; 3], units: &WholeUnits) -> f32 {
-    let numbers = WholeNumbers::<ROOM>::new(start, direction, triangle, units);
+fn weight0<const ROOM: usize>(
+    start: &TrianglePoint,
+    direction: Vec3,
+    triangle: [Vec3; 3],
+    units: &IntegerUnits,
+) -> f32 {
+    let numbers = IntegerNumbers::<ROOM>::new(start, direction, triangle, units);
     integer_quotient(numbers.weight0(units.n), numbers.det, 0, units.n)
 }
 
 /// The weight of vertex 0 of a triangle that is hit.
 #[inline(never)]
-pub fn weight0_whole(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> f32 {
-    WholeRay::new(buffers, ray).weight0(triangle)
+pub fn weight0_by_integers(buffers: &SceneBuffers, ray: &Ray, triangle: [Vec3; 3]) -> f32 {
+    IntegerRay::new(buffers, ray).weight0(triangle)
 }

@@ -1,7 +1,7 @@
-// The last step of exact_filter.cl, in whole numbers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell
+// The last step of exact_filter.cl, in exact integers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell
 // from zero.
 //
-// A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), which is whole, too, in units
+// A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), an integer, too, in units
 // that are finer by the last bit of its weights.
 
 // Positions are in units of 2^position; vertices and weights of the triangle that the ray starts on in units of 2^vertex and 2^weight,
@@ -9,7 +9,7 @@
 typedef struct {
     int position, vertex, weight, direction;
     int n;
-} WholeUnits;
+} IntegerUnits;
 
 void widen_exponents3(float3 v, int* lowest, int* highest) {
     widen_exponents(v.x, lowest, highest);
@@ -23,7 +23,7 @@ void widen_exponents3(float3 v, int* lowest, int* highest) {
 // MAX_LIMBS suffice for every ray: vertices are below 2^28 in tracing space, where the largest scenes are scaled by 2^-100 (src/pack.rs), and
 // what is lowest of a float is 2^-149. A ray that starts at a point has p = 128 + 149. One that leaves a triangle starts at vertices times
 // weights: p = 28 + 149 + 149. Directions have d = 61 + 149.
-RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const float3* corners, int count) {
+RARE IntegerUnits integer_units(const TrianglePoint* start, float3 direction, const float3* corners, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000, low_w = 0, high_w = 0;
     widen_exponents3(start->base, &low_p, &high_p);
     widen_exponents3(start->other1, &low_p, &high_p);
@@ -33,7 +33,7 @@ RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const 
     widen_exponents3(direction, &low_d, &high_d);
     widen_exponents(start->weight1, &low_w, &high_w);
     widen_exponents(start->weight2, &low_w, &high_w);
-    WholeUnits units;
+    IntegerUnits units;
     units.position = low_p + low_w;
     units.direction = low_d;
     const int bits_p = max(high_p - units.position, 1), bits_d = max(high_d - low_d, 1);
@@ -45,10 +45,10 @@ RARE WholeUnits whole_units(const TrianglePoint* start, float3 direction, const 
 
 typedef struct {
     Integer distance, det, weight1, weight2; // T, D, U, V
-} WholeNumbers;
+} IntegerNumbers;
 
 // *sum += weight * (other - base), the latter two corners of the triangle that the ray starts on.
-RARE void add_weighted(Integer* sum, float base, float other, float weight, const WholeUnits* units) {
+RARE void add_weighted(Integer* sum, float base, float other, float weight, const IntegerUnits* units) {
     if (weight == 0.0f) return;
     Integer edge, vertex;
     integer_from_float(&edge, other, units->vertex, units->n);
@@ -58,8 +58,8 @@ RARE void add_weighted(Integer* sum, float base, float other, float weight, cons
     integer_add_product(sum, &vertex, &edge, 1, units->n);
 }
 
-RARE void whole_numbers(const TrianglePoint* start, float3 ray_direction, const float3* corners, const WholeUnits* units,
-                        WholeNumbers* numbers) {
+RARE void integer_numbers(const TrianglePoint* start, float3 ray_direction, const float3* corners, const IntegerUnits* units,
+                        IntegerNumbers* numbers) {
     const int n = units->n;
     Integer edge1[3], edge2[3], from[3], direction[3];
     const float base[3] = {start->base.x, start->base.y, start->base.z};
@@ -106,13 +106,13 @@ RARE void whole_numbers(const TrianglePoint* start, float3 ray_direction, const 
 }
 
 // W.
-RARE void whole_weight0(const WholeNumbers* numbers, int n, Integer* weight0) {
+RARE void integer_weight0(const IntegerNumbers* numbers, int n, Integer* weight0) {
     *weight0 = numbers->det;
     integer_add(weight0, &numbers->weight1, -1, n);
     integer_add(weight0, &numbers->weight2, -1, n);
 }
 
-RARE float whole_quotient(const Integer* numerator, const Integer* denominator, int exponent, int n) {
+RARE float quotient_by_integers(const Integer* numerator, const Integer* denominator, int exponent, int n) {
     Integer above = *numerator, below = *denominator;
     return integer_quotient(&above, &below, exponent, n);
 }
@@ -123,7 +123,7 @@ RARE float whole_quotient(const Integer* numerator, const Integer* denominator, 
 
 // The sign of the caller's t minus `limit`, where t is that of T / D times 2 to `exponent`; t whose nearest float is infinite is not less
 // than an infinite limit.
-RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units, int exponent, float limit) {
+RARE int compare_with_limit(const IntegerNumbers* numbers, const IntegerUnits* units, int exponent, float limit) {
     const int n = units->n;
     Integer distance = numbers->distance, det = numbers->det;
     const int sign = integer_take_sign(&distance, n) * integer_take_sign(&det, n);
@@ -146,10 +146,10 @@ RARE int compare_with_limit(const WholeNumbers* numbers, const WholeUnits* units
 }
 
 // Whether the ray meets the triangle, and inside of its interval.
-RARE bool is_hit_whole(const Ray* ray, const WholeNumbers* numbers, const WholeUnits* units) {
+RARE bool is_hit_by_integers(const Ray* ray, const IntegerNumbers* numbers, const IntegerUnits* units) {
     const int n = units->n;
     Integer weight0;
-    whole_weight0(numbers, n, &weight0);
+    integer_weight0(numbers, n, &weight0);
     const int sign = integer_sign(&numbers->det, n);
     // A ray in the triangle's plane has D = 0 and never hits.
     if (sign == 0 || sign * integer_sign(&weight0, n) < 0 || sign * integer_sign(&numbers->weight1, n) < 0 ||
@@ -163,11 +163,11 @@ RARE bool is_hit_whole(const Ray* ray, const WholeNumbers* numbers, const WholeU
 }
 
 // Whether the triangle with corners 0 to 2 is met before the one with corners 3 to 5; of two at the same t that with the lower number.
-RARE bool is_nearer_whole(const TrianglePoint* start, float3 direction, const float3* corners, bool is_lower) {
-    const WholeUnits units = whole_units(start, direction, corners, 2);
-    WholeNumbers numbers, best;
-    whole_numbers(start, direction, corners, &units, &numbers);
-    whole_numbers(start, direction, corners + 3, &units, &best);
+RARE bool is_nearer_by_integers(const TrianglePoint* start, float3 direction, const float3* corners, bool is_lower) {
+    const IntegerUnits units = integer_units(start, direction, corners, 2);
+    IntegerNumbers numbers, best;
+    integer_numbers(start, direction, corners, &units, &numbers);
+    integer_numbers(start, direction, corners + 3, &units, &best);
     const int sign = integer_sign(&numbers.det, units.n) * integer_sign(&best.det, units.n);
     Integer difference; // T D' - T' D, times the signs of D and D'
     integer_set_zero(&difference, units.n);
@@ -178,37 +178,37 @@ RARE bool is_nearer_whole(const TrianglePoint* start, float3 direction, const fl
 }
 
 // Whether the triangle is hit inside of the ray's interval, and nearer than *hit, as place_hit tells it; and limits of its t.
-RARE bool decide_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
+RARE bool decide_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
                        float* t_low, float* t_high) {
     if (!(ray->t_near <= ray->t_far)) return false; // NaN or infinite: not a ray
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     float3 corners[6] = {p0, p1, p2, p0, p1, p2};
-    const WholeUnits units = whole_units(&start, ray->direction, corners, 1);
-    WholeNumbers numbers;
-    whole_numbers(&start, ray->direction, corners, &units, &numbers);
-    if (!is_hit_whole(ray, &numbers, &units)) return false;
-    const float t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
+    const IntegerUnits units = integer_units(&start, ray->direction, corners, 1);
+    IntegerNumbers numbers;
+    integer_numbers(&start, ray->direction, corners, &units, &numbers);
+    if (!is_hit_by_integers(ray, &numbers, &units)) return false;
+    const float t = quotient_by_integers(&numbers.distance, &numbers.det, units.position - units.direction, units.n);
     *t_low = next_down(t);
     *t_high = next_up(t);
     if (hit->primitive == NO_PRIMITIVE || t < hit->u) return true;
     if (t > hit->t) return false;
 #pragma unroll 1
     for (uint i = 0; i < 3u; i++) corners[i + 3u] = LOAD_SURFACE_VERTEX(geometry, hit->primitive, i);
-    return is_nearer_whole(&start, ray->direction, corners, primitive < hit->primitive);
+    return is_nearer_by_integers(&start, ray->direction, corners, primitive < hit->primitive);
 }
 
 // t in the caller's units and the weights of a triangle that is hit.
-RARE bool finish_whole(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, SurfaceHit* hit) {
+RARE bool finish_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, SurfaceHit* hit) {
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     const float3 corners[3] = {p0, p1, p2};
-    const WholeUnits units = whole_units(&start, ray->direction, corners, 1);
-    WholeNumbers numbers;
-    whole_numbers(&start, ray->direction, corners, &units, &numbers);
+    const IntegerUnits units = integer_units(&start, ray->direction, corners, 1);
+    IntegerNumbers numbers;
+    integer_numbers(&start, ray->direction, corners, &units, &numbers);
     Integer weight0;
-    whole_weight0(&numbers, units.n, &weight0);
-    *t = whole_quotient(&numbers.distance, &numbers.det, units.position - units.direction + t_exponent(ray), units.n);
-    hit->weight0 = whole_quotient(&weight0, &numbers.det, 0, units.n);
-    hit->u = whole_quotient(&numbers.weight1, &numbers.det, 0, units.n);
-    hit->v = whole_quotient(&numbers.weight2, &numbers.det, 0, units.n);
+    integer_weight0(&numbers, units.n, &weight0);
+    *t = quotient_by_integers(&numbers.distance, &numbers.det, units.position - units.direction + t_exponent(ray), units.n);
+    hit->weight0 = quotient_by_integers(&weight0, &numbers.det, 0, units.n);
+    hit->u = quotient_by_integers(&numbers.weight1, &numbers.det, 0, units.n);
+    hit->v = quotient_by_integers(&numbers.weight2, &numbers.det, 0, units.n);
     return true;
 }
