@@ -12,12 +12,13 @@
 use crate::layout::Float4;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::exact_integers::IntegerRay;
-use crate::reference::integer::float_significand;
+use crate::reference::intersect::exact_integers::IntegerRay;
 use crate::reference::oracle::{Box64, Bvh, Line};
-use crate::reference::ray::TrianglePoint;
-use crate::reference::surface::start_weights;
-use crate::reference::traverse::{NO_HIT, vertices};
+use crate::reference::shade::surface::start_weights;
+use crate::reference::shared::integer::float_significand;
+use crate::reference::shared::memory::vertices;
+use crate::reference::shared::ray::NO_HIT;
+use crate::reference::shared::ray::TrianglePoint;
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
 use crate::tracer::{TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};

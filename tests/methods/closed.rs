@@ -3,7 +3,7 @@
 use crate::common::{SEED, device, shared};
 use glam::Vec3;
 use raybrook::low_level::options::{Accel, Build, Intersector, TraceOptions, Traversal};
-use raybrook::low_level::reference::normal::triangle_normal;
+use raybrook::low_level::reference::shade::normal::triangle_normal;
 use raybrook::low_level::scene::{Builder, Material, load};
 use raybrook_lab::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
 use raybrook_lab::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Replay, StressRay};

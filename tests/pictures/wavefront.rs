@@ -7,7 +7,7 @@ use raybrook::low_level::options::{
     Accel, Intersector, KernelFeatures, Kernels, Layout, Memory, TexturePass, TraceOptions, TriangleOrder,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ray::Ray;
+use raybrook::low_level::reference::shared::ray::Ray;
 use raybrook::low_level::scene::{
     self, Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
     Toon,

@@ -1,11 +1,11 @@
 //! Twin of `cl/intersect/exact_integers.cl`: the last step of the exact test, in exact integers. The reasons are there.
 
-use super::exact::Decision;
-use super::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
-use super::intersect::Intersection;
-use super::ray::{Ray, TrianglePoint};
-use super::traverse::vertices;
+use super::exact_filter::Decision;
+use super::moller_trumbore::Intersection;
 use crate::pack::SceneBuffers;
+use crate::reference::shared::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
+use crate::reference::shared::memory::vertices;
+use crate::reference::shared::ray::{Ray, TrianglePoint};
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 

@@ -1,8 +1,7 @@
 //! Twin of `cl/intersect/edges.cl`: edge functions in sheared space, and a bound of their error. The reasons are there.
 
-use super::intersect::ShearedTriangle;
-use super::math::{max_or, min_or};
-use super::ray::EPSILON;
+use crate::reference::shared::math::{max_or, min_or};
+use crate::reference::shared::ray::EPSILON;
 use glam::Vec3;
 
 const EDGE_ERROR: f32 = 13.0 * EPSILON;
@@ -15,13 +14,6 @@ const LEAST_EDGE: f32 = f32::from_bits((127 - 60) << 23);
 #[inline(always)]
 pub fn edge_error(origin_low: Vec3) -> f32 {
     if origin_low == Vec3::ZERO { EDGE_ERROR } else { EDGE_ERROR_LOW }
-}
-
-/// By how much z moves x along a direction.
-#[inline(always)]
-pub fn shear_towards(x: f32, z: f32, inv_z: f32) -> f32 {
-    let shear = x * inv_z;
-    (-shear).mul_add(z, x).mul_add(inv_z, shear)
 }
 
 /// Edge functions, one for each vertex.
@@ -38,15 +30,14 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// Of a triangle.
+    /// Of a triangle in sheared space; `error` is what [`edge_error`] gives for the ray.
     #[inline(always)]
-    pub fn new(s: &ShearedTriangle) -> Edges {
-        let [a, b, c] = s.vertices;
+    pub fn new(error: f32, [a, b, c]: [Vec3; 3]) -> Edges {
         let weights = [c.x.mul_add(b.y, -(c.y * b.x)), a.x.mul_add(c.y, -(a.y * c.x)), b.x.mul_add(a.y, -(b.y * a.x))];
         let larger = |p: Vec3| max_or(p.x.abs(), p.y.abs());
         let extent = max_or(max_or(larger(a), larger(b)), larger(c));
         let farthest = extent + max_or(a.z.abs(), max_or(b.z.abs(), c.z.abs()));
-        let first_order = s.error.mul_add(farthest, EDGE_ERROR_EXTENT * extent);
+        let first_order = error.mul_add(farthest, EDGE_ERROR_EXTENT * extent);
         let second_order = (EDGE_ERROR2 * farthest).mul_add(farthest, LEAST_EDGE);
         Edges {
             weights,
@@ -67,8 +58,8 @@ impl Edges {
 mod tests {
     use super::*;
     use crate::random::Random;
-    use crate::reference::intersect::{major_axis, shear_triangle, swap_to_z};
-    use crate::reference::ray::Ray;
+    use crate::reference::intersect::watertight::shear_triangle;
+    use crate::reference::shared::ray::{Ray, major_axis, swap_to_z};
     use crate::shared::NO_PRIMITIVE;
     use glam::DVec3;
 
@@ -87,20 +78,6 @@ mod tests {
             p - direction * (p.z / direction.z)
         });
         [c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x]
-    }
-
-    /// Whatever a device's division is off by, and for components of directions of any size.
-    #[test]
-    fn a_shear_is_off_by_no_more_than_a_rounding_whatever_the_reciprocal() {
-        let mut random = Random::new(SEED);
-        for i in 0..300_000 {
-            let z = random.sign() * random.size(0, 1) * [1.0, (1u64 << 60) as f32][i % 2];
-            let x = (z * random.signed()) * if i % 3 == 0 { random.size(-80, 0) } else { 1.0 };
-            let inv_z = (1.0 / z) * (1.0 + 5.0 * EPSILON * random.signed());
-            let exact = f64::from(x) / f64::from(z);
-            let error = (f64::from(shear_towards(x, z, inv_z)) - exact).abs();
-            assert!(error <= 1.001 * f64::from(EPSILON) * exact.abs(), "{x} / {z} by {inv_z}: {error} (seed {SEED})");
-        }
     }
 
     /// Rays near triangles of any size, near and far, along axes and across; every other one does not start at its origin.
@@ -123,7 +100,10 @@ mod tests {
             // The second part is off by 2 EPSILON of itself.
             let off = DVec3::from_array([(); 3].map(|()| 1.0 + f64::from(2.0 * EPSILON * random.signed())));
             let exact = exact_weights(&ray, ray.origin_low.as_dvec3() * off, triangle);
-            let edges = Edges::new(&shear_triangle(&ray, triangle));
+            let edges = {
+                let sheared = shear_triangle(&ray, triangle);
+                Edges::new(sheared.error, sheared.vertices)
+            };
             for (weight, exact) in edges.weights.into_iter().zip(exact) {
                 let share = (f64::from(weight) - exact).abs() / f64::from(edges.bound);
                 assert!(share <= 1.0, "{i} (seed {SEED}): {share} of {edges:?}, {ray:?} {triangle:?}");

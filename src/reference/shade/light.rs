@@ -2,8 +2,10 @@
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x >= 0)` is also true for NaN, and that is meant
 
-use super::math::{clamp01, dot3, fma3, max_component, min_or, normalize3, power_fixed, scale_to_unit};
 use super::surface::Surface;
+use crate::reference::shared::math::{
+    clamp01, dot3, fma3, max_component, min_or, normalize3, power_fixed, scale_to_unit,
+};
 use crate::shared::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light, MAX_RADIANCE, Material};
 use glam::Vec3;
 

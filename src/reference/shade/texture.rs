@@ -1,9 +1,9 @@
 //! Twin of `cl/shade/texture.cl`: filtered sRGB pictures, or procedural textures. The reasons are there.
 
 use super::footprint::Footprint;
-use super::math::{fma3, max_or, min_or};
 use super::procedural::procedural_colour;
 use crate::pack::SceneBuffers;
+use crate::reference::shared::math::{fma3, max_or, min_or};
 use crate::shared::{MOST_TAPS, TEXTURE_IMAGE, TextureInfo};
 use glam::Vec3;
 

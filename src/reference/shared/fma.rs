@@ -31,4 +31,4 @@ macro_rules! with_fma {
         }
     };
 }
-pub(super) use with_fma;
+pub(in crate::reference) use with_fma;

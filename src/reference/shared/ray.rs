@@ -2,7 +2,7 @@
 //! here: `shear_triangle` in `intersect.rs` computes it.
 
 use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
-use crate::shared::Hit;
+use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 
 /// The largest relative error of one rounding.
@@ -16,6 +16,36 @@ pub const PLANE_ERROR: f32 = 1.0 / (1u128 << 64) as f32;
 pub const HIT_ERROR: f32 = 32.0;
 /// With it the rounding of the tests of thick boxes.
 pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
+
+/// `v` with the component along `axis` exchanged with z.
+#[inline(always)]
+pub fn swap_to_z(v: Vec3, axis: usize) -> Vec3 {
+    match axis {
+        0 => Vec3::new(v.z, v.y, v.x),
+        1 => Vec3::new(v.x, v.z, v.y),
+        _ => v,
+    }
+}
+
+/// The axis of the largest component of a direction.
+#[inline(always)]
+pub fn major_axis(direction: Vec3) -> usize {
+    let size = abs3(direction);
+    if size.x >= size.y {
+        if size.x >= size.z { 0 } else { 2 }
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    }
+}
+
+/// By how much z moves x along a direction.
+#[inline(always)]
+pub fn shear_towards(x: f32, z: f32, inv_z: f32) -> f32 {
+    let shear = x * inv_z;
+    (-shear).mul_add(z, x).mul_add(inv_z, shear)
+}
 
 /// A ray ready for traversal.
 #[derive(Debug, Clone, Copy)]
@@ -196,6 +226,15 @@ fn narrow_interval(t_low: f32, t_high: f32, inv_direction: f32, t_near: &mut f32
     }
 }
 
+/// The hit of a ray that missed.
+pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
+
+/// What a traversal begins with: no hit, but nothing behind the ray's end is nearer.
+#[inline(always)]
+pub fn no_hit_yet(ray: &Ray) -> Hit {
+    Hit { t: ray.t_far, u: ray.t_far, ..NO_HIT }
+}
+
 /// `t` rounded up by more than its error.
 #[inline(always)]
 pub fn widen_up(t: f32) -> f32 {
@@ -278,4 +317,26 @@ pub fn start_on_triangle(point: &TrianglePoint) -> (Vec3, Vec3) {
 #[inline(always)]
 pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
     4.0 * EPSILON * max_or(max_component(abs3(p1 - p0)), max_component(abs3(p2 - p0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const SEED: u64 = 20_081_121;
+
+    /// Whatever a device's division is off by, and for components of directions of any size.
+    #[test]
+    fn a_shear_is_off_by_no_more_than_a_rounding_whatever_the_reciprocal() {
+        let mut random = Random::new(SEED);
+        for i in 0..300_000 {
+            let z = random.sign() * random.size(0, 1) * [1.0, (1u64 << 60) as f32][i % 2];
+            let x = (z * random.signed()) * if i % 3 == 0 { random.size(-80, 0) } else { 1.0 };
+            let inv_z = (1.0 / z) * (1.0 + 5.0 * EPSILON * random.signed());
+            let exact = f64::from(x) / f64::from(z);
+            let error = (f64::from(shear_towards(x, z, inv_z)) - exact).abs();
+            assert!(error <= 1.001 * f64::from(EPSILON) * exact.abs(), "{x} / {z} by {inv_z}: {error} (seed {SEED})");
+        }
+    }
 }

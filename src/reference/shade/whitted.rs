@@ -3,9 +3,9 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x < 1)` is also true for NaN, and that is meant
 
 use super::footprint::RayCone;
-use super::math::{clamp01, dot3, fma3, max_component};
-use super::ray::Ray;
 use super::surface::{Surface, leave_surface};
+use crate::reference::shared::math::{clamp01, dot3, fma3, max_component};
+use crate::reference::shared::ray::Ray;
 use crate::shared::Material;
 use glam::Vec3;
 

@@ -1,10 +1,10 @@
 //! Twin of `cl/shade/footprint.cl`: how much of a surface and of its texture a ray stands for. The reasons are there.
 
-use super::math::{cross3, dot3, max_or, normalize3};
-use super::memory::load_shading;
 use super::surface::Surface;
-use super::traverse::vertices;
 use crate::pack::SceneBuffers;
+use crate::reference::shared::math::{cross3, dot3, max_or, normalize3};
+use crate::reference::shared::memory::load_shading;
+use crate::reference::shared::memory::vertices;
 use crate::shared::Shading;
 use glam::Vec3;
 
@@ -66,8 +66,8 @@ pub fn footprint_at(buffers: &SceneBuffers, surface: &Surface, direction: Vec3, 
 mod tests {
     use super::*;
     use crate::options::TraceOptions;
-    use crate::reference::ray::Ray;
-    use crate::reference::surface::surface_at;
+    use crate::reference::shade::surface::surface_at;
+    use crate::reference::shared::ray::Ray;
     use crate::scene::{Builder, Normals};
     use crate::shared::{NO_PRIMITIVE, SurfaceHit};
     use glam::Vec2;

@@ -74,6 +74,16 @@ pub fn load_reference(buffers: &SceneBuffers, index: usize, work: &mut impl Work
     read(&buffers.references, index, WorkCounter::TriangleBytes, work)
 }
 
+/// The vertices of a triangle, tracing space; not counted.
+#[inline(always)]
+pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
+    if buffers.has_instances() {
+        return placed_vertices(buffers, primitive);
+    }
+    let first = 3 * primitive as usize;
+    [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
+}
+
 /// The vertices of a triangle, tracing space, for a test.
 #[inline(always)]
 pub fn load_vertices(buffers: &SceneBuffers, primitive: u32, work: &mut impl Work) -> [Vec3; 3] {

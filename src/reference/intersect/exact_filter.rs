@@ -1,16 +1,11 @@
-//! Twin of `cl/intersect/exact.cl` and `exact_filter.cl`: the ray-triangle test that is right. The reasons are there. There is no step
-//! between wide and exact integers here, as on devices without double: the answers are the same.
+//! Twin of `cl/intersect/exact_filter.cl`: the steps of the exact test in rounded arithmetic. The reasons are there.
 
 use super::edges::Edges;
-use super::exact_integers::{decide_by_integers, finish_by_integers, weight0_by_integers};
-use super::intersect::{Intersection, ShearedTriangle, shear_triangle};
-use super::math::{abs3, dot3, fma3, max_or, min_or};
-use super::memory::{Work, load_vertices};
-use super::ray::{EPSILON, Ray};
-use super::ties::{are_in_one_plane, are_same_points};
-use super::traverse::vertices;
-use crate::pack::SceneBuffers;
-use crate::shared::{Hit, NO_PRIMITIVE, WorkCounter};
+use super::moller_trumbore::Intersection;
+use super::watertight::ShearedTriangle;
+use crate::reference::shared::math::{abs3, dot3, fma3, max_or, min_or};
+use crate::reference::shared::ray::{EPSILON, Ray};
+use crate::shared::Hit;
 use glam::{DVec3, Vec3};
 
 const SPREAD_ERROR: f32 = 3.1;
@@ -30,9 +25,9 @@ pub enum Decision {
 
 /// `None`: surely no hit. Else whether it is one for sure, and limits of its t.
 #[inline(always)]
-fn decide_rounded(s: &ShearedTriangle) -> Option<(bool, [f32; 2])> {
+pub fn decide_rounded(s: &ShearedTriangle) -> Option<(bool, [f32; 2])> {
     let [a, b, c] = s.vertices;
-    let edges = Edges::new(s);
+    let edges = Edges::new(s.error, s.vertices);
     if edges.surely_missed() {
         return None;
     }
@@ -55,7 +50,7 @@ fn decide_rounded(s: &ShearedTriangle) -> Option<(bool, [f32; 2])> {
 
 /// What limits of its t say of a hit.
 #[inline(always)]
-fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
+pub fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
     let [t_low, t_high] = limits;
     if t_high < ray.t_near || t_low > hit.t {
         return Decision::Miss;
@@ -185,84 +180,9 @@ pub fn finish_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
     Some(Intersection { t, u: rounds_surely(weight1, n.det)?, v: rounds_surely(weight2, n.det)? })
 }
 
-/// Twin of `decide_tie`.
-#[inline(never)]
-fn decide_tie(
-    buffers: &SceneBuffers,
-    ray: &Ray,
-    triangle: &[Vec3; 3],
-    primitive: u32,
-    hit: &Hit,
-    is_hit: bool,
-) -> Decision {
-    if hit.primitive != NO_PRIMITIVE {
-        let best = vertices(buffers, hit.primitive);
-        if are_same_points(triangle, &best) || (is_hit && are_in_one_plane(triangle, &best)) {
-            return if primitive < hit.primitive { Decision::Hit([hit.u, hit.t]) } else { Decision::Miss };
-        }
-    }
-    if ray.starts_on_triangle() && ray.t_near >= 0.0 {
-        let left = vertices(buffers, ray.skip);
-        if are_same_points(triangle, &left) || are_in_one_plane(triangle, &left) {
-            return Decision::Miss;
-        }
-    }
-    Decision::Doubtful
-}
-
-/// Twin of `test_exactly`.
+/// The weight of vertex 0, likewise.
 #[inline(always)]
-pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut Hit, work: &mut impl Work) {
-    if primitive == hit.primitive {
-        return;
-    }
-    let triangle = load_vertices(buffers, primitive, work);
-    let placed = |hit: &Hit, decision| match decision {
-        Decision::Hit(limits) => place_hit(ray, hit, limits),
-        other => other,
-    };
-    let mut is_hit = false;
-    let mut decision = match decide_rounded(&shear_triangle(ray, triangle)) {
-        None => Decision::Miss,
-        Some((is_sure, limits)) => match place_hit(ray, hit, limits) {
-            place if is_sure || place == Decision::Miss => place,
-            _ => Decision::Doubtful,
-        },
-    };
-    if decision == Decision::Doubtful {
-        work.count(WorkCounter::WideTests, 1);
-        let wide = decide_wide(ray, triangle);
-        is_hit = wide != Decision::Doubtful;
-        decision = placed(hit, wide);
-    }
-    if decision == Decision::Doubtful {
-        work.count(WorkCounter::CloseTests, 1);
-        decision = decide_tie(buffers, ray, &triangle, primitive, hit, is_hit);
-    }
-    if decision == Decision::Doubtful {
-        decision = decide_by_integers(buffers, ray, triangle, primitive, hit);
-    }
-    if let Decision::Hit([t_low, t_high]) = decision {
-        *hit = Hit { t: t_high, u: t_low, v: 0.0, primitive };
-    }
-}
-
-/// Twin of `finish_exactly`.
-#[inline(always)]
-pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit) {
-    if hit.primitive == NO_PRIMITIVE {
-        return;
-    }
-    let triangle = vertices(buffers, hit.primitive);
-    let Intersection { t, u, v } =
-        finish_wide(ray, triangle).unwrap_or_else(|| finish_by_integers(buffers, ray, triangle));
-    *hit = Hit { t, u, v, ..*hit };
-}
-
-/// The weight of vertex 0 of a hit.
-#[inline(always)]
-pub fn weight0_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> f32 {
-    let triangle = vertices(buffers, hit.primitive);
+pub fn weight0_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<f32> {
     let n = wide_numbers(ray, triangle);
-    rounds_surely(n.weights[0], n.det).unwrap_or_else(|| weight0_by_integers(buffers, ray, triangle))
+    rounds_surely(n.weights[0], n.det)
 }

@@ -179,7 +179,7 @@ mod tests {
     use super::*;
     use crate::accel::{Aabb, Middle, NOWHERE};
     use crate::random::Random;
-    use crate::reference::ray::HIT_ERROR;
+    use crate::reference::shared::ray::HIT_ERROR;
     use crate::shared::NO_PRIMITIVE;
 
     const SEED: u64 = 20_081_121;

@@ -1,13 +1,13 @@
 //! Twin of `cl/shade/surface.cl`: what a hit is, and how rays leave it. The reasons are there.
 
-use super::exact::weight0_exactly;
-use super::math::{abs3, dot3, max_component, max_or, normalize3};
-use super::memory::load_shading;
 use super::normal::{interpolated_normal, smooth_lift, triangle_normal};
-use super::ray::{Ray, TrianglePoint, point_error, start_on_triangle};
-use super::traverse::vertices;
 use crate::options::{Intersector, Terminator, TraceOptions};
 use crate::pack::SceneBuffers;
+use crate::reference::intersect::exact::weight0_exactly;
+use crate::reference::shared::math::{abs3, dot3, max_component, max_or, normalize3};
+use crate::reference::shared::memory::load_shading;
+use crate::reference::shared::memory::vertices;
+use crate::reference::shared::ray::{Ray, TrianglePoint, point_error, start_on_triangle};
 use crate::shared::{Hit, SurfaceHit};
 use glam::Vec3;
 

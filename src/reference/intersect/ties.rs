@@ -1,6 +1,6 @@
 //! Twin of `cl/intersect/ties.cl`: ties that the number decides, whatever the ray is. The reasons are there.
 
-use super::integer::widen_exponents;
+use crate::reference::shared::integer::widen_exponents;
 use glam::Vec3;
 
 /// Whether two triangles that have area are the same set of points.
