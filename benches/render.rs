@@ -23,7 +23,7 @@ fn methods(place: &Place) -> Vec<(String, TraceOptions)> {
     for &kernels in Kernels::ALL {
         for &packet_size in PacketSize::ALL {
             let options = TraceOptions { kernels, packet_size, ..options };
-            // The split kernels trace pictures one ray at a time, whatever the packets of batches are.
+            // The wavefront kernels trace pictures one ray at a time, whatever the packets of batches are.
             if kernels == Kernels::Split && packet_size != PacketSize::One || options.validate().is_err() {
                 continue;
             }

@@ -21,7 +21,7 @@ use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
-use crate::reference::slab::{room_of_boxes, room_within};
+use crate::reference::shared::slab::{room_of_boxes, room_within};
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
     BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,

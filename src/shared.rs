@@ -6,9 +6,9 @@
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
 pub mod constants;
-mod split;
+mod wavefront;
 
-pub use split::*;
+pub use wavefront::*;
 
 use crate::features::Feature;
 use crate::layout::{ConstantGroup, Float4, Int4, StructLayout, device_const, device_struct};
@@ -158,7 +158,7 @@ methods! {
         Tests = "tests",
         /// Those of them that `exact` takes to twice the precision, because float32 bounds leave them open.
         WideTests = "wide-tests",
-        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to whole numbers.
+        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to exact integers.
         CloseTests = "close-tests",
         /// Descents that began anew; with ropes rays that `push-down` traces again, and its restarts.
         Restarts = "restarts",
@@ -464,11 +464,11 @@ pub const SHARED_STRUCTS: [StructLayout; 17] = [
     CameraSample::LAYOUT,
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
-    SplitSlot::LAYOUT,
+    WavefrontSlot::LAYOUT,
     WaitingRay::LAYOUT,
-    SplitSurface::LAYOUT,
-    SplitYield::LAYOUT,
-    SplitShadow::LAYOUT,
+    WavefrontSurface::LAYOUT,
+    WavefrontYield::LAYOUT,
+    WavefrontShadow::LAYOUT,
     TextureRequest::LAYOUT,
 ];
 

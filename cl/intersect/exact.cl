@@ -1,5 +1,5 @@
 // Ray-triangle intersection that is right: what the traversals call. The steps are in exact_filter.cl, exact_closer.cl,
-// exact_whole.cl and ties.cl.
+// exact_integers.cl and ties.cl.
 
 // What step 2 leaves open, as place_hit tells it; and limits of its t.
 int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
@@ -16,11 +16,11 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     *t_high = closer.t_high;
     if (closer.decision != DOUBTFUL) return closer.decision;
 #endif
-    return DECIDE_WHOLE(geometry, decide_whole(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high)) ? HIT : MISS;
+    return DECIDE_BY_INTEGERS(geometry, decide_by_integers(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high)) ? HIT : MISS;
 }
 
 // Whether two triangles lie in one plane across an axis, so that a ray meets both at the same t: most of those that no rounded arithmetic
-// can tell apart, and there whole numbers are not needed to say so (of 3,836 camera rays through gears these are left for 18).
+// can tell apart, and there exact integers are not needed to say so (of 3,836 camera rays through gears these are left for 18).
 bool are_in_one_axis_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1, float3 q2) {
     const int3 same = p0 == p1 && p0 == p2 && p0 == q0 && p0 == q1 && p0 == q2;
     return any(same);
@@ -91,7 +91,7 @@ void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, f
         return;
     }
 #endif
-    (void)DECIDE_WHOLE(geometry, finish_whole(GEOMETRY, ray, p0, p1, p2, t, hit));
+    (void)DECIDE_BY_INTEGERS(geometry, finish_by_integers(GEOMETRY, ray, p0, p1, p2, t, hit));
 }
 
 // A triangle test of its own kind (HITS in cl/traverse/leaf.cl): what is kept of the nearest hit while the traversal goes on are limits of

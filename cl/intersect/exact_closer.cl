@@ -1,5 +1,5 @@
 // Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero: a ray through
-// an edge, or two triangles at the same t. Devices without double leave that to whole numbers at once. The Rust twin does so, too:
+// an edge, or two triangles at the same t. Devices without double leave that to exact integers at once. The Rust twin does so, too:
 // both are certain.
 
 #ifdef WIDE_IS_DOUBLE

@@ -2,15 +2,15 @@
 // the floats nearest to the exact values, and of two hits the one that is exactly nearer.
 //
 // Four filters, after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete &
-// Computational Geometry 18, 1997, with whole numbers in place of his expansions, which underflow:
+// Computational Geometry 18, 1997, with exact integers in place of his expansions, which underflow:
 //  1. float32 edge functions (watertight.cl) and bounds of their error decide nearly every triangle, hit or miss, and which of two
 //     hits is nearer: a hit is known by an interval that holds its t.
 //  2. Arithmetic of twice the precision (cl/shared/wide.cl) with bounds decides nearly all the rest.
 //  3. Where there is double, four times the precision (exact_closer.cl).
-//  4. Whole numbers (exact_whole.cl) decide what is left: rays exactly through edges and vertices, in planes, equal distances.
+//  4. Exact integers (exact_integers.cl) decide what is left: rays exactly through edges and vertices, in planes, equal distances.
 // Registers for calls in the loop over the triangles would slow down all of it: kernels postpone what step 1 leaves open until the
-// traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and DECIDE_WHOLE in
-// cl/memory/deferral.cl).
+// traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and
+// DECIDE_BY_INTEGERS in cl/memory/deferral.cl).
 // t, u and v are computed once, for the triangle that the traversal has found, in the arithmetic of steps 2 to 4.
 // Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the same on
 // devices with and without double. Weakness: the instructions of the second step.

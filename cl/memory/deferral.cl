@@ -2,7 +2,7 @@
 //
 // Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
 //   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
-//   DECIDE_WHOLE       what `call`, in whole numbers, decides; or false, and the item is in doubt
+//   DECIDE_BY_INTEGERS  what `call`, in exact integers, decides; or false, and the item is in doubt
 //   NOTE_DOUBT         puts an item on the list if it is in doubt
 //   TAKE_IN_DOUBT      whether an item is in doubt, and forgets it: for work-items with several items, which put them on the list by
 //   ADD_DOUBT
@@ -13,7 +13,7 @@
 #define UNDECIDED                  \
     uint postponed[MAX_POSTPONED]; \
     Undecided undecided = {0u, 0u, postponed};
-#define DECIDE_WHOLE(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
+#define DECIDE_BY_INTEGERS(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
 #define IN_DOUBT (undecided.in_doubt != 0u)
 #define ADD_DOUBT(item) doubts[1u + atomic_inc(&doubts[0])] = item
 #define TAKE_IN_DOUBT(geometry) take_in_doubt(geometry)
@@ -36,7 +36,7 @@ bool postpone(const Geometry* geometry, uint primitive) {
 }
 #else
 #define UNDECIDED
-#define DECIDE_WHOLE(geometry, call) call
+#define DECIDE_BY_INTEGERS(geometry, call) call
 #define IN_DOUBT false
 #define ADD_DOUBT(item)
 #define TAKE_IN_DOUBT(geometry) false

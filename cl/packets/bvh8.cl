@@ -1,5 +1,5 @@
 // Packets of sixteen rays, whatever way they go, through the hierarchy of cl/traverse/bvh8.cl: each of a node's eight boxes is tested
-// against all of them (group.cl is for those that go one way). Rays that are few in a node go on by themselves, eight boxes or
+// against all of them (group.cl is for those that go one way). Rays that are few in a node are traced by themselves, eight boxes or
 // triangles at a time: Benthin, Wald, Woop, Ernst and Mark, "Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions
 // on the Intel MIC Architecture", IEEE TVCG 18(9), 2012.
 //
@@ -41,9 +41,9 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
 }
 
 // Goes on with one ray of a packet below `link`.
-void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit, float16* t_limits,
+void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit, float16* t_limits,
                  PacketHits* hits, int16* doubtful) {
-    LoneRay ray = take_ray(p, lane, t_limits, hits);
+    SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const uint3 near = near_planes(ray.slabs.inv);
     FarChild stack[STACK_SIZE];
     const FarChild end = {BVH_END, -INFINITY};
@@ -55,7 +55,7 @@ void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, 
             continue;
         }
         const int4 leaf = leaf_of_link(link);
-        if (leaf.z > 0 && test_alone(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
+        if (leaf.z > 0 && test_single_ray(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
         link = next_on_stack(stack, &stacked, ray.t_limit);
     }
     put_back(&ray, lane, any_hit, t_limits, hits, doubtful);
@@ -97,7 +97,7 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
         ulong lanes = lanes_where16(is_within);
         if (count_lanes16(lanes) <= FEW_RAYS) {
             for (; lanes != 0ul; lanes = other_lanes8(lanes))
-                go_on_alone(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
+                trace_single_ray(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
             continue;
         }
         if ((link & BVH_LEAF) == 0u) {

@@ -13,9 +13,9 @@ typedef struct {
 } KdGroupCell;
 
 // Goes on with one ray of a packet in a cell.
-void go_on_alone_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint from, float t_near, float t_far, const bool any_hit,
+void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint from, float t_near, float t_far, const bool any_hit,
                          float16* t_limits, PacketHits* hits, int16* doubtful) {
-    LoneRay ray = take_ray(p, lane, t_limits, hits);
+    SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const float inv[3] = {ray.slabs.inv.x, ray.slabs.inv.y, ray.slabs.inv.z};
     const float enter[3] = {ray.slabs.enter.x, ray.slabs.enter.y, ray.slabs.enter.z};
     const float leave[3] = {ray.slabs.leave.x, ray.slabs.leave.y, ray.slabs.leave.z};
@@ -47,7 +47,7 @@ void go_on_alone_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uin
         }
         const uint first = (uint)node.y, count = (uint)node.z;
         for (uint done = 0; done < count && !is_done; done += 8u)
-            is_done = test_alone(GEOMETRY, &ray, first + done, min(count - done, 8u), any_hit);
+            is_done = test_single_ray(GEOMETRY, &ray, first + done, min(count - done, 8u), any_hit);
         do {
             if (stacked == 0u) is_done = true;
             else cell = stack[--stacked];
@@ -206,7 +206,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
                 const uint k = first_member(open);
                 for (ulong rest = lanes[k]; rest != 0ul; rest = other_lanes8(rest)) {
                     const uint lane = first_lane16(rest);
-                    go_on_alone_in_cell(GEOMETRY, &packets[k], lane, cell->node, lane_of16(&cell->t_near[k], lane),
+                    trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, cell->node, lane_of16(&cell->t_near[k], lane),
                                         lane_of16(&cell->t_far[k], lane), any_hit, &t_limits[k], &hits[k], &doubtful[k]);
                 }
             }

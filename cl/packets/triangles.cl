@@ -98,7 +98,7 @@ ulong unsettled_lanes(const PacketHits* hits, int16 doubtful) {
     return lanes == 0ul ? 0ul : lanes & lanes_where16(!doubtful);
 }
 
-// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers, adds it to *doubtful.
+// Decides about these triangles of one lane, whose ray that is; or, where that takes exact integers, adds it to *doubtful.
 void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* doubtful) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};

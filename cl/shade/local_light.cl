@@ -1,5 +1,5 @@
-// The light that a surface sends back from the lamps, and gives off itself; in pieces, because the split kernels take them one at
-// a time (cl/kernels/split.cl) and the mega-kernel all at once (cl/kernels/render.cl).
+// The light that a surface sends back from the lamps, and gives off itself; in pieces, because the wavefront kernels take them one at
+// a time (cl/kernels/wavefront.cl) and the mega-kernel all at once (cl/kernels/render.cl).
 
 typedef struct {
     float3 diffuse;  // colour for diffuse reflection, textured

@@ -47,9 +47,9 @@
 #define WORK_COUNTERS 11u // How many work counters there are
 #define MAX_RADIANCE 0x1p100f // The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this
 
-// Queues of the split kernels.
-#define NO_PATH 4294967295u // `SplitSlot::path` of a slot that follows none
-#define QUEUE_ACTIVE 0u // Of the lengths of the split kernels' queues: slots that trace a ray in this wave
+// Queues of the wavefront kernels.
+#define NO_PATH 4294967295u // `WavefrontSlot::path` of a slot that follows none
+#define QUEUE_ACTIVE 0u // Of the lengths of the wavefront kernels' queues: slots that trace a ray in this wave
 #define QUEUE_HITS 1u // Slots whose ray has hit something
 #define QUEUE_TEXTURED 2u // Requests for colours of textures
 #define QUEUE_PATHS 3u // Paths of the batch that were given to slots; slots that came too late count, too
@@ -133,7 +133,7 @@
 #define START_SHARE 0x1.99999ap-2f // The second part's error of 4 EPSILON, in units of that of T
 #define LEAST_MAGNITUDE 0x1p-80f // Below this a product of floats may have underflowed
 
-// The last step of the exact test: `cl/intersect/exact_whole.cl`.
+// The last step of the exact test: `cl/intersect/exact_integers.cl`.
 #define INFINITE_SIGNIFICAND 33554431u // Numbers from this times a power of two on have no nearest float: FLT_MAX and half of its last bit
 #define INFINITE_EXPONENT 103 // The power's exponent
 

@@ -1,10 +1,10 @@
-// Whole numbers of any length that a ray-triangle test needs, for the rare decisions that no rounded arithmetic can make.
+// Exact integers of any length that a ray-triangle test needs, for the rare decisions that no rounded arithmetic can make.
 //
-// Every float is a whole number times a power of two. Multiplied by a common power of two, the coordinates of a ray and a triangle
-// are whole numbers, and so are all sums and products of them: their signs and quotients are exact. Two's complement, least
+// Every float is an integer times a power of two. Multiplied by a common power of two, the coordinates of a ray and a triangle
+// are integers, and so are all sums and products of them: their signs and quotients are exact. Two's complement, least
 // significant limb first; every function takes the number n of limbs that the caller has found to suffice.
 
-#define MAX_LIMBS 59 // see whole_units() in cl/intersect/exact_whole.cl
+#define MAX_LIMBS 59 // see integer_units() in cl/intersect/exact_integers.cl
 
 // A copy of a function at each of its many calls would take compilers longer than all tracing takes: 17 s on NVIDIA's.
 #define RARE __attribute__((noinline))
@@ -130,7 +130,7 @@ RARE void integer_shift_up(Integer* a, int shift, int n) {
     }
 }
 
-// The float's significand as a whole number, and *exponent with |x| = significand * 2^exponent; x is finite.
+// The float's significand as an integer, and *exponent with |x| = significand * 2^exponent; x is finite.
 uint float_significand(float x, int* exponent) {
     const uint bits = as_uint(x);
     const uint field = (bits >> 23) & 255u;

@@ -3,7 +3,7 @@
 // OpenCL leaves the rounding of dot(), cross(), normalize(), length(), mad(), pow(), exp() and log() to the implementation.
 // Everything here is built from +, -, *, fma (correctly rounded everywhere), / and sqrt (correctly rounded on the devices
 // where the host asks for it), floor and bit operations, in one written order, so that every device and the scalar twin in
-// src/reference/math.rs return the same bits. Errors of the elementary functions are the largest of all float32 arguments, as
+// src/reference/shared/math.rs return the same bits. Errors of the elementary functions are the largest of all float32 arguments, as
 // tests/methods/math.rs measures them, in units in the last place of the result (ulp). EPSILON stands for 2^-24.
 
 // a*b - c*d with an error of at most 1.5 ulp, and therefore with the right sign and an exact zero (short of underflow):

@@ -46,7 +46,7 @@ typedef struct {
     float3 inv_direction; // +infinity for a zero component; NaN where the reciprocal overflows: no plane of that axis is decisive
     Shear shear;          // here because not every compiler moves divisions out of the loop over triangles
     float t_near, t_far;  // closed interval, off by less than a float's last bit; t_far is finite or -infinity
-    float t_min, t_max;   // the interval as it was given, in the caller's units: where whole numbers decide
+    float t_min, t_max;   // the interval as it was given, in the caller's units: where exact integers decide
     float t_scale, t_lift; // two factors, because one would overflow for the shortest directions
     uint skip;            // triangle that is never hit: the one that the ray starts on
     float3 start_weights; // where on it: weights of its vertices; the largest is -1, which means what the others leave of 1. Or all 0:

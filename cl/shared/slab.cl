@@ -70,7 +70,7 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high, float near_reach) {
 }
 
 // Whether boxes that are larger by `room` than what they hold need no pads for this ray. So it is for most: room_of_boxes() in
-// src/reference/slab.rs.
+// src/reference/shared/slab.rs.
 bool is_room_enough(const Ray* ray, float3 low, float3 high, float near_reach, float room) {
     const float thickness = fma(SLACK, pad_distance(ray, low, high, near_reach), LEAST_PAD);
     return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= room;

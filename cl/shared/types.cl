@@ -130,7 +130,7 @@ typedef struct {
     uint pending; // How many rays wait to be traced.
     uint request; // Number of this wave's texture request, where there is one.
     uint pad; // Unused.
-} SplitSlot;
+} WavefrontSlot;
 
 // A ray that waits to be traced. It ends nowhere.
 typedef struct {
@@ -150,19 +150,19 @@ typedef struct {
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
     float4 view_direction_lift_y; // Unit direction of the ray that found it in x, y, z; y of that way in w.
     float4 diffuse_lift_z; // Diffuse colour, textured, in x, y, z; z of that way in w.
-} SplitSurface;
+} WavefrontSurface;
 
 // What the ray of this wave brings its path.
 typedef struct {
     float4 radiance; // Radiance along the ray so far in x, y, z; w unused.
     float4 weight; // What it is multiplied by in x, y, z; w unused.
-} SplitYield;
+} WavefrontYield;
 
 // A ray to a light.
 typedef struct {
     float4 to_light_t_far; // Direction, of the light's distance where t_far is 1, in x, y, z and t_far in w.
     int4 reflected_slot; // Bits of what the light adds where nothing is in its way in x, y, z and the slot in w.
-} SplitShadow;
+} WavefrontShadow;
 
 // A hit whose colour the host shall compute.
 typedef struct {

@@ -45,7 +45,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/intersect/filter.cl",
     "cl/intersect/exact_filter.cl",
     "cl/intersect/exact_closer.cl",
-    "cl/intersect/exact_whole.cl",
+    "cl/intersect/exact_integers.cl",
     "cl/intersect/ties.cl",
     "cl/intersect/exact.cl",
     "cl/intersect/plucker.cl",
@@ -67,7 +67,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/packets/frustum.cl",
     "cl/packets/triangles.cl",
     "cl/packets/finish.cl",
-    "cl/packets/alone.cl",
+    "cl/packets/single_rays.cl",
     "cl/packets/bvh8.cl",
     "cl/packets/group.cl",
     "cl/packets/kd.cl",
@@ -97,7 +97,7 @@ const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",
     "cl/kernels/render_packets.cl",
-    "cl/kernels/split.cl"
+    "cl/kernels/wavefront.cl"
 ];
 
 /// Before all others: what keeps compilers from changing the arithmetic.

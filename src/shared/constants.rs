@@ -177,7 +177,7 @@ device_const! {
 }
 
 device_const! {
-    /// The last step of the exact test: `cl/intersect/exact_whole.cl`.
+    /// The last step of the exact test: `cl/intersect/exact_integers.cl`.
     pub group INTEGERS;
     /// Numbers from this times a power of two on have no nearest float: FLT_MAX and half of its last bit.
     pub const INFINITE_SIGNIFICAND: u32 = (1 << 25) - 1;
