@@ -1,11 +1,11 @@
-// The last step of exact_filter.cl, in exact integers (cl/shared/integer.cl): what rounded arithmetic of any precision cannot tell
-// from zero.
+// The last step of exact_filter.cl, in exact integers (cl/shared/integer.cl): what rounded arithmetic of any precision
+// cannot tell from zero.
 //
-// A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), an integer, too, in units
-// that are finer by the last bit of its weights.
+// A ray that leaves a triangle starts at an exact point of it (point_of_weights in cl/shared/ray.cl), an integer, too,
+// in units that are finer by the last bit of its weights.
 
-// Positions are in units of 2^position; vertices and weights of the triangle that the ray starts on in units of 2^vertex and 2^weight,
-// whose product that is; directions in units of 2^direction. n limbs hold every number here.
+// Positions are in units of 2^position; vertices and weights of the triangle that the ray starts on in units of
+// 2^vertex and 2^weight, whose product that is; directions in units of 2^direction. n limbs hold every number here.
 typedef struct {
     int position, vertex, weight, direction;
     int n;
@@ -17,12 +17,13 @@ void widen_exponents3(float3 v, int* lowest, int* highest) {
     widen_exponents(v.z, lowest, highest);
 }
 
-// The units of a ray from `start` and of `count` triangles (three vertices each). Let p and d be the bits of the largest position and
-// direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the others 2 p + d + 6; a comparison of two t
-// multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a comparison with a limit 25, and all need a sign.
-// MAX_LIMBS suffice for every ray: vertices are below 2^28 in tracing space, where the largest scenes are scaled by 2^-100 (src/pack.rs), and
-// what is lowest of a float is 2^-149. A ray that starts at a point has p = 128 + 149. One that leaves a triangle starts at vertices times
-// weights: p = 28 + 149 + 149. Directions have d = 61 + 149.
+// The units of a ray from `start` and of `count` triangles (three vertices each). Let p and d be the bits of the
+// largest position and direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the
+// others 2 p + d + 6; a comparison of two t multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a
+// comparison with a limit 25, and all need a sign. MAX_LIMBS suffice for every ray: vertices are below 2^28 in tracing
+// space, where the largest scenes are scaled by 2^-100 (src/pack.rs), and what is lowest of a float is 2^-149. A ray
+// that starts at a point has p = 128 + 149. One that leaves a triangle starts at vertices times weights: p = 28 + 149 +
+// 149. Directions have d = 61 + 149.
 RARE IntegerUnits integer_units(const TrianglePoint* start, float3 direction, const float3* corners, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000, low_w = 0, high_w = 0;
     widen_exponents3(start->base, &low_p, &high_p);
@@ -58,8 +59,8 @@ RARE void add_weighted(Integer* sum, float base, float other, float weight, cons
     integer_add_product(sum, &vertex, &edge, 1, units->n);
 }
 
-RARE void integer_numbers(const TrianglePoint* start, float3 ray_direction, const float3* corners, const IntegerUnits* units,
-                        IntegerNumbers* numbers) {
+RARE void integer_numbers(const TrianglePoint* start, float3 ray_direction, const float3* corners,
+                          const IntegerUnits* units, IntegerNumbers* numbers) {
     const int n = units->n;
     Integer edge1[3], edge2[3], from[3], direction[3];
     const float base[3] = {start->base.x, start->base.y, start->base.z};
@@ -117,8 +118,8 @@ RARE float quotient_by_integers(const Integer* numerator, const Integer* denomin
     return integer_quotient(&above, &below, exponent, n);
 }
 
-// The sign of the caller's t minus `limit`, where t is that of T / D times 2 to `exponent`; t whose nearest float is infinite is not less
-// than an infinite limit.
+// The sign of the caller's t minus `limit`, where t is that of T / D times 2 to `exponent`; t whose nearest float is
+// infinite is not less than an infinite limit.
 RARE int compare_with_limit(const IntegerNumbers* numbers, const IntegerUnits* units, int exponent, float limit) {
     const int n = units->n;
     Integer distance = numbers->distance, det = numbers->det;
@@ -158,7 +159,8 @@ RARE bool is_hit_by_integers(const Ray* ray, const IntegerNumbers* numbers, cons
     return after >= least_after && before >= (is_finite(ray->t_max) ? 0 : 1);
 }
 
-// Whether the triangle with corners 0 to 2 is met before the one with corners 3 to 5; of two at the same t that with the lower number.
+// Whether the triangle with corners 0 to 2 is met before the one with corners 3 to 5; of two at the same t that with
+// the lower number.
 RARE bool is_nearer_by_integers(const TrianglePoint* start, float3 direction, const float3* corners, bool is_lower) {
     const IntegerUnits units = integer_units(start, direction, corners, 2);
     IntegerNumbers numbers, best;
@@ -173,9 +175,10 @@ RARE bool is_nearer_by_integers(const TrianglePoint* start, float3 direction, co
     return order < 0 || (order == 0 && is_lower);
 }
 
-// Whether the triangle is hit inside of the ray's interval, and nearer than *hit, as place_hit tells it; and limits of its t.
-RARE bool decide_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
-                       float* t_low, float* t_high) {
+// Whether the triangle is hit inside of the ray's interval, and nearer than *hit, as place_hit tells it; and limits of
+// its t.
+RARE bool decide_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
+                             const Hit* hit, float* t_low, float* t_high) {
     if (!(ray->t_near <= ray->t_far)) return false; // NaN or infinite: not a ray
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     float3 corners[6] = {p0, p1, p2, p0, p1, p2};
@@ -194,7 +197,8 @@ RARE bool decide_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, flo
 }
 
 // t in the caller's units and the weights of a triangle that is hit.
-RARE bool finish_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t, SurfaceHit* hit) {
+RARE bool finish_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, float* t,
+                             SurfaceHit* hit) {
     const TrianglePoint start = start_of_ray(GEOMETRY, ray);
     const float3 corners[3] = {p0, p1, p2};
     const IntegerUnits units = integer_units(&start, ray->direction, corners, 1);
@@ -202,7 +206,8 @@ RARE bool finish_by_integers(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, flo
     integer_numbers(&start, ray->direction, corners, &units, &numbers);
     Integer weight0;
     integer_weight0(&numbers, units.n, &weight0);
-    *t = quotient_by_integers(&numbers.distance, &numbers.det, units.position - units.direction + t_exponent(ray), units.n);
+    *t = quotient_by_integers(&numbers.distance, &numbers.det, units.position - units.direction + t_exponent(ray),
+                              units.n);
     hit->weight0 = quotient_by_integers(&weight0, &numbers.det, 0, units.n);
     hit->u = quotient_by_integers(&numbers.weight1, &numbers.det, 0, units.n);
     hit->v = quotient_by_integers(&numbers.weight2, &numbers.det, 0, units.n);

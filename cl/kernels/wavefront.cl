@@ -1,13 +1,13 @@
-// The mega-kernel's work in several kernels, one step of a ray in each (thesis, section 5.2.1): few registers each and no two
-// steps in one warp, but all that is known of a ray goes through memory between them.
+// The mega-kernel's work in several kernels, one step of a ray in each (thesis, section 5.2.1): few registers each and
+// no two steps in one warp, but all that is known of a ray goes through memory between them.
 // Laine, Karras and Aila, "Megakernels Considered Harmful: Wavefront Path Tracing on GPUs", HPG 2013.
 //
-// A path is a sample of a pixel and all the rays that come of it. A slot holds one: its pending rays and its radiance so far. In
-// every wave each slot that is not out of work traces one ray, in the very order of the mega-kernel, so that every sum is the same
-// to the last bit:
+// A path is a sample of a pixel and all the rays that come of it. A slot holds one: its pending rays and its radiance
+// so far. In every wave each slot that is not out of work traces one ray, in the very order of the mega-kernel, so that
+// every sum is the same to the last bit:
 //
-//   wavefront_camera   adds what the last wave's ray has brought; takes the next pending ray, else the camera ray of the next path of
-//                  the batch; lists the slots that have a ray
+//   wavefront_camera   adds what the last wave's ray has brought; takes the next pending ray, else the camera ray of
+//                      the next path of the batch; lists the slots that have a ray
 //   wavefront_trace    finds the closest hit
 //   wavefront_request  only for textures that the host evaluates: asks for the colours of the hits
 //   wavefront_shade    misses: background; hits: light without lamps, secondary rays, and the list of hits
@@ -19,29 +19,31 @@
 //
 //   wavefront_film     adds up each pixel's samples
 //
-// Where kernels leave doubts to a second pass (cl/memory/deferral.cl), wavefront_trace and wavefront_shadow exist once more, run behind the first
-// ones, and do what these have left.
+// Where kernels leave doubts to a second pass (cl/memory/deferral.cl), wavefront_trace and wavefront_shadow exist once
+// more, run behind the first ones, and do what these have left.
 //
-// All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and matters to no result.
+// All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and
+// matters to no result.
 //
-// Bad at the end of a batch: a wave has at most one ray of each path, and the path with most rays decides how many waves there are.
-// Each of them costs a launch of every kernel.
+// Bad at the end of a batch: a wave has at most one ray of each path, and the path with most rays decides how many
+// waves there are. Each of them costs a launch of every kernel.
 
 // `rays`: pending rays number 0 of all slots, then number 1, and so on. `lengths`: lengths of the queues, see QUEUE_…
-// `path_radiance`: of the batch's paths, which are the first sample of all its pixels, then the second, and so on; the pixels are
-// numbers first_pixel .. first_pixel + batch_pixels in the order of pixel_in_tiles.
-// `queue`: slots of this wave. `other_queue`: written by wavefront_camera for the next wave, by wavefront_shade with the hits; the host
-// exchanges the two after wavefront_camera.
-#define WAVEFRONT_ARGUMENTS                                                                                             \
-    SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,       \
-        __global float4* restrict film, volatile __global uint* restrict counters, __global WavefrontSlot* restrict slots, \
-        __global WaitingRay* restrict rays, __global SurfaceHit* restrict hits, __global WavefrontSurface* restrict surfaces, \
-        __global WavefrontYield* restrict yields, __global WavefrontShadow* restrict shadows,                           \
-        __global TextureRequest* restrict requests, __global const float4* restrict colours,                            \
-        __global float4* restrict path_radiance, volatile __global uint* restrict lengths, DOUBTS_ARGUMENT              \
-        const uint slot_count,                                                                                          \
-        const uint first_pixel, const uint batch_pixels, __global uint* restrict queue,                                 \
-        __global uint* restrict other_queue, const uint light, const uint first, const uint end
+// `path_radiance`: of the batch's paths, which are the first sample of all its pixels, then the second, and so on; the
+// pixels are numbers first_pixel .. first_pixel + batch_pixels in the order of pixel_in_tiles.
+// `queue`: slots of this wave. `other_queue`: written by wavefront_camera for the next wave, by wavefront_shade with
+// the hits; the host exchanges the two after wavefront_camera.
+#define WAVEFRONT_ARGUMENTS \
+    SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples, \
+        __global float4* restrict film, volatile __global uint* restrict counters, \
+        __global WavefrontSlot* restrict slots, __global WaitingRay* restrict rays, \
+        __global SurfaceHit* restrict hits, __global WavefrontSurface* restrict surfaces, \
+        __global WavefrontYield* restrict yields, __global WavefrontShadow* restrict shadows, \
+        __global TextureRequest* restrict requests, __global const float4* restrict colours, \
+        __global float4* restrict path_radiance, volatile __global uint* restrict lengths, \
+        DOUBTS_ARGUMENT const uint slot_count, const uint first_pixel, const uint batch_pixels, \
+        __global uint* restrict queue, __global uint* restrict other_queue, const uint light, const uint first, \
+        const uint end
 
 // 1: the colours of textures come from the host, 0: they are looked up here.
 #ifndef HOST_TEXTURES
@@ -58,8 +60,8 @@
 // The end of a queue of rays, or of the list of doubts about them.
 uint traced_end(uint end, volatile __global const uint* doubts) { return IS_SECOND_PASS ? min(end, doubts[0]) : end; }
 
-// A place in the queue of this length for every work-item that wants one. All work-items of a group must come here; only one
-// of them meets the other groups at the counter. `places`: two words for the group.
+// A place in the queue of this length for every work-item that wants one. All work-items of a group must come here;
+// only one of them meets the other groups at the counter. `places`: two words for the group.
 uint take_place(bool wanted, volatile __global uint* length, volatile __local uint* places) {
     barrier(CLK_LOCAL_MEM_FENCE); // nobody still reads what the call before has left
     if (get_local_id(0) == 0) places[0] = 0u;
@@ -71,8 +73,8 @@ uint take_place(bool wanted, volatile __global uint* length, volatile __local ui
     return places[1] + place;
 }
 
-// Pixel number `index` in the order of the batches, as its number row by row: tile after tile, where those at the right and lower edges
-// may be smaller.
+// Pixel number `index` in the order of the batches, as its number row by row: tile after tile, where those at the right
+// and lower edges may be smaller.
 uint pixel_in_tiles(__global const RenderParams* render, uint index) {
     const uint band_size = TILE_SIDE * render->width;
     const uint band = index / band_size, in_band = index % band_size;
@@ -82,7 +84,8 @@ uint pixel_in_tiles(__global const RenderParams* render, uint index) {
     return (band * TILE_SIDE + in_tile / tile_width) * render->width + tile * TILE_SIDE + in_tile % tile_width;
 }
 
-// Through a pointer: what Oclgrind 21.10 makes of a returned struct here (llvm.experimental.noalias.scope.decl) it cannot run.
+// Through a pointer: what Oclgrind 21.10 makes of a returned struct here (llvm.experimental.noalias.scope.decl) it
+// cannot run.
 void load_point(__global const WavefrontSurface* from, SurfacePoint* point) {
     const float4 position_error = from->position_error;
     point->position = position_error.xyz;
@@ -157,7 +160,8 @@ __kernel void wavefront_trace(WAVEFRONT_ARGUMENTS) {
     uint counts[COUNTERS] = {0};
     Hit hit;
     SurfaceHit at = {0.0f, 0.0f, 0.0f, NO_PRIMITIVE};
-    if (trace_pending(SCENE_AT(&scene), &pending, &hit, counts)) SURFACE_HIT(GEOMETRY_AT(&scene.geometry), &pending.ray, &hit, &at);
+    if (trace_pending(SCENE_AT(&scene), &pending, &hit, counts))
+        SURFACE_HIT(GEOMETRY_AT(&scene.geometry), &pending.ray, &hit, &at);
     NOTE_DOUBT(index);
     if (IN_DOUBT) return;
     hits[slot] = at;
@@ -231,7 +235,8 @@ __kernel void wavefront_shade(WAVEFRONT_ARGUMENTS) {
             surfaces[slot].diffuse_lift_z = (float4)(without_lamps.diffuse, surface.lift.z);
             if (pending.depth < render->max_depth) {
                 WaitingRay secondary[2];
-                pushed = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, secondary, 0u);
+                pushed =
+                    push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, secondary, 0u);
                 for (uint i = 0; i < pushed; i++) rays[(size_t)(below + i) * slot_count + slot] = secondary[i];
             }
         } else {

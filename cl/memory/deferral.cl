@@ -1,13 +1,15 @@
-// Deferral: what kernels that decide nearly everything leave to a second pass, whose kernels decide the rest (table in geometry.cl).
+// Deferral: what kernels that decide nearly everything leave to a second pass, whose kernels decide the rest (table in
+// geometry.cl).
 //
 // Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
-//   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
+//   postpone            puts a triangle aside until the traversal is done; false in kernels that decide everything at
+//                       once
 //   DECIDE_BY_INTEGERS  what `call`, in exact integers, decides; or false, and the item is in doubt
-//   NOTE_DOUBT         puts an item on the list if it is in doubt
-//   TAKE_IN_DOUBT      whether an item is in doubt, and forgets it: for work-items with several items, which put them on the list by
-//   ADD_DOUBT
-//   ITEM_OF            the item of work-item number i: in the second pass that on the list
-//   RAY_OF             the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
+//   NOTE_DOUBT          puts an item on the list if it is in doubt
+//   TAKE_IN_DOUBT       whether an item is in doubt, and forgets it: for work-items with several items
+//   ADD_DOUBT           what these put an item on the list by
+//   ITEM_OF             the item of work-item number i: in the second pass that on the list
+//   RAY_OF              the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
 #define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
 #ifdef DEFER_DOUBTS
 #define UNDECIDED                  \

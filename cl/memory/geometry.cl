@@ -29,8 +29,9 @@
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in  nothing is counted (work.cl)
 //                        the Geometry
 //
-// Images cannot be members of a struct (OpenCL C 1.2, section 6.9 b), so they are parameters of their own. Every function that
-// reads the scene begins its parameters with GEOMETRY_PARAMETERS and is called with GEOMETRY, or GEOMETRY_AT(&a_geometry).
+// Images cannot be members of a struct (OpenCL C 1.2, section 6.9 b), so they are parameters of their own. Every
+// function that reads the scene begins its parameters with GEOMETRY_PARAMETERS and is called with GEOMETRY, or
+// GEOMETRY_AT(&a_geometry).
 
 #ifdef CONSTANT_REFERENCES
 #define REFERENCES_IN __constant
@@ -51,14 +52,15 @@
 #define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
 #endif
 
-// Of a ray, or a packet of rays, that meets more triangles in doubt, the rest is left to the second pass, or to its rays by themselves.
-// Around a vertex there are six.
+// Of a ray, or a packet of rays, that meets more triangles in doubt, the rest is left to the second pass, or to its
+// rays by themselves. Around a vertex there are six.
 #define MAX_POSTPONED 8u
 #ifdef DEFER_DOUBTS
 typedef struct {
     uint in_doubt; // 1: something is left to the second pass
     uint count;
-    uint* primitives; // triangles that the ray may hit; apart, so that the numbers above are in registers where this goes to a call
+    // Triangles that the ray may hit; apart, so that the numbers above are in registers where this goes to a call.
+    uint* primitives;
 } Undecided;
 #endif
 
@@ -142,22 +144,22 @@ typedef struct {
 #define PLACED
 #define PLACED_VALUE
 #endif
-#define SCENE_VALUES                                                                                                     \
-    CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->high.w,           \
+#define SCENE_VALUES                                                                                                 \
+    CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params->low.xyz, scene_params->high.xyz, scene_params->high.w, \
         scene_params->low.w, scene_params->reference_count, scene_params->scale
 
 #ifdef IMAGE
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
-#define GEOMETRY_ARGUMENTS                                                                                              \
+#define GEOMETRY_ARGUMENTS \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #else
-#define GEOMETRY_ARGUMENTS                                                                                              \
-    __global const int4* restrict nodes, REFERENCES_IN const uint* restrict references,                                 \
-        VERTICES_IN const float4* restrict vertices, __global const float4* restrict bounds,                            \
-        __global const float4* restrict transforms,                                                                     \
+#define GEOMETRY_ARGUMENTS                                                                   \
+    __global const int4* restrict nodes, REFERENCES_IN const uint* restrict references,      \
+        VERTICES_IN const float4* restrict vertices, __global const float4* restrict bounds, \
+        __global const float4* restrict transforms,                                          \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) \
     { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
@@ -168,7 +170,8 @@ typedef struct {
 // What kernels declare before they make a Geometry: what traversals and readers of triangles keep in it.
 #define TRAVERSAL_STATE UNDECIDED PLACED
 
-// For rare calls from kernels, which make the Geometry anew: what a call gets a pointer to lies in memory for all of its life.
+// For rare calls from kernels, which make the Geometry anew: what a call gets a pointer to lies in memory for all of
+// its life.
 //   GEOMETRY_VALUES  the arguments for GEOMETRY_ARGUMENTS
 //   STATE_ARGUMENTS  what the kernel has noted, behind these; STATE_VALUES: the arguments for them
 //   TAKE_STATE       what the called function declares in place of TRAVERSAL_STATE; it returns IN_DOUBT

@@ -1,5 +1,5 @@
-// Records of the scene's arrays, in whatever memory they are (geometry.cl). What is read for a traversal is counted (work.cl); other
-// files read by the macros LOAD_... alone.
+// Records of the scene's arrays, in whatever memory they are (geometry.cl). What is read for a traversal is counted
+// (work.cl); other files read by the macros LOAD_... alone.
 
 // Records of a triangle in `vertices`: three corners, and with WHOLE_TRIANGLES the four float4 of its Shading.
 #ifdef WHOLE_TRIANGLES
@@ -34,19 +34,22 @@ int4 load_node(const Geometry* geometry, uint index) {
 #define NODE_RECORD(geometry, index) load_node(geometry, index)
 #endif
 
-// Eight numbers: two records one behind the other, the first one with an even number; and number `lane` of these. The links of a wide
-// node are such numbers, too.
+// Eight numbers: two records one behind the other, the first one with an even number; and number `lane` of these. The
+// links of a wide node are such numbers, too.
 #if defined(IMAGE) || defined(CONSTANT_NODES)
 #define EIGHT_NODE_WORDS(geometry, record) \
     (float8)(as_float4(NODE_RECORD(geometry, record)), as_float4(NODE_RECORD(geometry, (record) + 1u)))
 #define NODE_WORD(geometry, record, lane) word_of(NODE_RECORD(geometry, (record) + (lane) / 4u), (lane) % 4u)
-uint word_of(int4 record, uint i) { return (uint)(i == 0u ? record.x : i == 1u ? record.y : i == 2u ? record.z : record.w); }
+uint word_of(int4 record, uint i) {
+    return (uint)(i == 0u ? record.x : i == 1u ? record.y : i == 2u ? record.z : record.w);
+}
 #else
 #define EIGHT_NODE_WORDS(geometry, record) vload8(0, (__global const float*)((geometry)->nodes + (record)))
 #define NODE_WORD(geometry, record, lane) ((__global const uint*)((geometry)->nodes + (record)))[lane]
 #endif
 #ifdef IMAGE
-#define BOUNDS_WORD(geometry, record, lane) word_of(as_int4(BOUNDS_RECORD(geometry, (record) + (lane) / 4u)), (lane) % 4u)
+#define BOUNDS_WORD(geometry, record, lane) \
+    word_of(as_int4(BOUNDS_RECORD(geometry, (record) + (lane) / 4u)), (lane) % 4u)
 #define EIGHT_BOUNDS_WORDS(geometry, record) \
     (float8)(BOUNDS_RECORD(geometry, record), BOUNDS_RECORD(geometry, (record) + 1u))
 #else
@@ -54,16 +57,21 @@ uint word_of(int4 record, uint i) { return (uint)(i == 0u ? record.x : i == 1u ?
 #define EIGHT_BOUNDS_WORDS(geometry, record) vload8(0, (__global const float*)((geometry)->bounds + (record)))
 #endif
 #define LOAD_EIGHT(geometry, record) COUNTED(geometry, NODE_BYTES, sizeof(float8), EIGHT_NODE_WORDS(geometry, record))
-#define LOAD_LANE(geometry, record, lane) as_float(COUNTED(geometry, NODE_BYTES, sizeof(uint), NODE_WORD(geometry, record, lane)))
-#define LOAD_LINK(geometry, node, lane) COUNTED(geometry, NODE_BYTES, sizeof(uint), NODE_WORD(geometry, (node) + BVH8_LINKS, lane))
-#define LOAD_PACKET(geometry, record) COUNTED(geometry, TRIANGLE_BYTES, sizeof(float8), EIGHT_BOUNDS_WORDS(geometry, record))
+#define LOAD_LANE(geometry, record, lane) \
+    as_float(COUNTED(geometry, NODE_BYTES, sizeof(uint), NODE_WORD(geometry, record, lane)))
+#define LOAD_LINK(geometry, node, lane) \
+    COUNTED(geometry, NODE_BYTES, sizeof(uint), NODE_WORD(geometry, (node) + BVH8_LINKS, lane))
+#define LOAD_PACKET(geometry, record) \
+    COUNTED(geometry, TRIANGLE_BYTES, sizeof(float8), EIGHT_BOUNDS_WORDS(geometry, record))
 #define LOAD_PACKET_LANE(geometry, record, lane) \
     as_float(COUNTED(geometry, TRIANGLE_BYTES, sizeof(uint), BOUNDS_WORD(geometry, record, lane)))
 
 #define LOAD_NODE(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(int4), NODE_RECORD(geometry, index))
 #define LOAD_BOUNDS(geometry, index) COUNTED(geometry, NODE_BYTES, sizeof(float4), BOUNDS_RECORD(geometry, index))
-#define LOAD_REFERENCE(geometry, index) COUNTED(geometry, TRIANGLE_BYTES, sizeof(uint), REFERENCE_RECORD(geometry, index))
-#define LOAD_TRANSFORM(geometry, index) COUNTED(geometry, TRIANGLE_BYTES, sizeof(float4), TRANSFORM_RECORD(geometry, index))
+#define LOAD_REFERENCE(geometry, index) \
+    COUNTED(geometry, TRIANGLE_BYTES, sizeof(uint), REFERENCE_RECORD(geometry, index))
+#define LOAD_TRANSFORM(geometry, index) \
+    COUNTED(geometry, TRIANGLE_BYTES, sizeof(float4), TRANSFORM_RECORD(geometry, index))
 #define LOAD_VERTEX(geometry, slot, corner) \
     COUNTED(geometry, TRIANGLE_BYTES, sizeof(float4), TRIANGLE_VERTEX(geometry, slot, corner))
 

@@ -1,6 +1,6 @@
-// Shading data of a triangle, and of these its material alone. `shading` is the array of those, which WHOLE_TRIANGLES leaves empty. Where
-// kernels need no normals and texture coordinates, it has numbers of materials alone, or nothing if there is one material
-// (Features::need_shading_data in src/features.rs).
+// Shading data of a triangle, and of these its material alone. `shading` is the array of those, which WHOLE_TRIANGLES
+// leaves empty. Where kernels need no normals and texture coordinates, it has numbers of materials alone, or nothing if
+// there is one material (Features::need_shading_data in src/features.rs).
 //   SHADING_RECORD, MATERIAL_RECORD  by the triangle's place in the array
 #if FEATURES & (FEATURE_SMOOTH_NORMALS | FEATURE_IMAGE_TEXTURES | FEATURE_PROCEDURAL_TEXTURES)
 #define SHADING_RECORD(shading, slot) ((shading)[slot])
@@ -10,7 +10,8 @@
 #define MATERIAL_RECORD(shading, slot) ((__global const uint*)(shading))[slot]
 Shading shading_of_material(__global const Shading* shading, uint slot) {
     const float4 none = (float4)(0.0f);
-    const Shading at = {none, none, none, 0.0f, 0.0f, 0.0f, HAS(FEATURE_SEVERAL_MATERIALS) ? MATERIAL_RECORD(shading, slot) : 0u};
+    const Shading at = {
+        none, none, none, 0.0f, 0.0f, 0.0f, HAS(FEATURE_SEVERAL_MATERIALS) ? MATERIAL_RECORD(shading, slot) : 0u};
     return at;
 }
 #endif

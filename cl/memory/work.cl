@@ -1,5 +1,5 @@
-// Counting of work: what each counter counts, WorkCounter in src/shared.rs says. A sum that outgrows 32 bits stays at the largest number.
-// Without COUNT_WORK nothing of it is in the code.
+// Counting of work: what each counter counts, WorkCounter in src/shared.rs says. A sum that outgrows 32 bits stays at
+// the largest number. Without COUNT_WORK nothing of it is in the code.
 //   WORK_SUMS        declares the sums of a Geometry; those of MAKE_GEOMETRY are called `work`
 //   COUNT            adds n to a counter
 //   COUNT_DEEPEST    raises the deepest stack to so many entries

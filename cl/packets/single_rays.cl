@@ -1,5 +1,5 @@
-// The single-ray fallback of packets: where few rays of a packet go the same way, each is traced by itself, against eight triangles at a
-// time.
+// The single-ray fallback of packets: where few rays of a packet go the same way, each is traced by itself, against
+// eight triangles at a time.
 
 // Up to so many rays are traced by themselves.
 #define FEW_RAYS 4u
@@ -30,8 +30,10 @@ SingleRay take_single_ray(const RayPacket* p, uint lane, const float16* t_limits
     return ray;
 }
 
-// Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a single lane.
-void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
+// Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a
+// single lane.
+void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits,
+              int16* doubtful) {
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
     *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
@@ -45,8 +47,8 @@ void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_li
     hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
 }
 
-// Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32 does not decide, or
-// with any_hit there is a hit.
+// Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32
+// does not decide, or with any_hit there is a hit.
 bool test_single_ray(GEOMETRY_PARAMETERS, SingleRay* ray, uint first, uint count, const bool any_hit) {
     LeafTriangles l;
     float8 b[3], c[3];
@@ -54,11 +56,12 @@ bool test_single_ray(GEOMETRY_PARAMETERS, SingleRay* ray, uint first, uint count
     const float3 low = ray->origin_low, direction = ray->direction;
     const float3 low_size = abs3(low), steepness = abs3(direction);
     const float8 from_x = l.a[0] - ray->origin.x, from_y = l.a[1] - ray->origin.y, from_z = l.a[2] - ray->origin.z;
-    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z, (float8)(steepness.x),
-                      (float8)(steepness.y), (float8)(steepness.z));
+    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z,
+                      (float8)(steepness.x), (float8)(steepness.y), (float8)(steepness.z));
     const float8 ax = from_x - low.x, ay = from_y - low.y, az = from_z - low.z; // as from_origin()
-    const Decision8 d = decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
-                                l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
+    const Decision8 d =
+        decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
+                l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
     ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
     if (open == 0ul) return false;
     open &= ~lanes_where8(d.has_t && (d.t_high < ray->t_near || d.t_low > ray->t_limit));

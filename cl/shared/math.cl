@@ -1,10 +1,11 @@
 // Vector arithmetic and elementary functions of fixed rounding.
 //
-// OpenCL leaves the rounding of dot(), cross(), normalize(), length(), mad(), pow(), exp() and log() to the implementation.
-// Everything here is built from +, -, *, fma (correctly rounded everywhere), / and sqrt (correctly rounded on the devices
-// where the host asks for it), floor and bit operations, in one written order, so that every device and the scalar twin in
-// src/reference/shared/math.rs return the same bits. Errors of the elementary functions are the largest of all float32 arguments, as
-// tests/methods/math.rs measures them, in units in the last place of the result (ulp). EPSILON stands for 2^-24.
+// OpenCL leaves the rounding of dot(), cross(), normalize(), length(), mad(), pow(), exp() and log() to the
+// implementation. Everything here is built from +, -, *, fma (correctly rounded everywhere), / and sqrt (correctly
+// rounded on the devices where the host asks for it), floor and bit operations, in one written order, so that every
+// device and the scalar twin in src/reference/shared/math.rs return the same bits. Errors of the elementary functions
+// are the largest of all float32 arguments, as tests/methods/math.rs measures them, in units in the last place of the
+// result (ulp). EPSILON stands for 2^-24.
 
 // a*b - c*d with an error of at most 1.5 ulp, and therefore with the right sign and an exact zero (short of underflow):
 // Kahan's method; error bound by Jeannerod, Louvet and Muller, "Further Analysis of Kahan's Algorithm for the Accurate
@@ -29,8 +30,9 @@ float3 fma3(float3 a, float s, float3 b) { return (float3)(fma(a.x, s, b.x), fma
 float max_or(float a, float b) { return a > b ? a : b; }
 float min_or(float a, float b) { return a < b ? a : b; }
 
-// The larger and the smaller of two numbers; where one of them is NaN, which one is open. One instruction each: on a GPU fmax(), where what
-// max_or() promises takes two (an H200 traces with exact hits 2 % faster), on a CPU max_or(), where fmax() takes three (5 % with PoCL).
+// The larger and the smaller of two numbers; where one of them is NaN, which one is open. One instruction each: on a
+// GPU fmax(), where what max_or() promises takes two (an H200 traces with exact hits 2 % faster), on a CPU max_or(),
+// where fmax() takes three (5 % with PoCL).
 #ifdef GPU
 float larger(float a, float b) { return fmax(a, b); }
 float smaller(float a, float b) { return fmin(a, b); }
@@ -94,8 +96,9 @@ float3 normalize3(float3 v, float3 otherwise) {
     return v * (1.0f / sqrt(dot3(v, v)));
 }
 
-// The sine of x turns, that is of 2 pi x; 0 for NaN, and from 2^22 on, where x is a multiple of half a turn. The reduction to a
-// quarter turn is exact, so that zeros are, too; the Taylor series after r^13 leaves 7e-10. Error at most 3.3 ulp.
+// The sine of x turns, that is of 2 pi x; 0 for NaN, and from 2^22 on, where x is a multiple of half a turn. The
+// reduction to a quarter turn is exact, so that zeros are, too; the Taylor series after r^13 leaves 7e-10. Error at
+// most 3.3 ulp.
 float sin_turns(float x) {
     const float turns = fabs(x);
     float r = turns < MOST_TURNS ? turns - floor(turns) : 0.0f; // 0 .. 1
@@ -112,8 +115,8 @@ float sin_turns(float x) {
     return p * r;
 }
 
-// log2 of a normal x > 0: x = m 2^e with m in (sqrt(1/2), sqrt(2)]; log2 m = 2/ln2 atanh((m-1)/(m+1)), whose series after
-// f^9 leaves 2e-10. Error at most 3.1 ulp.
+// log2 of a normal x > 0: x = m 2^e with m in (sqrt(1/2), sqrt(2)]; log2 m = 2/ln2 atanh((m-1)/(m+1)), whose series
+// after f^9 leaves 2e-10. Error at most 3.1 ulp.
 float log2_fixed(float x) {
     const uint bits = as_uint(x);
     float m = as_float((bits & 0x007fffffu) | 0x3f800000u);
@@ -132,8 +135,8 @@ float log2_fixed(float x) {
     return fma(p, f, (float)e);
 }
 
-// 2^x for x <= 0, 0 below -126 and for NaN. 2^x = 2^n 2^r with r in [-1/2, 1/2]; the Taylor series after r^7 leaves 6e-9. Error at
-// most 0.9 ulp.
+// 2^x for x <= 0, 0 below -126 and for NaN. 2^x = 2^n 2^r with r in [-1/2, 1/2]; the Taylor series after r^7 leaves
+// 6e-9. Error at most 0.9 ulp.
 float exp2_fixed(float x) {
     if (!(x >= -126.0f)) return 0.0f;
     const float n = floor(x + 0.5f);
@@ -149,9 +152,9 @@ float exp2_fixed(float x) {
     return p * as_float((uint)((int)n + 127) << 23);
 }
 
-// base^exponent for base in 0..1 and exponent >= 0; 1 for bases above, and for exponents that are no numbers. 0 where the result, or
-// the base, would be subnormal. The exponent of 2 is rounded, so that the relative error grows with its size: at most
-// 4 EPSILON (1 + |ln result|), which is 6e-7 down to results of 0.1 and 2.2e-5 at the smallest.
+// base^exponent for base in 0..1 and exponent >= 0; 1 for bases above, and for exponents that are no numbers. 0 where
+// the result, or the base, would be subnormal. The exponent of 2 is rounded, so that the relative error grows with its
+// size: at most 4 EPSILON (1 + |ln result|), which is 6e-7 down to results of 0.1 and 2.2e-5 at the smallest.
 float power_fixed(float base, float exponent) {
     if (!(exponent > 0.0f) || base >= 1.0f) return 1.0f;
     if (!(base >= 1.17549435e-38f)) return 0.0f;

@@ -1,10 +1,11 @@
-// Numbers of about twice float32's precision, for decisions that float32 leaves open: double where the device has it, else pairs
-// of floats. Whatever is decided with them is certified by an error bound, so that both kinds lead to the same answers.
+// Numbers of about twice float32's precision, for decisions that float32 leaves open: double where the device has it,
+// else pairs of floats. Whatever is decided with them is certified by an error bound, so that both kinds lead to the
+// same answers.
 //
-// Pairs: Dekker, "A Floating-Point Technique for Extending the Available Precision", Numerische Mathematik 18, 1971; bounds of
-// relative errors by Joldes, Muller and Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word
-// Arithmetic", ACM TOMS 44(2), 2017: below 2^-45 for a sum of equal signs and a product. A difference's error is as small relative
-// to the magnitudes of its operands, and that is how the bounds here use it.
+// Pairs: Dekker, "A Floating-Point Technique for Extending the Available Precision", Numerische Mathematik 18, 1971;
+// bounds of relative errors by Joldes, Muller and Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks
+// of Double-Word Arithmetic", ACM TOMS 44(2), 2017: below 2^-45 for a sum of equal signs and a product. A difference's
+// error is as small relative to the magnitudes of its operands, and that is how the bounds here use it.
 
 #if defined(cl_khr_fp64) && !defined(FLOAT_ONLY)
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
