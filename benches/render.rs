@@ -24,7 +24,7 @@ fn methods(place: &Place) -> Vec<(String, TraceOptions)> {
         for &packet_size in PacketSize::ALL {
             let options =
                 TraceOptions { picture: PictureOptions { kernels, ..options.picture }, packet_size, ..options };
-            // The split kernels trace pictures one ray at a time, whatever the packets of batches are.
+            // The wavefront kernels trace pictures one ray at a time, whatever the packets of batches are.
             if kernels == Kernels::Wavefront && packet_size != PacketSize::One || options.validate().is_err() {
                 continue;
             }

@@ -12,12 +12,13 @@
 use crate::layout::Float4;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::exact_whole::WholeRay;
-use crate::reference::integer::float_significand;
+use crate::reference::intersect::exact_integers::IntegerRay;
 use crate::reference::oracle::{Box64, Bvh, Line};
-use crate::reference::ray::TrianglePoint;
-use crate::reference::surface::start_weights;
-use crate::reference::traverse::{NO_HIT, vertices};
+use crate::reference::shade::surface::start_weights;
+use crate::reference::shared::integer::float_significand;
+use crate::reference::shared::memory::vertices;
+use crate::reference::shared::ray::NO_HIT;
+use crate::reference::shared::ray::TrianglePoint;
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
 use crate::tracer::{TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
@@ -149,7 +150,7 @@ impl World<'_> {
     }
 
     /// The closest hit, or with `any_hit` some hit; never `skip`.
-    fn trace(&self, ray: &WholeRay, skip: u32, any_hit: bool) -> Hit {
+    fn trace(&self, ray: &IntegerRay, skip: u32, any_hit: bool) -> Hit {
         let line = FilterRay::new(ray);
         let mut best: Option<(u32, [Vec3; 3], f64)> = None; // with a bound of t from above
         let mut test = |primitive: u32| {
@@ -189,8 +190,8 @@ impl World<'_> {
         Hit { t: at.t, u: at.u, v: at.v, primitive }
     }
 
-    fn first_ray(&self, ray: &TraceRay, origin: Vec3) -> WholeRay {
-        WholeRay {
+    fn first_ray(&self, ray: &TraceRay, origin: Vec3) -> IntegerRay {
+        IntegerRay {
             start: TrianglePoint::at(origin),
             direction: ray.direction_t_max.xyz(),
             limits: [ray.origin_t_min.w, ray.direction_t_max.w],
@@ -200,11 +201,11 @@ impl World<'_> {
     }
 
     /// The second ray from the hit of a first one, as `leave_surface` starts it.
-    fn second_ray(&self, first: &WholeRay, from: &Hit, direction: Vec3, is_exact: bool) -> WholeRay {
+    fn second_ray(&self, first: &IntegerRay, from: &Hit, direction: Vec3, is_exact: bool) -> IntegerRay {
         let triangle = self.triangle(from.primitive);
         let weight0 = if is_exact { first.weight0(triangle) } else { ((1.0 - from.u) - from.v).max(0.0) };
         let at = SurfaceHit { weight0, u: from.u, v: from.v, primitive: from.primitive };
-        WholeRay {
+        IntegerRay {
             start: TrianglePoint::of_weights(triangle, start_weights(&at)),
             direction,
             limits: [0.0, f32::INFINITY],
@@ -227,7 +228,7 @@ struct FilterRay {
 const FILTER_ERROR: f64 = 9.0 * f64::EPSILON;
 
 impl FilterRay {
-    fn new(ray: &WholeRay) -> FilterRay {
+    fn new(ray: &IntegerRay) -> FilterRay {
         let [base, other1, other2] = ray.start.vertices.map(DVec3::from);
         let [weight1, weight2] = ray.start.weights.map(f64::from);
         let (edge1, edge2) = (other1 - base, other2 - base);
@@ -309,7 +310,7 @@ pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &S
     }
 }
 
-fn traced(world: &World, ray: &WholeRay, any_hit: bool) -> Hit {
+fn traced(world: &World, ray: &IntegerRay, any_hit: bool) -> Hit {
     let [t_min, t_max] = ray.limits;
     if ray.direction == Vec3::ZERO || t_min.is_nan() || t_max.is_nan() || t_min > t_max {
         return NO_HIT;

@@ -1,8 +1,12 @@
-//! `device_struct!`: the only place where a struct shared with the kernels is defined.
+//! `device_struct!` and `device_const!`: the only places where a struct or a constant shared with the kernels is defined.
 //!
-//! The macro emits the `#[repr(C)]` Rust struct, the OpenCL `typedef` and a table of field offsets from one definition.
-//! `cl/shared/types.cl` is generated from these typedefs, and `tests/device/layout.rs` compares the offsets with those that a probe
-//! kernel reports from the device in use. Allowed field types: `f32`, `u32`, [`Float4`] and [`Int4`] (see [`DeviceField`]).
+//! The first macro emits the `#[repr(C)]` Rust struct, the OpenCL `typedef` and a table of field offsets from one definition.
+//! `cl/shared/types.cl` is generated from these typedefs, and `tests/device/kernels.rs` compares the offsets with those that
+//! a probe kernel reports from the device in use. Allowed field types: `f32`, `u32`, [`Float4`] and [`Int4`] (see
+//! [`DeviceField`]).
+//!
+//! The second one emits Rust constants and a table of them, from which `cl/shared/constants.cl` is generated. Allowed types:
+//! `f32`, `u32`, `i32`, `usize` and `glam::Vec3` (see [`DeviceValue`]).
 
 use bytemuck::{Pod, Zeroable};
 
@@ -127,3 +131,129 @@ macro_rules! device_struct {
     };
 }
 pub(crate) use device_struct;
+
+/// A type of constants that kernels have, too.
+pub trait DeviceValue {
+    /// The value as a literal of OpenCL C, exactly.
+    fn cl_literal(self) -> String;
+}
+
+impl DeviceValue for u32 {
+    fn cl_literal(self) -> String {
+        format!("{self}u")
+    }
+}
+impl DeviceValue for usize {
+    fn cl_literal(self) -> String {
+        u32::try_from(self).expect("numbers of the kernels have 32 bits").cl_literal()
+    }
+}
+impl DeviceValue for i32 {
+    fn cl_literal(self) -> String {
+        self.to_string()
+    }
+}
+impl DeviceValue for f32 {
+    /// A hexadecimal floating constant, `0x1.8p-3f`: no compiler rounds it. The number is finite.
+    fn cl_literal(self) -> String {
+        assert!(self.is_finite(), "kernels have INFINITY and NAN for {self}");
+        if self == 0.0 {
+            return format!("{self:?}f");
+        }
+        // Every float32 is a normal number of f64: 52 bits of fraction, of which the last ones are 0.
+        let bits = f64::from(self.abs()).to_bits();
+        let exponent = (bits >> 52) as i32 - 1023;
+        let digits = format!("{:013x}", bits & ((1 << 52) - 1));
+        let digits = digits.trim_end_matches('0');
+        let sign = if self < 0.0 { "-" } else { "" };
+        let point = if digits.is_empty() { "" } else { "." };
+        format!("{sign}0x1{point}{digits}p{exponent}f")
+    }
+}
+impl DeviceValue for glam::Vec3 {
+    fn cl_literal(self) -> String {
+        format!("(float3)({})", self.to_array().map(f32::cl_literal).join(", "))
+    }
+}
+
+/// A constant that host and kernels share.
+#[derive(Debug, Clone, Copy)]
+pub struct Constant {
+    /// Name, the same in Rust and OpenCL.
+    pub name: &'static str,
+    /// Its value as a literal of OpenCL C.
+    pub cl_literal: fn() -> String,
+    /// Lines of its documentation.
+    pub doc: &'static [&'static str],
+}
+
+/// Constants of one subject.
+#[derive(Debug, Clone, Copy)]
+pub struct ConstantGroup {
+    /// Lines of its documentation.
+    pub doc: &'static [&'static str],
+    /// Those in it.
+    pub constants: &'static [Constant],
+}
+
+impl ConstantGroup {
+    /// The group as definitions of OpenCL C, each with the first sentence of its documentation.
+    pub fn cl_definitions(&self) -> String {
+        let mut text = format!("//{}\n", self.doc.join("\n//"));
+        for constant in self.constants {
+            let doc = constant.doc.concat();
+            let sentence = doc.split_once(". ").map_or(doc.trim_end_matches('.'), |(first, _)| first);
+            let sentence = sentence.replace("[`", "`").replace("`]", "`");
+            let literal = (constant.cl_literal)();
+            let literal = if literal.starts_with('-') { format!("({literal})") } else { literal };
+            text += &format!("#define {} {literal} //{sentence}\n", constant.name);
+        }
+        text
+    }
+}
+
+/// Defines constants that host and kernels share, and a table of them. See the [module](self).
+macro_rules! device_const {
+    (
+        $(#[doc = $group_doc:literal])+ pub group $group:ident;
+        $($(#[doc = $doc:literal])+ pub const $name:ident: $kind:ty = $value:expr;)+
+    ) => {
+        $($(#[doc = $doc])+ pub const $name: $kind = $value;)+
+
+        $(#[doc = $group_doc])+
+        pub const $group: $crate::layout::ConstantGroup = $crate::layout::ConstantGroup {
+            doc: &[$($group_doc),+],
+            constants: &[$($crate::layout::Constant {
+                name: stringify!($name),
+                cl_literal: || $crate::layout::DeviceValue::cl_literal($name),
+                doc: &[$($doc),+],
+            }),+],
+        };
+    };
+}
+pub(crate) use device_const;
+
+#[cfg(test)]
+mod tests {
+    use super::DeviceValue;
+
+    #[test]
+    fn literals_are_exact() {
+        for (number, literal) in [
+            (0.0, "0.0f"),
+            (-0.0, "-0.0f"),
+            (1.0, "0x1p0f"),
+            (-3.1, "-0x1.8ccccccp1f"),
+            (1.0 / 16_777_216.0, "0x1p-24f"),
+            (1.0 + f32::EPSILON, "0x1.000002p0f"),
+            (f32::MAX, "0x1.fffffep127f"),
+            (f32::from_bits(1), "0x1p-149f"),
+            (f32::from_bits(3), "0x1.8p-148f"),
+        ] {
+            assert_eq!(number.cl_literal(), literal);
+        }
+        assert_eq!(7usize.cl_literal(), "7u");
+        assert_eq!((-7).cl_literal(), "-7");
+        assert_eq!(glam::Vec3::new(1.0, -0.5, 0.0).cl_literal(), "(float3)(0x1p0f, -0x1p-1f, 0.0f)");
+    }
+}

@@ -23,7 +23,7 @@
 //! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), hierarchies of boxes (`bvh.rs`, with splits of space in `bvh/spatial.rs`, improved in `bvh/reinsert.rs`; packed in `bvh2.rs` and `bvh8.rs`; triangles by eights in `leaf_packets.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
 //! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
 //! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike; objects that instances share in their own coordinates (`pack/instances.rs`) |
-//! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `split.rs`, several a picture |
+//! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `wavefront.rs`, several a picture |
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`features`] | what a scene needs of the kernels that shade; `device/definitions.rs` leaves out the rest |
 //! | [`adaptive`] | pictures of bounded error: which pixels get how many samples (`adaptive/estimate.rs`: how wrong each may be); decided on the device by `device/adaptive.rs` and `cl/kernels/adaptive.cl` |
@@ -38,12 +38,12 @@
 //! |  [`film`], `input.rs`, [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
 //! | [`study`] | studies: methods timed by turns and judged, charts of speed against accuracy, the thesis's tables and graphs, and the report (`study/studies/` one question each, `lab.rs` measures, `draw.rs` and `page.rs` show) |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file (triangles of instances are placed in `shared/instances.cl`), `packets/` sixteen rays at a time, or four times sixteen, through the kd-tree or the wide hierarchy, and what they have hit (`packets/surfaces.cl`), `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `split.cl` one in each) |
+//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file (triangles of instances are placed in `shared/instances.cl`), `packets/` sixteen rays at a time, or four times sixteen, through the kd-tree or the wide hierarchy, and what they have hit (`packets/surfaces.cl`), `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `wavefront.cl` one in each) |
 //!
 //! # Invariants
 //!
 //! * Nothing but [`device`] calls OpenCL; nothing but the binary prints, exits or reads arguments.
-//! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/shared/memory.cl`.
+//! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/memory/`.
 //! * `cl/shared/compiler.cl` comes before every program: no compiler may regroup, fuse or assume away anything, whatever its options.
 //! * No recursion on the device; no built-in of free rounding (`dot`, `normalize`, `pow`, …) in `cl/`.
 //! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in `cl/shared/ray.cl`, `cl/shared/slab.cl` and the files of exact hits.

@@ -4,37 +4,32 @@ mod arrangement;
 mod instances;
 mod memory;
 mod shading;
+mod space;
+mod structures;
 mod texture_levels;
 mod textures;
 mod transforms;
 
 pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
+pub use space::scale_of;
 pub use transforms::triangle_transform;
 
-use crate::accel::{
-    Aabb, BuildOptions, Room, StructureArrays, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
-    build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
-};
+use crate::accel::BuildOptions;
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
-use crate::options::{
-    Intersector, Memory, NodeOrder, PacketSize, Structure, StructureKind, TextureFilter, TraceOptions, Traversal,
-};
-use crate::reference::slab::{room_of_boxes, room_within};
+use crate::options::{Intersector, PacketSize, StructureKind, TextureFilter, TraceOptions, Traversal};
 use crate::scene::{Camera, Samples, Scene};
-use crate::shared::{
-    BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
-};
+use crate::shared::{CameraSample, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo};
 use glam::{DVec3, Vec3};
-use instances::pack_instances;
 use memory::StructureBudget;
-use rayon::prelude::*;
 use shading::{ShadingArrays, shading_of};
+use space::{TracingSpace, vertices_that_lose_bits};
 use std::borrow::Cow;
 use std::time::Instant;
+use structures::{PackedObjects, PackedStructure, StructureInput};
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]
@@ -104,42 +99,6 @@ impl MadeFor {
     }
 }
 
-/// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a billion times
-/// smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away. Being relative to the scene,
-/// it also makes every result independent of the scene's unit when that changes by a power of two.
-const LARGEST_COORDINATE_EXPONENT: i32 = 0;
-const LARGEST_SCALE_EXPONENT: i32 = 100;
-
-/// The power of two that takes `bounds` to tracing space.
-fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
-    let largest = low.abs().max(high.abs()).max_element();
-    if largest == 0.0 {
-        return 1.0;
-    }
-    let exponent = f64::from(largest).log2().floor() as i32;
-    // t changes by this factor, too: the largest and smallest scenes keep some distance to 1, so that it stays a normal float.
-    2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-LARGEST_SCALE_EXPONENT, LARGEST_SCALE_EXPONENT))
-}
-
-/// The triangles in world units where one of them loses bits on its way to tracing space; zeros for those that cannot be hit. Only numbers
-/// that become smaller can.
-fn vertices_that_lose_bits(scene: &Scene, scale: f32) -> Option<Vec<[Vec3; 3]>> {
-    if scale >= 1.0 {
-        return None;
-    }
-    let loses = |vertices: [Vec3; 3]| vertices.into_iter().any(|p| p * scale / scale != p);
-    let all = || (0..scene.triangle_count()).into_par_iter();
-    let is_hittable = |i: usize| scene.drop_reason(i).is_none();
-    let given = |i: usize| if is_hittable(i) { scene.vertices(i) } else { [Vec3::ZERO; 3] };
-    all().any(|i| loses(scene.vertices(i)) && is_hittable(i)).then(|| all().map(given).collect())
-}
-
-/// The power of two that takes a scene to tracing space.
-pub fn scale_of(scene: &Scene) -> f32 {
-    let (low, high) = scene.bounds().unwrap_or_default();
-    tracing_scale(low, high)
-}
-
 impl SceneBuffers {
     /// Builds the structure that `options` asks for and packs everything, in what memory there is
     /// ([`MemoryBudget::available`]).
@@ -165,114 +124,45 @@ impl SceneBuffers {
         let is_flat = options.kind() != StructureKind::Instances;
         let flat = if is_flat { scene.flattened()? } else { Cow::Borrowed(scene) };
         let scene = flat.as_ref();
-        let primitives = if is_flat { scene.hittable() } else { Vec::new() };
-        // Without a triangle that can be hit every ray misses; any box will do.
-        let bounds = if is_flat { scene.bounds_of(&primitives) } else { scene.bounds() };
-        let (low, high) = bounds.unwrap_or_default();
-        let scale = tracing_scale(low, high);
-        let given_vertices = vertices_that_lose_bits(scene, scale);
+        let space = if is_flat { TracingSpace::of_triangles(scene) } else { TracingSpace::of_objects(scene) };
+        let given_vertices = vertices_that_lose_bits(scene, space.scale);
         let used = scene.used_materials();
-        let mut triangles = Vec::new();
-        if is_flat {
-            triangles.resize(scene.triangles.len(), [Vec3::ZERO; 3]);
-            // No coordinate is a negative zero: the sum of one and zero is not.
-            primitives
-                .iter()
-                .for_each(|&i| triangles[i as usize] = scene.vertices(i as usize).map(|p| p * scale + 0.0));
-        }
 
         let start = Instant::now();
-        let build_options = BuildOptions::of(options, if is_flat { primitives.len() } else { scene.triangle_count() });
-        let mut stack_entries = match (options.kind(), options.kd().traversal) {
-            (StructureKind::Octree, _) | (StructureKind::Kd, Traversal::Stack) => build_options.max_depth.max(1),
-            _ => 1,
-        };
-        let top = if options.arrays.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
-        let bounding_box = Aabb { low: low * scale, high: high * scale };
-        let near_reach = near_reach(&triangles, &primitives, options);
-        let room = match near_reach {
-            0.0 => room_of_boxes(bounding_box.low, bounding_box.high),
-            reach => room_within(reach),
-        };
-        let mut instances = None;
-        let StructureArrays { nodes, references, bounds } = match options.structure {
-            Structure::Instances(_) => {
-                let packed = pack_instances(scene, &used, scale, &build_options)?;
-                stack_entries = packed.stack_entries;
-                instances = Some((packed.vertices, packed.shading, packed.instance_count));
-                packed.structure
-            }
-            Structure::Brute => {
-                let leaf = KdNode { flags: KD_LEAF, left: 0, right: primitives.len() as u32, split: 0.0 };
-                StructureArrays { nodes: vec![leaf], references: primitives, bounds: Vec::new() }
-            }
-            Structure::Kd(kd) => {
-                let limit = memory.growth_limit();
-                let mut tree = build_kd_tree_within(kd.build, &triangles, &primitives, &build_options, &limit);
-                memory.check_growth(&limit)?;
-                if top > 0 || kd.node_order != NodeOrder::Preorder {
-                    tree.nodes = reorder(&tree.nodes, kd.node_order, top);
-                }
-                let bounds = match (kd.traversal, options.packet_size) {
-                    (Traversal::Ropes, _) => link_leaves(&mut tree.nodes, &tree.bounds),
-                    (_, PacketSize::Sixteen) => pack_kd_leaves(&mut tree, &triangles),
-                    (_, PacketSize::One) => Vec::new(),
-                };
-                StructureArrays { nodes: tree.nodes, references: tree.references, bounds }
-            }
-            Structure::Bvh2(_) => {
-                let tree = build_bvh(&triangles, &primitives, &build_options)?;
-                stack_entries = tree.depth() + 1; // the last entry says that there are no more
-                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, Room { everywhere: room, near_reach })?
-            }
-            Structure::Bvh8(_) => {
-                let tree = build_bvh(&triangles, &primitives, &build_options)?;
-                let packed = pack_bvh8(&tree, &triangles, Room { everywhere: 0.0, near_reach })?;
-                stack_entries = packed.stack_entries;
-                packed.structure
-            }
-            Structure::Grid(grid) => {
-                let check = |bytes| memory.check_structure(bytes);
-                build_grid_within(&triangles, &primitives, bounding_box, grid.size, near_reach, &check)?
-            }
-            Structure::Octree(_) => {
-                let limit = memory.growth_limit();
-                let octree =
-                    build_octree_within(&triangles, &primitives, bounding_box, &build_options, near_reach, &limit);
-                memory.check_growth(&limit)?;
-                octree
-            }
-            Structure::Boxes(clusters) => build_boxes(&triangles, &primitives, clusters.leaf_size, near_reach),
-            Structure::Spheres(clusters) => build_spheres(&triangles, &primitives, clusters.leaf_size, near_reach),
-        };
+        let traced_count = if is_flat { space.primitives.len() } else { scene.triangle_count() };
+        let build_options = BuildOptions::of(options, traced_count);
+        let input = StructureInput::new(options, &build_options, &space, &memory);
+        let PackedStructure { structure, stack_entries, objects } = input.pack(scene, &used)?;
         let build_s = start.elapsed().as_secs_f64();
 
-        let (vertices, shading, reference_count) = instances.unwrap_or_else(|| {
-            let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
-            (vertices, shading_of(scene, &used), references.len() as u32)
+        let (room, near_reach) = (input.room, input.near_reach);
+        let PackedObjects { vertices, shading, reference_count } = objects.unwrap_or_else(|| PackedObjects {
+            vertices: space.triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
+            shading: shading_of(scene, &used),
+            reference_count: structure.references.len() as u32,
         });
         let ShadingArrays { materials, lights, textures, texels, brightest } =
-            ShadingArrays::new(scene, &used, scale, options.picture.texture_filter)?;
+            ShadingArrays::new(scene, &used, space.scale, options.picture.texture_filter)?;
         let features = Features::of_materials(scene, &used);
         let mut made_for = MadeFor::of(options);
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
             params: SceneParams {
-                low: Float4::new(low * scale, room),
-                high: Float4::new(high * scale, near_reach),
+                low: Float4::new(space.bounds.low, room),
+                high: Float4::new(space.bounds.high, near_reach),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),
                 reference_count,
                 light_count: lights.len() as u32,
                 has_transparent: u32::from(features.has(Feature::Transparency)),
-                scale,
+                scale: space.scale,
             },
-            nodes,
-            references,
+            nodes: structure.nodes,
+            references: structure.references,
             vertices,
-            bounds,
+            bounds: structure.bounds,
             transforms: match options.intersector.needs_transforms() {
-                true => triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
+                true => space.triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
                 false => Vec::new(),
             },
             shading,

@@ -115,9 +115,9 @@ const RUN_BYTES: u64 = 4 << 20;
 /// What a device's driver takes in the process where it is the host's: PoCL's program, queues and threads.
 const DRIVER_BYTES: u64 = 32 << 20;
 
-/// The most that paths in flight of split kernels take, and bytes for each pixel where there are fewer.
-const SPLIT_BYTES: u64 = 256 << 20;
-const SPLIT_PIXEL_BYTES: u64 = 256;
+/// The most that paths in flight of wavefront kernels take, and bytes for each pixel where there are fewer.
+const WAVEFRONT_BYTES: u64 = 256 << 20;
+const WAVEFRONT_PIXEL_BYTES: u64 = 256;
 
 /// Bytes of a device's picture, of which a pixel has four numbers.
 const DEVICE_PIXEL_BYTES: u64 = 16;
@@ -141,7 +141,7 @@ pub fn picture_bytes(
     let of_device = match (shares_memory, options.picture.kernels) {
         (false, _) => 0,
         (true, Kernels::Mega) => DEVICE_PIXEL_BYTES * pixels,
-        (true, Kernels::Wavefront) => DEVICE_PIXEL_BYTES * pixels + SPLIT_BYTES.min(SPLIT_PIXEL_BYTES * pixels),
+        (true, Kernels::Wavefront) => DEVICE_PIXEL_BYTES * pixels + WAVEFRONT_BYTES.min(WAVEFRONT_PIXEL_BYTES * pixels),
     };
     let of_file = format.map_or(0, ImageFormat::bytes_per_pixel) * pixels;
     let of_run = RUN_BYTES + if shares_memory { DRIVER_BYTES } else { 0 };

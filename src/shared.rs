@@ -1,115 +1,125 @@
-//! The structs and constants that host and kernels share. `cl/shared/types.cl` is generated from this file.
+//! The structs and constants that host and kernels share. `cl/shared/types.cl` and `constants.cl` are generated from this
+//! file and those in its folder.
 //!
 //! All coordinates in these structs are in *tracing space*: world units times [`SceneParams::scale`], a power of two, so that
 //! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
-mod split;
+pub mod constants;
+mod wavefront;
 
-pub use split::*;
+pub use wavefront::*;
 
 use crate::features::Feature;
-use crate::layout::{Float4, Int4, StructLayout, device_struct};
+use crate::layout::{ConstantGroup, Float4, Int4, StructLayout, device_const, device_struct};
 use crate::names::names;
 use crate::scene::PictureDefaults;
 
-/// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
-pub const NO_PRIMITIVE: u32 = u32::MAX;
+device_const! {
+    /// Nodes and links of the structures.
+    pub group RECORDS_OF_NODES;
+    /// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
+    pub const NO_PRIMITIVE: u32 = u32::MAX;
+    /// `KdNode::flags` of a leaf; an inner node has its split axis 0, 1 or 2 there.
+    pub const KD_LEAF: u32 = 3;
+    /// A rope that leads out of the scene. The root's number, because no rope leads to the root.
+    pub const NO_ROPE: u32 = 0;
+    /// Records of `nodes` that a node of a binary hierarchy of boxes takes.
+    pub const BVH_NODE_RECORDS: u32 = 4;
+    /// Bit of a link to a leaf of such a hierarchy; without it a link is a node's number.
+    pub const BVH_LEAF: u32 = 1 << 31;
+    /// Bits of a link to a leaf that number its first reference.
+    pub const BVH_FIRST_MASK: u32 = (1 << BVH_COUNT_SHIFT) - 1;
+    /// The bits above them, up to [`BVH_LEAF`], are how many references there are.
+    pub const BVH_COUNT_SHIFT: u32 = 27;
+    /// Where there is no more: the link of a leaf that no tree has.
+    pub const BVH_END: u32 = u32::MAX;
+    /// Where an instance ends: the link that leads a traversal back out of it.
+    pub const BVH_LEAVE: u32 = u32::MAX - 1;
+    /// Records of `nodes` that a node of a hierarchy of eight children takes.
+    pub const BVH8_NODE_RECORDS: u32 = 16;
+    /// The first of these with links.
+    pub const BVH8_LINKS: u32 = 12;
+    /// Records of `bounds` that a packet of eight triangles takes.
+    pub const BVH8_PACKET_RECORDS: u32 = 18;
+}
 
-/// `KdNode::flags` of a leaf; an inner node has its split axis 0, 1 or 2 there.
-pub const KD_LEAF: u32 = 3;
+device_const! {
+    /// Records of instances.
+    pub group RECORDS_OF_INSTANCES;
+    /// Records of `bounds` that an instance takes; what they are, `src/pack/instances.rs` says.
+    pub const INSTANCE_RECORDS: u32 = 11;
+    /// The first of these with the transform to the world.
+    pub const INSTANCE_TO_WORLD: u32 = 0;
+    /// The first with the transform from tracing space.
+    pub const INSTANCE_TO_OBJECT: u32 = 3;
+    /// The one with how far differences of tracing space reach in the object.
+    pub const INSTANCE_REACH: u32 = 6;
+    /// The one with what the pads of its boxes need whatever the ray.
+    pub const INSTANCE_BLUR: u32 = 7;
+    /// The first with the transform of normals.
+    pub const INSTANCE_NORMALS: u32 = 8;
+    /// The material of an instance whose triangles have their own.
+    pub const NO_MATERIAL: u32 = u32::MAX;
+}
 
-/// A rope that leads out of the scene. The root's number, because no rope leads to the root.
-pub const NO_ROPE: u32 = 0;
+device_const! {
+    /// Kinds of lights and textures.
+    pub group KINDS;
+    /// `Light::kind` of a point light.
+    pub const LIGHT_POINT: u32 = 0;
+    /// `Light::kind` of a directional light.
+    pub const LIGHT_DIRECTIONAL: u32 = 1;
+    /// `Light::kind` of a spot light.
+    pub const LIGHT_SPOT: u32 = 2;
+    /// `Material::texture` of an untextured material.
+    pub const NO_TEXTURE: u32 = u32::MAX;
+    /// `TextureInfo::kind` of a picture.
+    pub const TEXTURE_IMAGE: u32 = 0;
+    /// `TextureInfo::kind` of a chequerboard in space.
+    pub const TEXTURE_CHECKER: u32 = 1;
+    /// `TextureInfo::kind` of fractal noise.
+    pub const TEXTURE_NOISE: u32 = 2;
+    /// `TextureInfo::kind` of marble.
+    pub const TEXTURE_MARBLE: u32 = 3;
+    /// `TextureInfo::kind` of wood.
+    pub const TEXTURE_WOOD: u32 = 4;
+}
 
-/// Records of `nodes` that a node of a binary hierarchy of boxes takes.
-pub const BVH_NODE_RECORDS: u32 = 4;
-/// Bit of a link to a leaf of such a hierarchy; without it a link is a node's number.
-pub const BVH_LEAF: u32 = 1 << 31;
-/// Bits of a link to a leaf that number its first reference.
-pub const BVH_FIRST_MASK: u32 = (1 << BVH_COUNT_SHIFT) - 1;
-/// The bits above them, up to [`BVH_LEAF`], are how many references there are.
-pub const BVH_COUNT_SHIFT: u32 = 27;
-/// Where there is no more: the link of a leaf that no tree has.
-pub const BVH_END: u32 = u32::MAX;
+device_const! {
+    /// Pictures and batches: how they are divided, counted and limited.
+    pub group PICTURES;
+    /// How many packets of sixteen rays, of a batch or of the camera, a work-item traces together.
+    pub const PACKETS_OF_ITEM: u32 = 4;
+    /// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.
+    pub const TILE_SIDE: u32 = 8;
+    /// How many ray counters there are.
+    pub const COUNTERS: usize = 8;
+    /// The ray counters exist this many times on a device, so that work-items seldom meet at one.
+    pub const COUNTER_SLOTS: u32 = 256;
+    /// Where behind the ray counters there is how many tiles of a launch are taken.
+    pub const TAKEN_TILES: u32 = COUNTER_SLOTS * COUNTERS as u32;
+    /// Transparent surfaces that one shadow ray passes before it counts as blocked.
+    pub const MAX_SHADOW_LAYERS: u32 = 256;
+    /// The most places at which a texture is read along a footprint. Of a floor out to the horizon one sample erred by
+    /// 1.3 times as much with 4 as with 8, by 0.93 of it with 16.
+    pub const MOST_TAPS: u32 = 8;
+    /// The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
+    pub const RAY_KIND_BITS: u32 = 8;
+    /// How many work counters there are.
+    pub const WORK_COUNTERS: usize = WorkCounter::ALL.len();
+    /// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no sum overflows:
+    /// a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one depth add up to at most 1, at up to
+    /// 2^6 depths. An infinity would become NaN where its weight is 0. White is 1, the sun in candela per square metre 1.6e9: 2^100 is
+    /// out of reach for all but a lamp that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
+    pub const MAX_RADIANCE: f32 = constants::power_of_two(100);
+}
 
-/// Where an instance ends: the link that leads a traversal back out of it.
-pub const BVH_LEAVE: u32 = u32::MAX - 1;
-
-/// Records of `bounds` that an instance takes; what they are, `src/pack/instances.rs` says.
-pub const INSTANCE_RECORDS: u32 = 11;
-/// The first of these with the transform to the world.
-pub const INSTANCE_TO_WORLD: u32 = 0;
-/// The first with the transform from tracing space.
-pub const INSTANCE_TO_OBJECT: u32 = 3;
-/// The one with how far differences of tracing space reach in the object.
-pub const INSTANCE_REACH: u32 = 6;
-/// The one with what the pads of its boxes need whatever the ray.
-pub const INSTANCE_BLUR: u32 = 7;
-/// The first with the transform of normals.
-pub const INSTANCE_NORMALS: u32 = 8;
-/// The material of an instance whose triangles have their own.
-pub const NO_MATERIAL: u32 = u32::MAX;
-
-/// Records of `nodes` that a node of a hierarchy of eight children takes.
-pub const BVH8_NODE_RECORDS: u32 = 16;
-/// The first of these with links.
-pub const BVH8_LINKS: u32 = 12;
-/// Records of `bounds` that a packet of eight triangles takes.
-pub const BVH8_PACKET_RECORDS: u32 = 18;
-/// How many packets of sixteen rays, of a batch or of the camera, a work-item traces together.
-pub const PACKETS_OF_ITEM: u32 = 4;
-
-/// `Light::kind` of a point light.
-pub const LIGHT_POINT: u32 = 0;
-/// `Light::kind` of a directional light.
-pub const LIGHT_DIRECTIONAL: u32 = 1;
-/// `Light::kind` of a spot light.
-pub const LIGHT_SPOT: u32 = 2;
-
-/// `Material::texture` of an untextured material.
-pub const NO_TEXTURE: u32 = u32::MAX;
-
-/// `TextureInfo::kind` of a picture.
-pub const TEXTURE_IMAGE: u32 = 0;
-/// `TextureInfo::kind` of a chequerboard in space.
-pub const TEXTURE_CHECKER: u32 = 1;
-/// `TextureInfo::kind` of fractal noise.
-pub const TEXTURE_NOISE: u32 = 2;
-/// `TextureInfo::kind` of marble.
-pub const TEXTURE_MARBLE: u32 = 3;
-/// `TextureInfo::kind` of wood.
-pub const TEXTURE_WOOD: u32 = 4;
-
-/// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.
-pub const TILE_SIDE: u32 = 8;
-/// The ray counters exist this many times on a device, so that work-items seldom meet at one.
-pub const COUNTER_SLOTS: u32 = 256;
-/// Where behind the ray counters there is how many tiles of a launch are taken.
-pub const TAKEN_TILES: u32 = COUNTER_SLOTS * COUNTERS as u32;
-/// Transparent surfaces that one shadow ray passes before it counts as blocked.
-pub const MAX_SHADOW_LAYERS: u32 = 256;
-
-/// The most places at which a texture is read along a footprint. Of a floor out to the horizon one sample erred by 1.3 times as much with 4
-/// as with 8, by 0.93 of it with 16.
-pub const MOST_TAPS: u32 = 8;
-
-/// The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
-pub const RAY_KIND_BITS: u32 = 8;
-
-const MAX_RADIANCE_EXPONENT: u32 = 100;
-/// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no sum overflows:
-/// a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one depth add up to at most 1, at up to
-/// 2^6 depths. An infinity would become NaN where its weight is 0. White is 1, the sun in candela per square metre 1.6e9: 2^100 is
-/// out of reach for all but a lamp that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
-pub const MAX_RADIANCE: f32 = f32::from_bits((127 + MAX_RADIANCE_EXPONENT) << 23);
 const _: () = assert!(
     MAX_RADIANCE * PictureDefaults::MAX_SAMPLES as f32 * (2 * PictureDefaults::MAX_DEPTH) as f32 <= f32::MAX,
     "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
 );
 
-/// How many ray counters there are.
-pub const COUNTERS: usize = 8;
 /// Names of the ray counters, in the kernels' order: kind and what happened.
 pub const COUNTER_NAMES: [&str; COUNTERS] = [
     "CAMERA_CAST",
@@ -148,7 +158,7 @@ names! {
         Tests = "tests",
         /// Those of them that `exact` takes to twice the precision, because float32 bounds leave them open.
         WideTests = "wide-tests",
-        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to whole numbers.
+        /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to exact integers.
         CloseTests = "close-tests",
         /// Descents that began anew; with ropes rays that `push-down` traces again, and its restarts.
         Restarts = "restarts",
@@ -162,9 +172,6 @@ names! {
         DeepestStack = "deepest-stack",
     }
 }
-
-/// How many work counters there are.
-pub const WORK_COUNTERS: usize = WorkCounter::ALL.len();
 
 impl WorkCounter {
     /// The name as keys of JSON and arrays have it: `empty_leaves`.
@@ -457,11 +464,11 @@ pub const SHARED_STRUCTS: [StructLayout; 17] = [
     CameraSample::LAYOUT,
     SceneParams::LAYOUT,
     RenderParams::LAYOUT,
-    SplitSlot::LAYOUT,
+    WavefrontSlot::LAYOUT,
     WaitingRay::LAYOUT,
-    SplitSurface::LAYOUT,
-    SplitYield::LAYOUT,
-    SplitShadow::LAYOUT,
+    WavefrontSurface::LAYOUT,
+    WavefrontYield::LAYOUT,
+    WavefrontShadow::LAYOUT,
     TextureRequest::LAYOUT,
 ];
 
@@ -469,58 +476,27 @@ pub const SHARED_STRUCTS: [StructLayout; 17] = [
 pub fn types_cl() -> String {
     let mut text = String::from(
         "// GENERATED from src/shared.rs by `UPDATE=1 cargo test --test device layout`; do not edit.\n\
-         // The structs and constants that host and kernels share; documentation is in src/shared.rs.\n\n",
+         // The structs that host and kernels share; documentation is in src/shared.rs and src/shared/.\n",
     );
-    let constants = [
-        ("NO_PRIMITIVE", NO_PRIMITIVE),
-        ("KD_LEAF", KD_LEAF),
-        ("NO_ROPE", NO_ROPE),
-        ("BVH_NODE_RECORDS", BVH_NODE_RECORDS),
-        ("BVH_LEAF", BVH_LEAF),
-        ("BVH_FIRST_MASK", BVH_FIRST_MASK),
-        ("BVH_COUNT_SHIFT", BVH_COUNT_SHIFT),
-        ("BVH_END", BVH_END),
-        ("BVH_LEAVE", BVH_LEAVE),
-        ("INSTANCE_RECORDS", INSTANCE_RECORDS),
-        ("INSTANCE_TO_WORLD", INSTANCE_TO_WORLD),
-        ("INSTANCE_TO_OBJECT", INSTANCE_TO_OBJECT),
-        ("INSTANCE_REACH", INSTANCE_REACH),
-        ("INSTANCE_BLUR", INSTANCE_BLUR),
-        ("INSTANCE_NORMALS", INSTANCE_NORMALS),
-        ("NO_MATERIAL", NO_MATERIAL),
-        ("BVH8_NODE_RECORDS", BVH8_NODE_RECORDS),
-        ("BVH8_LINKS", BVH8_LINKS),
-        ("BVH8_PACKET_RECORDS", BVH8_PACKET_RECORDS),
-        ("PACKETS_OF_ITEM", PACKETS_OF_ITEM),
-        ("LIGHT_POINT", LIGHT_POINT),
-        ("LIGHT_DIRECTIONAL", LIGHT_DIRECTIONAL),
-        ("LIGHT_SPOT", LIGHT_SPOT),
-        ("NO_TEXTURE", NO_TEXTURE),
-        ("TEXTURE_IMAGE", TEXTURE_IMAGE),
-        ("TEXTURE_CHECKER", TEXTURE_CHECKER),
-        ("TEXTURE_NOISE", TEXTURE_NOISE),
-        ("TEXTURE_MARBLE", TEXTURE_MARBLE),
-        ("TEXTURE_WOOD", TEXTURE_WOOD),
-        ("TILE_SIDE", TILE_SIDE),
-        ("COUNTER_SLOTS", COUNTER_SLOTS),
-        ("TAKEN_TILES", TAKEN_TILES),
-        ("MAX_SHADOW_LAYERS", MAX_SHADOW_LAYERS),
-        ("MOST_TAPS", MOST_TAPS),
-        ("NO_PATH", NO_PATH),
-        ("RAY_KIND_BITS", RAY_KIND_BITS),
-        ("QUEUE_ACTIVE", QUEUE_ACTIVE),
-        ("QUEUE_HITS", QUEUE_HITS),
-        ("QUEUE_TEXTURED", QUEUE_TEXTURED),
-        ("QUEUE_PATHS", QUEUE_PATHS),
-        ("QUEUE_RESOLVED", QUEUE_RESOLVED),
-        ("QUEUE_SHADOWS", QUEUE_SHADOWS),
-        ("COUNTERS", COUNTERS as u32),
-        ("WORK_COUNTERS", WORK_COUNTERS as u32),
-    ];
-    for (name, value) in constants {
-        text += &format!("#define {name} {value}u\n");
+    for layout in SHARED_STRUCTS {
+        text += &format!("\n{}", layout.cl_typedef());
     }
-    text += &format!("#define MAX_RADIANCE 0x1p{MAX_RADIANCE_EXPONENT}f\n");
+    text
+}
+
+/// The constants that are no arithmetic's.
+const RECORDS: [ConstantGroup; 5] = [RECORDS_OF_NODES, RECORDS_OF_INSTANCES, KINDS, PICTURES, QUEUES];
+
+/// The text of `cl/shared/constants.cl`.
+pub fn constants_cl() -> String {
+    let mut text = String::from(
+        "// GENERATED from src/shared.rs and src/shared/ by `UPDATE=1 cargo test --test device layout`; do not edit.\n\
+         // The constants that host and kernels share; the rest of their documentation is there.\n",
+    );
+    for group in RECORDS.iter().chain(&constants::ARITHMETIC) {
+        text += &format!("\n{}", group.cl_definitions());
+    }
+    text += "\n// Counters of rays and of work, and what a scene needs of kernels.\n";
     for (index, name) in COUNTER_NAMES.iter().enumerate() {
         text += &format!("#define COUNT_{name} {index}u\n");
     }
@@ -529,9 +505,6 @@ pub fn types_cl() -> String {
     }
     for &feature in Feature::ALL {
         text += &format!("#define {} {}u\n", feature.cl_name(), feature.bit());
-    }
-    for layout in SHARED_STRUCTS {
-        text += &format!("\n{}", layout.cl_typedef());
     }
     text
 }

@@ -15,7 +15,7 @@ use crate::options::TraceOptions;
 use crate::output::write_json;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
-use crate::tracer::SplitStats;
+use crate::tracer::WavefrontStats;
 use crate::work::WorkSum;
 
 /// Rays of one kind.
@@ -130,16 +130,16 @@ pub struct RunStats {
     pub extreme_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
-    /// Rays (of a batch, or of split kernels) or pixels (of the mega-kernel's picture) that only whole numbers could decide: see
+    /// Rays (of a batch, or of wavefront kernels) or pixels (of the mega-kernel's picture) that only exact integers could decide: see
     /// `cl/intersect/exact.cl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_pass: Option<u64>,
     /// Copying the result back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub read_s: Option<f64>,
-    /// How the split kernels went.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub split: Option<SplitStats>,
+    /// How the wavefront kernels went; files keep the name that they had.
+    #[serde(rename = "split", skip_serializing_if = "Option::is_none")]
+    pub wavefront: Option<WavefrontStats>,
     /// How a picture of bounded error was sampled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<AdaptiveStats>,

@@ -36,7 +36,7 @@ pub struct TraceResult {
     pub work: Option<Vec<RayWork>>,
     /// The same of the second rays; none on a ray that was not cast because the first one missed.
     pub next_work: Option<Vec<RayWork>>,
-    /// How many rays, over all repeats, only whole numbers could decide, in a second pass; `None` where there is no such pass.
+    /// How many rays, over all repeats, only exact integers could decide, in a second pass; `None` where there is no such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Tracer::has_clock`].
     pub kernel_s: Vec<f64>,
@@ -60,15 +60,15 @@ pub struct RenderResult {
     pub counts: [u64; COUNTERS],
     /// With [`crate::options::TraceOptions::counters`] the work on the rays of each pixel, top row first.
     pub work: Option<Vec<PixelWork>>,
-    /// How many pixels had a ray that only whole numbers could decide, and were rendered in a second pass; of split kernels how many
+    /// How many pixels had a ray that only exact integers could decide, and were rendered in a second pass; of wavefront kernels how many
     /// rays. `None` where there is no such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time, transfers left out. See [`Tracer::has_clock`].
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.
     pub read_s: f64,
-    /// How the split kernels went, where they rendered.
-    pub split: Option<SplitStats>,
+    /// How the wavefront kernels went, where they rendered.
+    pub wavefront: Option<WavefrontStats>,
     /// How the picture was sampled, where its error was bounded.
     pub adaptive: Option<AdaptiveStats>,
 }
@@ -83,7 +83,7 @@ impl RenderResult {
             second_pass: None,
             kernel_s: 0.0,
             read_s: 0.0,
-            split: None,
+            wavefront: None,
             adaptive: None,
         }
     }
@@ -96,15 +96,15 @@ impl RenderResult {
         if let Some(second) = list.second_pass {
             *self.second_pass.get_or_insert(0) += second;
         }
-        if let Some(split) = list.split {
-            self.split.get_or_insert_with(SplitStats::default).add(&split);
+        if let Some(wavefront) = list.wavefront {
+            self.wavefront.get_or_insert_with(WavefrontStats::default).add(&wavefront);
         }
     }
 }
 
 /// What rendering by several kernels took ([`crate::options::Kernels::Wavefront`]).
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct SplitStats {
+pub struct WavefrontStats {
     /// Paths that were followed at a time.
     pub paths_in_flight: usize,
     /// Waves; in each of them every path in flight has one ray traced.
@@ -117,9 +117,9 @@ pub struct SplitStats {
     pub host_pass_s: f64,
 }
 
-impl SplitStats {
+impl WavefrontStats {
     /// Adds what another picture took.
-    pub fn add(&mut self, other: &SplitStats) {
+    pub fn add(&mut self, other: &WavefrontStats) {
         self.paths_in_flight = self.paths_in_flight.max(other.paths_in_flight);
         self.waves += other.waves;
         self.launches += other.launches;

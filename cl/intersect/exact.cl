@@ -1,5 +1,5 @@
 // Ray-triangle intersection that is right: what the traversals call. The steps are in exact_filter.cl, exact_closer.cl,
-// exact_whole.cl and ties.cl.
+// exact_integers.cl and ties.cl.
 
 // What step 2 leaves open, as place_hit tells it; and limits of its t.
 int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
@@ -9,26 +9,30 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     const float3 best0 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0;
     const float3 best1 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1;
     const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
-    const WideDecision closer =
-        decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near, ray->t_far, hit->u, hit->t, best0, best1,
-                      best2);
+    const WideDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near,
+                                              ray->t_far, hit->u, hit->t, best0, best1, best2);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != DOUBTFUL) return closer.decision;
 #endif
-    return DECIDE_WHOLE(geometry, decide_whole(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high)) ? HIT : MISS;
+    return DECIDE_BY_INTEGERS(geometry, decide_by_integers(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high))
+               ? HIT
+               : MISS;
 }
 
-// Whether two triangles lie in one plane across an axis, so that a ray meets both at the same t: most of those that no rounded arithmetic
-// can tell apart, and there whole numbers are not needed to say so (of 3,836 camera rays through gears these are left for 18).
+// Whether two triangles lie in one plane across an axis, so that a ray meets both at the same t: most of those that no
+// rounded arithmetic can tell apart, and there exact integers are not needed to say so (of 3,836 camera rays through
+// gears these are left for 18).
 bool are_in_one_axis_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1, float3 q2) {
     const int3 same = p0 == p1 && p0 == p2 && p0 == q0 && p0 == q1 && p0 == q2;
     return any(same);
 }
 
-// What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`: beside the nearest hit so far the lower number wins,
-// and what lies in the plane that a ray leaves, or is that triangle once more, is met at t = 0, which is not a hit.
-int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit, bool is_hit) {
+// What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`: beside the nearest hit so far the
+// lower number wins, and what lies in the plane that a ray leaves, or is that triangle once more, is met at t = 0,
+// which is not a hit.
+int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
+               bool is_hit) {
     if (hit->primitive != NO_PRIMITIVE) {
         const float3 q0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
         const float3 q1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
@@ -49,8 +53,8 @@ int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3
 }
 
 // Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
-bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
-                     float* t_low, float* t_high) {
+bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
+                     const Hit* hit, float* t_low, float* t_high) {
     COUNT(geometry, WIDE_TESTS, 1);
     const WideDecision wide = decide_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
     *t_low = wide.t_low;
@@ -91,11 +95,11 @@ void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, f
         return;
     }
 #endif
-    (void)DECIDE_WHOLE(geometry, finish_whole(GEOMETRY, ray, p0, p1, p2, t, hit));
+    (void)DECIDE_BY_INTEGERS(geometry, finish_by_integers(GEOMETRY, ray, p0, p1, p2, t, hit));
 }
 
-// A triangle test of its own kind (HITS in cl/traverse/leaf.cl): what is kept of the nearest hit while the traversal goes on are limits of
-// its t, t above and u below.
+// A triangle test of its own kind (HITS in cl/traverse/leaf.cl): what is kept of the nearest hit while the traversal
+// goes on are limits of its t, t above and u below.
 void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
     if (primitive == hit->primitive) return; // met again in another leaf
     const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
@@ -119,8 +123,8 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
 
 // Decides about the triangles that a traversal has postponed. Returns whether one of them is now the hit.
 //
-// The nearest hit does not depend on the order in which triangles are tested. Of any hits that one is the answer which the traversal
-// would have stopped at: a postponed one, if it is hit, because a sure hit ends the traversal.
+// The nearest hit does not depend on the order in which triangles are tested. Of any hits that one is the answer which
+// the traversal would have stopped at: a postponed one, if it is hit, because a sure hit ends the traversal.
 bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     bool found = false;
 #ifdef DEFER_DOUBTS
@@ -147,8 +151,9 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
     return found;
 }
 
-// t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats nearest to them. Not
-// a hit's t that is not wanted; the weight of vertex 0 only if it is not the largest one, which the others tell.
+// t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats
+// nearest to them. Not a hit's t that is not wanted; the weight of vertex 0 only if it is not the largest one, which
+// the others tell.
 SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);

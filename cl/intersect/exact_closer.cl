@@ -1,10 +1,11 @@
-// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero: a ray through
-// an edge, or two triangles at the same t. Devices without double leave that to whole numbers at once. The Rust twin does so, too:
-// both are certain.
+// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero:
+// a ray through an edge, or two triangles at the same t. Devices without double leave that to exact integers at once.
+// The Rust twin does so, too: both are certain.
 
 #ifdef WIDE_IS_DOUBLE
-// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see WIDE_ERROR): edges are exact, the start's two products and
-// sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three products by 11; W by 9 more.
+// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see WIDE_ERROR): edges are exact, the start's two
+// products and sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three
+// products by 11; W by 9 more.
 #define CLOSER_ERROR 0x1p-100f
 
 typedef struct {
@@ -12,7 +13,8 @@ typedef struct {
     float distance_bound, det_bound, bound0, bound1, bound2;
 } CloserNumbers;
 
-void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0, float3 p1, float3 p2, CloserNumbers* n) {
+void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0, float3 p1, float3 p2,
+                    CloserNumbers* n) {
     const DoubleDouble3 edge1 = dd3_difference(p1, p0);
     const DoubleDouble3 edge2 = dd3_difference(p2, p0);
     const DoubleDouble3 start1 = dd3_difference(start->other1, start->base);
@@ -30,7 +32,8 @@ void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0,
     n->weight0 = dd_subtract(dd_subtract(n->det, n->weight1), n->weight2);
 
     const float3 magnitude1 = p1 - p0, magnitude2 = p2 - p0;
-    const float3 start_magnitude = abs3(start->other1 - start->base) * start->weight1 + abs3(start->other2 - start->base) * start->weight2;
+    const float3 start_magnitude =
+        abs3(start->other1 - start->base) * start->weight1 + abs3(start->other2 - start->base) * start->weight2;
     const float3 from_magnitude = abs3(p0 - start->base) + start_magnitude;
     const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     const float3 moment_magnitude = magnitude_cross(from_magnitude, ray_direction);
@@ -53,13 +56,14 @@ int sure_sign_closer(DoubleDouble number, float bound) {
 }
 
 // Whether numerator / denominator, off by no more than the bounds, surely rounds to the float *rounded.
-bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleDouble denominator, float denominator_bound,
-                          float* rounded) {
+bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleDouble denominator,
+                          float denominator_bound, float* rounded) {
     if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
     const double relative = (double)denominator_bound / fabs(denominator.x);
     if (!(relative < 0x1p-10)) return false;
     const DoubleDouble quotient = dd_divide(numerator, denominator);
-    const double error = 1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + (double)numerator_bound / fabs(denominator.x));
+    const double error =
+        1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + (double)numerator_bound / fabs(denominator.x));
     const float low = dd_to_float(dd_add(quotient, (DoubleDouble)(-error, 0.0)));
     *rounded = dd_to_float(dd_add(quotient, (DoubleDouble)(error, 0.0)));
     return low == *rounded;
@@ -67,8 +71,9 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
 
 // As decide_wide and place_hit, of a ray that starts at `start`. best0 to best2 are the
 // vertices of the nearest hit so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far.
-RARE WideDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2, float t_near, float t_far,
-                                float t_best_low, float t_best_high, float3 best0, float3 best1, float3 best2) {
+RARE WideDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
+                                float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1,
+                                float3 best2) {
     WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
@@ -90,10 +95,12 @@ RARE WideDecision decide_closer(TrianglePoint start, float3 direction, float3 p0
         CloserNumbers best;
         closer_numbers(&start, direction, best0, best1, best2, &best);
         // T D' - T' D and a bound of its error; 12 u^2 for its own two products and difference.
-        const DoubleDouble difference = dd_subtract(dd_multiply(n.distance, best.det), dd_multiply(best.distance, n.det));
-        const double error = 1.01 * (fabs(n.distance.x) * (double)best.det_bound + fabs(best.det.x) * (double)n.distance_bound +
-                                     fabs(best.distance.x) * (double)n.det_bound + fabs(n.det.x) * (double)best.distance_bound +
-                                     0x1p-102 * (fabs(n.distance.x * best.det.x) + fabs(best.distance.x * n.det.x)));
+        const DoubleDouble difference =
+            dd_subtract(dd_multiply(n.distance, best.det), dd_multiply(best.distance, n.det));
+        const double error =
+            1.01 * (fabs(n.distance.x) * (double)best.det_bound + fabs(best.det.x) * (double)n.distance_bound +
+                    fabs(best.distance.x) * (double)n.det_bound + fabs(n.det.x) * (double)best.distance_bound +
+                    0x1p-102 * (fabs(n.distance.x * best.det.x) + fabs(best.distance.x * n.det.x)));
         if (!is_closer_bound(best.det_bound) || !is_closer_bound(best.distance_bound)) return result;
         if (!(fabs(difference.x) > error)) return result;
         const bool is_farther = (difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0));

@@ -1,18 +1,20 @@
-// Ray-triangle intersection that is right: hit or miss as exact arithmetic decides it for the float32 numbers given, t, u and v
-// the floats nearest to the exact values, and of two hits the one that is exactly nearer.
+// Ray-triangle intersection that is right: hit or miss as exact arithmetic decides it for the float32 numbers given, t,
+// u and v the floats nearest to the exact values, and of two hits the one that is exactly nearer.
 //
-// Four filters, after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete &
-// Computational Geometry 18, 1997, with whole numbers in place of his expansions, which underflow:
-//  1. float32 edge functions (watertight.cl) and bounds of their error decide nearly every triangle, hit or miss, and which of two
-//     hits is nearer: a hit is known by an interval that holds its t.
+// Four filters, after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
+// Discrete & Computational Geometry 18, 1997, with exact integers in place of his expansions, which underflow:
+//  1. float32 edge functions (watertight.cl) and bounds of their error decide nearly every triangle, hit or miss, and
+//     which of two hits is nearer: a hit is known by an interval that holds its t.
 //  2. Arithmetic of twice the precision (cl/shared/wide.cl) with bounds decides nearly all the rest.
 //  3. Where there is double, four times the precision (exact_closer.cl).
-//  4. Whole numbers (exact_whole.cl) decide what is left: rays exactly through edges and vertices, in planes, equal distances.
-// Registers for calls in the loop over the triangles would slow down all of it: kernels postpone what step 1 leaves open until the
-// traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and DECIDE_WHOLE in memory.cl).
+//  4. Exact integers (exact_integers.cl) decide what is left: rays exactly through edges and vertices, in planes, equal
+//     distances.
+// Registers for calls in the loop over the triangles would slow down all of it: kernels postpone what step 1 leaves
+// open until the traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and
+// DECIDE_BY_INTEGERS in cl/memory/deferral.cl).
 // t, u and v are computed once, for the triangle that the traversal has found, in the arithmetic of steps 2 to 4.
-// Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the same on
-// devices with and without double. Weakness: the instructions of the second step.
+// Every step only decides what is certain, so the answer does not depend on the kind of arithmetic of step 2: it is the
+// same on devices with and without double. Weakness: the instructions of the second step.
 
 #define MISS 0
 #define HIT 1
@@ -20,16 +22,15 @@
 
 // Step 1. The edge functions and the bound of their error are in edges.cl.
 //
-// In sheared space the ray is the z axis, and it meets the triangle at z = t direction_z, the mean of the vertices' z weighted by the
-// edge functions. These, each off by `bound`, move that mean by at most 3 bound spread / |their sum|, where spread is the vertices'
-// extent in z. The z are off by 5 EPSILON of the largest, Z; the sums, reciprocals and products that give t round by 3 + 2 + 10 + 2
-// EPSILON Z: 22, and the last room is for the rounding of the bound. |direction_z| is at least 1. Three products may underflow, each by up
-// to 2^-126; their sum is divided by more than LEAST_EDGE.
-#define SPREAD_ERROR 3.1f
-#define DEPTH_ERROR (26.0f * EPSILON)
-#define LEAST_DEPTH 0x1p-64f
+// In sheared space the ray is the z axis, and it meets the triangle at z = t direction_z, the mean of the vertices' z
+// weighted by the edge functions. These, each off by `bound`, move that mean by at most 3 bound spread / |their sum|,
+// where spread is the vertices' extent in z. The z are off by 5 EPSILON of the largest, Z; the sums, reciprocals and
+// products that give t round by 3 + 2 + 10 + 2 EPSILON Z: 22, and the last room is for the rounding of the bound.
+// |direction_z| is at least 1. Three products may underflow, each by up to 2^-126; their sum is divided by more than
+// LEAST_EDGE. SPREAD_ERROR is the 3 and a tenth, DEPTH_ERROR 26, LEAST_DEPTH what underflows.
 
-// Whether a triangle that is not surely missed is hit, and limits of the hit's t, if there is one: in doubt those of all the triangle.
+// Whether a triangle that is not surely missed is hit, and limits of the hit's t, if there is one: in doubt those of
+// all the triangle.
 int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float* t_high) {
     const float nearest = smaller(s->az, smaller(s->bz, s->cz)), farthest = larger(s->az, larger(s->bz, s->cz));
     const float depth_error = fma(DEPTH_ERROR, larger(fabs(nearest), fabs(farthest)), LEAST_DEPTH);
@@ -49,27 +50,30 @@ int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float*
     return HIT;
 }
 
-// What limits of its t say of a hit: whether it is inside of the ray's interval and nearer than *hit, of which t and u are limits, too,
-// as long as the traversal goes on (no_hit_yet() in ray.cl). NaN says nothing. The interval may be off by less than a float's last bit,
-// so that a float beyond its end is beyond what was given, too.
+// What limits of its t say of a hit: whether it is inside of the ray's interval and nearer than *hit, of which t and u
+// are limits, too, as long as the traversal goes on (no_hit_yet() in ray.cl). NaN says nothing. The interval may be off
+// by less than a float's last bit, so that a float beyond its end is beyond what was given, too.
 int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
     if (t_high < ray->t_near || t_low > hit->t) return MISS;
     return t_low > ray->t_near && t_high < hit->u ? HIT : DOUBTFUL;
 }
 
-// Step 2. The numbers behind every answer, with a = p0 - start, e1 and e2 the edges from p0, N = e1 x e2, c = a x direction:
-//     T = N . a,  D = N . direction,  t = T / D;   U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
-// None of them is off by more than 9 WIDE_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of three products;
-// W by 3 more. P, the same expression of magnitudes, is computed in float32, which the constants leave room for.
-#define WIDE_ERROR (10.0f * WIDE_EPSILON)
-#define WIDE_ERROR_W (14.0f * WIDE_EPSILON)
-// a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this times that part.
-// And by what no float is small enough for (PLANE_ERROR in ray.cl): each of nine terms by up to 2^-149, which the bounds are to cover
-// whatever direction it is multiplied by, be it lifted to 2^61.
-#define LEAST_FROM (0x1p-145f * WIDE_PRECISION)
-#define START_ERROR (0.4f * EPSILON * WIDE_PRECISION) // 4 EPSILON / WIDE_ERROR: not every compiler divides constants
-// Below this a product of floats may have underflowed: nothing is certain.
-#define LEAST_MAGNITUDE 0x1p-80f
+// Step 2. The numbers behind every answer, with a = p0 - start, e1 and e2 the edges from p0, N = e1 x e2, c = a x
+// direction:
+//     T = N . a,  D = N . direction,  t = T / D;
+//     U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
+// None of them is off by more than 9 WIDE_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of
+// three products; W by 3 more. P, the same expression of magnitudes, is computed in float32, which the roundings of
+// src/shared/constants.rs leave room for.
+#define WIDE_ERROR (WIDE_ROUNDINGS * WIDE_EPSILON)
+#define WIDE_ERROR_W (WIDE_ROUNDINGS_W * WIDE_EPSILON)
+// a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this
+// times that part. And by what no float is small enough for (PLANE_ERROR in ray.cl): each of nine terms by up to
+// 2^-149, which the bounds are to cover whatever direction it is multiplied by, be it lifted to 2^61.
+#define LEAST_FROM (LEAST_START * WIDE_PRECISION)
+// 4 EPSILON / WIDE_ERROR: not every compiler divides constants.
+#define START_ERROR (START_SHARE * EPSILON * WIDE_PRECISION)
+// Below LEAST_MAGNITUDE a product of floats may have underflowed: nothing is certain.
 
 typedef struct {
     Wide distance, det, weight0, weight1, weight2; // T, D, W, U, V
@@ -84,7 +88,8 @@ float3 magnitude_cross(float3 a, float3 b) {
 }
 
 // Values instead of a pointer to the ray: its address would keep the ray out of registers.
-void wide_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3 p0, float3 p1, float3 p2, WideNumbers* n) {
+void wide_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3 p0, float3 p1, float3 p2,
+                  WideNumbers* n) {
     const Wide3 edge1 = wide3_difference(p1, p0);
     const Wide3 edge2 = wide3_difference(p2, p0);
     const Wide3 low = wide3_from(origin_low);
@@ -128,7 +133,8 @@ typedef struct {
     float t_low, t_high; // of a hit
 } WideDecision;
 
-// Hit, miss or doubt, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the loop over the triangles.
+// Hit, miss or doubt, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the loop
+// over the triangles.
 RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2) {
     WideNumbers n;
     wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
@@ -140,9 +146,10 @@ RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction
     if (sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0) result.decision = MISS;
     if (sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign || !is_bound(n.distance_bound)) return result;
     const float t = wide_to_float(wide_divide(n.distance, n.det));
-    // |D| is above its bound: by more than a rounding, as both are floats. The 4 EPSILON are for the roundings of t and its limits; a
-    // smaller t loses bits, and only a comparison of T itself with zero would help.
-    const float error = 1.01f * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(wide_to_float(n.det)) - n.det_bound);
+    // |D| is above its bound: by more than a rounding, as both are floats. The 4 EPSILON are for the roundings of t and
+    // its limits; a smaller t loses bits, and only a comparison of T itself with zero would help.
+    const float error =
+        1.01f * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(wide_to_float(n.det)) - n.det_bound);
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result;
     result.decision = HIT;
     result.t_low = t - fma(4.0f * EPSILON, fabs(t), error);
@@ -159,7 +166,8 @@ typedef struct {
 
 WideInverse invert_det(const WideNumbers* n) {
     const float det_error = n->det_bound / fabs(wide_to_float(n->det));
-    const WideInverse inverse = {wide_divide(wide_from(1.0f), n->det), det_error, is_bound(n->det_bound) && det_error < 0x1p-10f};
+    const WideInverse inverse = {wide_divide(wide_from(1.0f), n->det), det_error,
+                                 is_bound(n->det_bound) && det_error < 0x1p-10f};
     return inverse;
 }
 
@@ -173,14 +181,15 @@ bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* r
     return is_bound(bound) && wide_rounds_surely(quotient, error, rounded) && fabs(*rounded) > LEAST_MAGNITUDE;
 }
 
-// t, if it is wanted, and the weights of a triangle that is hit, if that is sure: the floats nearest to them. Else 0, and the weight of
-// vertex 0 only if it is not the largest one, which the others tell.
+// t, if it is wanted, and the weights of a triangle that is hit, if that is sure: the floats nearest to them. Else 0,
+// and the weight of vertex 0 only if it is not the largest one, which the others tell.
 typedef struct {
     bool is_sure;
     float t, weight0, u, v;
 } FinishedHit;
 
-FinishedHit finish_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2, const bool wants_t) {
+FinishedHit finish_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2,
+                        const bool wants_t) {
     WideNumbers n;
     wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
     const WideInverse det = invert_det(&n);
@@ -198,7 +207,8 @@ FinishedHit finish_wide(float3 origin, float3 origin_low, float3 direction, floa
 TrianglePoint start_of_ray(GEOMETRY_PARAMETERS, const Ray* ray) {
     TrianglePoint point = {ray->origin, ray->origin, ray->origin, 0.0f, 0.0f};
     if (starts_on_triangle(ray))
-        point = point_of_weights(LOAD_SURFACE_VERTEX(geometry, ray->skip, 0), LOAD_SURFACE_VERTEX(geometry, ray->skip, 1),
-                                 LOAD_SURFACE_VERTEX(geometry, ray->skip, 2), ray->start_weights);
+        point =
+            point_of_weights(LOAD_SURFACE_VERTEX(geometry, ray->skip, 0), LOAD_SURFACE_VERTEX(geometry, ray->skip, 1),
+                             LOAD_SURFACE_VERTEX(geometry, ray->skip, 2), ray->start_weights);
     return point;
 }

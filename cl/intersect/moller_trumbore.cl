@@ -1,12 +1,12 @@
 // Ray-triangle intersection with two edges and one reciprocal, two-sided.
 // Moller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", Journal of Graphics Tools 2(1), 1997.
 //
-// Every test in cl/intersect/ has this signature: writes t (in the ray's units) and u, v (the weights of vertices 1 and 2) and
-// returns true when the ray's line meets the closed triangle; the caller compares t with its limits. Comparisons are written
-// so that NaN is a miss.
+// Every test in cl/intersect/ has this signature: writes t (in the ray's units) and u, v (the weights of vertices 1 and
+// 2) and returns true when the ray's line meets the closed triangle; the caller compares t with its limits. Comparisons
+// are written so that NaN is a miss.
 //
-// Fast, not watertight: a ray through a shared edge can miss both triangles, because u and v of the two neighbours are rounded
-// independently. No epsilon: |det| small says nothing of the triangle's worth.
+// Fast, not watertight: a ray through a shared edge can miss both triangles, because u and v of the two neighbours are
+// rounded independently. No epsilon: |det| small says nothing of the triangle's worth.
 bool intersect_moller_trumbore(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u,
                                float* v) {
     const float3 p0 = LOAD_VERTEX(geometry, slot, 0);

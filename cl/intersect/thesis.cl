@@ -1,19 +1,19 @@
 // The triangle test of the thesis, listing 5.1, with its faults: a yardstick, never the default.
-// J. Dvořák, "Streaming Raytracer na GPU", master's thesis, FIT VUT Brno 2008, section 5.4.2; after Moller and Trumbore 1997,
-// the variant that divides last.
+// J. Dvořák, "Streaming Raytracer na GPU", master's thesis, FIT VUT Brno 2008, section 5.4.2; after Moller and Trumbore
+// 1997, the variant that divides last.
 //
 // What is wrong with it, all asserted in tests/methods/intersect.rs:
 //   * `det < Epsilon` drops every back face: the ray's way out of glass, and half of a mesh that is not wound alike;
-//   * it is absolute: triangles with det, twice the area times the cosine, below Epsilon do not exist (legs of 1 mm in metres);
-//   * `dist < Epsilon` comes before the division, when dist is still multiplied by det: the nearest possible hit lies at
-//     Epsilon / det, 1e-6 for a unit triangle and 0.25 for one with legs of 2e-3;
+//   * it is absolute: triangles with det, twice the area times the cosine, below Epsilon do not exist (legs of 1 mm in
+//     metres);
+//   * `dist < Epsilon` comes before the division, when dist is still multiplied by det: the nearest possible hit lies
+//     at Epsilon / det, 1e-6 for a unit triangle and 0.25 for one with legs of 2e-3;
 //   * as in every test of its kind a ray through a shared edge can miss both triangles.
 //
 // The thesis worked in world units with directions of length 1; the tracer does not. In tracing space det is larger by
-// scale^2 |direction| and dist, before the division, by scale^3. Epsilon is multiplied by the same, which keeps the printed
-// order of operations and drops what the thesis would have dropped, whatever the scale. Its value is not printed there; that of
-// the paper is taken.
-#define THESIS_EPSILON 1.0e-6f
+// scale^2 |direction| and dist, before the division, by scale^3. Epsilon is multiplied by the same, which keeps the
+// printed order of operations and drops what the thesis would have dropped, whatever the scale. Its value is not
+// printed there; that of the paper is taken: THESIS_EPSILON.
 
 bool intersect_thesis(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
     const float3 a = LOAD_VERTEX(geometry, slot, 0);

@@ -1,5 +1,6 @@
-// Pictures of bounded error: what is known of the pixels, and which of them are traced next (src/adaptive.rs says why, and has the twin
-// of everything here; what it has in capitals comes from there). LATTICE in place of a class: the pixels of the lattice are asked for.
+// Pictures of bounded error: what is known of the pixels, and which of them are traced next (src/adaptive.rs says why,
+// and has the twin of everything here; what it has in capitals comes from there). LATTICE in place of a class: the
+// pixels of the lattice are asked for.
 //
 // Pixels are listed tile by tile, so that rays that are traced together run close together.
 
@@ -8,15 +9,18 @@
 #define ROUND_OF(state) ((state) >> LEVEL_BITS)
 #define NO_CLASS 0xffffffffu
 
-// What is known of a picture's pixels, each an element of these arrays.
+// What is known of a picture's pixels, each an element of these arrays:
+//   film     as shown, linear
+//   sums     of the samples
+//   shown    xyz: values of a screen; w: squared error, of a mean by what parts of it differ, of an interpolated pixel
+//            by what its neighbours turned out to be
+//   states   level, and the round in which it had its last samples << LEVEL_BITS
+//   errors   squared
+//   classes  level * CLASSES + class, or NO_CLASS
 #define PIXEL_ARGUMENTS \
-    const uint width, const uint height, const uint lattice, __global float4* restrict film, /* as shown, linear */ \
-        __global float4* restrict sums,  /* of the samples */ \
-        __global float4* restrict shown, /* xyz: values of a screen; w: squared error, of a mean by what parts of it differ, of an \
-                                            interpolated pixel by what its neighbours turned out to be */ \
-        __global uint* restrict states,  /* level, and the round in which it had its last samples << LEVEL_BITS */ \
-        __global float* restrict errors, /* squared */ \
-        __global uint* restrict classes  /* level * CLASSES + class, or NO_CLASS */
+    const uint width, const uint height, const uint lattice, __global float4* restrict film, \
+        __global float4* restrict sums, __global float4* restrict shown, __global uint* restrict states, \
+        __global float* restrict errors, __global uint* restrict classes
 
 // Mean of the squared channels.
 float mean_square(float3 v) { return (v.x * v.x + v.y * v.y + v.z * v.z) * (1.0f / 3.0f); }
@@ -60,8 +64,8 @@ __kernel void forget_pixels(PIXEL_ARGUMENTS, const uint first, const uint end) {
 }
 
 // How many pixels (x) of each tile are to have more samples, and how many samples (y).
-__kernel void count_wanted(PIXEL_ARGUMENTS, __global uint2* restrict tiles, const uint lowest, const uint only_interpolated,
-                           const uint first, const uint end) {
+__kernel void count_wanted(PIXEL_ARGUMENTS, __global uint2* restrict tiles, const uint lowest,
+                           const uint only_interpolated, const uint first, const uint end) {
     const uint tile = first + (uint)get_global_id(0);
     if (tile >= end) return;
     uint2 low;
@@ -76,11 +80,11 @@ __kernel void count_wanted(PIXEL_ARGUMENTS, __global uint2* restrict tiles, cons
     tiles[tile] = count;
 }
 
-// Lists these pixels (x) and where the samples of each begin (y). `tiles`: how many there are in the tiles before; `before`: in those
-// before the list's first tile.
-__kernel void list_wanted(PIXEL_ARGUMENTS, __global const uint2* restrict tiles, const uint lowest, const uint only_interpolated,
-                          __global uint2* restrict list, const uint pixels_before, const uint samples_before, const uint first,
-                          const uint end) {
+// Lists these pixels (x) and where the samples of each begin (y). `tiles`: how many there are in the tiles before;
+// `before`: in those before the list's first tile.
+__kernel void list_wanted(PIXEL_ARGUMENTS, __global const uint2* restrict tiles, const uint lowest,
+                          const uint only_interpolated, __global uint2* restrict list, const uint pixels_before,
+                          const uint samples_before, const uint first, const uint end) {
     const uint tile = first + (uint)get_global_id(0);
     if (tile >= end) return;
     uint2 low;
@@ -97,8 +101,9 @@ __kernel void list_wanted(PIXEL_ARGUMENTS, __global const uint2* restrict tiles,
 }
 
 // The positions of the new samples of listed pixels.
-__kernel void place_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list, __global const CameraSample* restrict sequence,
-                            __global CameraSample* restrict samples, const uint first, const uint end) {
+__kernel void place_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list,
+                            __global const CameraSample* restrict sequence, __global CameraSample* restrict samples,
+                            const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint pixel = list[number].x;
@@ -117,11 +122,11 @@ float3 sum_of(__global const float4* radiances, float3 sum, uint from, uint end)
     return sum;
 }
 
-// Takes note of the radiances of new samples. `changes`: of pixels that have their first ones the square of how much these are not what
-// was there.
-__kernel void take_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list, __global const float4* restrict radiances,
-                           __global const float* restrict curve, __global float* restrict changes, const uint round, const uint first,
-                           const uint end) {
+// Takes note of the radiances of new samples. `changes`: of pixels that have their first ones the square of how much
+// these are not what was there.
+__kernel void take_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list,
+                           __global const float4* restrict radiances, __global const float* restrict curve,
+                           __global float* restrict changes, const uint round, const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint pixel = list[number].x, from = list[number].y;
@@ -143,7 +148,8 @@ __kernel void take_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list,
         const float3 c = display_steps(curve, sum_of(radiances, zero, from + before, from + 2u * before) * part);
         const float3 d = display_steps(curve, sum_of(radiances, zero, from + 2u * before, from + 3u * before) * part);
         const float3 middle = (a + b + c + d) * 0.25f;
-        const float spread = mean_square(a - middle) + mean_square(b - middle) + mean_square(c - middle) + mean_square(d - middle);
+        const float spread =
+            mean_square(a - middle) + mean_square(b - middle) + mean_square(c - middle) + mean_square(d - middle);
         variance = spread * (1.0f / 12.0f);
     }
     sums[pixel] = (float4)(sum, 0.0f);
@@ -153,14 +159,15 @@ __kernel void take_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list,
 }
 
 // Where an interpolated pixel was wrong, those beside it may be.
-__kernel void tell_neighbours(PIXEL_ARGUMENTS, __global const uint2* restrict list, __global const float* restrict changes,
-                              const uint first, const uint end) {
+__kernel void tell_neighbours(PIXEL_ARGUMENTS, __global const uint2* restrict list,
+                              __global const float* restrict changes, const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint pixel = list[number].x;
     if (LEVEL_OF(states[pixel]) != 1u) return;
     const uint x = pixel % width, y = pixel / width;
-    const uint told = as_uint(SURPRISE * changes[number]); // no number below zero: as whole numbers they have the same order
+    // No number is below zero: as integers they have the same order.
+    const uint told = as_uint(SURPRISE * changes[number]);
     for (uint row = max(y, 1u) - 1u; row < min(y + 2u, height); row++) {
         for (uint column = max(x, 1u) - 1u; column < min(x + 2u, width); column++) {
             const uint near = row * width + column;
@@ -182,7 +189,8 @@ __kernel void interpolate(PIXEL_ARGUMENTS, __global const float* restrict curve,
     const uint pixel = first + (uint)get_global_id(0);
     if (pixel >= end || LEVEL_OF(states[pixel]) != 0u) return;
     uint2 columns, rows;
-    const float across = between(pixel % width, lattice, width, &columns), down = between(pixel / width, lattice, height, &rows);
+    const float across = between(pixel % width, lattice, width, &columns),
+                down = between(pixel / width, lattice, height, &rows);
     // The corners have samples: nobody writes them.
     const float3 a = film[rows.x * width + columns.x].xyz, b = film[rows.x * width + columns.y].xyz;
     const float3 c = film[rows.y * width + columns.x].xyz, d = film[rows.y * width + columns.y].xyz;
@@ -193,7 +201,8 @@ __kernel void interpolate(PIXEL_ARGUMENTS, __global const float* restrict curve,
 }
 
 // The squared second difference of the lattice at a point and those before and after it; 0 where there are none.
-float lattice_bend(uint width, uint height, uint lattice, __global const float4* shown, int column, int row, int dx, int dy) {
+float lattice_bend(uint width, uint height, uint lattice, __global const float4* shown, int column, int row, int dx,
+                   int dy) {
     const int columns = (int)((width - 1u) / lattice + 1u), rows = (int)((height - 1u) / lattice + 1u);
     const int2 low = (int2)(column - dx, row - dy), high = (int2)(column + dx, row + dy);
     if (low.x < 0 || low.y < 0 || high.x > columns || high.y > rows) return 0.0f;
@@ -261,17 +270,19 @@ float estimate_error(uint width, uint height, uint lattice, __global const float
     return max_or(PARTS[level][0] * own, max_or(of_contrast, of_neighbours) * power_of_two_scale(edge_samples(level)));
 }
 
-// Adds to a number of 64 bits in two words, low one first: devices without atomic operations on such numbers have it, too.
+// Adds to a number of 64 bits in two words, low one first: devices without atomic operations on such numbers have it,
+// too.
 void add_wide(volatile __global uint* sum, ulong summand) {
     const uint low = (uint)summand;
     const uint carry = atomic_add(&sum[0], low) > 0xffffffffu - low ? 1u : 0u;
     atomic_add(&sum[1], (uint)(summand >> 32) + carry);
 }
 
-// Estimates anew the errors of pixels that have new samples, and of those beside them. `promises`: pixels by level, then by class; then
-// SUM_SLOTS parts of the sum of all squared errors. Whole numbers have the same sum in any order.
-__kernel void update_estimates(PIXEL_ARGUMENTS, __global const float* restrict cells, volatile __global uint* restrict promises,
-                               const uint round, const uint first, const uint end) {
+// Estimates anew the errors of pixels that have new samples, and of those beside them. `promises`: pixels by level,
+// then by class; then SUM_SLOTS parts of the sum of all squared errors. Whole numbers have the same sum in any order.
+__kernel void update_estimates(PIXEL_ARGUMENTS, __global const float* restrict cells,
+                               volatile __global uint* restrict promises, const uint round, const uint first,
+                               const uint end) {
     const uint pixel = first + (uint)get_global_id(0);
     if (pixel >= end) return;
     const uint x = pixel % width, y = pixel / width;

@@ -1,7 +1,8 @@
 // The mega-kernel: one work-item renders one pixel, from its camera rays to its colour (thesis, section 5.2.1).
 //
-// Recursion is a private stack of waiting rays: every surface replaces the ray that found it by at most two, one step deeper,
-// so that depth D needs room for D; where nothing is transparent by at most one, so that there is never more than one.
+// Recursion is a private stack of waiting rays: every surface replaces the ray that found it by at most two, one step
+// deeper, so that depth D needs room for D; where nothing is transparent by at most one, so that there is never more
+// than one.
 
 // The light of all lights that the surface sends back along the ray, and what it gives off itself.
 float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* material, const PendingRay* pending,
@@ -32,9 +33,11 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Pen
             SURFACE_HIT(GEOMETRY, &pending.ray, &hit, &at);
             const Surface surface = surface_at(GEOMETRY, scene->shading, &pending.ray, &at);
             const Material material = scene->materials[surface.material];
-            radiance += pending.weight * limit_radiance(local_light(SCENE, &surface, &material, &pending, direction, counts));
+            radiance +=
+                pending.weight * limit_radiance(local_light(SCENE, &surface, &material, &pending, direction, counts));
             if (pending.depth < render->max_depth)
-                stacked = push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
+                stacked =
+                    push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
         } else {
             radiance += pending.weight * limit_radiance(background(scene, direction));
         }
@@ -43,13 +46,13 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Pen
     }
 }
 
-// Adds the samples from first_sample to end_sample to the pixels, in the order of their numbers whatever the host does in one launch.
-// Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first; sums until the last sample is there.
-// Work records: two a pixel, of its camera rays and of all others.
-__kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,
-                     __global float4* restrict film, volatile __global uint* restrict counters,
-                     WORK_ARGUMENT DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first,
-                     const uint end) {
+// Adds the samples from first_sample to end_sample to the pixels, in the order of their numbers whatever the host does
+// in one launch. Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first; sums until the last sample
+// is there. Work records: two a pixel, of its camera rays and of all others.
+__kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render,
+                     __global const CameraSample* restrict samples, __global float4* restrict film,
+                     volatile __global uint* restrict counters, WORK_ARGUMENT DOUBTS_ARGUMENT const uint first_sample,
+                     const uint end_sample, const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint item = ITEM_OF(number);

@@ -1,7 +1,8 @@
-// The mega-kernel in packets: a work-item renders tiles of PACKETS_OF_ITEM times sixteen pixels. A tile's camera rays are traced together;
-// then sixteen pixels at a time, two rows of eight, go on in step: the rays of all of them that are next are traced together, and so are
-// their shadow rays to one lamp. What they have hit is computed for sixteen lanes at once (packets/surfaces.cl); a ray of one lane is only
-// made where it is traced by itself. Each pixel's own order is that of render.cl, so that its colour is the same to the bit.
+// The mega-kernel in packets: a work-item renders tiles of PACKETS_OF_ITEM times sixteen pixels. A tile's camera rays
+// are traced together; then sixteen pixels at a time, two rows of eight, go on in step: the rays of all of them that
+// are next are traced together, and so are their shadow rays to one lamp. What they have hit is computed for sixteen
+// lanes at once (packets/surfaces.cl); a ray of one lane is only made where it is traced by itself. Each pixel's own
+// order is that of render.cl, so that its colour is the same to the bit.
 
 // What is kept of a pixel from sample to sample.
 typedef struct {
@@ -31,8 +32,8 @@ typedef struct {
     float3 towards;      // and its direction there
 } Path;
 
-// Sixteen pixels: the first item, and the number of the sample that is rendered. Only camera rays are also traced for those that follow;
-// their lanes count on.
+// Sixteen pixels: the first item, and the number of the sample that is rendered. Only camera rays are also traced for
+// those that follow; their lanes count on.
 typedef struct {
     __global const RenderParams* render;
     __global const CameraSample* samples;
@@ -52,7 +53,8 @@ const WaitingRay* waiting_ray(const Path* path) { return &path->stack[path->stac
 // A camera ray or one that was waiting.
 void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
-        *pending = first_of_path(group->render, group->samples, pixel_of_item(group->render, group->item + lane), group->sample);
+        *pending = first_of_path(group->render, group->samples, pixel_of_item(group->render, group->item + lane),
+                                 group->sample);
     else
         *pending = load_pending(waiting_ray(&group->paths[lane]));
 }
@@ -61,7 +63,9 @@ void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRa
 void take_history(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
         begin_path(group->render,
-                   camera_sample(group->render, group->samples, pixel_of_item(group->render, group->item + lane), group->sample), pending);
+                   camera_sample(group->render, group->samples, pixel_of_item(group->render, group->item + lane),
+                                 group->sample),
+                   pending);
     else
         load_history(waiting_ray(&group->paths[lane]), pending);
 }
@@ -86,12 +90,13 @@ void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket*
         const Path* path = &group->paths[lane];
         if (kind == WAITING_RAYS) {
             const WaitingRay* ray = waiting_ray(path);
-            add_ray(p, lane, ray->origin_t_near.xyz, ray->origin_low_width.xyz, as_float3(ray->direction_skip.xyz), ray->origin_t_near.w,
-                    INFINITY, as_uint(ray->direction_skip.w));
+            add_ray(p, lane, ray->origin_t_near.xyz, ray->origin_low_width.xyz, as_float3(ray->direction_skip.xyz),
+                    ray->origin_t_near.w, INFINITY, as_uint(ray->direction_skip.w));
         } else {
             const SurfacePoint* from = kind == SHADOW_RAYS ? &path->start : &path->passed;
-            add_ray(p, lane, from->position, from->position_low, kind == SHADOW_RAYS ? path->sample.to_light : path->towards, 0.0f,
-                    path->sample.t_far, from->primitive);
+            add_ray(p, lane, from->position, from->position_low,
+                    kind == SHADOW_RAYS ? path->sample.to_light : path->towards, 0.0f, path->sample.t_far,
+                    from->primitive);
         }
     }
 }
@@ -102,7 +107,8 @@ void pack_camera_rays(const PixelGroup* group, uint item, ulong lanes, RayPacket
     const uint2 first = pixel_of_item(render, item);
     const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const int16 is_ray = mask_of_lanes16(lanes);
-    float16 x = convert_float16((int)first.x + lane % (int)TILE_SIDE), y = convert_float16((int)first.y + lane / (int)TILE_SIDE);
+    float16 x = convert_float16((int)first.x + lane % (int)TILE_SIDE),
+            y = convert_float16((int)first.y + lane / (int)TILE_SIDE);
     if (render->ray_count == 0u) {
         const CameraSample at = group->samples[group->sample];
         x += at.x;
@@ -139,15 +145,15 @@ typedef struct {
     uint primitive[16];
 } PacketAnswer;
 
-// Fewer rays are traced one after the other: what they gain by a packet is less than what it takes to make one of single rays, and to
-// take it apart again.
+// Fewer rays are traced one after the other: what they gain by a packet is less than what it takes to make one of
+// single rays, and to take it apart again.
 #define FEWEST_TOGETHER 6u
 
-// The closest hits of the rays of `lanes`, or with any_hit whether there are any; of `packets` packets, of which only camera rays have more
-// than one: theirs go on in the next items. What is left to the second pass is added to *in_doubt. *packet: the rays that were traced
-// together.
-void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const uint packets, const bool any_hit,
-                 RayPacket* packet, PacketAnswer* answer, ulong* in_doubt) {
+// The closest hits of the rays of `lanes`, or with any_hit whether there are any; of `packets` packets, of which only
+// camera rays have more than one: theirs go on in the next items. What is left to the second pass is added to
+// *in_doubt. *packet: the rays that were traced together.
+void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const uint packets,
+                 const bool any_hit, RayPacket* packet, PacketAnswer* answer, ulong* in_doubt) {
     PacketHits found[PACKETS_OF_ITEM];
     int16 used[PACKETS_OF_ITEM], doubtful[PACKETS_OF_ITEM];
     uint traced = 0u;
@@ -187,9 +193,10 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
     }
 }
 
-// Lets the shadow rays of that kind, which were traced, go on behind what they have hit, if it is transparent. Returns those that do.
-ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, const RayPacket* packet, const PacketAnswer* answer,
-                    ulong* in_doubt) {
+// Lets the shadow rays of that kind, which were traced, go on behind what they have hit, if it is transparent. Returns
+// those that do.
+ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, const RayPacket* packet,
+                    const PacketAnswer* answer, ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
     ulong passed = 0ul;
     for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
@@ -257,7 +264,8 @@ typedef struct {
     float16 to_light[3], direction[3], scale, inv_length, halfway[3];
 } PacketLamp;
 
-// Of a lamp at `position`. *has_halfway: the lanes of which it is sure of that. Returns those of which it is sure of all else.
+// Of a lamp at `position`. *has_halfway: the lanes of which it is sure of that. Returns those of which it is sure of
+// all else.
 ulong directions_to_lamp(const PixelGroup* group, ulong lanes, float3 position, PacketLamp* lamp, ulong* has_halfway) {
     float16 from[3], view[3], scale, inverse;
 #pragma unroll
@@ -298,11 +306,11 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
             const bool is_halfway = (has_halfway & lane_bit16(lane)) != 0ul;
             if (is_halfway) halfway = three_of_lane(lamp.halfway, lane);
             sample_lamp(light, three_of_lane(lamp.to_light, lane), &towards, &path->sample);
-            is_lit = reflect_sample(&path->surface, &path->material, path->light.diffuse, path->direction, is_halfway ? &halfway : 0,
-                                    &path->sample, &path->reflected);
+            is_lit = reflect_sample(&path->surface, &path->material, path->light.diffuse, path->direction,
+                                    is_halfway ? &halfway : 0, &path->sample, &path->reflected);
         } else {
-            is_lit = light_term(scene, &path->surface, &path->material, path->light.diffuse, path->direction, index, &path->sample,
-                                &path->reflected);
+            is_lit = light_term(scene, &path->surface, &path->material, path->light.diffuse, path->direction, index,
+                                &path->sample, &path->reflected);
         }
         if (is_lit) lit |= lane_bit16(lane);
     }
@@ -314,8 +322,8 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
     }
 }
 
-// What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface and direction; of
-// those that have missed the direction alone.
+// What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface
+// and direction; of those that have missed the direction alone.
 void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
                    const PacketAnswer* answer, ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
@@ -346,7 +354,8 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
             at = hit_of_lane(&surfaces, lane, answer->primitive[lane]);
             path->surface.point = point_of_lane(&surfaces, lane, answer->primitive[lane]);
             path->surface.largest_coordinate = lane_of16(&surfaces.largest_coordinate, lane);
-            complete_surface(GEOMETRY, scene->shading, pending->ray.direction, &at, three_of_lane(surfaces.outward, lane), &path->surface);
+            complete_surface(GEOMETRY, scene->shading, pending->ray.direction, &at,
+                             three_of_lane(surfaces.outward, lane), &path->surface);
             continue;
         }
         take_pending(group, kind, lane, &path->pending);
@@ -370,7 +379,8 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
         const uint counted = kind == CAMERA_RAYS ? COUNT_CAMERA_CAST : kind_of_waiting(waiting_ray(path));
         group->pixels[lane].counts[counted]++;
         if ((answer->hits & lane_bit16(lane)) == 0ul) {
-            const float3 weight = kind == CAMERA_RAYS ? (float3)(1.0f) : as_float3(waiting_ray(path)->weight_kind_depth.xyz);
+            const float3 weight =
+                kind == CAMERA_RAYS ? (float3)(1.0f) : as_float3(waiting_ray(path)->weight_kind_depth.xyz);
             path->radiance += weight * limit_radiance(background(scene, path->direction));
             continue;
         }
@@ -391,7 +401,8 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
 }
 
 // Adds the sample of the paths of `lanes`, whose camera rays were traced, to their pixels.
-void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer, ulong* in_doubt) {
+void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer,
+                ulong* in_doubt) {
     const Geometry* geometry = &scene->geometry;
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &group->paths[first_lane16(rest)];
@@ -418,8 +429,9 @@ void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacke
 }
 
 // Renders the items from `item` on, of those before `end`.
-void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global const CameraSample* samples, __global float4* film,
-                 volatile __global uint* counters, DOUBTS_ARGUMENT uint first_sample, uint end_sample, uint item, uint end) {
+void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global const CameraSample* samples,
+                 __global float4* film, volatile __global uint* counters, DOUBTS_ARGUMENT uint first_sample,
+                 uint end_sample, uint item, uint end) {
     const Geometry* geometry = &scene->geometry;
     Pixel pixels[TILE_ITEMS];
     ulong inside[PACKETS_OF_ITEM], in_doubt[PACKETS_OF_ITEM];
@@ -454,17 +466,19 @@ void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global
     }
 }
 
-// As `render`. What is dear in a picture lies together: work-items take the tiles of a launch one after the other, so that none has more of
-// it to do than others while these wait.
-__kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render, __global const CameraSample* restrict samples,
-                             __global float4* restrict film, volatile __global uint* restrict counters,
-                             DOUBTS_ARGUMENT const uint first_sample, const uint end_sample, const uint first, const uint end) {
+// As `render`. What is dear in a picture lies together: work-items take the tiles of a launch one after the other, so
+// that none has more of it to do than others while these wait.
+__kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render,
+                             __global const CameraSample* restrict samples, __global float4* restrict film,
+                             volatile __global uint* restrict counters, DOUBTS_ARGUMENT const uint first_sample,
+                             const uint end_sample, const uint first, const uint end) {
     const uint tiles = (end - first + TILE_ITEMS - 1u) / TILE_ITEMS;
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     for (;;) {
         const uint tile = atomic_inc(&counters[TAKEN_TILES]);
         if (tile >= tiles) return;
-        render_tile(SCENE_AT(&scene), render, samples, film, counters, doubts, first_sample, end_sample, first + TILE_ITEMS * tile, end);
+        render_tile(SCENE_AT(&scene), render, samples, film, counters, doubts, first_sample, end_sample,
+                    first + TILE_ITEMS * tile, end);
     }
 }

@@ -32,11 +32,12 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     NOTE_DOUBT(index);
 }
 
-// The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A first
-// ray that missed has no second one.
-__kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global const float4* restrict next_directions,
-                         __global const Hit* restrict hits, __global Hit* restrict next_hits,
-                         WORK_ARGUMENT DOUBTS_ARGUMENT const uint first, const uint end) {
+// The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A
+// first ray that missed has no second one.
+__kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
+                         __global const float4* restrict next_directions, __global const Hit* restrict hits,
+                         __global Hit* restrict next_hits, WORK_ARGUMENT DOUBTS_ARGUMENT const uint first,
+                         const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = ITEM_OF(item);

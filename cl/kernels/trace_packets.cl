@@ -1,11 +1,12 @@
-// Batch queries in packets: one work-item traces PACKETS_OF_ITEM times sixteen rays of the caller's, one behind the other
-// in the batch.
+// Batch queries in packets: one work-item traces PACKETS_OF_ITEM times sixteen rays of the caller's, one behind the
+// other in the batch.
 
-// The numbers of sixteen rays, four in a row and `stride` rays between rows, one component after the other: origin, t_min, direction,
-// t_max.
+// The numbers of sixteen rays, four in a row and `stride` rays between rows, one component after the other: origin,
+// t_min, direction, t_max.
 void load_components(__global const TraceRay* rays, uint stride, float16* c) {
     float16 v[8], w[8];
-    // From two rays a vector to one component a vector: the even lanes of pairs of vectors and the odd ones, three times.
+    // From two rays a vector to one component a vector: the even lanes of pairs of vectors and the odd ones, three
+    // times.
 #pragma unroll
     for (uint i = 0; i < 8u; i++) v[i] = vload16(i % 2u, (__global const float*)(rays + i / 2u * stride));
 #pragma unroll
@@ -30,8 +31,9 @@ void load_components(__global const TraceRay* rays, uint stride, float16* c) {
     }
 }
 
-// A packet of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of extreme numbers,
-// or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the caller's units.
+// A packet of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of
+// extreme numbers, or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the
+// caller's units.
 int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPacket* p, float16* t_factor) {
     if (!(scale >= 1.0f / MODERATE && scale <= MODERATE)) return (int16)(0);
     float16 c[8], unit;
@@ -63,9 +65,10 @@ void store_hits(__global Hit* hits, uint stride, float16 t, float16 u, float16 v
     for (uint i = 0; i < 4u; i++) vstore16(fours[i], 0, (__global float*)(hits + i * stride));
 }
 
-// Traces packets of sixteen rays each together, those of `full` (bits). Writes to `answered` the lanes that have their hits.
-void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, const RayTile* tile, const uint full,
-                    const bool any_hit, int16* answered) {
+// Traces packets of sixteen rays each together, those of `full` (bits). Writes to `answered` the lanes that have their
+// hits.
+void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, const RayTile* tile,
+                    const uint full, const bool any_hit, int16* answered) {
     RayPacket packets[PACKETS_OF_ITEM];
     PacketHits found[PACKETS_OF_ITEM];
     float16 t_factor[PACKETS_OF_ITEM];
@@ -73,7 +76,8 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     uint traced = 0u;
     for (uint rest = full; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        answered[k] = load_packet(rays + square_in_tile(tile, k), tile->stride, geometry->scale, &packets[k], &t_factor[k]);
+        answered[k] =
+            load_packet(rays + square_in_tile(tile, k), tile->stride, geometry->scale, &packets[k], &t_factor[k]);
         if (is_any16(answered[k])) traced |= 1u << k;
     }
     if (traced == 0u) return;
@@ -91,15 +95,16 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
         const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
-        store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
+        store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u,
+                   hit.v, hit.primitive);
         answered[k] = answered[k] && !doubtful[k] && is_exact;
     }
 }
 
-// The rays of one work-item, those of the tile from `item` on, of items before `end`. What packets do not answer is traced one ray after
-// the other.
-void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, volatile __global uint* doubts, uint row,
-                uint in_bands, uint item, uint end, const bool any_hit) {
+// The rays of one work-item, those of the tile from `item` on, of items before `end`. What packets do not answer is
+// traced one ray after the other.
+void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, volatile __global uint* doubts,
+                uint row, uint in_bands, uint item, uint end, const bool any_hit) {
     const RayTile tile = tile_at(item, row, in_bands);
     const uint packets = min((end - item) / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
@@ -110,15 +115,17 @@ void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit
             const uint lane = first_lane16(alone), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
             if (item + 16u * k + lane >= end) continue;
             Hit hit;
-            if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit)) settle_batch(GEOMETRY, rays, hits, index, any_hit, hit);
+            if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit))
+                settle_batch(GEOMETRY, rays, hits, index, any_hit, hit);
             if (TAKE_IN_DOUBT(geometry)) ADD_DOUBT(index);
         }
     }
 }
 
 // The closest hit of each ray, as trace_closest.
-__kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                                    DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+__kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
+                                    __global Hit* restrict hits, DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first,
+                                    const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
     TRAVERSAL_STATE

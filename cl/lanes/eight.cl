@@ -1,5 +1,5 @@
-// What a file that is written for any number of lanes is compiled for next: eight numbers at a time, in vectors. Its names end in 8.
-// MASK: the type of a comparison.
+// What a file that is written for any number of lanes is compiled for next: eight numbers at a time, in vectors. Its
+// names end in 8. MASK: the type of a comparison.
 #undef REAL
 #undef MASK
 #undef LANES

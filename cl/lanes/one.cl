@@ -1,4 +1,5 @@
-// What a file that is written for any number of lanes (cl/intersect/edges.cl) is compiled for next: one number at a time.
+// What a file that is written for any number of lanes (cl/intersect/edges.cl) is compiled for next: one number at a
+// time.
 #undef REAL
 #undef FACTOR
 #undef LANES

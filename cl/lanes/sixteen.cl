@@ -1,5 +1,5 @@
-// What a file that is written for any number of lanes is compiled for next: sixteen numbers at a time, one of each ray of a packet. Its
-// names end in 16.
+// What a file that is written for any number of lanes is compiled for next: sixteen numbers at a time, one of each ray
+// of a packet. Its names end in 16.
 #undef REAL
 #undef MASK
 #undef FACTOR
@@ -15,8 +15,8 @@ bool is_any16(int16 comparison) {
     return (words.x | words.y) != 0ul;
 }
 #define ALL_LANES16 0x1111111111111111ul
-// Lanes as bits of one word: lane i below 8 is bit 8 i, lane 8 + i is bit 8 i + 4. By the lowest bits: Oclgrind makes 1 of what is true, not
-// -1, where it is not used in the same function.
+// Lanes as bits of one word: lane i below 8 is bit 8 i, lane 8 + i is bit 8 i + 4. By the lowest bits: Oclgrind makes 1
+// of what is true, not -1, where it is not used in the same function.
 ulong lanes_where16(int16 comparison) {
     const ulong2 words = as_ulong2(convert_char16(comparison));
     return (words.x & ALL_LANES8) | (words.y & ALL_LANES8) << 4;

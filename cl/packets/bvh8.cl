@@ -1,7 +1,7 @@
-// Packets of sixteen rays, whatever way they go, through the hierarchy of cl/traverse/bvh8.cl: each of a node's eight boxes is tested
-// against all of them (group.cl is for those that go one way). Rays that are few in a node go on by themselves, eight boxes or
-// triangles at a time: Benthin, Wald, Woop, Ernst and Mark, "Combining Single and Packet-Ray Tracing for Arbitrary Ray Distributions
-// on the Intel MIC Architecture", IEEE TVCG 18(9), 2012.
+// Packets of sixteen rays, whatever way they go, through the hierarchy of cl/traverse/bvh8.cl: each of a node's eight
+// boxes is tested against all of them (group.cl is for those that go one way). Rays that are few in a node are traced
+// by themselves, eight boxes or triangles at a time: Benthin, Wald, Woop, Ernst and Mark, "Combining Single and
+// Packet-Ray Tracing for Arbitrary Ray Distributions on the Intel MIC Architecture", IEEE TVCG 18(9), 2012.
 //
 // On the bunny 8 nodes a packet of diffuse rays, with 12 rays each.
 
@@ -12,7 +12,8 @@ typedef struct {
 } PacketChild;
 
 // Which rays enter child `slot` of a node, and when: those that do not, at infinity.
-__attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, uint slot, float16 t_limit) {
+__attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, uint slot,
+                                                   float16 t_limit) {
     float16 near_x, near_y, near_z, far_x, far_y, far_z;
     if (p->mixed_axes == 0u) {
         near_x = (float16)(LOAD_LANE(geometry, node + p->near[0], slot));
@@ -22,9 +23,12 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
         far_y = (float16)(LOAD_LANE(geometry, node + 10u - p->near[1], slot));
         far_z = (float16)(LOAD_LANE(geometry, node + 18u - p->near[2], slot));
     } else {
-        const float16 low_x = (float16)(LOAD_LANE(geometry, node, slot)), high_x = (float16)(LOAD_LANE(geometry, node + 2u, slot));
-        const float16 low_y = (float16)(LOAD_LANE(geometry, node + 4u, slot)), high_y = (float16)(LOAD_LANE(geometry, node + 6u, slot));
-        const float16 low_z = (float16)(LOAD_LANE(geometry, node + 8u, slot)), high_z = (float16)(LOAD_LANE(geometry, node + 10u, slot));
+        const float16 low_x = (float16)(LOAD_LANE(geometry, node, slot)),
+                      high_x = (float16)(LOAD_LANE(geometry, node + 2u, slot));
+        const float16 low_y = (float16)(LOAD_LANE(geometry, node + 4u, slot)),
+                      high_y = (float16)(LOAD_LANE(geometry, node + 6u, slot));
+        const float16 low_z = (float16)(LOAD_LANE(geometry, node + 8u, slot)),
+                      high_z = (float16)(LOAD_LANE(geometry, node + 10u, slot));
         const int16 x = p->inv[0] < 0.0f, y = p->inv[1] < 0.0f, z = p->inv[2] < 0.0f;
         near_x = x ? high_x : low_x;
         near_y = y ? high_y : low_y;
@@ -41,9 +45,9 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
 }
 
 // Goes on with one ray of a packet below `link`.
-void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit, float16* t_limits,
-                 PacketHits* hits, int16* doubtful) {
-    LoneRay ray = take_ray(p, lane, t_limits, hits);
+void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit,
+                      float16* t_limits, PacketHits* hits, int16* doubtful) {
+    SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const uint3 near = near_planes(ray.slabs.inv);
     FarChild stack[STACK_SIZE];
     const FarChild end = {BVH_END, -INFINITY};
@@ -55,14 +59,16 @@ void go_on_alone(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, 
             continue;
         }
         const int4 leaf = leaf_of_link(link);
-        if (leaf.z > 0 && test_alone(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
+        if (leaf.z > 0 && test_single_ray(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
         link = next_on_stack(stack, &stacked, ray.t_limit);
     }
     put_back(&ray, lane, any_hit, t_limits, hits, doubtful);
 }
 
-// The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many there are.
-uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, uint* slots, float16* t_enter) {
+// The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many
+// there are.
+uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, uint* slots,
+                        float16* t_enter) {
     float order[8];
 #pragma unroll
     for (uint slot = 0; slot < 8u; slot++) t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
@@ -80,9 +86,10 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
 }
 
 // The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Triangles that float32
-// does not decide are put aside (settle_lane), or their lanes are in *doubtful, and what is said of these hits means nothing.
-void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit, PacketHits* hits,
-                          int16* doubtful) {
+// does not decide are put aside (settle_lane), or their lanes are in *doubtful, and what is said of these hits means
+// nothing.
+void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit,
+                          PacketHits* hits, int16* doubtful) {
     start_packet(p, hits, doubtful);
     float16 t_limit = p->t_far;
 
@@ -97,7 +104,7 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
         ulong lanes = lanes_where16(is_within);
         if (count_lanes16(lanes) <= FEW_RAYS) {
             for (; lanes != 0ul; lanes = other_lanes8(lanes))
-                go_on_alone(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
+                trace_single_ray(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
             continue;
         }
         if ((link & BVH_LEAF) == 0u) {

@@ -1,12 +1,14 @@
-// What float32 tells of a ray and a triangle in each lane: of eight triangles and one ray, or of one triangle and sixteen rays.
+// What float32 tells of a ray and a triangle in each lane: of eight triangles and one ray, or of one triangle and
+// sixteen rays.
 //
 // The numbers of Moller and Trumbore with a = p0 - origin, e1 and e2 the edges from p0, N = e1 x e2, c = a x direction:
-//     T = N . a,  D = N . direction,  t = T / D;   U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
+//     T = N . a,  D = N . direction,  t = T / D;
+//     U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
 //
-// Errors in units of EPSILON, with magnitudes for numbers (A of a, M of N, P of c, Q1, Q2, R and S of V, U, D and T), to first order:
-// an edge is off by 1 of itself, a by 5 A (from_origin in ray.cl); N by 1 + 1 + 2 = 4 M, c by 5 + 2 = 7 P; U and V by 1 + 7 + 3 = 11
-// (Q2, Q1), D by 4 + 3 = 7 R, T by 4 + 5 + 3 = 12 S; W by those of its summands and of two sums: 9 R + 13 (Q1 + Q2). The halves are for
-// the second order and for the roundings of the bounds themselves.
+// Errors in units of EPSILON, with magnitudes for numbers (A of a, M of N, P of c, Q1, Q2, R and S of V, U, D and T),
+// to first order: an edge is off by 1 of itself, a by 5 A (from_origin in ray.cl); N by 1 + 1 + 2 = 4 M, c by 5 + 2 = 7
+// P; U and V by 1 + 7 + 3 = 11 (Q2, Q1), D by 4 + 3 = 7 R, T by 4 + 5 + 3 = 12 S; W by those of its summands and of two
+// sums: 9 R + 13 (Q1 + Q2). The halves are for the second order and for the roundings of the bounds themselves.
 #ifndef DECIDE_ERROR_WEIGHT
 #define DECIDE_ERROR_WEIGHT (13.5f * EPSILON) // times Q1 + Q2 + R: of all three weights
 #define DECIDE_ERROR_DET (7.5f * EPSILON)
@@ -23,8 +25,9 @@ typedef struct {
 } LANES(Decision);
 
 // The bounds: of the weights, of D and of T. Nothing but `possible` is written where that is nowhere.
-LANES(Decision) LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL dz, REAL e1x, REAL e1y, REAL e1z, REAL e2x,
-                              REAL e2y, REAL e2z, REAL nx, REAL ny, REAL nz, REAL weight_bound, REAL det_bound, REAL t_bound) {
+LANES(Decision)
+LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL dz, REAL e1x, REAL e1y, REAL e1z, REAL e2x, REAL e2y,
+              REAL e2z, REAL nx, REAL ny, REAL nz, REAL weight_bound, REAL det_bound, REAL t_bound) {
     LANES(Decision) result;
     const REAL cx = fma(ay, dz, -(az * dy)), cy = fma(az, dx, -(ax * dz)), cz = fma(ax, dy, -(ay * dx));
     const REAL weight1 = fma(e2x, cx, fma(e2y, cy, e2z * cz));
@@ -37,8 +40,8 @@ LANES(Decision) LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL 
     result.possible = least >= -weight_bound || greatest <= weight_bound;
     if (!LANES(is_any)(result.possible)) return result;
 
-    // With D beyond four of its bounds, dividing by it instead of by what it may be makes no more than 4/3 of an error; 1.4 and 8
-    // leave room for roundings. The reciprocal and the product are off by 6 EPSILON.
+    // With D beyond four of its bounds, dividing by it instead of by what it may be makes no more than 4/3 of an error;
+    // 1.4 and 8 leave room for roundings. The reciprocal and the product are off by 6 EPSILON.
     result.has_t = fabs(det) > 4.0f * det_bound;
     result.sure = result.has_t && (least > weight_bound || greatest < -weight_bound);
     const REAL inv_det = 1.0f / det;

@@ -1,5 +1,6 @@
-// t, u and v of the hits of a packet: finish_wide() of exact_filter.cl, in the same precision with the same bounds, for eight lanes at a
-// time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. Instead of t surfaces want the weight of vertex 0.
+// t, u and v of the hits of a packet: finish_wide() of exact_filter.cl, in the same precision with the same bounds, for
+// eight lanes at a time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. Instead of t surfaces
+// want the weight of vertex 0.
 
 #ifdef WIDE_IS_DOUBLE
 typedef struct {
@@ -37,11 +38,13 @@ FinishBounds finish_bounds(const RayPacket* p, const float16* c, const bool want
     const Floats3 size2 = {fabs(c[6] - c[0]), fabs(c[7] - c[1]), fabs(c[8] - c[2])};
     const Floats3 from_size = {from_magnitude(p, 0u, c[0]), from_magnitude(p, 1u, c[1]), from_magnitude(p, 2u, c[2])};
     const Floats3 direction_size = {fabs(p->direction[0]), fabs(p->direction[1]), fabs(p->direction[2])};
-    const Floats3 normal_size = magnitudes_of_cross(&size1, &size2), moment_size = magnitudes_of_cross(&from_size, &direction_size);
+    const Floats3 normal_size = magnitudes_of_cross(&size1, &size2),
+                  moment_size = magnitudes_of_cross(&from_size, &direction_size);
     const float16 det = magnitudes_of_dot(&normal_size, &direction_size);
     const float16 u = magnitudes_of_dot(&size2, &moment_size), v = magnitudes_of_dot(&size1, &moment_size);
     const FinishBounds bounds = {WIDE_ERROR * det,
-                                 wants_t ? WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size) : WIDE_ERROR_W * (det + u + v),
+                                 wants_t ? WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size)
+                                         : WIDE_ERROR_W * (det + u + v),
                                  WIDE_ERROR * u, WIDE_ERROR * v};
     return bounds;
 }
@@ -49,8 +52,9 @@ FinishBounds finish_bounds(const RayPacket* p, const float16* c, const bool want
 // As rounds_surely().
 int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_error, float8* rounded) {
     const double8 quotient = numerator * inverse;
-    const float8 error = fma(1.01f * bound, fabs(convert_float8(inverse)),
-                             fabs(convert_float8(quotient)) * fma((float8)(1.01f), det_error, (float8)(8.0f * WIDE_EPSILON)));
+    const float8 error =
+        fma(1.01f * bound, fabs(convert_float8(inverse)),
+            fabs(convert_float8(quotient)) * fma((float8)(1.01f), det_error, (float8)(8.0f * WIDE_EPSILON)));
     *rounded = convert_float8(quotient + convert_double8(error));
     return bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= FLT_MAX && fabs(*rounded) > LEAST_MAGNITUDE &&
            convert_float8(quotient - convert_double8(error)) == *rounded;
@@ -62,9 +66,11 @@ Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float
     return r;
 }
 
-// Of eight rays and their triangles, corner by corner; the lanes where it is sure. `low`: second parts of origins, 0 where there are none.
-int8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t, float8 det_bound,
-                  float8 third_bound, float8 u_bound, float8 v_bound, float8* third, float8* u, float8* v) {
+// Of eight rays and their triangles, corner by corner; the lanes where it is sure. `low`: second parts of origins, 0
+// where there are none.
+int8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t,
+                  float8 det_bound, float8 third_bound, float8 u_bound, float8 v_bound, float8* third, float8* u,
+                  float8* v) {
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
     Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
@@ -91,9 +97,10 @@ int8 finish_eight(const float8* o, const float8* low, const float8* d, const flo
     return is_sure;
 }
 
-// Writes t, or the weight of vertex 0, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles. Returns where they are
-// certain.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u, float16* v) {
+// Writes t, or the weight of vertex 0, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles.
+// Returns where they are certain.
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
+                     float16* v) {
     const FinishBounds bounds = finish_bounds(p, corners, wants_t);
     int8 sure[2];
     float8 thirds[2], us[2], vs[2];
@@ -109,8 +116,8 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
         }
 #pragma unroll
         for (uint i = 0; i < 9u; i++) c[i] = HALF(corners[i]);
-        sure[part] = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, HALF(bounds.det), HALF(bounds.third), HALF(bounds.u),
-                                  HALF(bounds.v), &thirds[part], &us[part], &vs[part]);
+        sure[part] = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, HALF(bounds.det), HALF(bounds.third),
+                                  HALF(bounds.u), HALF(bounds.v), &thirds[part], &us[part], &vs[part]);
     }
 #undef HALF
     *third = (float16)(thirds[0], thirds[1]);
@@ -120,12 +127,14 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
 }
 #else
 // Pairs of floats are better off without vectors.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u, float16* v) {
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
+                     float16* v) {
     int16 sure = (int16)(0);
     for (uint lane = 0; lane < 16u; lane++) {
         WideNumbers n;
-        wide_numbers(three_of_lane(p->origin, lane), three_of_lane(p->origin_low, lane), three_of_lane(p->direction, lane),
-                     three_of_lane(corners, lane), three_of_lane(corners + 3, lane), three_of_lane(corners + 6, lane), &n);
+        wide_numbers(three_of_lane(p->origin, lane), three_of_lane(p->origin_low, lane),
+                     three_of_lane(p->direction, lane), three_of_lane(corners, lane), three_of_lane(corners + 3, lane),
+                     three_of_lane(corners + 6, lane), &n);
         const WideInverse det = invert_det(&n);
         float rounded[3];
         if (!det.is_sure || !rounds_surely(n.weight1, n.bound1, &det, &rounded[1]) ||
@@ -154,8 +163,8 @@ typedef struct {
 } FinishedHits;
 
 // Adds what is not certain to *doubtful. With any_hit t is only no less than that of the hit, and u and v are 0.
-void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hits, const bool any_hit, FinishedHits* out,
-                   int16* doubtful) {
+void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hits, const bool any_hit,
+                   FinishedHits* out, int16* doubtful) {
     out->t = (float16)(INFINITY);
     out->u = (float16)(0.0f);
     out->v = (float16)(0.0f);

@@ -1,15 +1,16 @@
-// The space that the rays of a packet lie in, where they go much the same way: what a node's eight boxes, or the eight triangles of a
-// leaf, are tested against before each of them is tested against sixteen rays. Reshetov, Soupikov and Hurley, "Multi-Level Ray Tracing
-// Algorithm", SIGGRAPH 2005.
+// The space that the rays of a packet lie in, where they go much the same way: what a node's eight boxes, or the eight
+// triangles of a leaf, are tested against before each of them is tested against sixteen rays. Reshetov, Soupikov and
+// Hurley, "Multi-Level Ray Tracing Algorithm", SIGGRAPH 2005.
 //
-// With z the axis along which all rays go one way, a ray has a coordinate u(z) that is linear. The least u of several rays is a concave
-// function of z: between where the first one starts and where the scene ends, it is nowhere below the line that connects its values at
-// these two. So there are four such lines, below and above u and v.
+// With z the axis along which all rays go one way, a ray has a coordinate u(z) that is linear. The least u of several
+// rays is a concave function of z: between where the first one starts and where the scene ends, it is nowhere below the
+// line that connects its values at these two. So there are four such lines, below and above u and v.
 //
-// Errors, in units of EPSILON reach, where no coordinate of the scene or of a start is larger than reach: slopes are below 4
-// (|direction| below 2 and no less than 1/2 along z), z - start no more than 2 reach, so that u of a ray, of a quotient with an error
-// of 6, a difference and an fma, is off by 73; the slope of a line, off by 7 of itself, makes 56 of its length, its start 18, and
-// what a box or a vertex makes of the line 20: less than 170. FRUSTUM_SLACK is 320 EPSILON.
+// Errors, in units of EPSILON reach, where no coordinate of the scene or of a start is larger than reach: slopes are
+// below 4 (|direction| below 2 and no less than 1/2 along z), z - start no more than 2 reach, so that u of a ray, of a
+// quotient with an error of 6, a difference and an fma, is off by 73; the slope of a line, off by 7 of itself, makes 56
+// of its length, its start 18, and what a box or a vertex makes of the line 20: less than 170. FRUSTUM_SLACK is 320
+// EPSILON.
 #define FRUSTUM_SLACK (8.0f * SLACK)
 #define LEAST_FRUSTUM_LENGTH 0x1p-10f // of reach, so that the lines' slopes are below 4.1
 
@@ -53,7 +54,8 @@ uint axis_of_frusta(const PacketRange* r) {
 }
 
 // Makes the frusta of the packets of `members`, of that range, with the same axes. False where there are none.
-bool make_frusta(const RayPacket* packets, const uint members, const PacketRange* r, float3 low, float3 high, Frustum* frusta) {
+bool make_frusta(const RayPacket* packets, const uint members, const PacketRange* r, float3 low, float3 high,
+                 Frustum* frusta) {
     Frustum f;
     f.z = axis_of_frusta(r);
     // What is behind the start is hit with a t_near below 0.
@@ -97,7 +99,8 @@ ulong frustum_meets_triangles(const Frustum* f, const float8* a, const float8* b
     for (uint line = 0; line < 4u; line++) {
         const uint axis = line < 2u ? f->u : f->v;
         const float8 slope = (float8)(-f->b[line]);
-        const float8 at_a = fma(slope, a[f->z], a[axis]), at_b = fma(slope, b[f->z], b[axis]), at_c = fma(slope, c[f->z], c[axis]);
+        const float8 at_a = fma(slope, a[f->z], a[axis]), at_b = fma(slope, b[f->z], b[axis]),
+                     at_c = fma(slope, c[f->z], c[axis]);
         met = met && (line % 2u == 0u ? larger8(at_a, larger8(at_b, at_c)) >= f->a[line]
                                       : smaller8(at_a, smaller8(at_b, at_c)) <= f->a[line]);
     }

@@ -1,6 +1,7 @@
-// Packets whose rays go much the same way, through the hierarchy of cl/traverse/bvh8.cl together: a node is read once for all of them, and
-// of its eight boxes, and of the eight triangles of a leaf, each packet takes those that its frustum meets. The rays themselves are asked
-// whether they meet a box only where a frustum tells little: where it is wider than the box, and where some rays have not started yet.
+// Packets whose rays go much the same way, through the hierarchy of cl/traverse/bvh8.cl together: a node is read once
+// for all of them, and of its eight boxes, and of the eight triangles of a leaf, each packet takes those that its
+// frustum meets. The rays themselves are asked whether they meet a box only where a frustum tells little: where it is
+// wider than the box, and where some rays have not started yet.
 
 // A box is small where the frustum is more than so many times as wide. A quarter and 4 are as fast.
 #define WIDE_FRUSTUM 1.0f
@@ -11,10 +12,11 @@ typedef struct {
     float nearest;
 } GroupChild;
 
-// Of each child of a node which of the packets of `members` meet it: bit k of byte i. Where it begins, in *nearest. `reach`: how far each
-// packet still looks for hits. A line's least value within a box is at one of the box's ends along z.
-ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta, uint members, uint node,
-                     float4 reach, const float16* t_limits, float8* nearest) {
+// Of each child of a node which of the packets of `members` meet it: bit k of byte i. Where it begins, in *nearest.
+// `reach`: how far each packet still looks for hits. A line's least value within a box is at one of the box's ends
+// along z.
+ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta,
+                     uint members, uint node, float4 reach, const float16* t_limits, float8* nearest) {
     const Frustum* one = &frusta[first_member(members)];
     const uint u = node + 4u * one->u, v = node + 4u * one->v, z = node + 4u * one->z;
     const float8 low_u = LOAD_EIGHT(geometry, u), high_u = LOAD_EIGHT(geometry, u + 2u);
@@ -23,7 +25,8 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
     const float8 small_u = WIDE_FRUSTUM * (high_u - low_u), small_v = WIDE_FRUSTUM * (high_v - low_v);
     const float8 first = one->is_upwards ? low_z : -high_z, last = one->is_upwards ? high_z : -low_z;
     // The boxes of children that there are not are upside down.
-    const int8 is_there = low_z <= high_z && last >= one->first_start - one->pad, is_early = first < one->last_start - one->pad;
+    const int8 is_there = low_z <= high_z && last >= one->first_start - one->pad,
+               is_early = first < one->last_start - one->pad;
     ulong met = 0ul, wide = 0ul;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
@@ -32,8 +35,8 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
         const float8 above_u = fma((float8)(f->b[1]), f->b[1] > 0.0f ? high_z : low_z, (float8)(f->a[1]));
         const float8 below_v = fma((float8)(f->b[2]), f->b[2] > 0.0f ? low_z : high_z, (float8)(f->a[2]));
         const float8 above_v = fma((float8)(f->b[3]), f->b[3] > 0.0f ? high_z : low_z, (float8)(f->a[3]));
-        const int8 is_met = is_there && below_u <= high_u && above_u >= low_u && below_v <= high_v && above_v >= low_v &&
-                            first <= ((const float*)&reach)[k];
+        const int8 is_met = is_there && below_u <= high_u && above_u >= low_u && below_v <= high_v &&
+                            above_v >= low_v && first <= ((const float*)&reach)[k];
         const int8 is_wide = is_met && (is_early || above_u - below_u > small_u || above_v - below_v > small_v);
         met |= lanes_where8(is_met) << k;
         wide |= lanes_where8(is_wide) << k;
@@ -59,9 +62,10 @@ uint members_within(uint members, float nearest, float4 reach) {
     return members & (bits | bits >> 7 | bits >> 14 | bits >> 21);
 }
 
-// The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same way.
-void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta, const uint members,
-                         const bool any_hit, PacketHits* hits, int16* doubtful) {
+// The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same
+// way.
+void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta,
+                         const uint members, const bool any_hit, PacketHits* hits, int16* doubtful) {
     float16 t_limits[PACKETS_OF_ITEM];
     float4 reach = (float4)(-INFINITY);
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
@@ -90,10 +94,12 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
             const uint lowest = stacked;
             while (met != 0ul) {
                 const uint slot = first_lane8(met);
-                const GroupChild child = {LOAD_LINK(geometry, node, slot), (uint)(met >> (8u * slot)) & 0xffu, lane_of8(&nearest, slot)};
+                const GroupChild child = {LOAD_LINK(geometry, node, slot), (uint)(met >> (8u * slot)) & 0xffu,
+                                          lane_of8(&nearest, slot)};
                 met &= ~(0xfful << (8u * slot));
                 uint place = stacked++;
-                for (; place > lowest && stack[place - 1u].nearest < child.nearest; place--) stack[place] = stack[place - 1u];
+                for (; place > lowest && stack[place - 1u].nearest < child.nearest; place--)
+                    stack[place] = stack[place - 1u];
                 stack[place] = child;
             }
         } else {
@@ -102,10 +108,12 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
             uint changed = 0u;
             if (count > 0u) {
                 LeafTriangles triangles;
-                ulong met = load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & FIRST_BYTES8(count);
+                ulong met =
+                    load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & FIRST_BYTES8(count);
                 for (; met != 0ul; met = other_lanes8(met)) {
                     const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
-                    if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k], &hits[k], &doubtful[k]))
+                    if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k],
+                                         &hits[k], &doubtful[k]))
                         changed |= 1u << k;
                 }
             }
@@ -135,17 +143,18 @@ bool first_rays_go_one_way(const RayPacket* packets, uint members) {
     return true;
 }
 
-// The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by one. A packet by
-// itself is faster without a frustum, which tells it little that its rays do not.
-void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit, PacketHits* hits,
-                           int16* doubtful) {
+// The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by
+// one. A packet by itself is faster without a frustum, which tells it little that its rays do not.
+void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit,
+                           PacketHits* hits, int16* doubtful) {
     PacketRange range;
     const bool are_several = members >> first_member(members) != 1u;
     if (are_several && first_rays_go_one_way(packets, members)) {
         Frustum frusta[PACKETS_OF_ITEM];
         range_of(packets, members, &range);
         // Pads of frusta are for all of the scene, however far out the rest is.
-        if (geometry->near_reach == 0.0f && make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
+        if (geometry->near_reach == 0.0f &&
+            make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
             traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
             return;
         }

@@ -1,21 +1,24 @@
-// Packets of sixteen rays through a kd-tree: one plane is tested against all of them, and every ray keeps the interval of its own in the
-// cell. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray Tracing", Eurographics 2001, of which the rays
-// had to go one way along every axis; here each may go its own, and a cell is entered as long as some ray is in it. The packets of a
-// work-item go together: a node is read once for all of them, and while one packet's comparisons are waited for, others are under way.
+// Packets of sixteen rays through a kd-tree: one plane is tested against all of them, and every ray keeps the interval
+// of its own in the cell. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray Tracing",
+// Eurographics 2001, of which the rays had to go one way along every axis; here each may go its own, and a cell is
+// entered as long as some ray is in it. The packets of a work-item go together: a node is read once for all of them,
+// and while one packet's comparisons are waited for, others are under way.
 //
-// Planes are tested as those of boxes, with the pads of cl/shared/slab.cl: a hit's t is within the interval of every cell that the hit's
-// point is in. Leaves are packets of triangles as those of cl/traverse/bvh8.cl, several of them where a leaf has many triangles.
+// Planes are tested as those of boxes, with the pads of cl/shared/slab.cl: a hit's t is within the interval of every
+// cell that the hit's point is in. Leaves are packets of triangles as those of cl/traverse/bvh8.cl, several of them
+// where a leaf has many triangles.
 
-// A cell, which packets have rays in it, and when each of these enters and leaves it: no ray is in it where that is empty.
+// A cell, which packets have rays in it, and when each of these enters and leaves it: no ray is in it where that is
+// empty.
 typedef struct {
     float16 t_near[PACKETS_OF_ITEM], t_far[PACKETS_OF_ITEM];
     uint node, members;
 } KdGroupCell;
 
 // Goes on with one ray of a packet in a cell.
-void go_on_alone_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint from, float t_near, float t_far, const bool any_hit,
-                         float16* t_limits, PacketHits* hits, int16* doubtful) {
-    LoneRay ray = take_ray(p, lane, t_limits, hits);
+void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint from, float t_near, float t_far,
+                              const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
+    SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const float inv[3] = {ray.slabs.inv.x, ray.slabs.inv.y, ray.slabs.inv.z};
     const float enter[3] = {ray.slabs.enter.x, ray.slabs.enter.y, ray.slabs.enter.z};
     const float leave[3] = {ray.slabs.leave.x, ray.slabs.leave.y, ray.slabs.leave.z};
@@ -29,7 +32,8 @@ void go_on_alone_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uin
             const uint axis = (uint)node.x;
             const float split = as_float(node.w);
             const float t_low = fma(split, inv[axis], enter[axis]), t_high = fma(split, inv[axis], leave[axis]);
-            const uint first = (uint)(inv[axis] >= 0.0f ? node.y : node.z), second = (uint)(inv[axis] >= 0.0f ? node.z : node.y);
+            const uint first = (uint)(inv[axis] >= 0.0f ? node.y : node.z),
+                       second = (uint)(inv[axis] >= 0.0f ? node.z : node.y);
             const float first_far = smaller(t_high, cell.t_far), second_near = larger(t_low, cell.t_near);
             const bool meets_second = second_near <= cell.t_far;
             if (cell.t_near <= first_far) {
@@ -47,7 +51,7 @@ void go_on_alone_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uin
         }
         const uint first = (uint)node.y, count = (uint)node.z;
         for (uint done = 0; done < count && !is_done; done += 8u)
-            is_done = test_alone(GEOMETRY, &ray, first + done, min(count - done, 8u), any_hit);
+            is_done = test_single_ray(GEOMETRY, &ray, first + done, min(count - done, 8u), any_hit);
         do {
             if (stacked == 0u) is_done = true;
             else cell = stack[--stacked];
@@ -61,8 +65,8 @@ typedef struct {
     float16 first_near, first_far, second_near, second_far;
 } KdPacketSplit;
 
-// Which child is on the side of the plane that rays come from, and whether they go several ways along the axis: then it is that below the
-// plane. The packets' near planes and mixed axes are those of one range.
+// Which child is on the side of the plane that rays come from, and whether they go several ways along the axis: then it
+// is that below the plane. The packets' near planes and mixed axes are those of one range.
 typedef struct {
     uint first, second;
     bool is_mixed;
@@ -74,7 +78,8 @@ KdPacketOrder kd_order(const RayPacket* p, int4 node, uint axis) {
     return order;
 }
 
-KdPacketSplit kd_packet_split(const RayPacket* p, uint axis, float split, bool is_mixed, float16 t_near, float16 t_far) {
+KdPacketSplit kd_packet_split(const RayPacket* p, uint axis, float split, bool is_mixed, float16 t_near,
+                              float16 t_far) {
     const float16 inv = p->inv[axis];
     const float16 until = smaller16(fma((float16)(split), inv, p->leave[axis]), t_far);
     const float16 from = larger16(fma((float16)(split), inv, p->enter[axis]), t_near);
@@ -89,10 +94,10 @@ KdPacketSplit kd_packet_split(const RayPacket* p, uint axis, float split, bool i
     return s;
 }
 
-// Goes down from a cell, in which there are rays of packet number k alone, to the first leaf, and puts the cells beyond planes on the
-// stack. Where all rays are on one side of a plane, it changes no interval.
-int4 descend_with_one(GEOMETRY_PARAMETERS, const RayPacket* packets, uint k, uint from, float16 t_near, float16 t_far, KdGroupCell* stack,
-                      uint* stacked) {
+// Goes down from a cell, in which there are rays of packet number k alone, to the first leaf, and puts the cells beyond
+// planes on the stack. Where all rays are on one side of a plane, it changes no interval.
+int4 descend_with_one(GEOMETRY_PARAMETERS, const RayPacket* packets, uint k, uint from, float16 t_near, float16 t_far,
+                      KdGroupCell* stack, uint* stacked) {
     const RayPacket* p = &packets[k];
     KdGroupCell* top = &stack[*stacked];
     int4 node = LOAD_NODE(geometry, from);
@@ -121,7 +126,8 @@ int4 descend_with_one(GEOMETRY_PARAMETERS, const RayPacket* packets, uint k, uin
 }
 
 // The same with the rays of packets of *members, which become those that are in the leaf.
-int4 descend_together(GEOMETRY_PARAMETERS, const RayPacket* packets, uint* members, KdGroupCell* cell, KdGroupCell* stack, uint* stacked) {
+int4 descend_together(GEOMETRY_PARAMETERS, const RayPacket* packets, uint* members, KdGroupCell* cell,
+                      KdGroupCell* stack, uint* stacked) {
     const RayPacket* one = &packets[first_member(*members)];
     uint open = *members;
     int4 node = LOAD_NODE(geometry, cell->node);
@@ -133,7 +139,8 @@ int4 descend_together(GEOMETRY_PARAMETERS, const RayPacket* packets, uint* membe
         int16 meet_first = (int16)(0), meet_second = (int16)(0);
         for (uint rest = open; rest != 0u; rest &= rest - 1u) {
             const uint k = first_member(rest);
-            const KdPacketSplit s = kd_packet_split(&packets[k], axis, as_float(node.w), order.is_mixed, cell->t_near[k], cell->t_far[k]);
+            const KdPacketSplit s =
+                kd_packet_split(&packets[k], axis, as_float(node.w), order.is_mixed, cell->t_near[k], cell->t_far[k]);
             meet_first = meet_first || s.first_near <= s.first_far;
             meet_second = meet_second || s.second_near <= s.second_far;
             first_near[k] = s.first_near;
@@ -162,10 +169,10 @@ int4 descend_together(GEOMETRY_PARAMETERS, const RayPacket* packets, uint* membe
     return node;
 }
 
-// The hits of the packets of `members`, which have slabs and are of that range, as traverse_bvh8_packet() finds them. `frusta` leave out
-// triangles: 0 where there are none.
-void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayRange* range, const Frustum* frusta, const uint members,
-                       const bool any_hit, PacketHits* hits, int16* doubtful) {
+// The hits of the packets of `members`, which have slabs and are of that range, as traverse_bvh8_packet() finds them.
+// `frusta` leave out triangles: 0 where there are none.
+void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayRange* range, const Frustum* frusta,
+                       const uint members, const bool any_hit, PacketHits* hits, int16* doubtful) {
     const float lows[3] = {geometry->low.x, geometry->low.y, geometry->low.z};
     const float highs[3] = {geometry->high.x, geometry->high.y, geometry->high.z};
     float16 t_limits[PACKETS_OF_ITEM];
@@ -206,17 +213,19 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
                 const uint k = first_member(open);
                 for (ulong rest = lanes[k]; rest != 0ul; rest = other_lanes8(rest)) {
                     const uint lane = first_lane16(rest);
-                    go_on_alone_in_cell(GEOMETRY, &packets[k], lane, cell->node, lane_of16(&cell->t_near[k], lane),
-                                        lane_of16(&cell->t_far[k], lane), any_hit, &t_limits[k], &hits[k], &doubtful[k]);
+                    trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, cell->node, lane_of16(&cell->t_near[k], lane),
+                                             lane_of16(&cell->t_far[k], lane), any_hit, &t_limits[k], &hits[k],
+                                             &doubtful[k]);
                 }
             }
             continue;
         }
         int4 leaf;
         const uint one = first_member(open);
-        if (open >> one == 1u) { // not a test of open & (open - 1), of which compilers make the popcount() that Oclgrind does not know
-            leaf = descend_with_one(GEOMETRY, packets, one, cell->node, cell->t_near[one], smaller16(cell->t_far[one], t_limits[one]),
-                                    stack, &stacked);
+        // Not a test of open & (open - 1), of which compilers make the popcount() that Oclgrind does not know.
+        if (open >> one == 1u) {
+            leaf = descend_with_one(GEOMETRY, packets, one, cell->node, cell->t_near[one],
+                                    smaller16(cell->t_far[one], t_limits[one]), stack, &stacked);
         } else {
             KdGroupCell from;
             from.node = cell->node;
@@ -231,19 +240,20 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
         for (uint done = 0; done < triangle_count; done += 8u) {
             LeafTriangles triangles;
             const uint here = min(triangle_count - done, 8u);
-            ulong met = load_triangles(GEOMETRY, range, frusta, open, (first + done) / 8u, &triangles) & FIRST_BYTES8(here);
+            ulong met =
+                load_triangles(GEOMETRY, range, frusta, open, (first + done) / 8u, &triangles) & FIRST_BYTES8(here);
             for (; met != 0ul; met = other_lanes8(met)) {
                 const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
-                (void)test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + done + i, any_hit, &t_limits[k], &hits[k],
-                                       &doubtful[k]);
+                (void)test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + done + i, any_hit, &t_limits[k],
+                                       &hits[k], &doubtful[k]);
             }
         }
     }
 }
 
 // As traverse_bvh8_packets(), but all packets go together, whatever way: each step is that of a plane.
-void traverse_kd_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit, PacketHits* hits,
-                         int16* doubtful) {
+void traverse_kd_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit,
+                         PacketHits* hits, int16* doubtful) {
     PacketRange range;
     range_of(packets, members, &range);
     Frustum frusta[PACKETS_OF_ITEM];

@@ -1,10 +1,11 @@
-// Sixteen rays that are traced together, one in each lane of a vector: for CPUs, whose compilers do not make vectors of work-items that
-// go different ways. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray Tracing", Eurographics 2001.
+// Sixteen rays that are traced together, one in each lane of a vector: for CPUs, whose compilers do not make vectors of
+// work-items that go different ways. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray
+// Tracing", Eurographics 2001.
 //
-// A packet only decides what it is sure of. A triangle that float32 leaves open waits until the packet is done, and is settled for one ray
-// after the other as for single rays (settle_lane in triangles.cl); a ray of extreme numbers, or with a doubt that this does not settle (any
-// hit, one that goes on alone, too many), leaves the packet and is traced by itself (trace_packets.cl): so the hits
-// are those of one ray at a time, to the bit.
+// A packet only decides what it is sure of. A triangle that float32 leaves open waits until the packet is done, and is
+// settled for one ray after the other as for single rays (settle_lane in triangles.cl); a ray of extreme numbers, or
+// with a doubt that this does not settle (any hit, a single-ray fallback, too many), leaves the packet and is traced by
+// itself (trace_packets.cl): so the hits are those of one ray at a time, to the bit.
 
 // What the rays of packets have in common.
 typedef struct {
@@ -61,7 +62,8 @@ float8 least_of_lanes(float16 a, float16 b, float16 c, float16 d, float16 e, flo
     return smaller8(pairs.even, pairs.odd);
 }
 
-// The lanes where all of `count` vectors have moderate numbers. Without their sign, bits grow with the number; 0 less one is the largest.
+// The lanes where all of `count` vectors have moderate numbers. Without their sign, bits grow with the number; 0 less
+// one is the largest.
 int16 are_moderate(const float16* v, uint count) {
     uint16 least = (uint16)(~0u), greatest = (uint16)(0u);
 #pragma unroll
@@ -97,7 +99,8 @@ void begin_packet(RayPacket* p) {
     for (uint i = 0; i < 3u; i++) p->origin[i] = p->origin_low[i] = p->direction[i] = (float16)(0.0f);
 }
 
-void add_ray(RayPacket* p, uint lane, float3 origin, float3 origin_low, float3 direction, float t_near, float t_far, uint skip) {
+void add_ray(RayPacket* p, uint lane, float3 origin, float3 origin_low, float3 direction, float t_near, float t_far,
+             uint skip) {
     set_three_of_lane(p->origin, lane, origin);
     set_three_of_lane(p->origin_low, lane, origin_low);
     set_three_of_lane(p->direction, lane, direction);
@@ -107,12 +110,14 @@ void add_ray(RayPacket* p, uint lane, float3 origin, float3 origin_low, float3 d
     p->has_low = p->has_low || any(origin_low != (float3)(0.0f));
 }
 
-// Brings directions and limits of t to tracing space as make_ray() and limit_ray() do. Returns the lanes in use: not those of extreme
-// numbers, or that are not sound. *unit: by what directions were multiplied. `scale`: the scene's where t is in the caller's units, else 1.
+// Brings directions and limits of t to tracing space as make_ray() and limit_ray() do. Returns the lanes in use: not
+// those of extreme numbers, or that are not sound. *unit: by what directions were multiplied. `scale`: the scene's
+// where t is in the caller's units, else 1.
 int16 make_packet(RayPacket* p, float scale, float16* unit) {
     const float16 size = larger16(fabs(p->direction[0]), larger16(fabs(p->direction[1]), fabs(p->direction[2])));
-    const float16 c[8] = {p->origin[0], p->origin[1], p->origin[2], p->t_near, p->direction[0], p->direction[1], p->direction[2],
-                          p->t_far == INFINITY ? (float16)(0.0f) : p->t_far};
+    const float16 c[8] = {
+        p->origin[0],    p->origin[1],    p->origin[2],    p->t_near,
+        p->direction[0], p->direction[1], p->direction[2], p->t_far == INFINITY ? (float16)(0.0f) : p->t_far};
     const int16 used = are_moderate(c, 8u) && size > 0.0f && p->t_near <= p->t_far;
     p->has_slabs = false;
     // power_of_two_scale() of the largest component
@@ -155,9 +160,11 @@ void range_of(const RayPacket* packets, uint members, PacketRange* r) {
             low[axis] = larger16(low[axis], fabs(p->origin_low[axis]));
         }
     }
-    const float8 origins = least_of_lanes(least[0], least[1], least[2], -greatest[0], -greatest[1], -greatest[2], t_near, t_near);
-    const float8 directions = least_of_lanes(direction_least[0], direction_least[1], direction_least[2], -direction_greatest[0],
-                                             -direction_greatest[1], -direction_greatest[2], t_near, t_near);
+    const float8 origins =
+        least_of_lanes(least[0], least[1], least[2], -greatest[0], -greatest[1], -greatest[2], t_near, t_near);
+    const float8 directions =
+        least_of_lanes(direction_least[0], direction_least[1], direction_least[2], -direction_greatest[0],
+                       -direction_greatest[1], -direction_greatest[2], t_near, t_near);
     vstore3(origins.s012, 0, r->rays.origin_least);
     vstore3(-origins.s345, 0, r->rays.origin_greatest);
     r->t_near_least = origins.s6;
@@ -186,7 +193,8 @@ void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high, floa
     float16 distance = (float16)(0.0f);
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++)
-        distance = larger16(distance, larger16(fabs(lows[axis] - p->origin[axis]), fabs(highs[axis] - p->origin[axis])));
+        distance =
+            larger16(distance, larger16(fabs(lows[axis] - p->origin[axis]), fabs(highs[axis] - p->origin[axis])));
     if (near_reach > 0.0f) {
         const float16 size = larger16(fabs(p->origin[0]), larger16(fabs(p->origin[1]), fabs(p->origin[2])));
         distance = size <= near_reach && 2.0f * near_reach < distance ? (float16)(2.0f * near_reach) : distance;

@@ -1,5 +1,6 @@
-// What the rays of a packet have hit, to the bit as SURFACE_HIT, surface_point() and triangle_normal() tell it of one ray. Those are chains
-// of operations that wait for each other: of one ray after the other they take longer than its traversal.
+// What the rays of a packet have hit, to the bit as SURFACE_HIT, surface_point() and triangle_normal() tell it of one
+// ray. Those are chains of operations that wait for each other: of one ray after the other they take longer than its
+// traversal.
 
 typedef struct {
     float16 weight0, u, v;
@@ -72,9 +73,10 @@ int16 triangle_normals(const float16* p0, const float16* p1, const float16* p2, 
     return is_scale1 && is_scale2 && normalize16(normal, &scale, &inverse);
 }
 
-// Tells weights and points of the lanes of `hits`, whose triangles are `primitive`. Returns those of which it is sure. *corners: nine
-// coordinates.
-ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* primitive, ulong hits, float16* corners, PacketSurfaces* s) {
+// Tells weights and points of the lanes of `hits`, whose triangles are `primitive`. Returns those of which it is sure.
+// *corners: nine coordinates.
+ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* primitive, ulong hits, float16* corners,
+                       PacketSurfaces* s) {
 #pragma unroll
     for (uint i = 0; i < 9u; i++) corners[i] = (float16)(0.0f);
     for (ulong rest = hits; rest != 0ul; rest = other_lanes8(rest)) {
@@ -95,17 +97,27 @@ ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* prim
 #pragma unroll
     for (uint i = 0; i < 3u; i++) {
         const float16 p0 = corners[i], p1 = corners[3u + i], p2 = corners[6u + i];
-        point_of_triangle16(at0 ? p0 : at1 ? p1 : p2, at0 ? p1 : at1 ? p2 : p0, at0 ? p2 : at1 ? p0 : p1, weight1, weight2,
-                            &s->position[i], &s->position_low[i]);
+        point_of_triangle16(at0   ? p0
+                            : at1 ? p1
+                                  : p2,
+                            at0   ? p1
+                            : at1 ? p2
+                                  : p0,
+                            at0   ? p2
+                            : at1 ? p0
+                                  : p1,
+                            weight1, weight2, &s->position[i], &s->position_low[i]);
     }
     return lanes_where16(is_sure) & hits;
 }
 
 // The same with all else.
-ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* primitive, ulong hits, PacketSurfaces* s) {
+ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* primitive, ulong hits,
+                         PacketSurfaces* s) {
     float16 corners[9];
     const ulong sure = points_of_packet(GEOMETRY, p, primitive, hits, corners, s);
-    s->largest_coordinate = larger16(largest_of_three(corners), larger16(largest_of_three(corners + 3), largest_of_three(corners + 6)));
+    s->largest_coordinate =
+        larger16(largest_of_three(corners), larger16(largest_of_three(corners + 3), largest_of_three(corners + 6)));
     const int16 has_normal = triangle_normals(corners, corners + 3, corners + 6, s->outward);
     return sure & lanes_where16(has_normal);
 }
@@ -114,7 +126,8 @@ ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* pr
 #define FEWEST_SURFACES 3u
 
 SurfacePoint point_of_lane(const PacketSurfaces* s, uint lane, uint primitive) {
-    const SurfacePoint point = {three_of_lane(s->position, lane), three_of_lane(s->position_low, lane), three_of_lane(s->weights, lane),
+    const SurfacePoint point = {three_of_lane(s->position, lane), three_of_lane(s->position_low, lane),
+                                three_of_lane(s->weights, lane),
                                 0.0f, // LEAVING_ERROR of exact hits
                                 primitive};
     return point;

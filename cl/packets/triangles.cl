@@ -1,4 +1,5 @@
-// The triangles of a wide leaf (bvh8.cl) for decide.cl: what is of the triangles alone, for eight at a time; and the hits of a packet.
+// The triangles of a wide leaf (bvh8.cl) for decide.cl: what is of the triangles alone, for eight at a time; and the
+// hits of a packet.
 
 // In each lane one triangle.
 typedef struct {
@@ -17,10 +18,10 @@ void load_corners(GEOMETRY_PARAMETERS, uint packet, float8* a, float8* b, float8
     }
 }
 
-// All of the triangles that `a` does not tell, for rays whose magnitudes of decide.cl are no more than these: how far the first corners are
-// from their origins, and their directions.
-void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az, float8 dx, float8 dy,
-                       float8 dz) {
+// All of the triangles that `a` does not tell, for rays whose magnitudes of decide.cl are no more than these: how far
+// the first corners are from their origins, and their directions.
+void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az, float8 dx,
+                       float8 dy, float8 dz) {
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         l->e1[axis] = b[axis] - l->a[axis];
@@ -44,9 +45,10 @@ void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float
 
 float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
 
-// Reads packet number `packet` for rays of that range. Returns for each triangle which of the packets of rays in `members` may hit it, as
-// far as their frusta tell: bit k of byte i. Without frusta, which is 0, all.
-ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frusta, uint members, uint packet, LeafTriangles* l) {
+// Reads packet number `packet` for rays of that range. Returns for each triangle which of the packets of rays in
+// `members` may hit it, as far as their frusta tell: bit k of byte i. Without frusta, which is 0, all.
+ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frusta, uint members, uint packet,
+                     LeafTriangles* l) {
     float8 b[3], c[3];
     load_corners(GEOMETRY, packet, l->a, b, c);
     ulong met = frusta == 0 ? ALL_LANES8 * members : 0ul;
@@ -58,12 +60,14 @@ ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* 
     const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
     const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
     const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
-    prepare_triangles(l, b, c, ax, ay, az, (float8)(range->steepest[0]), (float8)(range->steepest[1]), (float8)(range->steepest[2]));
+    prepare_triangles(l, b, c, ax, ay, az, (float8)(range->steepest[0]), (float8)(range->steepest[1]),
+                      (float8)(range->steepest[2]));
     return met;
 }
 
 // The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what is put aside until
-// the traversal is done, where closest hits are asked for: triangles that float32 does not decide, by their references, and for which lanes.
+// the traversal is done, where closest hits are asked for: triangles that float32 does not decide, by their references,
+// and for which lanes.
 typedef struct {
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
@@ -78,7 +82,8 @@ void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
     *doubtful = (int16)(0);
 }
 
-// Puts a triangle aside for lanes. False if it is one too many, or nothing is deferred: then settle_lane() could not decide about it.
+// Puts a triangle aside for lanes. False if it is one too many, or nothing is deferred: then settle_lane() could not
+// decide about it.
 bool postpone_for_lanes(PacketHits* hits, uint reference, ulong lanes) {
 #ifdef DEFER_DOUBTS
     if (hits->postponed == MAX_POSTPONED) return false;
@@ -98,7 +103,8 @@ ulong unsettled_lanes(const PacketHits* hits, int16 doubtful) {
     return lanes == 0ul ? 0ul : lanes & lanes_where16(!doubtful);
 }
 
-// Decides about these triangles of one lane, whose ray that is; or, where that takes whole numbers, adds it to *doubtful.
+// Decides about these triangles of one lane, whose ray that is; or, where that takes exact integers, adds it to
+// *doubtful.
 void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* doubtful) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
@@ -120,16 +126,18 @@ void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hit
     set_lane16(&hits->t_low, lane, hit.u);
 }
 
-// What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one; none where that is
-// -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to *doubtful. Whether anything was open.
-bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference, const bool any_hit,
-                      float16* t_limit, PacketHits* hits, int16* doubtful) {
+// What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one;
+// none where that is -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to *doubtful.
+// Whether anything was open.
+bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference,
+                      const bool any_hit, float16* t_limit, PacketHits* hits, int16* doubtful) {
 #define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
     const Decision16 d =
-        decide16(from_origins(p, 0u, OF_TRIANGLE(a[0])), from_origins(p, 1u, OF_TRIANGLE(a[1])), from_origins(p, 2u, OF_TRIANGLE(a[2])),
-                 p->direction[0], p->direction[1], p->direction[2], OF_TRIANGLE(e1[0]), OF_TRIANGLE(e1[1]), OF_TRIANGLE(e1[2]),
-                 OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]), OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]),
-                 OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound), OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
+        decide16(from_origins(p, 0u, OF_TRIANGLE(a[0])), from_origins(p, 1u, OF_TRIANGLE(a[1])),
+                 from_origins(p, 2u, OF_TRIANGLE(a[2])), p->direction[0], p->direction[1], p->direction[2],
+                 OF_TRIANGLE(e1[0]), OF_TRIANGLE(e1[1]), OF_TRIANGLE(e1[2]), OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]),
+                 OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]), OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound),
+                 OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
 #undef OF_TRIANGLE
     if (!is_any16(d.possible)) return false;
     const uint primitive = LOAD_REFERENCE(geometry, reference);

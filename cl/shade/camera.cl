@@ -1,16 +1,17 @@
 // Where the rays of a picture begin, and where they are counted.
 
-// Direction of the camera ray through the point (x, y) of the picture, in pixels from its upper left corner. Its component along the view
-// is 1.
+// Direction of the camera ray through the point (x, y) of the picture, in pixels from its upper left corner. Its
+// component along the view is 1.
 float3 camera_direction(__global const RenderParams* render, float x, float y) {
     const float right = fma(x, render->pixel_width, -1.0f);
     const float up = fma(-y, render->pixel_height, 1.0f);
     return fma3(render->right.xyz, right, fma3(render->up.xyz, up, render->forward.xyz));
 }
 
-// A ray's place in the picture, in pixels from the upper left corner: that of sample number `s` of a pixel, or of a list which has this
-// place in the film.
-CameraSample camera_sample(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel, uint s) {
+// A ray's place in the picture, in pixels from the upper left corner: that of sample number `s` of a pixel, or of a
+// list which has this place in the film.
+CameraSample camera_sample(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel,
+                           uint s) {
     if (render->ray_count != 0u) return samples[pixel.y * render->width + pixel.x];
     CameraSample at = samples[s];
     at.x = (float)pixel.x + at.x;
@@ -26,14 +27,16 @@ void begin_path(__global const RenderParams* render, CameraSample at, PendingRay
     first->cone.width = 0.0f;
     first->cone.spread = 0.0f;
     if (HAS_CONES) {
-        // A pixel away from the middle is farther off and seen at a slant. Of its sides as the ray sees them this is the shorter.
+        // A pixel away from the middle is farther off and seen at a slant. Of its sides as the ray sees them this is
+        // the shorter.
         const float3 direction = camera_direction(render, at.x, at.y);
         first->cone.spread = at.footprint * render->pixel_size / dot3(direction, direction);
     }
 }
 
 // A camera ray.
-PendingRay first_of_path(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel, uint s) {
+PendingRay first_of_path(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel,
+                         uint s) {
     const CameraSample at = camera_sample(render, samples, pixel, s);
     PendingRay first;
     first.ray = make_ray(render->eye.xyz, camera_direction(render, at.x, at.y), 0.0f, INFINITY, NO_PRIMITIVE);
@@ -54,11 +57,13 @@ bool is_in_film(__global const RenderParams* render, uint2 pixel) {
 
 #define TILE_PIXELS (TILE_SIDE * TILE_SIDE)
 
-// Pixels are numbered tile by tile: item i is pixel i % TILE_PIXELS of tile i / TILE_PIXELS, row by row. It may lie outside of the picture.
+// Pixels are numbered tile by tile: item i is pixel i % TILE_PIXELS of tile i / TILE_PIXELS, row by row. It may lie
+// outside of the picture.
 uint2 pixel_of_item(__global const RenderParams* render, uint item) {
     const uint tile = item / TILE_PIXELS, in_tile = item % TILE_PIXELS;
     const uint tiles_per_row = (render->width + TILE_SIDE - 1u) / TILE_SIDE;
-    return (uint2)(tile % tiles_per_row * TILE_SIDE + in_tile % TILE_SIDE, tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE);
+    return (uint2)(tile % tiles_per_row * TILE_SIDE + in_tile % TILE_SIDE,
+                   tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE);
 }
 
 // Looks for the closest hit of a ray, and counts the ray.

@@ -1,10 +1,11 @@
-// How much of a surface, and of its texture, a ray stands for. A ray is the axis of a cone, and what the cone cuts out of a surface is
-// the part of its texture that the ray shows: the mean over it, not a point's colour, which would flicker from pixel to pixel.
-// Amanatides, "Ray Tracing with Cones", SIGGRAPH 1984; Akenine-Moeller, Crassin, Boksansky, Belcour, Panteleev and Wright, "Improved
-// Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), 2021.
+// How much of a surface, and of its texture, a ray stands for. A ray is the axis of a cone, and what the cone cuts out
+// of a surface is the part of its texture that the ray shows: the mean over it, not a point's colour, which would
+// flicker from pixel to pixel. Amanatides, "Ray Tracing with Cones", SIGGRAPH 1984; Akenine-Moeller, Crassin,
+// Boksansky, Belcour, Panteleev and Wright, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1),
+// 2021.
 //
-// Bad at: what curved mirrors and lenses show. Surfaces pass cones on as if they were flat: behind those that spread rays a cone is too
-// narrow, and something of the flicker stays; behind those that gather them too wide.
+// Bad at: what curved mirrors and lenses show. Surfaces pass cones on as if they were flat: behind those that spread
+// rays a cone is too narrow, and something of the flicker stays; behind those that gather them too wide.
 
 // 1: textures are averaged over what rays stand for, 0: colours are those of points.
 #ifndef TEXTURE_FOOTPRINTS
@@ -31,7 +32,8 @@ typedef struct {
     float2 across; // the one at a right angle to the ray
 } Footprint;
 
-// How far texture coordinates change along `way`, which lies in the triangle's plane. `area`: dot3(cross3(edge1, edge2), normal).
+// How far texture coordinates change along `way`, which lies in the triangle's plane. `area`: dot3(cross3(edge1,
+// edge2), normal).
 float2 texture_way(const Shading* at, float3 edge1, float3 edge2, float3 normal, float area, float3 way) {
     const float weight1 = dot3(cross3(way, edge2), normal) / area;
     const float weight2 = dot3(cross3(edge1, way), normal) / area;
@@ -39,12 +41,13 @@ float2 texture_way(const Shading* at, float3 edge1, float3 edge2, float3 normal,
                     fma(weight1, at->v1 - at->v0, weight2 * (at->v2 - at->v0)));
 }
 
-// A ray that grazes its triangle sees no more of it than at this cosine: the ellipse, which is no longer one where the plane is
-// all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places stand for.
-#define LEAST_CONE_COSINE 0x1p-7f
+// A ray that grazes its triangle sees no more of it than at LEAST_CONE_COSINE: the ellipse, which is no longer one where
+// the plane is all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places stand
+// for.
 
 // `direction`: of the ray, unit. `width`: of its cone at the surface.
-Footprint footprint_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Surface* surface, float3 direction, float width) {
+Footprint footprint_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Surface* surface, float3 direction,
+                       float width) {
     const uint primitive = surface->point.primitive;
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 edge1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1) - p0;

@@ -10,7 +10,8 @@ typedef struct {
 
 // Radiance limited to what the sum of a pixel's samples can hold, see MAX_RADIANCE. NaN stays.
 float3 limit_radiance(float3 radiance) {
-    return (float3)(min_or(MAX_RADIANCE, radiance.x), min_or(MAX_RADIANCE, radiance.y), min_or(MAX_RADIANCE, radiance.z));
+    return (float3)(min_or(MAX_RADIANCE, radiance.x), min_or(MAX_RADIANCE, radiance.y),
+                    min_or(MAX_RADIANCE, radiance.z));
 }
 
 // Where a lamp is as seen from a point: what of a LightSample takes longest.
@@ -71,8 +72,9 @@ LightSample sample_light(__global const Light* lights, uint index, float3 positi
     return sample;
 }
 
-// The tone of threshold ("cartoon") shading for a cosine: 0 below the threshold, above it one of `steps` equal steps up to 1
-// (thesis, section 3.3.2; Lake et al., "Stylized Rendering Techniques for Scalable Real-Time 3D Animation", NPAR 2000).
+// The tone of threshold ("cartoon") shading for a cosine: 0 below the threshold, above it one of `steps` equal steps up
+// to 1 (thesis, section 3.3.2; Lake et al., "Stylized Rendering Techniques for Scalable Real-Time 3D Animation", NPAR
+// 2000).
 float toon_tone(float cosine, uint steps, float threshold) {
     const float above = (cosine - threshold) / (1.0f - threshold);
     if (!(above >= 0.0f)) return 0.0f;
@@ -81,23 +83,23 @@ float toon_tone(float cosine, uint steps, float threshold) {
     return step < count ? step / count : 1.0f;
 }
 
-// A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
-#define TOON_HIGHLIGHT 0.5f
-
-// Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light is below
-// the surface, judged by both normals: a smooth normal must not let light through the back of its triangle. Where shadow rays start
-// above the triangle (see smooth_lift()) they find out by themselves what is in the way, and the smooth normal alone judges.
-// `halfway`: the unit direction between those to light and viewer, where it is known, else 0.
+// Light that the surface sends towards -view_direction (unit), for a light that is not in shadow. Zero when the light
+// is below the surface, judged by both normals: a smooth normal must not let light through the back of its triangle.
+// Where shadow rays start above the triangle (see smooth_lift()) they find out by themselves what is in the way, and
+// the smooth normal alone judges. `halfway`: the unit direction between those to light and viewer, where it is known,
+// else 0.
 float3 blinn_phong(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
                    const LightSample* sample, const float3* halfway) {
     const float cosine = dot3(surface->normal, sample->direction);
     const bool is_lifted = HAS(FEATURE_SMOOTH_NORMALS) && any(surface->lift != (float3)(0.0f));
-    if (!(cosine > 0.0f && (is_lifted || dot3(surface->geometric_normal, sample->direction) > 0.0f))) return (float3)(0.0f);
+    if (!(cosine > 0.0f && (is_lifted || dot3(surface->geometric_normal, sample->direction) > 0.0f)))
+        return (float3)(0.0f);
     const bool toon = HAS(FEATURE_TOON) && material->toon_steps > 0u;
     float3 reflected = diffuse * (toon ? toon_tone(cosine, material->toon_steps, material->toon_threshold) : cosine);
     if (HAS(FEATURE_HIGHLIGHTS) && max_component(material->specular_shininess.xyz) > 0.0f) {
         const float3 middle = halfway != 0 ? *halfway : normalize3(sample->direction - view_direction, surface->normal);
         float highlight = power_fixed(clamp01(dot3(surface->normal, middle)), material->specular_shininess.w);
+        // A cartoon's highlight is a spot with a sharp rim, where the smooth one would have half of its strength.
         if (toon) highlight = highlight >= TOON_HIGHLIGHT ? 1.0f : 0.0f;
         reflected = fma3(material->specular_shininess.xyz, highlight, reflected);
     }

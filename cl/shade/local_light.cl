@@ -1,5 +1,5 @@
-// The light that a surface sends back from the lamps, and gives off itself; in pieces, because the split kernels take them one at
-// a time (cl/kernels/split.cl) and the mega-kernel all at once (cl/kernels/render.cl).
+// The light that a surface sends back from the lamps, and gives off itself; in pieces, because the wavefront kernels
+// take them one at a time (cl/kernels/wavefront.cl) and the mega-kernel all at once (cl/kernels/render.cl).
 
 typedef struct {
     float3 diffuse;  // colour for diffuse reflection, textured
@@ -23,8 +23,8 @@ float3 texture_colour(SCENE_PARAMETERS, const Surface* surface, const Material* 
                           surface->texture_v, &footprint, solid_position(surface));
 }
 
-// The light without any lamp: ambient light and what the surface gives off. `colour` is that of the material's texture, and means
-// nothing where it has none.
+// The light without any lamp: ambient light and what the surface gives off. `colour` is that of the material's texture,
+// and means nothing where it has none.
 LocalLight begin_local_light(const Material* material, float3 colour) {
     LocalLight light;
     light.diffuse = material->diffuse.xyz;
@@ -38,25 +38,25 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
 }
 
 // The same of a surface, textured, to a ray along unit `direction`.
-LocalLight light_without_lamps(SCENE_PARAMETERS, const Surface* surface, const Material* material, const PendingRay* pending,
-                               float3 direction) {
+LocalLight light_without_lamps(SCENE_PARAMETERS, const Surface* surface, const Material* material,
+                               const PendingRay* pending, float3 direction) {
     float3 colour = (float3)(1.0f);
     if (is_textured(material)) colour = texture_colour(SCENE, surface, material, pending, direction);
     return begin_local_light(material, colour);
 }
 
-// What a light adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the lamp is at
-// sample->to_light * t_far as seen from where the shadow ray starts. `halfway`: see blinn_phong().
-bool reflect_sample(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction, const float3* halfway,
-                    LightSample* sample, float3* reflected) {
+// What a light adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the
+// lamp is at sample->to_light * t_far as seen from where the shadow ray starts. `halfway`: see blinn_phong().
+bool reflect_sample(const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
+                    const float3* halfway, LightSample* sample, float3* reflected) {
     *reflected = blinn_phong(surface, material, diffuse, view_direction, sample, halfway);
     if (HAS(FEATURE_SMOOTH_NORMALS) && sample->t_far == 1.0f) sample->to_light -= surface->lift;
     return max_component(*reflected) > 0.0f;
 }
 
 // The same of lamp number `index`.
-bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse, float3 view_direction,
-                uint index, LightSample* sample, float3* reflected) {
+bool light_term(const Scene* scene, const Surface* surface, const Material* material, float3 diffuse,
+                float3 view_direction, uint index, LightSample* sample, float3* reflected) {
     *sample = sample_light(scene->lights, index, surface->point.position);
     return reflect_sample(surface, material, diffuse, view_direction, 0, sample, reflected);
 }
@@ -75,8 +75,8 @@ float3 still_to_light(const SurfacePoint* from, const LightSample* sample, float
     return sample->t_far == 1.0f ? from->position + sample->to_light - point : sample->to_light;
 }
 
-// What remains of the light after it has passed the transparent surfaces on its way; zero behind an opaque one. Of the sample only
-// to_light and t_far matter.
+// What remains of the light after it has passed the transparent surfaces on its way; zero behind an opaque one. Of the
+// sample only to_light and t_far matter.
 float3 light_visibility(SCENE_PARAMETERS, const SurfacePoint* from, const LightSample* sample, uint* counts) {
     const Geometry* geometry = &scene->geometry;
     Ray ray = leave_surface(from, sample->to_light, sample->t_far);

@@ -1,13 +1,15 @@
 // Procedural textures: colours computed from the position instead of looked up (thesis, section 5.2.2).
 //
-// Peachey, "Solid Texturing of Complex Surfaces", SIGGRAPH 1985: an object is cut from a pattern in space, here checker, wood and
-// marble. Perlin, "An Image Synthesizer", SIGGRAPH 1985: noise, turbulence and the marble made of them; the noise itself is that of
-// "Improving Noise", SIGGRAPH 2002, with a hash of the cell's whole numbers in place of the table of permutations.
+// Peachey, "Solid Texturing of Complex Surfaces", SIGGRAPH 1985: an object is cut from a pattern in space, here
+// checker, wood and marble. Perlin, "An Image Synthesizer", SIGGRAPH 1985: noise, turbulence and the marble made of
+// them; the noise itself is that of "Improving Noise", SIGGRAPH 2002, with a hash of the cell's whole numbers in place
+// of the table of permutations.
 //
-// Needs no memory and no coordinates on the surface. Has no pattern filter: what is finer than a pixel is left to the samples.
+// Needs no memory and no coordinates on the surface. Has no pattern filter: what is finer than a pixel is left to the
+// samples.
 
-// The cell of width 1 that holds x, and where in it x is (0..1). A number without a fraction that an int could hold, an infinity
-// or NaN counts as the corner of cell 0, so that no conversion is ever out of range.
+// The cell of width 1 that holds x, and where in it x is (0..1). A number without a fraction that an int could hold, an
+// infinity or NaN counts as the corner of cell 0, so that no conversion is ever out of range.
 float split_cell(float x, uint* cell) {
     const float low = floor(x);
     const bool in_range = fabs(low) < 0x1p31f;
@@ -15,12 +17,12 @@ float split_cell(float x, uint* cell) {
     return in_range ? x - low : 0.0f;
 }
 
-// 32 well mixed bits for a cell: a linear combination by odd constants (those of xxHash, Collet 2012), then the finaliser of
-// MurmurHash3 (Appleby 2011). Cells wrap around at 2^32.
+// 32 well mixed bits for a cell: a linear combination by odd constants (those of xxHash, Collet 2012), then the
+// finaliser of MurmurHash3 (Appleby 2011). Cells wrap around at 2^32.
 uint hash_cell(uint x, uint y, uint z, uint seed) {
-    uint h = (x * 0x9e3779b1u) ^ (y * 0x85ebca77u) ^ (z * 0xc2b2ae3du) ^ (seed * 0x27d4eb2fu);
-    h = (h ^ (h >> 16)) * 0x85ebca6bu;
-    h = (h ^ (h >> 13)) * 0xc2b2ae35u;
+    uint h = (x * HASH_X) ^ (y * HASH_Y) ^ (z * HASH_Z) ^ (seed * HASH_SEED);
+    h = (h ^ (h >> 16)) * HASH_FIRST;
+    h = (h ^ (h >> 13)) * HASH_SECOND;
     return h ^ (h >> 16);
 }
 
@@ -54,12 +56,12 @@ float gradient_noise(float3 p, uint seed) {
     return mix_fixed(low, high, fade(fz));
 }
 
-// Moves the octaves against each other and against the axes, so that their corners, where all noise is 0, do not meet in planes
-// with whole coordinates, where floors and walls like to be. Powers of 0.8192, the root of r^4 + r = 1: the additive
-// sequence of least discrepancy in three dimensions (Roberts 2018).
-#define OCTAVE_SHIFT (float3)(0.8191725f, 0.6710436f, 0.5497005f)
-
-// Octaves of noise, each of double frequency and half strength; `folded`: of their absolute values, Perlin's turbulence.
+// Octaves of noise, each of double frequency and half strength; `folded`: of their absolute values, Perlin's
+// turbulence.
+//
+// OCTAVE_SHIFT moves the octaves against each other and against the axes, so that their corners, where all noise is 0,
+// do not meet in planes with whole coordinates, where floors and walls like to be. Powers of 0.8192, the root of r^4 +
+// r = 1: the additive sequence of least discrepancy in three dimensions (Roberts 2018).
 float fractal_noise(float3 p, uint octaves, uint seed, bool folded) {
     float sum = 0.0f, weight = 1.0f;
     for (uint octave = 0; octave < octaves; octave++) {
@@ -87,20 +89,17 @@ float noise_pattern(float3 p, uint octaves, uint seed) {
     return clamp01(fma(0.5f, fractal_noise(p, octaves, seed, false), 0.5f));
 }
 
-// Veins across x, one in each unit, that turbulence has folded. The fourth power makes them narrower than the stone between.
+// Veins across x, one in each unit, that turbulence has folded. The fourth power makes them narrower than the stone
+// between.
 float marble_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     const float layer = fma(turbulence, fractal_noise(p, octaves, seed, true), p.x);
     const float wave = clamp01(fma(0.5f, sin_turns(layer), 0.5f));
     return (wave * wave) * (wave * wave);
 }
 
-// Share of a year's ring that is early wood, which darkens gradually; the late wood ends sharply.
-#define EARLY_WOOD 0.85f
-
-// The noise that bends the rings is as wide as four of them and eight times as long along the trunk.
-#define WOOD_NOISE (float3)(0.25f, 0.03125f, 0.25f)
-
-// Rings about the axis y, one in each unit, that noise has bent.
+// Rings about the axis y, one in each unit, that noise has bent. EARLY_WOOD is a ring's share that darkens gradually;
+// the late wood ends sharply. WOOD_NOISE makes the noise that bends the rings as wide as four of them and eight times
+// as long along the trunk.
 float wood_pattern(float3 p, uint octaves, uint seed, float turbulence) {
     const float radius = sqrt(fma(p.x, p.x, p.z * p.z));
     uint ring;
@@ -111,7 +110,8 @@ float wood_pattern(float3 p, uint octaves, uint seed, float turbulence) {
 
 float apply_row(float4 row, float3 p) { return fma(p.x, row.x, fma(p.y, row.y, fma(p.z, row.z, row.w))); }
 
-// The colour of a procedural texture at a position in tracing space; or at texture coordinates, where it asks for these.
+// The colour of a procedural texture at a position in tracing space; or at texture coordinates, where it asks for
+// these.
 float3 procedural_colour(const TextureInfo* info, float u, float v, float3 position) {
     const float3 at = info->in_uv != 0u ? (float3)(u, v, 0.0f) : position;
     const float3 p = (float3)(apply_row(info->to_x, at), apply_row(info->to_y, at), apply_row(info->to_z, at));
@@ -125,10 +125,11 @@ float3 procedural_colour(const TextureInfo* info, float u, float v, float3 posit
     return fma3(info->colour1.xyz - colour, t, colour);
 }
 
-// Where a solid texture is looked at: beneath the surface by twice six roundings of the triangle's largest coordinate: the position's
-// own and those of whoever placed wall and pattern. A wall that lies in a border of the checker's cells would else show both of them
-// in the pattern of its rounding errors; so it shows the cell of its inside, also when border and wall agree but for a few roundings.
+// Where a solid texture is looked at: beneath the surface by twice six roundings of the triangle's largest coordinate:
+// the position's own and those of whoever placed wall and pattern. A wall that lies in a border of the checker's cells
+// would else show both of them in the pattern of its rounding errors; so it shows the cell of its inside, also when
+// border and wall agree but for a few roundings.
 float3 solid_position(const Surface* surface) {
     const float3 outward = surface->front ? surface->geometric_normal : -surface->geometric_normal;
-    return fma3(outward, -12.0f * EPSILON * surface->largest_coordinate, surface->point.position);
+    return fma3(outward, -SOLID_DEPTH * surface->largest_coordinate, surface->point.position);
 }

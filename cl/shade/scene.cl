@@ -28,9 +28,9 @@ typedef struct {
 #define SCENE SCENE_AT(scene)
 
 // SCENE_ARGUMENTS: what every shading kernel's arguments begin with. MAKE_SCENE: the Scene made of them.
-#define SCENE_ARGUMENTS                                                                                                 \
-    GEOMETRY_ARGUMENTS, __global const Shading* restrict shading, __global const Material* restrict materials,          \
-        __global const Light* restrict lights, __global const TextureInfo* restrict textures,                           \
+#define SCENE_ARGUMENTS                                                                                        \
+    GEOMETRY_ARGUMENTS, __global const Shading* restrict shading, __global const Material* restrict materials, \
+        __global const Light* restrict lights, __global const TextureInfo* restrict textures,                  \
         __global const uint* restrict texels, __global const float* restrict srgb_to_linear
 #define MAKE_SCENE \
     { MAKE_GEOMETRY, CAMERA_GEOMETRY_VALUE shading, materials, lights, textures, texels, srgb_to_linear, scene_params }

@@ -40,27 +40,29 @@ SurfacePoint surface_point(GEOMETRY_PARAMETERS, const SurfaceHit* hit) {
     return point;
 }
 
-// Adds to a surface's point what else a ray of that direction sees of the triangle: `outward` is its normal, as triangle_normal() has it.
-void complete_surface(GEOMETRY_PARAMETERS, __global const Shading* shading, float3 direction, const SurfaceHit* hit, float3 outward,
-                      Surface* surface) {
+// Adds to a surface's point what else a ray of that direction sees of the triangle: `outward` is its normal, as
+// triangle_normal() has it.
+void complete_surface(GEOMETRY_PARAMETERS, __global const Shading* shading, float3 direction, const SurfaceHit* hit,
+                      float3 outward, Surface* surface) {
     const Shading at = LOAD_SHADING(shading, hit->primitive);
     const float w = (1.0f - hit->u) - hit->v;
     surface->material = HAS(FEATURE_SEVERAL_MATERIALS) ? at.material : 0u;
     // Rounding to tracing space may have flattened the triangle: it then looks at the ray.
-    if (outward.x == 0.0f && outward.y == 0.0f && outward.z == 0.0f) outward = normalize3(-direction, (float3)(0.0f, 0.0f, 1.0f));
+    if (outward.x == 0.0f && outward.y == 0.0f && outward.z == 0.0f)
+        outward = normalize3(-direction, (float3)(0.0f, 0.0f, 1.0f));
     surface->front = dot3(outward, direction) < 0.0f;
     surface->geometric_normal = surface->front ? outward : -outward;
     surface->normal = surface->geometric_normal;
     if (HAS(FEATURE_SMOOTH_NORMALS))
-        surface->normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
-                                              surface->geometric_normal);
+        surface->normal = interpolated_normal(at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u,
+                                              hit->v, surface->geometric_normal);
     surface->lift = (float3)(0.0f);
     if (SMOOTH_TERMINATOR && HAS(FEATURE_SMOOTH_NORMALS)) {
         const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
         const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
         const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
-        surface->lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w, hit->u, hit->v,
-                                    surface->geometric_normal);
+        surface->lift = smooth_lift(p1 - p0, p2 - p0, at.normal0_u0.xyz, at.normal1_u1.xyz, at.normal2_u2.xyz, w,
+                                    hit->u, hit->v, surface->geometric_normal);
     }
     surface->texture_u = fma(at.normal0_u0.w, w, fma(at.normal1_u1.w, hit->u, at.normal2_u2.w * hit->v));
     surface->texture_v = fma(at.v0, w, fma(at.v1, hit->u, at.v2 * hit->v));
@@ -78,8 +80,8 @@ Surface surface_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const R
     return surface;
 }
 
-// Moves the point to where shadow rays start, which is above the triangle. Through a pointer: of a returned struct Oclgrind 21.10 makes
-// what it cannot run.
+// Moves the point to where shadow rays start, which is above the triangle. Through a pointer: of a returned struct
+// Oclgrind 21.10 makes what it cannot run.
 void lift_point(SurfacePoint* point, float3 lift) {
     if (!HAS(FEATURE_SMOOTH_NORMALS) || (lift.x == 0.0f && lift.y == 0.0f && lift.z == 0.0f)) return;
     point->position += lift;
@@ -87,10 +89,10 @@ void lift_point(SurfacePoint* point, float3 lift) {
     point->weights = (float3)(0.0f);
 }
 
-// A ray that leaves a surface, from an exact point of the triangle, which is itself skipped by its number. With exact hits that is all:
-// what contains that point, too, is met at t = 0 and not hit. Rounded tests meet such neighbours, which share an edge or
-// vertex, at a distance of at most point.error on an axis along which the ray advances at least 1 per unit of t: twice that
-// covers it where the surface is left at more than a grazing angle.
+// A ray that leaves a surface, from an exact point of the triangle, which is itself skipped by its number. With exact
+// hits that is all: what contains that point, too, is met at t = 0 and not hit. Rounded tests meet such neighbours,
+// which share an edge or vertex, at a distance of at most point.error on an axis along which the ray advances at least
+// 1 per unit of t: twice that covers it where the surface is left at more than a grazing angle.
 Ray leave_surface(const SurfacePoint* point, float3 direction, float t_far) {
     Ray ray = make_ray(point->position, direction, 0.0f, t_far, point->primitive);
     ray.origin_low = point->position_low;

@@ -1,8 +1,8 @@
 // Textures: pictures of 8-bit sRGB texels, repeated, filtered in linear light; or procedural ones.
 
-// Texel coordinate of wrapped texture coordinate `t` on a side of `size` texels: *low and *high are the two texels around it,
-// the result is the weight of *high. Coordinates without a number, as NaN and infinite ones in a file or huge ones between which no
-// sum is a number, become 0; from 2^24 on all are whole numbers, so 0, too.
+// Texel coordinate of wrapped texture coordinate `t` on a side of `size` texels: *low and *high are the two texels
+// around it, the result is the weight of *high. Coordinates without a number, as NaN and infinite ones in a file or
+// huge ones between which no sum is a number, become 0; from 2^24 on all are whole numbers, so 0, too.
 float wrap_texel(float t, uint size, uint* low, uint* high) {
     const float wrapped = is_finite(t) ? t - floor(t) : 0.0f; // in 0..1; 1 only by rounding
     const float x = fma(wrapped, (float)size, -0.5f);
@@ -16,7 +16,8 @@ float wrap_texel(float t, uint size, uint* low, uint* high) {
 
 float3 texel(__global const uint* texels, __global const float* srgb_to_linear, uint index) {
     const uint rgba = texels[index];
-    return (float3)(srgb_to_linear[rgba & 255u], srgb_to_linear[(rgba >> 8) & 255u], srgb_to_linear[(rgba >> 16) & 255u]);
+    return (float3)(srgb_to_linear[rgba & 255u], srgb_to_linear[(rgba >> 8) & 255u],
+                    srgb_to_linear[(rgba >> 16) & 255u]);
 }
 
 // A level of a texture; each is half as wide and as high as the one before, rounded down.
@@ -27,12 +28,14 @@ typedef struct {
 } TextureLevel;
 
 TextureLevel next_level(TextureLevel level) {
-    const TextureLevel next = {level.first + level.width * level.height, max(level.width >> 1, 1u), max(level.height >> 1, 1u)};
+    const TextureLevel next = {level.first + level.width * level.height, max(level.width >> 1, 1u),
+                               max(level.height >> 1, 1u)};
     return next;
 }
 
 // Bilinear.
-float3 sample_level(const TextureLevel* level, __global const uint* texels, __global const float* srgb_to_linear, float u, float v) {
+float3 sample_level(const TextureLevel* level, __global const uint* texels, __global const float* srgb_to_linear,
+                    float u, float v) {
     uint left, right, top, bottom;
     const float weight_x = wrap_texel(u, level->width, &left, &right);
     const float weight_y = wrap_texel(-v, level->height, &top, &bottom); // v runs upwards, rows downwards
@@ -46,8 +49,8 @@ float3 sample_level(const TextureLevel* level, __global const uint* texels, __gl
 }
 
 // Mean of `taps` places, evenly spread over `way` about (u, v).
-float3 sample_along(const TextureLevel* level, __global const uint* texels, __global const float* srgb_to_linear, float u, float v,
-                    float2 way, uint taps) {
+float3 sample_along(const TextureLevel* level, __global const uint* texels, __global const float* srgb_to_linear,
+                    float u, float v, float2 way, uint taps) {
     const float share = 1.0f / (float)taps;
     float3 sum = (float3)(0.0f);
     for (uint i = 0; i < taps; i++) {
@@ -63,12 +66,12 @@ float texels_along(float2 way, const TextureInfo* info) {
     return sqrt(fma(x, x, y * y));
 }
 
-// Mean over a footprint: along its longer axis as many places as the shorter one fits into it, at most so many, at a level whose
-// texels are as large as the shorter axis, or between two levels (Williams, "Pyramidal Parametrics", SIGGRAPH 1983; several places:
-// McCormack et al., "Feline: Fast Elliptical Lines for Anisotropic Texture Mapping", SIGGRAPH 1999). Less than a texel: bilinear.
-#define MORE_TEXELS 0x1p31f // than any texture has on a side
-float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear, float u, float v,
-                        const Footprint* footprint) {
+// Mean over a footprint: along its longer axis as many places as the shorter one fits into it, at most so many, at a
+// level whose texels are as large as the shorter axis, or between two levels (Williams, "Pyramidal Parametrics",
+// SIGGRAPH 1983; several places: McCormack et al., "Feline: Fast Elliptical Lines for Anisotropic Texture Mapping",
+// SIGGRAPH 1999). Less than a texel: bilinear.
+float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __global const float* srgb_to_linear,
+                        float u, float v, const Footprint* footprint) {
     const float along = texels_along(footprint->along, info), across = texels_along(footprint->across, info);
     // Else the triangle has no area, or the cone is beyond all numbers: the mean of the whole texture.
     const bool is_known = is_finite(along) && is_finite(across);
@@ -89,10 +92,11 @@ float3 sample_footprint(const TextureInfo* info, __global const uint* texels, __
     return fma3(sample_along(&level, texels, srgb_to_linear, u, v, way, taps) - colour, beyond, colour);
 }
 
-// The colour of a texture on a surface: at texture coordinates u, v for a picture, at `position` (see solid_position()) for a
-// procedural texture. Everything that a texture's colour depends on is an argument.
-float3 surface_colour(__global const TextureInfo* textures, __global const uint* texels, __global const float* srgb_to_linear,
-                      uint texture, float u, float v, const Footprint* footprint, float3 position) {
+// The colour of a texture on a surface: at texture coordinates u, v for a picture, at `position` (see solid_position())
+// for a procedural texture. Everything that a texture's colour depends on is an argument.
+float3 surface_colour(__global const TextureInfo* textures, __global const uint* texels,
+                      __global const float* srgb_to_linear, uint texture, float u, float v, const Footprint* footprint,
+                      float3 position) {
     const TextureInfo info = textures[texture];
     if (HAS(FEATURE_PROCEDURAL_TEXTURES) && (!HAS(FEATURE_IMAGE_TEXTURES) || info.kind != TEXTURE_IMAGE))
         return procedural_colour(&info, u, v, position);

@@ -1,10 +1,10 @@
 // Secondary rays: mirror reflection, and refraction with Fresnel's equations and total internal reflection.
 // Whitted, "An Improved Illumination Model for Shaded Display", CACM 23(6), 1980; thesis, section 2.1.2.
 
-// `direction`, or where a smooth normal sends it to the wrong side of its triangle, that mirrored at the triangle's plane. A ray on
-// the wrong side would show the inside of the object: black spots along the outlines of coarse meshes. Mirrored it changes
-// smoothly where the side changes, unlike the reflection at the geometric normal, which leaves a seam. `normal`: the geometric
-// one, towards the right side.
+// `direction`, or where a smooth normal sends it to the wrong side of its triangle, that mirrored at the triangle's
+// plane. A ray on the wrong side would show the inside of the object: black spots along the outlines of coarse meshes.
+// Mirrored it changes smoothly where the side changes, unlike the reflection at the geometric normal, which leaves a
+// seam. `normal`: the geometric one, towards the right side.
 float3 keep_side(float3 direction, float3 normal) {
     const float height = dot3(direction, normal);
     return height < 0.0f ? fma3(normal, -2.0f * height, direction) : direction;
@@ -24,8 +24,9 @@ typedef struct {
 // Snell's law and the unpolarised Fresnel reflectance for a ray along unit `direction`.
 // `eta` is the index of refraction on the ray's side divided by that beyond the surface.
 //
-// There is no division by zero: short of total reflection cos_out is at least 2^-12, because sin2_out is at most 1 - 2^-24. Of an eta
-// near the ends of float's range products may be NaN; that counts as total reflection, which it is but for 2^-60.
+// There is no division by zero: short of total reflection cos_out is at least 2^-12, because sin2_out is at most 1 -
+// 2^-24. Of an eta near the ends of float's range products may be NaN; that counts as total reflection, which it is but
+// for 2^-60.
 Refraction refract_direction(const Surface* surface, float3 direction, float eta) {
     Refraction refraction = {1.0f, direction};
     if (eta == 1.0f) { // nothing changes: the ray goes straight on, whatever the interpolated normal says
@@ -33,8 +34,8 @@ Refraction refract_direction(const Surface* surface, float3 direction, float eta
         return refraction;
     }
     const float cos_in = clamp01(-dot3(surface->normal, direction));
-    // The part of the direction along the surface. Its length, not 1 - cos^2, gives the sine, so that the refracted direction has
-    // length 1 also where eta is large and multiplies all roundings.
+    // The part of the direction along the surface. Its length, not 1 - cos^2, gives the sine, so that the refracted
+    // direction has length 1 also where eta is large and multiplies all roundings.
     const float3 along = fma3(surface->normal, cos_in, direction);
     const float sin2_out = eta * eta * dot3(along, along);
     if (!(sin2_out < 1.0f)) return refraction;
@@ -61,7 +62,8 @@ typedef struct {
     RayCone cone;
 } PendingRay;
 
-// Records that hold numbers beside floats hold the bits of the floats: moving a float may change bits that mean a whole number.
+// Records that hold numbers beside floats hold the bits of the floats: moving a float may change bits that mean a whole
+// number.
 int4 pack_bits(float3 v, uint w) { return (int4)(as_int3(v), as_int(w)); }
 
 // Half of a PendingRay's bytes, for the time that it waits.
@@ -84,12 +86,12 @@ void load_history(const WaitingRay* from, PendingRay* pending) {
     pending->depth = as_uint(from->weight_kind_depth.w) >> RAY_KIND_BITS;
 }
 
-// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of the origin and the
-// weights are not its business.
+// make_ray of a ray that it has made is that ray, bit for bit: its direction needs no scaling any more. The low part of
+// the origin and the weights are not its business.
 PendingRay load_pending(const WaitingRay* from) {
     PendingRay pending;
-    pending.ray = make_ray(from->origin_t_near.xyz, as_float3(from->direction_skip.xyz), from->origin_t_near.w, INFINITY,
-                           as_uint(from->direction_skip.w));
+    pending.ray = make_ray(from->origin_t_near.xyz, as_float3(from->direction_skip.xyz), from->origin_t_near.w,
+                           INFINITY, as_uint(from->direction_skip.w));
     pending.ray.origin_low = from->origin_low_width.xyz;
     pending.ray.start_weights = from->start_weights_spread.xyz;
     load_history(from, &pending);
@@ -97,9 +99,11 @@ PendingRay load_pending(const WaitingRay* from) {
 }
 
 // Lets a ray that leaves the surface along `direction` wait.
-void push_ray(const Surface* surface, const PendingRay* from, float3 direction, float3 weight, uint kind, WaitingRay* to) {
+void push_ray(const Surface* surface, const PendingRay* from, float3 direction, float3 weight, uint kind,
+              WaitingRay* to) {
     const RayCone cone = cone_at(from->cone, from->ray.origin, surface->point.position);
-    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind, cone};
+    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind,
+                                cone};
     store_pending(&pending, to);
 }
 
@@ -118,6 +122,7 @@ uint push_secondary_rays(const Surface* surface, const Material* material, const
             push_ray(surface, pending, refraction.direction, weight, COUNT_REFRACTED_CAST, &stack[stacked++]);
     }
     if (max_component(reflected_weight) > kill_weight)
-        push_ray(surface, pending, reflect_direction(surface, direction), reflected_weight, COUNT_REFLECTED_CAST, &stack[stacked++]);
+        push_ray(surface, pending, reflect_direction(surface, direction), reflected_weight, COUNT_REFLECTED_CAST,
+                 &stack[stacked++]);
     return stacked;
 }

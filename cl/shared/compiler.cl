@@ -1,18 +1,18 @@
 // What every compiler is told before all else: the arithmetic is to be done as it is written.
 //
-// A product and a sum must not be fused, sums not be regrouped, divisions not become products, and NaN, infinity and -0 not be assumed
-// away, whatever options the program is built with: rounded results would change, and with them hits.
+// A product and a sum must not be fused, sums not be regrouped, divisions not become products, and NaN, infinity and -0
+// not be assumed away, whatever options the program is built with: rounded results would change, and with them hits.
 #if defined(__NV_CL_C_VERSION) && defined(__FAST_RELAXED_MATH__)
 // Divisions and square roots are no longer rounded correctly, whatever else is asked for.
-#error "the kernels cannot be protected against -cl-fast-relaxed-math here; -cl-unsafe-math-optimizations -cl-finite-math-only can be used"
+#error "cannot be protected against -cl-fast-relaxed-math; use -cl-unsafe-math-optimizations -cl-finite-math-only"
 #endif
 #ifdef __clang__
 #if defined(__SPIR__) || defined(__SPIRV__)
-// Compilers that go through SPIR or SPIR-V ignore float_control. What is left protects against -cl-unsafe-math-optimizations and
-// -cl-no-signed-zeros as far as the kernels go, and Intel's against -cl-finite-math-only; -cl-fast-relaxed-math makes Intel's take
-// every NaN for a number.
+// Compilers that go through SPIR or SPIR-V ignore float_control. What is left protects against
+// -cl-unsafe-math-optimizations and -cl-no-signed-zeros as far as the kernels go, and Intel's against
+// -cl-finite-math-only; -cl-fast-relaxed-math makes Intel's take every NaN for a number.
 #ifdef __FAST_RELAXED_MATH__
-#error "the kernels cannot be protected against -cl-fast-relaxed-math here; -cl-unsafe-math-optimizations -cl-finite-math-only can be used"
+#error "cannot be protected against -cl-fast-relaxed-math; use -cl-unsafe-math-optimizations -cl-finite-math-only"
 #endif
 #if __clang_major__ >= 18
 #pragma clang fp reassociate(off) reciprocal(off)
@@ -28,7 +28,8 @@
 
 // PoCL tells the user's terminal how many warnings there were; these two are about nothing.
 #if defined(__clang__) && defined(__has_warning)
-#if __has_warning("-Wpsabi") // sixteen lanes are passed in two registers without AVX-512: no other compiler calls these functions
+// Sixteen lanes are passed in two registers without AVX-512: no other compiler calls these functions.
+#if __has_warning("-Wpsabi")
 #pragma clang diagnostic ignored "-Wpsabi"
 #endif
 #if __has_warning("-Wconstant-logical-operand") // HAS(...) is a constant, which is what it is for
@@ -36,9 +37,10 @@
 #endif
 #endif
 
-// Intel's runtime for CPUs (2026.22) runs several work-items in the lanes of a vector. A function that is not inlined and takes a
-// float3, by value or in a struct, then sees the argument of the first lane in all of them. A hint of one lane per vector switches
-// that off; only this runtime has the extension. The attribute belongs to every kernel, so it comes with the keyword.
+// Intel's runtime for CPUs (2026.22) runs several work-items in the lanes of a vector. A function that is not inlined
+// and takes a float3, by value or in a struct, then sees the argument of the first lane in all of them. A hint of one
+// lane per vector switches that off; only this runtime has the extension. The attribute belongs to every kernel, so it
+// comes with the keyword.
 #ifdef cl_intel_vec_len_hint
 #define __kernel __attribute__((intel_vec_len_hint(1))) kernel
 #endif

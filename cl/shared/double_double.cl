@@ -1,6 +1,7 @@
 // Pairs of doubles: about 104 bits, for what double leaves open, where the device has double.
-// Joldes, Muller and Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word Arithmetic", ACM TOMS 44(2),
-// 2017: with u = 2^-53, a sum is off by 3 u^2 of its operands' magnitudes, a product by 5 u^2, a quotient by 10 u^2 of itself.
+// Joldes, Muller and Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word Arithmetic",
+// ACM TOMS 44(2), 2017: with u = 2^-53, a sum is off by 3 u^2 of its operands' magnitudes, a product by 5 u^2, a
+// quotient by 10 u^2 of itself.
 
 #ifdef WIDE_IS_DOUBLE
 typedef double2 DoubleDouble; // the value is x + y, and x is that rounded
@@ -33,8 +34,9 @@ DoubleDouble dd_divide(DoubleDouble a, DoubleDouble b) {
     return dd_normal(high, rest.x / b.x);
 }
 
-// The float nearest to a: rounded to odd first, which keeps what lies behind the last bit of a double from getting lost (Boldo and
-// Melquiond, "Emulation of FMA and Correctly Rounded Sums: Proved Algorithms Using Rounding to Odd", IEEE Trans. Computers 57(4), 2008).
+// The float nearest to a: rounded to odd first, which keeps what lies behind the last bit of a double from getting lost
+// (Boldo and Melquiond, "Emulation of FMA and Correctly Rounded Sums: Proved Algorithms Using Rounding to Odd", IEEE
+// Trans. Computers 57(4), 2008).
 float dd_to_float(DoubleDouble a) {
     ulong bits = as_ulong(a.x);
     if (a.y != 0.0 && (bits & 1ul) == 0ul) bits = (a.y > 0.0) == (a.x > 0.0) ? bits + 1ul : bits - 1ul;
@@ -50,7 +52,8 @@ DoubleDouble3 dd3_difference(float3 a, float3 b) {
     return r;
 }
 DoubleDouble3 dd3_from(float3 a) {
-    const DoubleDouble3 r = {(DoubleDouble)((double)a.x, 0.0), (DoubleDouble)((double)a.y, 0.0), (DoubleDouble)((double)a.z, 0.0)};
+    const DoubleDouble3 r = {(DoubleDouble)((double)a.x, 0.0), (DoubleDouble)((double)a.y, 0.0),
+                             (DoubleDouble)((double)a.z, 0.0)};
     return r;
 }
 DoubleDouble3 dd3_subtract(const DoubleDouble3* a, const DoubleDouble3* b) {

@@ -1,8 +1,10 @@
-// Triangles of objects that stand in the scene many times, placed when they are read (src/pack/instances.rs; with INSTANCES alone).
-// `vertices` and `shading` have each object once, in its own coordinates; the macros of memory.cl lead here, so that whatever knows a
-// triangle by its number in the scene gets it where the instance is, with the bits that placing it beforehand would have given.
+// Triangles of objects that stand in the scene many times, placed when they are read (src/pack/instances.rs; with
+// INSTANCES alone). `vertices` and `shading` have each object once, in its own coordinates; the macros of cl/memory/
+// lead here, so that whatever knows a triangle by its number in the scene gets it where the instance is, with the bits
+// that placing it beforehand would have given.
 //
-// Who reads a triangle mostly reads another one of the same instance next: its transform is kept in the Geometry's Placed.
+// Who reads a triangle mostly reads another one of the same instance next: its transform is kept in the Geometry's
+// Placed.
 #ifdef INSTANCES
 
 float row_times_point(float4 row, float3 p) { return fma(row.x, p.x, fma(row.y, p.y, fma(row.z, p.z, row.w))); }
@@ -56,7 +58,8 @@ bool is_zero3(float3 v) { return v.x == 0.0f && v.y == 0.0f && v.z == 0.0f; }
 
 // A normal of an object as the rows of an instance have it.
 float3 placed_normal(float4 row0, float4 row1, float4 row2, float3 n) {
-    return unit_normal((float3)(row_times_direction(row0, n), row_times_direction(row1, n), row_times_direction(row2, n)));
+    return unit_normal(
+        (float3)(row_times_direction(row0, n), row_times_direction(row1, n), row_times_direction(row2, n)));
 }
 
 Shading placed_shading(GEOMETRY_PARAMETERS, __global const Shading* shading, uint primitive) {

@@ -1,10 +1,12 @@
-// Whole numbers of any length that a ray-triangle test needs, for the rare decisions that no rounded arithmetic can make.
+// Exact integers of any length that a ray-triangle test needs, for the rare decisions that no rounded arithmetic can
+// make.
 //
-// Every float is a whole number times a power of two. Multiplied by a common power of two, the coordinates of a ray and a triangle
-// are whole numbers, and so are all sums and products of them: their signs and quotients are exact. Two's complement, least
-// significant limb first; every function takes the number n of limbs that the caller has found to suffice.
+// Every float is an integer times a power of two. Multiplied by a common power of two, the coordinates of a ray and a
+// triangle are integers, and so are all sums and products of them: their signs and quotients are exact. Two's
+// complement, least significant limb first; every function takes the number n of limbs that the caller has found to
+// suffice.
 
-#define MAX_LIMBS 59 // see whole_units() in cl/intersect/exact_whole.cl
+#define MAX_LIMBS 59 // see integer_units() in cl/intersect/exact_integers.cl
 
 // A copy of a function at each of its many calls would take compilers longer than all tracing takes: 17 s on NVIDIA's.
 #define RARE __attribute__((noinline))
@@ -80,15 +82,16 @@ int integer_magnitude(const Integer* a, Integer* magnitude, int* sign, int n) {
     return length;
 }
 
-// *r = *r + sign * a * b; r is neither of them. Only limbs that matter are multiplied: n is that of the largest result, which is far
-// longer than most factors. Column by column, so that nothing waits for a store or a carry within a column: a GPU runs the few
-// rays that come here at its latency.
+// *r = *r + sign * a * b; r is neither of them. Only limbs that matter are multiplied: n is that of the largest result,
+// which is far longer than most factors. Column by column, so that nothing waits for a store or a carry within a
+// column: a GPU runs the few rays that come here at its latency.
 RARE void integer_add_product(Integer* r, const Integer* a, const Integer* b, int sign, int n) {
     Integer x, y;
     const int x_length = integer_magnitude(a, &x, &sign, n), y_length = integer_magnitude(b, &y, &sign, n);
     if (x_length == 0 || y_length == 0) return;
     const uint flip = sign < 0 ? 0xffffffffu : 0u;
-    // Sums of the lower and of the upper words of a column's products, the former with what is carried from the columns before.
+    // Sums of the lower and of the upper words of a column's products, the former with what is carried from the columns
+    // before.
     ulong column = 0, next = 0;
     ulong carry = flip & 1u;
 #pragma unroll 1
@@ -130,7 +133,7 @@ RARE void integer_shift_up(Integer* a, int shift, int n) {
     }
 }
 
-// The float's significand as a whole number, and *exponent with |x| = significand * 2^exponent; x is finite.
+// The float's significand as an integer, and *exponent with |x| = significand * 2^exponent; x is finite.
 uint float_significand(float x, int* exponent) {
     const uint bits = as_uint(x);
     const uint field = (bits >> 23) & 255u;
@@ -175,8 +178,8 @@ float float_from_parts(uint significand, int exponent) {
     return (float)significand * as_float((uint)(exponent + lift + 127) << 23) * (lift != 0 ? 0x1p-24f : 1.0f);
 }
 
-// The float nearest to numerator / denominator * 2^exponent, ties to even; infinity where there is none. n limbs hold either with
-// two bits to spare. The numbers are used up.
+// The float nearest to numerator / denominator * 2^exponent, ties to even; infinity where there is none. n limbs hold
+// either with two bits to spare. The numbers are used up.
 RARE float integer_quotient(Integer* numerator, Integer* denominator, int exponent, int n) {
     const int sign = integer_take_sign(numerator, n) * integer_take_sign(denominator, n);
     if (sign == 0) return 0.0f;

@@ -1,10 +1,11 @@
 // Vector arithmetic and elementary functions of fixed rounding.
 //
-// OpenCL leaves the rounding of dot(), cross(), normalize(), length(), mad(), pow(), exp() and log() to the implementation.
-// Everything here is built from +, -, *, fma (correctly rounded everywhere), / and sqrt (correctly rounded on the devices
-// where the host asks for it), floor and bit operations, in one written order, so that every device and the scalar twin in
-// src/reference/math.rs return the same bits. Errors of the elementary functions are the largest of all float32 arguments, as
-// tests/methods/math.rs measures them, in units in the last place of the result (ulp). EPSILON stands for 2^-24.
+// OpenCL leaves the rounding of dot(), cross(), normalize(), length(), mad(), pow(), exp() and log() to the
+// implementation. Everything here is built from +, -, *, fma (correctly rounded everywhere), / and sqrt (correctly
+// rounded on the devices where the host asks for it), floor and bit operations, in one written order, so that every
+// device and the scalar twin in src/reference/shared/math.rs return the same bits. Errors of the elementary functions
+// are the largest of all float32 arguments, as tests/methods/math.rs measures them, in units in the last place of the
+// result (ulp). EPSILON stands for 2^-24.
 
 // a*b - c*d with an error of at most 1.5 ulp, and therefore with the right sign and an exact zero (short of underflow):
 // Kahan's method; error bound by Jeannerod, Louvet and Muller, "Further Analysis of Kahan's Algorithm for the Accurate
@@ -29,8 +30,9 @@ float3 fma3(float3 a, float s, float3 b) { return (float3)(fma(a.x, s, b.x), fma
 float max_or(float a, float b) { return a > b ? a : b; }
 float min_or(float a, float b) { return a < b ? a : b; }
 
-// The larger and the smaller of two numbers; where one of them is NaN, which one is open. One instruction each: on a GPU fmax(), where what
-// max_or() promises takes two (an H200 traces with exact hits 2 % faster), on a CPU max_or(), where fmax() takes three (5 % with PoCL).
+// The larger and the smaller of two numbers; where one of them is NaN, which one is open. One instruction each: on a
+// GPU fmax(), where what max_or() promises takes two (an H200 traces with exact hits 2 % faster), on a CPU max_or(),
+// where fmax() takes three (5 % with PoCL).
 #ifdef GPU
 float larger(float a, float b) { return fmax(a, b); }
 float smaller(float a, float b) { return fmin(a, b); }
@@ -66,10 +68,6 @@ float positive_zero(float x) { return as_uint(x) == 0x80000000u ? 0.0f : x; }
 // The power of two that brings `magnitude` (normal, positive, below 2^126) into [1, 2); multiplying by it is exact.
 float power_of_two_scale(float magnitude) { return as_float((254u - (as_uint(magnitude) >> 23)) << 23); }
 
-#define SMALLEST_SCALED 1.0e-30f // below this a squared length would lose bits to underflow
-#define LARGEST_SCALED 1.0e18f   // above this a squared length would overflow
-#define LIFT 0x1p64f             // brings the smallest subnormal number into the normal range
-
 // v brought to a largest component in [1, 2) by an exact factor, which is multiplied into *scale. False when v is zero,
 // infinite or NaN.
 bool scale_to_unit(float3* v, float* scale) {
@@ -98,64 +96,65 @@ float3 normalize3(float3 v, float3 otherwise) {
     return v * (1.0f / sqrt(dot3(v, v)));
 }
 
-// The sine of x turns, that is of 2 pi x; 0 for NaN, and from 2^22 on, where x is a multiple of half a turn. The reduction to a
-// quarter turn is exact, so that zeros are, too; the Taylor series after r^13 leaves 7e-10. Error at most 3.3 ulp.
+// The sine of x turns, that is of 2 pi x; 0 for NaN, and from 2^22 on, where x is a multiple of half a turn. The
+// reduction to a quarter turn is exact, so that zeros are, too; the Taylor series after r^13 leaves 7e-10. Error at
+// most 3.3 ulp.
 float sin_turns(float x) {
     const float turns = fabs(x);
-    float r = turns < 0x1p22f ? turns - floor(turns) : 0.0f; // 0 .. 1
+    float r = turns < MOST_TURNS ? turns - floor(turns) : 0.0f; // 0 .. 1
     r = r > 0.75f ? r - 1.0f : r > 0.25f ? 0.5f - r : r;
     r = x < 0.0f ? -r : r;
     const float r2 = r * r;
-    float p = 3.81995259f;         // (2 pi)^13 / 13!
-    p = fma(p, r2, -15.0946426f);  // (2 pi)^11 / 11!
-    p = fma(p, r2, 42.0586939f);   // (2 pi)^9 / 9!
-    p = fma(p, r2, -76.7058598f);  // (2 pi)^7 / 7!
-    p = fma(p, r2, 81.6052493f);   // (2 pi)^5 / 5!
-    p = fma(p, r2, -41.3417022f);  // (2 pi)^3 / 3!
-    p = fma(p, r2, 6.28318531f);   // 2 pi
+    float p = SIN_13;
+    p = fma(p, r2, SIN_11);
+    p = fma(p, r2, SIN_9);
+    p = fma(p, r2, SIN_7);
+    p = fma(p, r2, SIN_5);
+    p = fma(p, r2, SIN_3);
+    p = fma(p, r2, SIN_1);
     return p * r;
 }
 
-// log2 of a normal x > 0: x = m 2^e with m in (sqrt(1/2), sqrt(2)]; log2 m = 2/ln2 atanh((m-1)/(m+1)), whose series after
-// f^9 leaves 2e-10. Error at most 3.1 ulp.
+// log2 of a normal x > 0: x = m 2^e with m in (sqrt(1/2), sqrt(2)]; log2 m = 2/ln2 atanh((m-1)/(m+1)), whose series
+// after f^9 leaves 2e-10. Error at most 3.1 ulp.
 float log2_fixed(float x) {
     const uint bits = as_uint(x);
     float m = as_float((bits & 0x007fffffu) | 0x3f800000u);
     int e = (int)(bits >> 23) - 127;
-    if (m > 1.41421356f) {
+    if (m > LOG2_MOST) {
         m *= 0.5f;
         e += 1;
     }
     const float f = (m - 1.0f) / (m + 1.0f);
     const float f2 = f * f;
-    float p = 0.32059889f;       // 2 / (9 ln 2)
-    p = fma(p, f2, 0.41219858f); // 2 / (7 ln 2)
-    p = fma(p, f2, 0.57707802f); // 2 / (5 ln 2)
-    p = fma(p, f2, 0.96179669f); // 2 / (3 ln 2)
-    p = fma(p, f2, 2.88539008f); // 2 / ln 2
+    float p = LOG2_9;
+    p = fma(p, f2, LOG2_7);
+    p = fma(p, f2, LOG2_5);
+    p = fma(p, f2, LOG2_3);
+    p = fma(p, f2, LOG2_1);
     return fma(p, f, (float)e);
 }
 
-// 2^x for x <= 0, 0 below -126 and for NaN. 2^x = 2^n 2^r with r in [-1/2, 1/2]; the Taylor series after r^7 leaves 6e-9. Error at
-// most 0.9 ulp.
+// 2^x for x <= 0, 0 below -126 and for NaN. 2^x = 2^n 2^r with r in [-1/2, 1/2]; the Taylor series after r^7 leaves
+// 6e-9. Error at most 0.9 ulp.
 float exp2_fixed(float x) {
     if (!(x >= -126.0f)) return 0.0f;
     const float n = floor(x + 0.5f);
     const float r = x - n;
-    float p = 1.52527338e-5f;         // ln2^7 / 5040
-    p = fma(p, r, 1.54035304e-4f);    // ln2^6 / 720
-    p = fma(p, r, 1.33335581e-3f);    // ln2^5 / 120
-    p = fma(p, r, 9.61812911e-3f);    // ln2^4 / 24
-    p = fma(p, r, 5.55041087e-2f);    // ln2^3 / 6
-    p = fma(p, r, 2.40226507e-1f);    // ln2^2 / 2
-    p = fma(p, r, 6.93147181e-1f);    // ln2
+    float p = EXP2_7;
+    p = fma(p, r, EXP2_6);
+    p = fma(p, r, EXP2_5);
+    p = fma(p, r, EXP2_4);
+    p = fma(p, r, EXP2_3);
+    p = fma(p, r, EXP2_2);
+    p = fma(p, r, EXP2_1);
     p = fma(p, r, 1.0f);
     return p * as_float((uint)((int)n + 127) << 23);
 }
 
-// base^exponent for base in 0..1 and exponent >= 0; 1 for bases above, and for exponents that are no numbers. 0 where the result, or
-// the base, would be subnormal. The exponent of 2 is rounded, so that the relative error grows with its size: at most
-// 4 EPSILON (1 + |ln result|), which is 6e-7 down to results of 0.1 and 2.2e-5 at the smallest.
+// base^exponent for base in 0..1 and exponent >= 0; 1 for bases above, and for exponents that are no numbers. 0 where
+// the result, or the base, would be subnormal. The exponent of 2 is rounded, so that the relative error grows with its
+// size: at most 4 EPSILON (1 + |ln result|), which is 6e-7 down to results of 0.1 and 2.2e-5 at the smallest.
 float power_fixed(float base, float exponent) {
     if (!(exponent > 0.0f) || base >= 1.0f) return 1.0f;
     if (!(base >= 1.17549435e-38f)) return 0.0f;

@@ -1,5 +1,5 @@
-// What rounding leaves out of a difference, and of the point that a ray leaves a triangle from. For the three axes of one point
-// (lanes/three.cl), or one axis of the points of sixteen rays.
+// What rounding leaves out of a difference, and of the point that a ray leaves a triangle from. For the three axes of
+// one point (lanes/three.cl), or one axis of the points of sixteen rays.
 
 // What a - b leaves out beside its rounding: the difference is exactly (a - b) + difference_low(a, b).
 // Knuth, "The Art of Computer Programming", volume 2, section 4.2.2, theorem B.
@@ -23,13 +23,13 @@ void LANES(two_product)(REAL v, FACTOR s, REAL* high, REAL* low) {
     *low = fma(v, (REAL)(s), -*high);
 }
 
-// The point base + weight1 (other1 - base) + weight2 (other2 - base), rounded to *high, and the rest, rounded to *low. What makes
-// traversals sound is that *low is off by at most 2 EPSILON of itself, however small it is: a plane of the structure lies on the same side of
-// what they see as of the exact point. Three passes of error-free sums see to that (Ogita, Rump and Oishi, "Accurate Sum and Dot
-// Product", SIAM J. Sci. Comput. 26(6), 2005): what is left out is below 2^-66 of the vertices, where it is not zero.
-#define POINT_TERMS 9
-#define POINT_PASSES 3
-void LANES(point_of_triangle)(REAL base, REAL other1, REAL other2, FACTOR weight1, FACTOR weight2, REAL* high, REAL* low) {
+// The point base + weight1 (other1 - base) + weight2 (other2 - base), rounded to *high, and the rest, rounded to *low.
+// What makes traversals sound is that *low is off by at most 2 EPSILON of itself, however small it is: a plane of the
+// structure lies on the same side of what they see as of the exact point. Three passes of error-free sums see to that
+// (Ogita, Rump and Oishi, "Accurate Sum and Dot Product", SIAM J. Sci. Comput. 26(6), 2005): what is left out is below
+// 2^-66 of the vertices, where it is not zero.
+void LANES(point_of_triangle)(REAL base, REAL other1, REAL other2, FACTOR weight1, FACTOR weight2, REAL* high,
+                              REAL* low) {
     REAL terms[POINT_TERMS];
     LANES(two_product)(other1, weight1, &terms[7], &terms[3]);
     LANES(two_product)(base, -weight1, &terms[6], &terms[2]);

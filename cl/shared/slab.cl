@@ -17,15 +17,11 @@
 //     EPSILON D / 4. A zero component is one of these: boxes that the ray runs beside are culled, those that it touches are not;
 //   - the second part of the origin, which is left out, is at most EPSILON |o|; the product -o inv is off by as much; and so is its sum
 //     with the pad, beside EPSILON of the pad: 3 EPSILON |o|.
-// HIT_ERROR + 7.25 is below SLACK / EPSILON = HIT_ERROR + 8, and 3 below 4, which leaves room for the second order. LEAST_PAD is for what
+// HIT_ERROR + 7.25 is below SLACK / EPSILON = HIT_ERROR + 8, and 3 below 4 (ORIGIN_ERROR), which leaves room for the second order. LEAST_PAD is for what
 // underflows, here or on devices without the smallest numbers: half a dozen times 2^-126, on the scale of t, where |inv| > 1/2.
 //
 // From FARTHEST_START on, where the pad has long been larger than the scene, an offset could overflow: such a ray meets every box. So
 // every number here is one: neither NaN nor, but for these rays' offsets, infinite.
-#define LEAST_SLAB_DIRECTION 0x1p-26f
-#define ORIGIN_ERROR (4.0f * EPSILON)
-#define LEAST_PAD 0x1p-120f
-#define FARTHEST_START 0x1p64f
 
 // Of a ray. The near plane of a slab is the upper one where inv < 0.
 typedef struct {
@@ -74,7 +70,7 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high, float near_reach) {
 }
 
 // Whether boxes that are larger by `room` than what they hold need no pads for this ray. So it is for most: room_of_boxes() in
-// src/reference/slab.rs.
+// src/reference/shared/slab.rs.
 bool is_room_enough(const Ray* ray, float3 low, float3 high, float near_reach, float room) {
     const float thickness = fma(SLACK, pad_distance(ray, low, high, near_reach), LEAST_PAD);
     return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= room;
@@ -97,13 +93,10 @@ Slabs bare_slabs(const Ray* ray) {
 //   - by the rounding of d' times t, 4 R D, and by its least value, R D / 4;
 //   - by the slab's own arithmetic as above: 7 (|o'| + X) for boxes that reach to X, and 3 |o'|.
 // So R ((HIT_ERROR + 4.25) D + 5 |o| + 7 Q) + 10 |o'| + 7 X: below R (SLACK / EPSILON D + 8 |o|) + 12 |o'| + blur, where blur is what does
-// not depend on the ray, R (8 Q + LEAST_PAD) + 8 X, with a quarter to spare.
+// not depend on the ray, R (8 Q + LEAST_PAD) + 8 X, with a quarter to spare: TRANSFORM_ERROR is the 8, OBJECT_ORIGIN_ERROR the 12.
 //
 // From THICKEST on pads may overflow, and directions, whose components may be 2^60 times as large as those of others (make_ray): such a
 // ray meets every box, and so does one that is no number in the object.
-#define TRANSFORM_ERROR (8.0f * EPSILON)
-#define OBJECT_ORIGIN_ERROR (12.0f * EPSILON)
-#define THICKEST 0x1p126f
 
 // False for NaN.
 bool is_below3(float3 v, float limit) { return v.x < limit && v.y < limit && v.z < limit; }

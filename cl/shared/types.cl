@@ -1,83 +1,5 @@
 // GENERATED from src/shared.rs by `UPDATE=1 cargo test --test device layout`; do not edit.
-// The structs and constants that host and kernels share; documentation is in src/shared.rs.
-
-#define NO_PRIMITIVE 4294967295u
-#define KD_LEAF 3u
-#define NO_ROPE 0u
-#define BVH_NODE_RECORDS 4u
-#define BVH_LEAF 2147483648u
-#define BVH_FIRST_MASK 134217727u
-#define BVH_COUNT_SHIFT 27u
-#define BVH_END 4294967295u
-#define BVH_LEAVE 4294967294u
-#define INSTANCE_RECORDS 11u
-#define INSTANCE_TO_WORLD 0u
-#define INSTANCE_TO_OBJECT 3u
-#define INSTANCE_REACH 6u
-#define INSTANCE_BLUR 7u
-#define INSTANCE_NORMALS 8u
-#define NO_MATERIAL 4294967295u
-#define BVH8_NODE_RECORDS 16u
-#define BVH8_LINKS 12u
-#define BVH8_PACKET_RECORDS 18u
-#define PACKETS_OF_ITEM 4u
-#define LIGHT_POINT 0u
-#define LIGHT_DIRECTIONAL 1u
-#define LIGHT_SPOT 2u
-#define NO_TEXTURE 4294967295u
-#define TEXTURE_IMAGE 0u
-#define TEXTURE_CHECKER 1u
-#define TEXTURE_NOISE 2u
-#define TEXTURE_MARBLE 3u
-#define TEXTURE_WOOD 4u
-#define TILE_SIDE 8u
-#define COUNTER_SLOTS 256u
-#define TAKEN_TILES 2048u
-#define MAX_SHADOW_LAYERS 256u
-#define MOST_TAPS 8u
-#define NO_PATH 4294967295u
-#define RAY_KIND_BITS 8u
-#define QUEUE_ACTIVE 0u
-#define QUEUE_HITS 1u
-#define QUEUE_TEXTURED 2u
-#define QUEUE_PATHS 3u
-#define QUEUE_RESOLVED 4u
-#define QUEUE_SHADOWS 5u
-#define COUNTERS 8u
-#define WORK_COUNTERS 11u
-#define MAX_RADIANCE 0x1p100f
-#define COUNT_CAMERA_CAST 0u
-#define COUNT_CAMERA_HIT 1u
-#define COUNT_SHADOW_CAST 2u
-#define COUNT_SHADOW_HIT 3u
-#define COUNT_REFLECTED_CAST 4u
-#define COUNT_REFLECTED_HIT 5u
-#define COUNT_REFRACTED_CAST 6u
-#define COUNT_REFRACTED_HIT 7u
-#define WORK_STEPS 0u
-#define WORK_LEAVES 1u
-#define WORK_EMPTY_LEAVES 2u
-#define WORK_TESTS 3u
-#define WORK_WIDE_TESTS 4u
-#define WORK_CLOSE_TESTS 5u
-#define WORK_RESTARTS 6u
-#define WORK_OVERFLOWS 7u
-#define WORK_NODE_BYTES 8u
-#define WORK_TRIANGLE_BYTES 9u
-#define WORK_DEEPEST_STACK 10u
-#define FEATURE_IMAGE_TEXTURES 1u
-#define FEATURE_PROCEDURAL_TEXTURES 2u
-#define FEATURE_SMOOTH_NORMALS 4u
-#define FEATURE_MIRRORS 8u
-#define FEATURE_TRANSPARENCY 16u
-#define FEATURE_HIGHLIGHTS 32u
-#define FEATURE_TOON 64u
-#define FEATURE_PLACED_LIGHTS 128u
-#define FEATURE_DIRECTIONAL_LIGHTS 256u
-#define FEATURE_SPOTS 512u
-#define FEATURE_FALLOFF 1024u
-#define FEATURE_SEVERAL_LIGHTS 2048u
-#define FEATURE_SEVERAL_MATERIALS 4096u
+// The structs that host and kernels share; documentation is in src/shared.rs and src/shared/.
 
 // One ray of a batch query.
 typedef struct {
@@ -208,7 +130,7 @@ typedef struct {
     uint pending; // How many rays wait to be traced.
     uint request; // Number of this wave's texture request, where there is one.
     uint pad; // Unused.
-} SplitSlot;
+} WavefrontSlot;
 
 // A ray that waits to be traced. It ends nowhere.
 typedef struct {
@@ -228,19 +150,19 @@ typedef struct {
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.
     float4 view_direction_lift_y; // Unit direction of the ray that found it in x, y, z; y of that way in w.
     float4 diffuse_lift_z; // Diffuse colour, textured, in x, y, z; z of that way in w.
-} SplitSurface;
+} WavefrontSurface;
 
 // What the ray of this wave brings its path.
 typedef struct {
     float4 radiance; // Radiance along the ray so far in x, y, z; w unused.
     float4 weight; // What it is multiplied by in x, y, z; w unused.
-} SplitYield;
+} WavefrontYield;
 
 // A ray to a light.
 typedef struct {
     float4 to_light_t_far; // Direction, of the light's distance where t_far is 1, in x, y, z and t_far in w.
     int4 reflected_slot; // Bits of what the light adds where nothing is in its way in x, y, z and the slot in w.
-} SplitShadow;
+} WavefrontShadow;
 
 // A hit whose colour the host shall compute.
 typedef struct {

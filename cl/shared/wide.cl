@@ -1,17 +1,18 @@
-// Numbers of about twice float32's precision, for decisions that float32 leaves open: double where the device has it, else pairs
-// of floats. Whatever is decided with them is certified by an error bound, so that both kinds lead to the same answers.
+// Numbers of about twice float32's precision, for decisions that float32 leaves open: double where the device has it,
+// else pairs of floats. Whatever is decided with them is certified by an error bound, so that both kinds lead to the
+// same answers.
 //
-// Pairs: Dekker, "A Floating-Point Technique for Extending the Available Precision", Numerische Mathematik 18, 1971; bounds of
-// relative errors by Joldes, Muller and Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word
-// Arithmetic", ACM TOMS 44(2), 2017: below 2^-45 for a sum of equal signs and a product. A difference's error is as small relative
-// to the magnitudes of its operands, and that is how the bounds here use it.
+// Pairs: Dekker, "A Floating-Point Technique for Extending the Available Precision", Numerische Mathematik 18, 1971;
+// bounds of relative errors by Joldes, Muller and Popescu, "Tight and Rigorous Error Bounds for Basic Building Blocks
+// of Double-Word Arithmetic", ACM TOMS 44(2), 2017: below 2^-45 for a sum of equal signs and a product. A difference's
+// error is as small relative to the magnitudes of its operands, and that is how the bounds here use it.
 
 #if defined(cl_khr_fp64) && !defined(FLOAT_ONLY)
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 #define WIDE_IS_DOUBLE
 typedef double Wide;
-#define WIDE_EPSILON 0x1p-53f // the relative error of one operation
-#define WIDE_PRECISION 0x1p53f // its inverse
+#define WIDE_EPSILON DOUBLE_EPSILON     // the relative error of one operation
+#define WIDE_PRECISION DOUBLE_PRECISION // its inverse
 Wide wide_difference(float a, float b) { return (double)a - (double)b; }
 Wide wide_from(float a) { return (double)a; }
 Wide wide_add(Wide a, Wide b) { return a + b; }
@@ -21,8 +22,8 @@ Wide wide_divide(Wide a, Wide b) { return a / b; }
 float wide_to_float(Wide a) { return (float)a; }
 #else
 typedef float2 Wide; // the value is x + y, and x is that rounded
-#define WIDE_EPSILON 0x1p-44f
-#define WIDE_PRECISION 0x1p44f
+#define WIDE_EPSILON PAIR_EPSILON
+#define WIDE_PRECISION PAIR_PRECISION
 Wide wide_sum(float a, float b) {
     const float sum = a + b;
     const float b_part = sum - a;

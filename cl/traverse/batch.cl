@@ -1,7 +1,7 @@
 // Rays of a batch: which comes when, and one of them from the caller's numbers to a hit in the caller's units.
 
-// A batch may be an image, row by row (src/device/rows.rs): of `row` rays each, or 0, the first `in_bands` of them in whole bands of
-// TILE_SIDE rows.
+// A batch may be an image, row by row (src/device/rows.rs): of `row` rays each, or 0, the first `in_bands` of them in
+// whole bands of TILE_SIDE rows.
 #define ROWS_ARGUMENT const uint row, const uint in_bands,
 
 // A tile of rays: of an image four squares of 4 x 4, else four times sixteen rays in a row.
@@ -23,8 +23,12 @@ RayTile tile_at(uint place, uint row, uint in_bands) {
     const RayTile tile = {number / columns * TILE_SIDE * row + number % columns * TILE_SIDE, row, 4u, 4u * row};
     return tile;
 }
-uint square_in_tile(const RayTile* tile, uint k) { return tile->first + (k & 1u) * tile->right + (k >> 1) * tile->down; }
-uint ray_in_square(const RayTile* tile, uint square, uint lane) { return square + lane / 4u * tile->stride + lane % 4u; }
+uint square_in_tile(const RayTile* tile, uint k) {
+    return tile->first + (k & 1u) * tile->right + (k >> 1) * tile->down;
+}
+uint ray_in_square(const RayTile* tile, uint square, uint lane) {
+    return square + lane / 4u * tile->stride + lane % 4u;
+}
 
 uint ray_at(uint place, uint row, uint in_bands) {
     if (place >= in_bands) return place;
@@ -32,12 +36,12 @@ uint ray_at(uint place, uint row, uint in_bands) {
     return ray_in_square(&tile, square_in_tile(&tile, place % TILE_RAYS / 16u), place % 16u);
 }
 
-// Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the caller's space.
-// The two factors are powers of two of like size: their product may be none that a float can hold while the t that it makes is a float.
+// Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the
+// caller's space. The two factors are powers of two of like size: their product may be none that a float can hold while
+// the t that it makes is a float.
 void use_callers_units(Ray* ray, float3 direction, float scale) {
-    const int exponent =
-        exponent_field(largest_component(abs3(ray->direction))) - exponent_field(largest_component(abs3(direction))) + 127 -
-        exponent_field(scale);
+    const int exponent = exponent_field(largest_component(abs3(ray->direction))) -
+                         exponent_field(largest_component(abs3(direction))) + 127 - exponent_field(scale);
     ray->t_lift = as_float((uint)(exponent / 2 + 127) << 23);
     ray->t_scale = as_float((uint)(exponent - exponent / 2 + 127) << 23);
 }
@@ -62,8 +66,10 @@ Hit batch_any_hit(Hit hit) {
     return hit.primitive == NO_PRIMITIVE ? no_hit() : answer;
 }
 
-// Traces a ray of a batch, and writes its hit if that takes nothing rare. Whether it does; else settle_batch() goes on with `hit`.
-bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index, const bool any_hit, Hit* hit) {
+// Traces a ray of a batch, and writes its hit if that takes nothing rare. Whether it does; else settle_batch() goes on
+// with `hit`.
+bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index, const bool any_hit,
+                 Hit* hit) {
     const Ray ray = batch_ray(rays, index, geometry->scale);
     const bool found = TRAVERSE(GEOMETRY, &ray, any_hit, hit);
     if (!IS_SETTLED(GEOMETRY)) return false;
@@ -78,7 +84,8 @@ bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hi
 }
 
 // Does what trace_batch() has left: settles what is postponed, and writes the hit.
-void settle_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index, const bool any_hit, Hit hit) {
+void settle_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
+                  const bool any_hit, Hit hit) {
     const Ray ray = batch_ray(rays, index, geometry->scale);
     SETTLE(GEOMETRY, &ray, any_hit, &hit);
     if (any_hit) {
@@ -89,10 +96,10 @@ void settle_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global H
     }
 }
 
-// The same as a call from a kernel, with what a traversal writes of a hit. Whether the ray is in doubt. Where the kernel has these
-// registers, too, an H200 traces camera rays at 0.92 times the speed.
-RARE bool complete_batch(GEOMETRY_ARGUMENTS STATE_ARGUMENTS, __global const TraceRay* rays, __global Hit* hits, uint index,
-                         const bool any_hit, float t, float u, uint primitive) {
+// The same as a call from a kernel, with what a traversal writes of a hit. Whether the ray is in doubt. Where the
+// kernel has these registers, too, an H200 traces camera rays at 0.92 times the speed.
+RARE bool complete_batch(GEOMETRY_ARGUMENTS STATE_ARGUMENTS, __global const TraceRay* rays, __global Hit* hits,
+                         uint index, const bool any_hit, float t, float u, uint primitive) {
     TAKE_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     const Hit hit = {t, u, 0.0f, primitive};

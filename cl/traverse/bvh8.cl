@@ -1,12 +1,13 @@
-// Bounding volume hierarchy of eight children a node, all eight boxes tested at once in vectors, and so are the triangles of a leaf.
-// Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays", EGSR 2008; Wald,
-// Benthin and Boulos, "Getting Rid of Packets", IEEE Symposium on Interactive Ray Tracing 2008.
+// Bounding volume hierarchy of eight children a node, all eight boxes tested at once in vectors, and so are the
+// triangles of a leaf. Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of
+// Incoherent Rays", EGSR 2008; Wald, Benthin and Boulos, "Getting Rid of Packets", IEEE Symposium on Interactive Ray
+// Tracing 2008.
 //
-// For CPUs, whose vectors one ray fills: on the bunny 3.9 steps a camera ray, where a binary hierarchy takes 12.8, whatever its
-// neighbours do. Bad at: GPUs, where a work-item has one lane and eight boxes take its registers.
+// For CPUs, whose vectors one ray fills: on the bunny 3.9 steps a camera ray, where a binary hierarchy takes 12.8,
+// whatever its neighbours do. Bad at: GPUs, where a work-item has one lane and eight boxes take its registers.
 //
-// nodes: BVH8_NODE_RECORDS records a node; what they are, and what a link is, src/accel/bvh8.rs says. bounds: packets of triangles
-// (cl/intersect/filter.cl). Boxes are tested with the pads of cl/shared/slab.cl.
+// nodes: BVH8_NODE_RECORDS records a node; what they are, and what a link is, src/accel/bvh8.rs says. bounds: packets
+// of triangles (cl/intersect/filter.cl). Boxes are tested with the pads of cl/shared/slab.cl.
 
 #ifndef STACK_SIZE
 #define STACK_SIZE 64 // the host knows it
@@ -18,7 +19,8 @@ typedef struct {
     float t_enter;
 } FarChild;
 
-// The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before everything.
+// The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before
+// everything.
 uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
     uint top = *stacked;
     while (t_limit < stack[top].t_enter) top--;
@@ -44,12 +46,16 @@ Interval8 clip_to_eight(GEOMETRY_PARAMETERS, const Slabs* s, uint3 near, uint no
     return t;
 }
 
-// For each axis the record of a node's planes where a ray enters, from those of the axis on; the others are behind or before it.
-uint3 near_planes(float3 inv) { return (uint3)(inv.x < 0.0f ? 2u : 0u, inv.y < 0.0f ? 6u : 4u, inv.z < 0.0f ? 10u : 8u); }
+// For each axis the record of a node's planes where a ray enters, from those of the axis on; the others are behind or
+// before it.
+uint3 near_planes(float3 inv) {
+    return (uint3)(inv.x < 0.0f ? 2u : 0u, inv.y < 0.0f ? 6u : 4u, inv.z < 0.0f ? 10u : 8u);
+}
 
-// What comes after the inner node `link`: the nearest child that the ray meets, while the others wait, or what waited before.
-uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit, FarChild* stack,
-                     uint* stacked) {
+// What comes after the inner node `link`: the nearest child that the ray meets, while the others wait, or what waited
+// before.
+uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit,
+                     FarChild* stack, uint* stacked) {
     COUNT(geometry, STEPS, 1);
     const uint node = BVH8_NODE_RECORDS * link;
     const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);

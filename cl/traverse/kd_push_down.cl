@@ -1,14 +1,15 @@
 // kd-restart with push-down: restarts begin at the deepest node that holds everything which is still to be visited.
 // Horn, Sugerman, Houston and Hanrahan, "Interactive k-D Tree GPU Raytracing", I3D 2007, section 3.1.
 //
-// Saves the part of each restart that leads through nodes of which the ray meets one child only, or no other any more; four
-// registers dearer than kd_restart.cl, where the trail is explained. Bad at: rays with a pending branch near the root, which
-// restart there as before.
+// Saves the part of each restart that leads through nodes of which the ray meets one child only, or no other any more;
+// four registers dearer than kd_restart.cl, where the trail is explained. Bad at: rays with a pending branch near the
+// root, which restart there as before.
 //
-// A node may become the start when no branch above it is pending. Branches above the start have left the trail: its bit 0 is
-// the first branch below the start.
+// A node may become the start when no branch above it is pending. Branches above the start have left the trail: its bit
+// 0 is the first branch below the start.
 
-// Looks for nearer hits than *hit in all leaves that the ray meets below `start`. Returns whether *hit is a hit at the end.
+// Looks for nearer hits than *hit in all leaves that the ray meets below `start`. Returns whether *hit is a hit at the
+// end.
 bool push_down(GEOMETRY_PARAMETERS, const Ray* ray, KdCell start, const bool any_hit, Hit* hit) {
     ulong trail = 0;
     while (true) {

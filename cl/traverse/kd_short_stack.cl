@@ -1,12 +1,15 @@
-// Short stack: the far children in a ring of a few entries; when it overflows the oldest is forgotten and found again by a
-// restart with push-down.
-// Horn, Sugerman, Houston and Hanrahan, "Interactive k-D Tree GPU Raytracing", I3D 2007, section 3.2; thesis, section 5.6.1.
+// Short stack: the far children in a ring of a few entries; when it overflows the oldest is forgotten and found again
+// by a restart with push-down.
+// Horn, Sugerman, Houston and Hanrahan, "Interactive k-D Tree GPU Raytracing", I3D 2007, section 3.2; thesis, section
+// 5.6.1.
 //
-// Few restarts in little private memory. Bad at: bookkeeping, which a full stack does without; where private memory is cheap
-// there is nothing to win. On PoCL 8 entries are as fast as a full stack, 2 cost 15 % and 1 costs 25 % on incoherent rays.
+// Few restarts in little private memory. Bad at: bookkeeping, which a full stack does without; where private memory is
+// cheap there is nothing to win. On PoCL 8 entries are as fast as a full stack, 2 cost 15 % and 1 costs 25 % on
+// incoherent rays.
 //
-// The trail and pending branches are those of kd_push_down.cl. The ring holds the second children of the deepest pending
-// branches, the newest being the deepest one's: taking it is the same as following the next trail from the start.
+// The trail and pending branches are those of kd_push_down.cl. The ring holds the second children of the deepest
+// pending branches, the newest being the deepest one's: taking it is the same as following the next trail from the
+// start.
 
 #ifndef SHORT_STACK_SIZE
 #define SHORT_STACK_SIZE 8

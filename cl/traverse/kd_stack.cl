@@ -1,8 +1,10 @@
 // kd-tree traversal with a full stack of far children.
-// Havran, "Heuristic Ray Shooting Algorithms", PhD thesis, Czech Technical University 2000, appendix C; thesis, listing 5.2.
+// Havran, "Heuristic Ray Shooting Algorithms", PhD thesis, Czech Technical University 2000, appendix C; thesis, listing
+// 5.2.
 //
-// No step is repeated, at the price of a stack in private memory (12 bytes a level), which costs registers or local memory on
-// a GPU. Differs from the listing where that one loses hits: see kd_step.cl, and thesis_restart.cl for how it loses them.
+// No step is repeated, at the price of a stack in private memory (12 bytes a level), which costs registers or local
+// memory on a GPU. Differs from the listing where that one loses hits: see kd_step.cl, and thesis_restart.cl for how it
+// loses them.
 
 #ifndef STACK_SIZE
 #define STACK_SIZE 64 // at least the depth of the tree; the host knows it

@@ -1,12 +1,14 @@
 // What the kd-tree's traversals share: one step down.
-// Havran, "Heuristic Ray Shooting Algorithms", PhD thesis, Czech Technical University 2000, appendix C; thesis, section 5.6.
+// Havran, "Heuristic Ray Shooting Algorithms", PhD thesis, Czech Technical University 2000, appendix C; thesis, section
+// 5.6.
 //
-// The children are ordered by the sign of the direction, so a plane behind the ray's start (t_split < 0) leaves only the
-// SECOND child, and every t of a plane is widened by its rounding error in both directions. A ray that runs in a plane has limits of
-// t_split that are infinite: both children are visited with the whole interval.
+// The children are ordered by the sign of the direction, so a plane behind the ray's start (t_split < 0) leaves only
+// the SECOND child, and every t of a plane is widened by its rounding error in both directions. A ray that runs in a
+// plane has limits of t_split that are infinite: both children are visited with the whole interval.
 //
-// All of a cell's t are those of its own six faces, because a computed t never decreases along an axis. So a ray meets a leaf
-// by these steps exactly when clip_to_box() of the leaf's box says so, and the intervals of neighbours overlap by the widening.
+// All of a cell's t are those of its own six faces, because a computed t never decreases along an axis. So a ray meets
+// a leaf by these steps exactly when clip_to_box() of the leaf's box says so, and the intervals of neighbours overlap
+// by the widening.
 
 // A node, and the part of the ray in its cell.
 typedef struct {
@@ -36,8 +38,8 @@ KdSplit kd_split(const Ray* ray, int4 node) {
     return split;
 }
 
-// Goes from the inner node `node` of *cell to the child that the ray meets. If it meets both, goes to the first one, writes the
-// second one to *second and returns true.
+// Goes from the inner node `node` of *cell to the child that the ray meets. If it meets both, goes to the first one,
+// writes the second one to *second and returns true.
 bool kd_step(const Ray* ray, int4 node, KdCell* cell, KdCell* second) {
     const KdSplit split = kd_split(ray, node);
     if (split.t_low > cell->t_far) {

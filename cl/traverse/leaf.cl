@@ -2,18 +2,21 @@
 //
 // Every traversal has the signature
 //     bool traverse_…(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit)
-// and, but for what is settled behind it (query.cl, batch.cl), finds the closest hit of the ray, or with any_hit (a constant at every call,
-// so that inlining folds it away) some hit. *hit is written in the ray's own units of t; FINISH writes t, in the caller's units, u and v.
-// Its primitive is NO_PRIMITIVE on a miss. Returns whether anything was hit.
+// and, but for what is settled behind it (query.cl, batch.cl), finds the closest hit of the ray, or with any_hit (a
+// constant at every call, so that inlining folds it away) some hit. *hit is written in the ray's own units of t; FINISH
+// writes t, in the caller's units, u and v. Its primitive is NO_PRIMITIVE on a miss. Returns whether anything was hit.
 
 // HITS says which kind of triangle test there is, and names its functions:
 //     test_HITS     what becomes of *hit by a triangle that the ray may hit
 //     settle_HITS   decides what test_HITS has postponed; returns whether the hit is another one now
 //     finish_HITS   writes t, u and v of the hit that a traversal has found
-//     is_settled_HITS, finish_mostly_HITS: whether there is nothing to settle; finish_HITS as far as that takes little, and whether it did
-//     surface_HITS  the weights of the hit that a traversal has found, finished or not (through a pointer, as lift_point())
+//     is_settled_HITS     whether there is nothing to settle
+//     finish_mostly_HITS  finish_HITS as far as that takes little; returns whether it did
+//     surface_HITS  the weights of the hit that a traversal has found, finished or not (through a pointer, as
+//                   lift_point())
 //     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
-// `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and final.
+// `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and
+// final.
 #define JOIN_NAMES(a, b) a##b
 #define JOIN(a, b) JOIN_NAMES(a, b)
 #define TEST JOIN(test_, HITS)
@@ -58,11 +61,12 @@ void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit
     TEST(GEOMETRY, ray, primitive, SLOT_OF(reference, primitive), hit);
 }
 
-// Tests the triangles of references first..end. True when that answers the query: any hit will do, and there is one. What ends the loop is
-// in its condition, because work-items that leave it by a return of their own do not come together again behind it on a GPU: an H200 took
-// 2.6 times as long for shadow rays in a kd-tree.
+// Tests the triangles of references first..end. True when that answers the query: any hit will do, and there is one.
+// What ends the loop is in its condition, because work-items that leave it by a return of their own do not come
+// together again behind it on a GPU: an H200 took 2.6 times as long for shadow rays in a kd-tree.
 bool test_triangles(GEOMETRY_PARAMETERS, const Ray* ray, uint first, uint end, const bool any_hit, Hit* hit) {
-    for (uint i = first; i < end && !(any_hit && hit->primitive != NO_PRIMITIVE); i++) test_triangle(GEOMETRY, ray, i, hit);
+    for (uint i = first; i < end && !(any_hit && hit->primitive != NO_PRIMITIVE); i++)
+        test_triangle(GEOMETRY, ray, i, hit);
     return any_hit && hit->primitive != NO_PRIMITIVE;
 }
 

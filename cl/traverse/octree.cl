@@ -1,18 +1,19 @@
 // Octree: every cell is divided at its centre into eight.
-// Glassner, "Space Subdivision for Fast Ray Tracing", IEEE Computer Graphics and Applications 4(10), 1984; thesis, section 2.2.3.
-// The order of the children is that of Revelles, Urena and Lastra, "An Efficient Parametric Algorithm for Octree Traversal",
-// WSCG 2000: mirrored by the signs of the direction.
+// Glassner, "Space Subdivision for Fast Ray Tracing", IEEE Computer Graphics and Applications 4(10), 1984; thesis,
+// section 2.2.3. The order of the children is that of Revelles, Urena and Lastra, "An Efficient Parametric Algorithm
+// for Octree Traversal", WSCG 2000: mirrored by the signs of the direction.
 //
-// Adapts to where the triangles are, which the grid does not, but its planes know nothing of them: a kd-tree by surface areas
-// needs fewer steps and references. One entry of the stack for each level.
+// Adapts to where the triangles are, which the grid does not, but its planes know nothing of them: a kd-tree by surface
+// areas needs fewer steps and references. One entry of the stack for each level.
 //
-// nodes: an inner node is {0, first of its 8 children, its centre's index in bounds, 0}; bit 0, 1, 2 of a child's number: above the
-// centre in x, y, z. A leaf is as in the kd-tree. bounds: {low corner of the root, first of the references of triangles that are outside
-// of it}, {high corner, how many these are}, centres. A cell reaches to its planes and, at the rim, without end.
+// nodes: an inner node is {0, first of its 8 children, its centre's index in bounds, 0}; bit 0, 1, 2 of a child's
+// number: above the centre in x, y, z. A leaf is as in the kd-tree. bounds: {low corner of the root, first of the
+// references of triangles that are outside of it}, {high corner, how many these are}, centres. A cell reaches to its
+// planes and, at the rim, without end.
 //
-// The three planes are widened by the ray's own slack (cl/shared/ray.cl): the point of a hit is within it of a point of its
-// triangle, that point lies in some leaf that lists the triangle, and so the hit's t is within the computed interval of that leaf
-// and of all cells above it.
+// The three planes are widened by the ray's own slack (cl/shared/ray.cl): the point of a hit is within it of a point of
+// its triangle, that point lies in some leaf that lists the triangle, and so the hit's t is within the computed
+// interval of that leaf and of all cells above it.
 
 #ifndef STACK_SIZE
 #define STACK_SIZE 64 // at least the depth of the tree; the host knows it
@@ -24,7 +25,8 @@ typedef struct {
     float t_near, t_far;
 } OpenNode;
 
-// The part of t_near..t_far in the half of a cell before (or, `beyond`, behind) the plane at distance to_plane from the origin.
+// The part of t_near..t_far in the half of a cell before (or, `beyond`, behind) the plane at distance to_plane from the
+// origin.
 void clip_to_half(float to_plane, float slack, float direction, float inv_direction, bool beyond, float* t_near,
                   float* t_far) {
     const float outwards = beyond == (direction < 0.0f) ? slack : -slack;
@@ -65,8 +67,8 @@ bool traverse_octree(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hi
             COUNT_DEEPEST(geometry, depth);
         }
 
-        // Go on with the next child that the ray meets before the hit. In the ray's order no child comes before one that the
-        // ray meets earlier: its bits would be a subset, and its number lower.
+        // Go on with the next child that the ray meets before the hit. In the ray's order no child comes before one
+        // that the ray meets earlier: its bits would be a subset, and its number lower.
         bool found = false;
         while (!found) {
             if (depth == 0) return hit->primitive != NO_PRIMITIVE;

@@ -1,13 +1,15 @@
-// kd-restart as the thesis prints it (listing 5.3, with the three cases of listing 5.2), kept to show where it loses hits.
-// J. Dvorak, "Streaming Raytracer na GPU", master's thesis, FIT VUT Brno 2008, section 5.6.1.
+// kd-restart as the thesis prints it (listing 5.3, with the three cases of listing 5.2), kept to show where it loses
+// hits. J. Dvorak, "Streaming Raytracer na GPU", master's thesis, FIT VUT Brno 2008, section 5.6.1.
 //
 // Bad at: being right. kd_restart.cl is the repaired one. The faults, each asserted by a test:
-//  * `t_split < 0` goes to the first child, but the children are ordered by the direction: with the plane behind the origin it is
-//    the second one that lies ahead. Hits beyond such planes are lost, most of all those of shadow and secondary rays, which
-//    start inside the scene. A zero direction with the origin above the plane (t_split = -infinity) is a case of it.
-//  * Zero direction with the origin ON the plane: t_split = 0 / 0 = NaN fails every comparison, becomes t_max, and silently
-//    ends the loop.
-//  * t_split is not widened by its rounding error: a hit within rounding of a plane is lost when its triangle is on one side only.
+//  * `t_split < 0` goes to the first child, but the children are ordered by the direction: with the plane behind the
+//    origin it is the second one that lies ahead. Hits beyond such planes are lost, most of all those of shadow and
+//    secondary rays, which start inside the scene. A zero direction with the origin above the plane (t_split =
+//    -infinity) is a case of it.
+//  * Zero direction with the origin ON the plane: t_split = 0 / 0 = NaN fails every comparison, becomes t_max, and
+//    silently ends the loop.
+//  * t_split is not widened by its rounding error: a hit within rounding of a plane is lost when its triangle is on one
+//    side only.
 // It is slow, too: it does not stop at a hit inside the cell that was searched.
 
 bool traverse_thesis_restart(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {

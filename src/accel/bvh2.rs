@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_bvh};
     use crate::random::Random;
-    use crate::reference::ray::EPSILON;
+    use crate::reference::shared::ray::EPSILON;
 
     fn tree(count: usize, leaf_size: u32) -> Bvh {
         let triangle = |i: usize| {

@@ -9,7 +9,7 @@
 
 use super::Aabb;
 use crate::options::{Intersector, StructureKind, TraceOptions};
-use crate::reference::ray::SLACK;
+use crate::reference::shared::ray::SLACK;
 use glam::Vec3;
 
 /// Scenes of fewer triangles are not looked at: those are soon tested.

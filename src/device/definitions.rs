@@ -3,7 +3,7 @@
 use super::CompileOptions;
 use super::passes::{Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
-use super::split::SplitPipeline;
+use super::wavefront::WavefrontPipeline;
 use crate::features::Features;
 use crate::options::{Intersector, Kernels, PacketSize, StructureKind, Terminator, TextureFilter, TraceOptions};
 use crate::pack::SceneBuffers;
@@ -50,7 +50,7 @@ impl Definitions {
             .define("SMOOTH_TERMINATOR", u32::from(options.picture.terminator == Terminator::Smooth))
             .define("TEXTURE_FOOTPRINTS", u32::from(options.picture.texture_filter == TextureFilter::Footprint));
         let shading = match (options.picture.kernels, features.pending_rays(max_depth)) {
-            (Kernels::Wavefront, _) => SplitPipeline::define(shading, options),
+            (Kernels::Wavefront, _) => WavefrontPipeline::define(shading, options),
             (Kernels::Mega, 1) => shading.define("MAX_PENDING", 1),
             (Kernels::Mega, rays) => shading.define("MAX_PENDING", rays.next_multiple_of(PENDING_STEP)),
         };

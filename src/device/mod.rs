@@ -44,9 +44,9 @@ mod rows;
 mod scene;
 mod select;
 mod source;
-mod split;
 mod tracer;
 mod watchdog;
+mod wavefront;
 
 pub use buffer::Buffer;
 pub use cache::{Cache, cache_folder};

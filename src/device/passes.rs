@@ -1,5 +1,5 @@
 //! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that the first one
-//! leaves in doubt (`cl/shared/memory.cl`) are traced again by kernels that can decide everything.
+//! leaves in doubt (`cl/memory/deferral.cl`) are traced again by kernels that can decide everything.
 
 use super::definitions::Definitions;
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
@@ -15,8 +15,8 @@ pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
 const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
-/// The kernels that [`super::split`] starts.
-pub(super) const SPLIT_FILE: &str = "cl/kernels/split.cl";
+/// The kernels that [`super::wavefront`] starts.
+pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
 
 /// Whether the kernels of this file shade; the others trace batches.
 pub(super) fn is_shading(file: &str) -> bool {
@@ -169,7 +169,7 @@ pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
             files.push(RENDER_FILE);
             files.extend(packets.then_some(RENDER_PACKETS_FILE));
         }
-        Kernels::Wavefront => files.push(SPLIT_FILE),
+        Kernels::Wavefront => files.push(WAVEFRONT_FILE),
     }
     files
 }
@@ -268,7 +268,7 @@ impl Passes {
             set(kernel)?;
             // How long such items take is not known from the others. The first launch takes most lists whole: a small one would
             // leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group while units are free: each
-            // would wait for whatever whole numbers the others compute.
+            // would wait for whatever exact integers the others compute.
             let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, context.info().kind);
             let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, work_group);
             let shape = Shape { work_group, ..shape(count, entry.second()) };

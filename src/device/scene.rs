@@ -1,5 +1,5 @@
 //! The scene's arrays on the device, in the kind of memory that was asked for, and the definitions that tell the kernels
-//! (`cl/shared/memory.cl`) where they are.
+//! (`cl/memory/geometry.cl`) where they are.
 
 use super::launch::Arguments;
 use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, Kernel, KernelArg};
@@ -94,7 +94,7 @@ impl DeviceScene {
         Ok(scene)
     }
 
-    /// Sets what every tracing kernel's arguments begin with: `GEOMETRY_ARGUMENTS` of `cl/shared/memory.cl`.
+    /// Sets what every tracing kernel's arguments begin with: `GEOMETRY_ARGUMENTS` of `cl/memory/geometry.cl`.
     pub fn geometry_arguments<'k>(&self, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
         let mut arguments = Arguments::of(kernel)
             .set(&self.nodes)?

@@ -14,12 +14,17 @@ macro_rules! kernel_files {
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/internal_begin.cl",
     "cl/shared/types.cl",
+    "cl/shared/constants.cl",
     "cl/shared/features.cl",
     "cl/shared/math.cl",
     "cl/shared/wide.cl",
     "cl/shared/double_double.cl",
     "cl/shared/integer.cl",
-    "cl/shared/memory.cl",
+    "cl/memory/geometry.cl",
+    "cl/memory/deferral.cl",
+    "cl/memory/work.cl",
+    "cl/memory/records.cl",
+    "cl/memory/shading.cl",
     "cl/shared/instances.cl",
     "cl/lanes/three.cl",
     "cl/shared/rounding_errors.cl",
@@ -40,7 +45,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/intersect/filter.cl",
     "cl/intersect/exact_filter.cl",
     "cl/intersect/exact_closer.cl",
-    "cl/intersect/exact_whole.cl",
+    "cl/intersect/exact_integers.cl",
     "cl/intersect/ties.cl",
     "cl/intersect/exact.cl",
     "cl/intersect/plucker.cl",
@@ -62,7 +67,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/packets/frustum.cl",
     "cl/packets/triangles.cl",
     "cl/packets/finish.cl",
-    "cl/packets/alone.cl",
+    "cl/packets/single_rays.cl",
     "cl/packets/bvh8.cl",
     "cl/packets/group.cl",
     "cl/packets/kd.cl",
@@ -92,7 +97,7 @@ const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",
     "cl/kernels/render_packets.cl",
-    "cl/kernels/split.cl"
+    "cl/kernels/wavefront.cl"
 ];
 
 /// Before all others: what keeps compilers from changing the arithmetic.
@@ -103,7 +108,7 @@ const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 
 /// Kernels that decide what is traced of pictures of bounded error, and what they need.
 const ADAPTIVE_FILES: &[(&str, &str)] =
-    kernel_files!["cl/shared/types.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
+    kernel_files!["cl/shared/types.cl", "cl/shared/constants.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
 
 /// A program that measures the device.
 const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];

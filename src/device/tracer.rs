@@ -7,7 +7,7 @@ use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::{Doubts, Entry, Passes};
 use super::rows::Rows;
 use super::scene::DeviceScene;
-use super::split::SplitPipeline;
+use super::wavefront::WavefrontPipeline;
 use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
 use crate::adaptive::Adaptive;
 use crate::error::{Error, Result};
@@ -18,7 +18,7 @@ use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, SplitStats, Task, TraceJob, TraceResult, Tracer};
+use crate::tracer::{Progress, RenderResult, Task, TraceJob, TraceResult, Tracer, WavefrontStats};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
@@ -72,14 +72,14 @@ pub(super) struct Rendered {
     pub counts: [u64; COUNTERS],
     pub kernel_s: f64,
     pub second_pass: Option<u64>,
-    pub split: Option<SplitStats>,
+    pub wavefront: Option<WavefrontStats>,
 }
 
 impl Rendered {
     /// The same with the picture.
     pub fn with_film(self, film: Film) -> RenderResult {
-        let Rendered { counts, kernel_s, second_pass, split } = self;
-        RenderResult { counts, kernel_s, second_pass, split, ..RenderResult::of_film(film) }
+        let Rendered { counts, kernel_s, second_pass, wavefront } = self;
+        RenderResult { counts, kernel_s, second_pass, wavefront, ..RenderResult::of_film(film) }
     }
 }
 
@@ -116,7 +116,7 @@ pub struct OpenClTracer {
     scene: DeviceScene,
     passes: Passes,
     /// What renders in place of the mega-kernel, once it was needed.
-    split: Option<Box<SplitPipeline>>,
+    wavefront: Option<Box<WavefrontPipeline>>,
     /// What decides which pixels have more samples, once it was needed.
     adaptive: Option<AdaptiveProgram>,
     buffers: Arc<SceneBuffers>,
@@ -150,7 +150,7 @@ impl CompiledAhead {
         let context = DeviceContext::open(device)?;
         let definitions = Definitions::of_features(features, options, max_depth);
         let mut passes = Passes::new(definitions, cache, context.info(), notes_on(context.info()));
-        // What is in constant memory the scene decides; split kernels are compiled when their pipeline is made.
+        // What is in constant memory the scene decides; wavefront kernels are compiled when their pipeline is made.
         if options.arrays.memory != Memory::Constant && options.picture.kernels == Kernels::Mega {
             for &task in tasks {
                 passes.prepare(&context, entry_of(task, options))?;
@@ -232,7 +232,7 @@ impl OpenClTracer {
         let first_items = if context.info().kind == DeviceKind::Gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS };
         Ok(OpenClTracer {
             passes,
-            split: None,
+            wavefront: None,
             adaptive: None,
             buffers: buffers.clone(),
             options: *options,
@@ -278,9 +278,10 @@ impl Tracer for OpenClTracer {
                 self.passes.prepare(&self.context, entry_of(task, &self.options))
             }
             (Task::Picture, Kernels::Wavefront) => {
-                if self.split.is_none() {
-                    let split = SplitPipeline::new(&self.context, &mut self.passes, &self.buffers, &self.options)?;
-                    self.split = Some(Box::new(split));
+                if self.wavefront.is_none() {
+                    let pipeline =
+                        WavefrontPipeline::new(&self.context, &mut self.passes, &self.buffers, &self.options)?;
+                    self.wavefront = Some(Box::new(pipeline));
                 }
                 Ok(())
             }
@@ -419,10 +420,10 @@ impl OpenClTracer {
         launches: &mut Launches,
         progress: Progress,
     ) -> Result<Rendered> {
-        match &mut self.split {
-            Some(split) => {
+        match &mut self.wavefront {
+            Some(pipeline) => {
                 let shape = (self.first_items, self.work_group);
-                split.render(&self.context, &self.scene, picture, params, shape, progress)
+                pipeline.render(&self.context, &self.scene, picture, params, shape, progress)
             }
             None => self.render_mega(picture, work, params, launches, progress),
         }

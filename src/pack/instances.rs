@@ -23,8 +23,8 @@ use crate::accel::{
 };
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::reference::ray::EPSILON;
-use crate::reference::slab::LEAST_PAD;
+use crate::reference::shared::ray::EPSILON;
+use crate::reference::shared::slab::LEAST_PAD;
 use crate::scene::{DropReason, Instance, MaterialId, Scene, Transform, Triangle, turned};
 use crate::shared::{
     BVH_FIRST_MASK, BVH_NODE_RECORDS, INSTANCE_BLUR, INSTANCE_NORMALS, INSTANCE_REACH, INSTANCE_RECORDS,
@@ -319,8 +319,8 @@ fn record(place: &Place, root: u32, material: u32, numbers: [u32; 3]) -> [Float4
 mod tests {
     use super::*;
     use crate::random::Random;
-    use crate::reference::ray::{HIT_ERROR, Ray};
-    use crate::reference::slab::Slabs;
+    use crate::reference::shared::ray::{HIT_ERROR, Ray};
+    use crate::reference::shared::slab::Slabs;
     use crate::shared::NO_PRIMITIVE;
     use glam::{DAffine3, DMat3};
 

@@ -4,28 +4,12 @@
 //! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which accuracy is
 //! measured.
 
-pub mod edges;
-pub mod exact;
-pub mod exact_whole;
-mod fma;
-pub mod footprint;
-pub mod instances;
-pub mod integer;
 pub mod intersect;
-pub mod light;
-pub mod math;
-pub mod memory;
-pub mod normal;
+pub mod kernels;
 pub mod oracle;
-pub mod procedural;
-pub mod ray;
-pub mod render;
-pub mod slab;
-pub mod surface;
-pub mod texture;
-pub mod ties;
+pub mod shade;
+pub mod shared;
 pub mod traverse;
-pub mod whitted;
 
 use crate::error::Result;
 use crate::film::Film;
@@ -33,21 +17,17 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TextureRequest, TraceRay};
-use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer, is_hit};
-use crate::work::{PixelWork, RayWork};
-use fma::with_fma;
-use glam::Vec3;
-use math::{abs3, exponent_field, max_component};
-use memory::{NoWork, Work};
-use ray::Ray;
+use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
+use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
+use kernels::render::render_row;
+use kernels::trace::{trace_chunk, trace_next_chunk};
 use rayon::prelude::*;
-use render::{RenderedPixel, render_pixel};
+use shade::local_light::requested_colour;
+use shared::fma::with_fma;
+use shared::ray::NO_HIT;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
-use surface::{leave_surface, surface_hit, surface_point};
-use traverse::{NO_HIT, closest_hit, finish, traverse};
 
 /// Rays that one task traces: long enough to hide the scheduler, short enough to share out evenly.
 const CHUNK: usize = 256;
@@ -65,148 +45,7 @@ impl ReferenceTracer {
     }
 }
 
-with_fma! {
-    /// Renders one row of pixels and adds its rays to `counts`; counts the work if there is room for it.
-    fn render_row(
-        tracer: &ReferenceTracer,
-        params: &RenderParams,
-        samples: &[CameraSample],
-        y: usize,
-        row: &mut [[f32; 3]],
-        counts: &mut [u64; COUNTERS],
-        work: Option<&mut [PixelWork]>,
-    ) {
-        match work {
-            None => tracer.render_row::<NoWork>(params, samples, y, row, counts, |_, _| ()),
-            Some(work) => tracer.render_row::<RayWork>(params, samples, y, row, counts, |x, pixel| {
-                work[x] = PixelWork { camera: pixel.camera_work, secondary: pixel.secondary_work };
-            }),
-        }
-    }
-}
-
-with_fma! {
-    /// Traces some rays; counts the work if there is room for it.
-    fn trace_chunk(
-        tracer: &ReferenceTracer,
-        rays: &[TraceRay],
-        any_hit: bool,
-        hits: &mut [Hit],
-        work: Option<&mut [RayWork]>,
-    ) {
-        let queries = rays.iter().zip(hits);
-        match work {
-            None => queries.for_each(|(ray, hit)| *hit = tracer.trace_query(ray, any_hit, &mut NoWork)),
-            Some(work) => queries.zip(work).for_each(|((ray, hit), work)| {
-                *work = RayWork::default();
-                *hit = tracer.trace_query(ray, any_hit, work);
-            }),
-        }
-    }
-}
-
-with_fma! {
-    /// Traces the second rays of some hits; counts the work if there is room for it.
-    fn trace_next_chunk(
-        tracer: &ReferenceTracer,
-        rays: &[TraceRay],
-        directions: &[Float4],
-        hits: &[Hit],
-        next_hits: &mut [Hit],
-        work: Option<&mut [RayWork]>,
-    ) {
-        let queries = rays.iter().zip(directions).zip(hits).zip(next_hits);
-        match work {
-            None => queries.for_each(|(((ray, to), from), hit)| {
-                *hit = tracer.trace_next_query(ray, to, from, &mut NoWork);
-            }),
-            Some(work) => queries.zip(work).for_each(|((((ray, to), from), hit), work)| {
-                *work = RayWork::default();
-                *hit = tracer.trace_next_query(ray, to, from, work);
-            }),
-        }
-    }
-}
-
-/// A hit in the caller's units of t, in which what is farther than every float is not hit.
-#[inline(always)]
-fn batch_hit(hit: Hit) -> Hit {
-    if is_hit(&hit) && hit.t.is_finite() { hit } else { NO_HIT }
-}
-
-/// Twin of `use_callers_units` in `cl/traverse/batch.cl`.
-#[inline(always)]
-fn use_callers_units(ray: &mut Ray, direction: Vec3, scale: f32) {
-    let highest = |v: Vec3| exponent_field(max_component(abs3(v)));
-    let exponent = highest(ray.direction) - highest(direction) + 127 - exponent_field(scale);
-    let power = |exponent: i32| f32::from_bits(((exponent + 127) as u32) << 23);
-    ray.t_lift = power(exponent / 2);
-    ray.t_scale = power(exponent - exponent / 2);
-}
-
-/// The ray of a query.
-#[inline(always)]
-fn batch_ray(query: &TraceRay, scale: f32) -> Ray {
-    let (origin, direction) = (query.origin_t_min, query.direction_t_max);
-    let mut ray = Ray::new(origin.xyz(), direction.xyz(), 0.0, f32::INFINITY, NO_PRIMITIVE);
-    if ray.t_near <= ray.t_far {
-        use_callers_units(&mut ray, direction.xyz(), scale);
-        if origin.w <= direction.w {
-            ray.limit(origin.w, direction.w);
-        } else {
-            (ray.t_near, ray.t_far) = (f32::INFINITY, f32::NEG_INFINITY);
-        }
-    }
-    ray
-}
-
 impl ReferenceTracer {
-    #[inline(always)]
-    fn render_row<W: Work>(
-        &self,
-        params: &RenderParams,
-        samples: &[CameraSample],
-        y: usize,
-        row: &mut [[f32; 3]],
-        counts: &mut [u64; COUNTERS],
-        mut done: impl FnMut(usize, RenderedPixel<W>),
-    ) {
-        for (x, out) in row.iter_mut().enumerate() {
-            let pixel = render_pixel(&self.buffers, &self.options, params, samples, x, y);
-            *out = pixel.radiance.to_array();
-            for (total, count) in counts.iter_mut().zip(pixel.counts) {
-                *total += u64::from(count);
-            }
-            done(x, pixel);
-        }
-    }
-
-    #[inline(always)]
-    fn trace_query(&self, query: &TraceRay, any_hit: bool, work: &mut impl Work) -> Hit {
-        let ray = batch_ray(query, self.buffers.params.scale);
-        let mut hit = traverse(&self.buffers, &self.options, &ray, any_hit, work);
-        if any_hit {
-            return if is_hit(&hit) { Hit { t: 0.0, u: 0.0, v: 0.0, ..hit } } else { NO_HIT };
-        }
-        finish(&self.buffers, &self.options, &ray, &mut hit);
-        batch_hit(hit)
-    }
-
-    #[inline(always)]
-    fn trace_next_query(&self, query: &TraceRay, direction: &Float4, from: &Hit, work: &mut impl Work) -> Hit {
-        if !is_hit(from) {
-            return NO_HIT;
-        }
-        let scale = self.buffers.params.scale;
-        let left = surface_hit(&self.buffers, &self.options, &batch_ray(query, scale), from);
-        let point = surface_point(&self.buffers, &self.options, &left);
-        let mut ray = leave_surface(&point, direction.xyz(), f32::INFINITY);
-        if ray.t_near <= ray.t_far {
-            use_callers_units(&mut ray, direction.xyz(), scale);
-        }
-        batch_hit(closest_hit(&self.buffers, &self.options, &ray, work))
-    }
-
     /// Room for the work on `count` rays or pixels, if it is to be counted.
     fn room_for_work<T: Clone + Default>(&self, count: usize) -> Option<Vec<T>> {
         self.options.counters.then(|| vec![T::default(); count])
@@ -227,7 +66,7 @@ with_fma! {
     /// Evaluates the textures of some hits.
     fn texture_chunk(buffers: &SceneBuffers, options: &TraceOptions, requests: &[TextureRequest], colours: &mut [Float4]) {
         for (request, colour) in requests.iter().zip(colours) {
-            *colour = Float4::new(render::requested_colour(buffers, options, request), 0.0);
+            *colour = Float4::new(requested_colour(buffers, options, request), 0.0);
         }
     }
 }
@@ -270,7 +109,7 @@ impl Tracer for ReferenceTracer {
             .enumerate()
             .map(|(y, (row, work))| {
                 let mut counts = [0; COUNTERS];
-                render_row(self, params, samples, y, row, &mut counts, work);
+                render_row(&self.buffers, &self.options, params, samples, y, row, &mut counts, work);
                 progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
                 counts
             })
@@ -278,7 +117,16 @@ impl Tracer for ReferenceTracer {
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
         let kernel_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult { film, counts, work, second_pass: None, kernel_s, read_s: 0.0, split: None, adaptive: None })
+        Ok(RenderResult {
+            film,
+            counts,
+            work,
+            second_pass: None,
+            kernel_s,
+            read_s: 0.0,
+            wavefront: None,
+            adaptive: None,
+        })
     }
 }
 
@@ -297,7 +145,7 @@ impl ReferenceTracer {
             let work = work_of_parts(&mut result.work, chunks, CHUNK);
             let hits = result.hits.par_chunks_mut(CHUNK).zip(work);
             hits.zip(job.rays.par_chunks(CHUNK)).for_each(|((hits, work), rays)| {
-                trace_chunk(self, rays, job.any_hit, hits, work);
+                trace_chunk(&self.buffers, &self.options, rays, job.any_hit, hits, work);
                 progress((done.fetch_add(rays.len(), Ordering::Relaxed) + rays.len()) as f64 / total as f64);
             });
             if let Some(directions) = job.next_directions {
@@ -306,7 +154,7 @@ impl ReferenceTracer {
                 let work = work_of_parts(&mut result.next_work, chunks, CHUNK);
                 let next = next_hits.par_chunks_mut(CHUNK).zip(work).zip(from);
                 next.for_each(|((next_hits, work), ((rays, directions), hits))| {
-                    trace_next_chunk(self, rays, directions, hits, next_hits, work);
+                    trace_next_chunk(&self.buffers, &self.options, rays, directions, hits, next_hits, work);
                 });
             }
             result.kernel_s.push(start.elapsed().as_secs_f64());

@@ -43,7 +43,8 @@ fn a_limit_that_changes_the_structure_is_told() {
     };
     let note = "note: --structure auto takes kd: --leaf-size 16: a leaf of --structure bvh2 has room for 15 at most\n";
     assert_eq!(said("--leaf-size 16"), note);
-    for silent in ["--leaf-size 15", "--leaf-size 16 -q", "--leaf-size 16 --structure kd", "--leaf-size 16 --build median"]
+    for silent in
+        ["--leaf-size 15", "--leaf-size 16 -q", "--leaf-size 16 --structure kd", "--leaf-size 16 --build median"]
     {
         assert_eq!(said(silent), "", "{silent}");
     }

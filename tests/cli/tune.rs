@@ -52,7 +52,10 @@ fn auto_follows_the_file_while_it_is_whole_and_of_these_versions() {
 
     edit(at, "\"driver_version\": \"\"", "\"driver_version\": \"older\"");
     let said = structure(at, &[]);
-    assert!(said.starts_with("note: ") && said.contains("'older'") && said.contains("--structure bvh2: model: "), "{said}");
+    assert!(
+        said.starts_with("note: ") && said.contains("'older'") && said.contains("--structure bvh2: model: "),
+        "{said}"
+    );
     let text = std::fs::read(tuned_file(at)).unwrap();
     std::fs::write(tuned_file(at), &text[..text.len() / 2]).unwrap();
     let said = structure(at, &[]);

@@ -111,7 +111,7 @@ fn hits_keep_their_bits() {
             let got_any = tracer.trace(&any_hit, &|_| ()).unwrap();
             assert_eq!(bits(&got_any.hits), bits(&expected_any), "{relaxed}: any hit, {options:?} (seed {SEED})");
             if options.intersector == Intersector::Exact {
-                assert!(got.second_pass > Some(0), "no ray needed whole numbers");
+                assert!(got.second_pass > Some(0), "no ray needed exact integers");
             }
         }
     }

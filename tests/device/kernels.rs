@@ -10,16 +10,16 @@ use raybrook::low_level::options::{
     Intersector, KdOptions, Kernels, PictureOptions, Structure, StructureKind, TexturePass, TraceOptions, Traversal,
 };
 use raybrook::low_level::pack::{SceneBuffers, triangle_transform};
-use raybrook::low_level::reference::exact::{finish_exactly, test_exactly};
-use raybrook::low_level::reference::intersect::{Intersection, intersect};
-use raybrook::low_level::reference::light::toon_tone;
-use raybrook::low_level::reference::math;
-use raybrook::low_level::reference::memory::NoWork;
-use raybrook::low_level::reference::procedural::{fractal_noise, gradient_noise, procedural_colour};
-use raybrook::low_level::reference::ray::{Ray, SLACK, TrianglePoint, start_on_triangle, widen_down, widen_up};
-use raybrook::low_level::reference::slab::{PairSlabs, Slabs, is_room_enough};
-use raybrook::low_level::reference::traverse::no_hit_yet;
-use raybrook::low_level::reference::traverse::volumes::{SPHERE_SLACK, may_meet_sphere};
+use raybrook::low_level::reference::intersect::exact::{finish_exactly, test_exactly};
+use raybrook::low_level::reference::intersect::{intersect, moller_trumbore::Intersection};
+use raybrook::low_level::reference::shade::light::toon_tone;
+use raybrook::low_level::reference::shade::procedural::{fractal_noise, gradient_noise, procedural_colour};
+use raybrook::low_level::reference::shared::math;
+use raybrook::low_level::reference::shared::memory::NoWork;
+use raybrook::low_level::reference::shared::ray::no_hit_yet;
+use raybrook::low_level::reference::shared::ray::{Ray, SLACK, TrianglePoint, start_on_triangle, widen_down, widen_up};
+use raybrook::low_level::reference::shared::slab::{PairSlabs, Slabs, is_room_enough};
+use raybrook::low_level::reference::traverse::spheres::{SPHERE_SLACK, may_meet_sphere};
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
 use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{
@@ -504,9 +504,9 @@ fn traversals_equal_their_twins() {
 }
 
 /// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture, a second pass and more paths than are in flight: that the
-/// split kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/pictures/wavefront.rs`.
+/// wavefront kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/pictures/wavefront.rs`.
 #[test]
-fn split_kernels_equal_the_twin() {
+fn wavefront_kernels_equal_the_twin() {
     let Some(device) = device() else { return };
     let mut builder = Builder::new();
     let rgba = vec![[230, 220, 200, 255], [40, 60, 90, 255]];

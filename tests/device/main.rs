@@ -1,4 +1,4 @@
-//! Devices: listing, compiling, memory, and the functions of the kernels against their twins.
+//! Devices: listing, compiling, memory, and kernels against their twins, file by file and function by function.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -8,4 +8,5 @@ mod devices;
 mod kernels;
 mod layout;
 mod memory;
+mod mirror;
 mod tune;

@@ -3,7 +3,7 @@
 use crate::common::{SEED, device, shared};
 use glam::Vec3;
 use raybrook::low_level::options::{Build, Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
-use raybrook::low_level::reference::normal::triangle_normal;
+use raybrook::low_level::reference::shade::normal::triangle_normal;
 use raybrook::low_level::scene::{Builder, Material, load};
 use raybrook_lab::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
 use raybrook_lab::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Replay, StressRay};
@@ -132,7 +132,7 @@ fn exact_lets_no_ray_through_on_a_device() {
                 (20_000, 0, 0, 0),
                 "{name} {options:?}"
             );
-            // The rays are as hard as they should be: some pass so exactly through an edge that only whole numbers tell.
+            // The rays are as hard as they should be: some pass so exactly through an edge that only exact integers tell.
             assert!(leaks.second_pass.unwrap() > 0, "{name}: {:?}", leaks.second_pass);
         }
     }

@@ -1,4 +1,4 @@
-//! The exact triangle test against whole numbers of any length from a library: every decision, every rounding, every order.
+//! The exact triangle test against exact integers of any length from a library: every decision, every rounding, every order.
 
 use crate::common::{Random, SEED, device, scene_of};
 use glam::Vec3;
@@ -7,12 +7,12 @@ use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::exact::{Decision, decide_wide, finish_wide};
-use raybrook::low_level::reference::exact_whole::{decide_whole, finish_whole};
-use raybrook::low_level::reference::intersect::Intersection;
-use raybrook::low_level::reference::ray::{Ray, TrianglePoint, start_on_triangle};
-use raybrook::low_level::reference::ties::{are_in_one_plane, are_same_points};
-use raybrook::low_level::reference::traverse::NO_HIT;
+use raybrook::low_level::reference::intersect::exact_filter::{Decision, decide_wide, finish_wide};
+use raybrook::low_level::reference::intersect::exact_integers::{decide_by_integers, finish_by_integers};
+use raybrook::low_level::reference::intersect::moller_trumbore::Intersection;
+use raybrook::low_level::reference::intersect::ties::{are_in_one_plane, are_same_points};
+use raybrook::low_level::reference::shared::ray::NO_HIT;
+use raybrook::low_level::reference::shared::ray::{Ray, TrianglePoint, start_on_triangle};
 use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use raybrook::low_level::tracer::TraceJob;
@@ -179,12 +179,12 @@ fn every_step_is_right() {
         let exact = Exact::new(&ray, triangle);
         let what = format!("case {i} (seed {SEED}): {ray:?} {triangle:?}");
         // Rays that start nowhere on a triangle need no scene.
-        let whole = match decide_whole(&buffers, &ray, triangle, 0, &NO_HIT) {
-            Decision::Hit(limits) => Some((finish_whole(&buffers, &ray, triangle), limits)),
+        let found = match decide_by_integers(&buffers, &ray, triangle, 0, &NO_HIT) {
+            Decision::Hit(limits) => Some((finish_by_integers(&buffers, &ray, triangle), limits)),
             Decision::Miss => None,
-            Decision::Doubtful => panic!("{what}: whole numbers leave no doubt"),
+            Decision::Doubtful => panic!("{what}: exact integers leave no doubt"),
         };
-        match (whole, &exact) {
+        match (found, &exact) {
             (Some((found, [low, high])), Some(exact)) => {
                 assert_nearest(found, exact, &what);
                 assert!(low < found.t && found.t < high, "{what}: t {} outside of {low}..{high}", found.t);
@@ -567,7 +567,7 @@ fn rays_at_the_ends_of_float32_are_answered_exactly() {
 }
 /// Many triangles in one place, their corners in every order, and many in one oblique plane: all that a ray hits of one kind are at the
 /// same t. The hit is the first of them, rays that leave it meet none of the others, and that takes 5 to 35 times as long as the test that
-/// decides nothing exactly: it was 330 times when each tie was decided anew in whole numbers.
+/// decides nothing exactly: it was 330 times when each tie was decided anew in exact integers.
 #[test]
 fn ties_are_decided_by_number() {
     const COUNT: usize = 1500;

@@ -1,7 +1,7 @@
 //! The stated errors of the elementary functions, against f64: the bounds are those of the comments in `cl/shared/math.cl`. That
 //! devices return the same bits is the business of `tests/device/kernels.rs`.
 
-use raybrook::low_level::reference::math::{exp2_fixed, log2_fixed, power_fixed, sin_turns};
+use raybrook::low_level::reference::shared::math::{exp2_fixed, log2_fixed, power_fixed, sin_turns};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

@@ -259,7 +259,7 @@ fn packets_do_without_double() {
 fn what_packets_leave_open_is_decided_all_the_same() {
     let Some(device) = device() else { return };
     let mut random = Random::new(SEED);
-    // Rays in the planes of triangles, along edges and through vertices: whole numbers decide.
+    // Rays in the planes of triangles, along edges and through vertices: exact integers decide.
     let triangles = sheet(6).iter().map(|t| t.map(|p| Vec3::new(p.x, p.y, 0.0))).collect::<Vec<_>>();
     let rays: Vec<_> = (0..320)
         .map(|_| {

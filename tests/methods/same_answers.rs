@@ -1,7 +1,7 @@
 //! The same answers whatever the method: every structure, build, traversal, kind of memory, layout, order and kind of kernels that go
 //! together, for every robust triangle test, on a device and in the twin, against brute force in the twin, bit for bit: t, u, v and
 //! primitive of camera rays and of the rays that leave their hits to a light, mirrored and anywhere; hit or miss where any hit will do;
-//! every pixel of a small picture and its numbers of rays. Split kernels are asked for pictures, which is what they are for.
+//! every pixel of a small picture and its numbers of rays. Wavefront kernels are asked for pictures, which is what they are for.
 //!
 //! What there is and what goes together is looked up in the code's table of options.
 //!
@@ -188,7 +188,7 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
     lists.into_iter().map(|(_, list)| list).collect()
 }
 
-/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all. Split kernels are
+/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all. Wavefront kernels are
 /// asked for pictures; of the mega-kernel's combinations one in [`PICTURES`], and none with the exact test, because compiling is what
 /// takes long. Other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {

@@ -9,7 +9,7 @@ use raybrook::low_level::options::{
     Traversal, TriangleOrder,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::render::camera_direction;
+use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::scene::{self, Builder, Light, Material, Samples, Scene};
 use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::shared::{TraceRay, WorkCounter};

@@ -8,13 +8,13 @@ use glam::{DVec3, Vec2, Vec3};
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{Kernels, PictureOptions, Terminator, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::light::{blinn_phong, sample_light};
-use raybrook::low_level::reference::math::{dot3, normalize3};
-use raybrook::low_level::reference::normal::{interpolated_normal, smooth_lift, triangle_normal};
-use raybrook::low_level::reference::ray::EPSILON;
-use raybrook::low_level::reference::surface::{Surface, SurfacePoint};
-use raybrook::low_level::reference::texture::wrap_texel;
-use raybrook::low_level::reference::whitted::{reflect_direction, refract_direction};
+use raybrook::low_level::reference::shade::light::{blinn_phong, sample_light};
+use raybrook::low_level::reference::shade::normal::{interpolated_normal, smooth_lift, triangle_normal};
+use raybrook::low_level::reference::shade::surface::{Surface, SurfacePoint};
+use raybrook::low_level::reference::shade::texture::wrap_texel;
+use raybrook::low_level::reference::shade::whitted::{reflect_direction, refract_direction};
+use raybrook::low_level::reference::shared::math::{dot3, normalize3};
+use raybrook::low_level::reference::shared::ray::EPSILON;
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Normals, Samples};
 use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MAX_RADIANCE};
@@ -84,7 +84,7 @@ fn compare_directions(name: &str, data: &[f32], check: impl Fn(&Surface, Vec3, f
 
 /// sin^2 of the refracted ray as the kernel computes it.
 fn sin2_out(normal: Vec3, direction: Vec3, eta: f32) -> f32 {
-    let along = raybrook::low_level::reference::math::fma3(normal, -dot3(normal, direction), direction);
+    let along = raybrook::low_level::reference::shared::math::fma3(normal, -dot3(normal, direction), direction);
     eta * eta * dot3(along, along)
 }
 
@@ -525,7 +525,7 @@ fn pictures_with_texture_coordinates_without_sense_are_numbers() {
     let scene = builder.finish().unwrap();
     let camera = Camera { eye: Vec3::Z * 5.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 30.0 };
     let picture = Picture { camera, size: (16, 12), samples: Samples::PerPixel(1), depth: 1, kill_weight: None };
-    // The split kernels, which Oclgrind runs; tests/scene/hostile.rs has both.
+    // The wavefront kernels, which Oclgrind runs; tests/scene/hostile.rs has both.
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
         let options = TraceOptions {
             picture: PictureOptions { kernels: Kernels::Wavefront, textures, ..PictureOptions::DEFAULT },

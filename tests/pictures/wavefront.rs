@@ -8,7 +8,7 @@ use raybrook::low_level::options::{
     TexturePass, TraceOptions, TriangleOrder,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ray::Ray;
+use raybrook::low_level::reference::shared::ray::Ray;
 use raybrook::low_level::scene::{
     self, Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
     Toon,
@@ -64,7 +64,7 @@ impl Tracers {
         }
     }
 
-    /// Renders with the split kernels, mega-kernel and twin, and compares; `options` are of the first.
+    /// Renders with the wavefront kernels, mega-kernel and twin, and compares; `options` are of the first.
     fn compare(&mut self, options: &TraceOptions, pictures: &[Picture]) -> Vec<RenderResult> {
         let device = device().unwrap();
         let mut split = open_tracer(Some(&device), &self.buffers, options, DEPTH, None).unwrap();
@@ -179,7 +179,7 @@ fn every_scene_has_the_same_pixels() {
             let host_pass =
                 TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture }, ..SPLIT };
             let result = &tracers.compare(&host_pass, &depths[4..])[0];
-            assert!(result.split.unwrap().host_colours > 0, "{}", file.display());
+            assert!(result.wavefront.unwrap().host_colours > 0, "{}", file.display());
         }
     }
 }
@@ -196,7 +196,7 @@ fn paths_in_flight_change_no_bit() {
         // A single path in flight takes a wave for every ray.
         let small = [tracers.picture((5, 4), 2, 6)];
         let result = &tracers.compare(&options, if in_flight == 1 { &small } else { &pictures })[0];
-        let stats = result.split.unwrap();
+        let stats = result.wavefront.unwrap();
         let rays: u64 = [0, 4, 6].iter().map(|&kind| result.counts[kind]).sum();
         assert_eq!(stats.paths_in_flight as u64, u64::from(in_flight).min(result.counts[0]));
         assert!(stats.waves * stats.paths_in_flight as u64 >= rays && stats.waves <= rays, "{stats:?}, {rays} rays");
@@ -255,13 +255,13 @@ fn the_host_evaluates_textures_to_the_same_bits() {
         TraceOptions { picture: PictureOptions { paths_in_flight: Some(300), ..host_pass.picture }, ..host_pass },
     ] {
         for result in tracers.compare(&options, &pictures) {
-            let stats = result.split.unwrap();
+            let stats = result.wavefront.unwrap();
             let hits: u64 = [1, 5, 7].iter().map(|&kind| result.counts[kind]).sum();
             assert!(stats.host_colours > 0 && stats.host_colours < hits, "{stats:?} of {hits} hits");
         }
     }
     for result in tracers.compare(&SPLIT, &pictures) {
-        assert_eq!(result.split.unwrap().host_colours, 0);
+        assert_eq!(result.wavefront.unwrap().host_colours, 0);
     }
     // On the twin the choice is accepted and changes nothing.
     let buffers = &tracers.buffers;
@@ -292,7 +292,7 @@ fn wavefront_kernels_read_every_kind_of_memory() {
     }
 }
 
-/// Rays through the diagonals that the triangles of a quad share: only whole numbers tell which of the two they hit.
+/// Rays through the diagonals that the triangles of a quad share: only exact integers tell which of the two they hit.
 #[test]
 fn rays_in_doubt_take_the_second_pass() {
     let mut builder = Builder::new();
@@ -316,7 +316,7 @@ fn rays_in_doubt_take_the_second_pass() {
     assert!(resolved[0] >= 8 && resolved[1] > resolved[0] && resolved[2] > resolved[1], "{resolved:?}");
 }
 
-/// The split kernels store origin, direction and t_near of a ray and make it anew from these.
+/// The wavefront kernels store origin, direction and t_near of a ray and make it anew from these.
 #[test]
 fn a_made_ray_is_made_again_to_the_same_bits() {
     let mut random = Random::new(SEED);

@@ -178,7 +178,7 @@ fn pictures_are_those_of_the_flattened_scene() {
     assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected, "mega-kernel");
     let split =
         TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..INSTANCES.picture }, ..INSTANCES };
-    assert_eq!(picture(&scene, &split, Some(&device)), expected, "split kernels");
+    assert_eq!(picture(&scene, &split, Some(&device)), expected, "wavefront kernels");
 }
 
 /// Transforms, objects and scenes of very different sizes: what is shared and what is placed beforehand hit alike.

@@ -4,7 +4,7 @@ use crate::common::device;
 use glam::Vec3;
 use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
-use raybrook::low_level::reference::render::camera_direction;
+use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::scene::{Builder, Camera, Material, Samples, Scene, load};
 use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::shared::CameraSample;

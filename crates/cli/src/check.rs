@@ -13,7 +13,7 @@ use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::{check_writable, write_json};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
 use raybrook::low_level::reference::ReferenceTracer;
-use raybrook::low_level::reference::render::camera_direction;
+use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::scene::Samples;
 use raybrook::low_level::session::{Picture, picture_bytes, render};
 use raybrook::low_level::shared::{COUNTER_NAMES, TraceRay};

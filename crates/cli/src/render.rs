@@ -158,7 +158,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
     stats.set_rate();
     stats.read_s = Some(result.read_s);
-    stats.split = result.split;
+    stats.wavefront = result.wavefront;
     stats.adaptive = result.adaptive;
     stats.total_s = start.elapsed().as_secs_f64();
     if args.measure_error {

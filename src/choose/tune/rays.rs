@@ -5,7 +5,7 @@ use crate::options::{StructureKind, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::random::Random;
 use crate::reference::ReferenceTracer;
-use crate::reference::render::camera_direction;
+use crate::reference::shade::camera::camera_direction;
 use crate::scene::{LightKind, Samples, Scene};
 use crate::session::complete;
 use crate::shared::TraceRay;

@@ -1,11 +1,11 @@
 //! Twin of `cl/traverse/brute_force.cl`.
 
 use super::leaf::test_triangles;
-use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::memory::Work;
-use crate::reference::ray::Ray;
+use crate::reference::shared::memory::Work;
+use crate::reference::shared::ray::Ray;
+use crate::reference::shared::ray::no_hit_yet;
 use crate::shared::Hit;
 
 #[inline(always)]

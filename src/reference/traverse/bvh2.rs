@@ -1,13 +1,13 @@
 //! Twin of `cl/traverse/bvh2.cl`. The reasons are there.
 
 use super::leaf::test_listed;
-use super::no_hit_yet;
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::memory::{Work, load_node};
-use crate::reference::ray::Ray;
-use crate::reference::slab::{PairSlabs, Slabs, is_room_enough};
+use crate::reference::shared::memory::{Work, load_node};
+use crate::reference::shared::ray::Ray;
+use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::slab::{PairSlabs, Slabs, is_room_enough};
 use crate::shared::{BVH_END, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 
 #[inline(always)]

@@ -1,16 +1,16 @@
 //! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
 
 use super::leaf::test_triangles;
-use super::{no_hit_yet, vertices};
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::edges::Edges;
-use crate::reference::intersect::shear_triangle;
-use crate::reference::math::{max_or, min_or};
-use crate::reference::memory::{Work, count_packet, load_wide_node};
-use crate::reference::ray::Ray;
-use crate::reference::slab::Slabs;
+use crate::reference::intersect::filter::filter_sheared;
+use crate::reference::shared::math::{max_or, min_or};
+use crate::reference::shared::memory::vertices;
+use crate::reference::shared::memory::{Work, count_packet, load_wide_node};
+use crate::reference::shared::ray::Ray;
+use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::slab::Slabs;
 use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter};
 
 const WIDTH: usize = 8;
@@ -88,7 +88,7 @@ pub fn traverse_bvh8(
             }
             let is_open = |&reference: &usize| {
                 let triangle = vertices(buffers, buffers.references[reference]);
-                !(is_filtered && Edges::new(&shear_triangle(ray, triangle)).surely_missed())
+                !is_filtered || filter_sheared(ray, triangle)
             };
             let left_out = references.len() - references.clone().filter(is_open).count();
             work.count(WorkCounter::Tests, left_out as u32);

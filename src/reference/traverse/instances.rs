@@ -2,14 +2,14 @@
 
 use super::bvh2::{descend_to_leaf, pop};
 use super::leaf::test_listed;
-use super::no_hit_yet;
 use crate::accel::{instance_of, leaf_range};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::instances::to_primitive;
-use crate::reference::memory::{Work, load_instance};
-use crate::reference::ray::Ray;
-use crate::reference::slab::{PairSlabs, Slabs};
+use crate::reference::shared::instances::to_primitive;
+use crate::reference::shared::memory::{Work, load_instance};
+use crate::reference::shared::ray::Ray;
+use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::slab::{PairSlabs, Slabs};
 use crate::shared::{BVH_END, BVH_LEAVE, Hit, INSTANCE_REACH, WorkCounter};
 
 #[inline(always)]

@@ -3,12 +3,12 @@
 use super::kd_restart::next_trail;
 use super::kd_step::{KdCell, kd_step, root_cell};
 use super::leaf::test_leaf;
-use super::no_hit_yet;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::math::min_or;
-use crate::reference::memory::{Work, load_node};
-use crate::reference::ray::Ray;
+use crate::reference::shared::math::min_or;
+use crate::reference::shared::memory::{Work, load_node};
+use crate::reference::shared::ray::Ray;
+use crate::reference::shared::ray::no_hit_yet;
 use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 /// Looks for nearer hits than `hit` in all leaves that the ray meets below `start`.

@@ -3,15 +3,14 @@
 use super::kd_push_down::push_down;
 use super::kd_step::{kd_split, root_cell};
 use super::leaf::test_leaf;
-use super::no_hit_yet;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::memory::{Work, load_bounds, load_node};
-use crate::reference::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
+use crate::reference::shared::memory::{Work, load_bounds, load_node};
+use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
+use crate::shared::constants::NO_AXIS;
 use crate::shared::{Hit, KD_LEAF, NO_ROPE, WorkCounter};
-
-const NO_AXIS: usize = 3;
 
 /// The t at which the ray leaves one axis of a leaf, at the earliest (`error` negative) or latest.
 #[inline(always)]

@@ -2,10 +2,10 @@
 
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::exact::test_exactly;
+use crate::reference::intersect::exact::test_exactly;
 use crate::reference::intersect::intersect;
-use crate::reference::memory::{Work, load_reference};
-use crate::reference::ray::Ray;
+use crate::reference::shared::memory::{Work, load_reference};
+use crate::reference::shared::ray::Ray;
 use crate::shared::{Hit, KdNode, NO_PRIMITIVE, WorkCounter};
 use std::ops::Range;
 

@@ -1,5 +1,7 @@
 //! Twins of `cl/traverse/`, file for file: how a ray finds the triangles that it may hit. The reasons are there.
 
+pub mod batch;
+mod boxes;
 mod brute_force;
 mod bvh2;
 mod bvh8;
@@ -13,48 +15,21 @@ mod kd_stack;
 mod kd_step;
 mod leaf;
 mod octree;
+pub mod query;
+pub mod spheres;
 mod thesis_restart;
-pub mod volumes;
 
-use super::exact::finish_exactly;
-use super::fma::with_fma;
-use super::instances::placed_vertices;
-use super::memory::Work;
-use super::ray::Ray;
+use super::intersect::exact::finish_exactly;
+use super::shared::fma::with_fma;
+use super::shared::memory::Work;
+use super::shared::ray::Ray;
 use crate::options::{Intersector, StructureKind, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
-use crate::shared::{Hit, NO_PRIMITIVE};
-use glam::Vec3;
+use crate::shared::Hit;
+use boxes::traverse_boxes;
 use grid::traverse_grid;
 use octree::traverse_octree;
-use volumes::{traverse_boxes, traverse_spheres};
-
-/// The hit of a ray that missed.
-pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
-
-/// What a traversal begins with: no hit, but nothing behind the ray's end is nearer.
-#[inline(always)]
-pub fn no_hit_yet(ray: &Ray) -> Hit {
-    Hit { t: ray.t_far, u: ray.t_far, ..NO_HIT }
-}
-
-/// The vertices of a triangle, tracing space.
-#[inline(always)]
-pub fn vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
-    if buffers.has_instances() {
-        return placed_vertices(buffers, primitive);
-    }
-    let first = 3 * primitive as usize;
-    [buffers.vertices[first].xyz(), buffers.vertices[first + 1].xyz(), buffers.vertices[first + 2].xyz()]
-}
-
-/// The closest hit of the ray, with t, u and v in full; in the caller's units of t. Adds to `work` what that took.
-#[inline(always)]
-pub fn closest_hit(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, work: &mut impl Work) -> Hit {
-    let mut hit = traverse(buffers, options, ray, false, work);
-    finish(buffers, options, ray, &mut hit);
-    hit
-}
+use spheres::traverse_spheres;
 
 /// Writes t, u and v of what [`traverse`] has found, t in the caller's units.
 #[inline(always)]

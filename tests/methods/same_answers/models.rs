@@ -8,11 +8,11 @@ use raybrook::low_level::options::{
     Intersector, PictureOptions, StructureKind, Terminator, TextureFilter, TraceOptions,
 };
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
-use raybrook::low_level::reference::light::sample_light;
-use raybrook::low_level::reference::ray::Ray;
-use raybrook::low_level::reference::render::camera_ray;
-use raybrook::low_level::reference::surface::{surface_at, surface_hit, surface_point};
-use raybrook::low_level::reference::whitted::reflect_direction;
+use raybrook::low_level::reference::shade::camera::camera_ray;
+use raybrook::low_level::reference::shade::light::sample_light;
+use raybrook::low_level::reference::shade::surface::{surface_at, surface_hit, surface_point};
+use raybrook::low_level::reference::shade::whitted::reflect_direction;
+use raybrook::low_level::reference::shared::ray::Ray;
 use raybrook::low_level::scene::{Builder, Camera, Image, Material, Pattern, Procedural, Samples, Scene, load};
 use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::shared::{COUNTER_NAMES, COUNTERS, Hit, NO_PRIMITIVE, TraceRay};

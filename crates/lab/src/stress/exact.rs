@@ -1,12 +1,12 @@
 //! The exact tracer: hit or miss and nearer or farther decided as exact arithmetic has them.
 //!
-//! Floats are whole numbers times a power of two, so that everything up to t = T / D is a quotient of whole numbers ([`Ratio`]). They
+//! Floats are exact integers times a power of two, so that everything up to t = T / D is a quotient of exact integers ([`Ratio`]). They
 //! are slow: doubles with an error bound (a static filter; Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
 //! Geometric Predicates", Discrete & Computational Geometry 18, 1997) first discard the triangles that the ray surely misses and
 //! order the rest, most of them by the boxes around them (`boxes.rs`). It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge. Nothing in them over- or
 //! underflows: coordinates are from 2^-149 to 2^128, starts of second rays from 2^-298 on, and products have three factors.
 //!
-//! Bad at: rays in the plane of many triangles, all of which need whole numbers.
+//! Bad at: rays in the plane of many triangles, all of which need exact integers.
 
 use super::boxes::Boxes;
 use super::estimate::{Estimate, PRODUCT_ERROR, ROUNDING, size_of_cross};
@@ -20,7 +20,7 @@ type Whole3 = [BigInt; 3];
 /// The sum of three products that are each off by [`PRODUCT_ERROR`]: two more roundings of numbers that are 1 / 8 of the bounds' sum in size, and room.
 const SUM_ERROR: f64 = 1.5;
 
-/// A ray without limits, in doubles and, where these are rounded, in whole numbers.
+/// A ray without limits, in doubles and, where these are rounded, in exact integers.
 #[derive(Debug, Clone)]
 pub struct Line {
     /// Rounded.

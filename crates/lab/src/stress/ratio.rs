@@ -1,4 +1,4 @@
-//! Quotients of whole numbers of any length: the exact t, u and v of a hit.
+//! Quotients of exact integers of any length: the exact t, u and v of a hit.
 
 use num_bigint::{BigInt, BigUint, Sign};
 use std::cmp::Ordering;

@@ -31,7 +31,7 @@ pub struct Leaks {
     pub from_inside: u64,
     /// Of these, how many were aimed at vertices; the others at edges.
     pub at_vertices: u64,
-    /// Rays, traced ones, that only whole numbers could decide; `None` where they are not counted ([`TraceResult::second_pass`]).
+    /// Rays, traced ones, that only exact integers could decide; `None` where they are not counted ([`TraceResult::second_pass`]).
     pub second_pass: Option<u64>,
     /// Rays that hit nothing.
     pub misses: u64,

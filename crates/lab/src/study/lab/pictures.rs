@@ -131,7 +131,7 @@ impl Lab<'_> {
             };
             out.extend(variant.columns.clone());
             out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
-            if let Some(split) = result.split {
+            if let Some(split) = result.wavefront {
                 out.insert("launches".into(), json!(split.launches));
                 if variant.options.picture.textures == TexturePass::HostPass {
                     out.insert("host_colours".into(), json!(split.host_colours));
@@ -149,7 +149,7 @@ impl Lab<'_> {
                 // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next or starts what does.
                 let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
                 // The device waits for the host's colours, too.
-                let textures_s = result.split.map_or(0.0, |split| split.host_pass_s);
+                let textures_s = result.wavefront.map_or(0.0, |split| split.host_pass_s);
                 runs[next].seconds.push(result.kernel_s + decide_s + textures_s);
                 runs[next].decide_s.push(decide_s);
                 runs[next].textures_s.push(textures_s);

@@ -121,7 +121,7 @@ fn judge_kernels(found: &Measured) -> Result<Findings> {
         match seconds_ratio(&table, [&scene, SPLIT], [&scene, MEGA])? {
             Some(ratio) => verdict.say(
                 ratio > 1.0,
-                format!("{scene}: the split kernels take {ratio:.2} times the time of the mega-kernel"),
+                format!("{scene}: the wavefront kernels take {ratio:.2} times the time of the mega-kernel"),
             ),
             None => verdict.not_measured(&scene),
         }
@@ -129,7 +129,7 @@ fn judge_kernels(found: &Measured) -> Result<Findings> {
     let note = match found.header.is_reference() {
         true => ONE_WAY,
         false => {
-            "Seconds are the device's: what the host does between the launches of the split kernels is not counted."
+            "Seconds are the device's: what the host does between the launches of the wavefront kernels is not counted."
         }
     };
     let charts = charts(&table, "seconds by kernels");
@@ -227,7 +227,7 @@ fn judge_texturing(found: &Measured) -> Result<Findings> {
         match seconds_ratio(&table, [scene, BY_HOST], [scene, IN_SPLIT])? {
             Some(ratio) => verdict.say(
                 ratio < 1.0,
-                format!("{scene}: the host pass takes {ratio:.2} times the time of textures in the split kernels"),
+                format!("{scene}: the host pass takes {ratio:.2} times the time of textures in the wavefront kernels"),
             ),
             None => verdict.not_measured(scene),
         }

@@ -1,0 +1,85 @@
+// The single-ray fallback of packets: where few rays of a packet go the same way, each is traced by itself, against
+// eight triangles at a time.
+
+// Up to so many rays are traced by themselves.
+#define FEW_RAYS 4u
+
+typedef struct {
+    Slabs slabs;
+    float3 origin, origin_low, direction;
+    float t_near;
+    uint skip;
+    // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
+    float t_limit, hit_low;
+    uint found, primitive;
+    bool is_decided; // by float32
+} SingleRay;
+
+SingleRay take_single_ray(const RayPacket* p, uint lane, const float16* t_limits, const PacketHits* hits) {
+    const SingleRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
+                         three_of_lane(p->origin, lane),
+                         three_of_lane(p->origin_low, lane),
+                         three_of_lane(p->direction, lane),
+                         lane_of16(&p->t_near, lane),
+                         ((const uint*)&p->skip)[lane],
+                         lane_of16(t_limits, lane),
+                         lane_of16(&hits->t_low, lane),
+                         NO_PRIMITIVE,
+                         ((const uint*)&hits->primitive)[lane],
+                         true};
+    return ray;
+}
+
+// Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a
+// single lane.
+void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits,
+              int16* doubtful) {
+    if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
+    const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
+    *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
+    if (!ray->is_decided) {
+        *doubtful = *doubtful || here;
+        return;
+    }
+    hits->t_high = here ? (float16)(ray->t_limit) : hits->t_high;
+    hits->t_low = here ? (float16)(ray->hit_low) : hits->t_low;
+    hits->reference = here ? (uint16)(ray->found) : hits->reference;
+    hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
+}
+
+// Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32
+// does not decide, or with any_hit there is a hit.
+bool test_single_ray(GEOMETRY_PARAMETERS, SingleRay* ray, uint first, uint count, const bool any_hit) {
+    LeafTriangles l;
+    float8 b[3], c[3];
+    load_corners(GEOMETRY, first / 8u, l.a, b, c);
+    const float3 low = ray->origin_low, direction = ray->direction;
+    const float3 low_size = abs3(low), steepness = abs3(direction);
+    const float8 from_x = l.a[0] - ray->origin.x, from_y = l.a[1] - ray->origin.y, from_z = l.a[2] - ray->origin.z;
+    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z,
+                      (float8)(steepness.x), (float8)(steepness.y), (float8)(steepness.z));
+    const float8 ax = from_x - low.x, ay = from_y - low.y, az = from_z - low.z; // as from_origin()
+    const Decision8 d =
+        decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
+                l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
+    ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
+    if (open == 0ul) return false;
+    open &= ~lanes_where8(d.has_t && (d.t_high < ray->t_near || d.t_low > ray->t_limit));
+    const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near);
+    for (; open != 0ul; open = other_lanes8(open)) {
+        const uint i = first_lane8(open);
+        const float t_low = lane_of8(&d.t_low, i), t_high = lane_of8(&d.t_high, i);
+        const uint primitive = LOAD_REFERENCE(geometry, first + i);
+        if (primitive == ray->skip || primitive == ray->primitive) continue;
+        if (is_lane8(sure, i) && t_low > ray->t_limit) continue; // behind a hit in this packet
+        if (!is_lane8(sure, i) || !(t_high < ray->hit_low)) {
+            ray->is_decided = false;
+            return true;
+        }
+        ray->found = first + i;
+        ray->primitive = primitive;
+        ray->hit_low = t_low;
+        ray->t_limit = t_high;
+    }
+    return any_hit && ray->found != NO_PRIMITIVE;
+}

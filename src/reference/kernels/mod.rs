@@ -1,0 +1,4 @@
+//! Twins of `cl/kernels/`: what a launch does, on one core.
+
+pub mod render;
+pub mod trace;

@@ -1,0 +1,51 @@
+//! Twin of `cl/shade/camera.cl`: where the rays of a picture begin, and where they are counted. The reasons are there.
+
+use super::footprint::RayCone;
+use super::whitted::{PendingRay, RayKind};
+use crate::reference::shared::math::{dot3, fma3};
+use crate::reference::shared::ray::Ray;
+use crate::shared::{COUNTERS, CameraSample, NO_PRIMITIVE, RenderParams};
+use glam::Vec3;
+
+/// Camera ray through the point (x, y) of the picture, in pixels from its upper left corner.
+#[inline(always)]
+pub fn camera_ray(params: &RenderParams, x: f32, y: f32) -> Ray {
+    Ray::new(params.eye.xyz(), camera_direction(params, x, y), 0.0, f32::INFINITY, NO_PRIMITIVE)
+}
+
+/// Direction of that ray; its component along the view is 1.
+#[inline(always)]
+pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
+    let right = x.mul_add(params.pixel_width, -1.0);
+    let up = (-y).mul_add(params.pixel_height, 1.0);
+    fma3(params.right.xyz(), right, fma3(params.up.xyz(), up, params.forward.xyz()))
+}
+
+/// The camera ray of a pixel's sample, or that of a list which has this place in the film.
+#[inline(always)]
+pub fn first_of_path(
+    params: &RenderParams,
+    samples: &[CameraSample],
+    (x, y): (usize, usize),
+    sample: usize,
+) -> PendingRay {
+    let (CameraSample { x, y, footprint }, from) = match params.ray_count {
+        0 => (samples[sample], (x as f32, y as f32)),
+        _ => (samples[y * params.width as usize + x], (0.0, 0.0)),
+    };
+    let direction = camera_direction(params, from.0 + x, from.1 + y);
+    PendingRay {
+        ray: Ray::new(params.eye.xyz(), direction, 0.0, f32::INFINITY, NO_PRIMITIVE),
+        weight: Vec3::ONE,
+        depth: 1,
+        kind: RayKind::Camera,
+        cone: RayCone { width: 0.0, spread: footprint * params.pixel_size / dot3(direction, direction) },
+    }
+}
+
+/// Counts a ray of this kind, and whether it hit.
+#[inline(always)]
+pub fn count_ray(counts: &mut [u32; COUNTERS], kind: RayKind, hit: bool) {
+    counts[kind as usize] += 1;
+    counts[kind as usize + 1] += u32::from(hit);
+}
