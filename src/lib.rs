@@ -88,6 +88,7 @@ mod error;
 mod extreme;
 mod features;
 mod film;
+mod front;
 mod input;
 mod layout;
 pub mod low_level;
@@ -107,4 +108,8 @@ mod tracer;
 mod tune;
 mod work;
 
+pub use device::DeviceKind;
 pub use error::{Error, Result};
+pub use front::{Device, Hit, Picture, Precision, Ray, Tracer, TracerBuilder, View, devices};
+pub use glam;
+pub use scene::{Builder, Camera, Light, Material, Scene};

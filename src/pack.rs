@@ -30,7 +30,7 @@ use glam::{DVec3, Vec3};
 use instances::pack_instances;
 use memory::StructureBudget;
 use rayon::prelude::*;
-use shading::{ShadingArrays, shading_of};
+use shading::{ShadingArrays, pack_light, shading_of};
 use std::borrow::Cow;
 use std::time::Instant;
 
@@ -288,6 +288,14 @@ impl SceneBuffers {
             given_vertices,
             triangle_count: scene.triangle_count(),
         })
+    }
+
+    /// Light number 0 as the kernels read it.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when it is too far away to be a point.
+    pub(crate) fn packed_light(&self, light: &crate::scene::Light) -> Result<Light> {
+        pack_light(0, light, self.params.scale)
     }
 
     /// Whether tracing space holds all vertices exactly.
