@@ -121,7 +121,7 @@ mod random;
 mod ray_order;
 mod rays;
 mod reference;
-mod scene;
+pub mod scene;
 mod session;
 mod shared;
 mod stats;
