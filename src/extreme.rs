@@ -86,6 +86,14 @@ fn has_room_for_direction(direction: Vec3) -> bool {
 }
 
 impl SceneBuffers {
+    /// The vertices of a triangle in world units, as the scene has them; zeros of one that cannot be hit.
+    pub(crate) fn given_triangle(&self, primitive: u32) -> [Vec3; 3] {
+        match self.given_vertices() {
+            Some(given) => given[primitive as usize],
+            None => vertices(self, primitive).map(|p| p / self.params.scale),
+        }
+    }
+
     /// `count` rays in world units as the tracers take them: `ray` makes number i of them (origin, direction, t_min, t_max), `next` the
     /// direction of its second ray.
     pub fn batch(
@@ -143,10 +151,7 @@ impl World<'_> {
     }
 
     fn triangle(&self, primitive: u32) -> [Vec3; 3] {
-        match self.buffers.given_vertices() {
-            Some(given) => given[primitive as usize],
-            None => vertices(self.buffers, primitive).map(|p| p / self.buffers.params.scale),
-        }
+        self.buffers.given_triangle(primitive)
     }
 
     /// The closest hit, or with `any_hit` some hit; never `skip`.

@@ -1,82 +1,102 @@
-//! raybrook: a ray tracer for triangle scenes, fast and right on any OpenCL device.
+//! An exact and fast ray tracer for triangle scenes, on any OpenCL device.
 //!
-//! It grew out of J. Dvořák, *Streaming Raytracer na GPU*, master's thesis, FIT VUT Brno 2008: a kd-tree, one mega-kernel, Whitted
-//! shading. Every kernel has a scalar twin in Rust that repeats its arithmetic operation for operation, so that hits and pictures
-//! can be compared bit for bit.
+//! From a file to a picture:
 //!
-//! # How data flows
+//! ```no_run
+//! use raybrook::{Scene, Tracer, View};
 //!
-//! ```text
-//!  scene.toml, .obj ──load──▶ Scene ──build──▶ KdTree ──pack──▶ SceneBuffers ──▶ render kernel ──▶ Film ──▶ picture
-//!   (scene/load.rs)          (scene/)         (accel/)         (pack.rs)   │    (cl/, device/)  (film.rs)
-//!                                                                          │       ▲ -D TRAVERSE=… -D HITS=…
-//!  rays.npz ───────────────▶ RayBatch ──────────────────────▶ TraceJob ────┤
-//!                            (rays.rs)                       (tracer.rs)   ▼
-//!                                               reference/ (the same algorithms, file for file, in f32) ──▶ compare.rs
+//! let scene = Scene::load("bunny.obj")?; // .toml, .obj, .ply, .stl or .nff
+//! let mut tracer = Tracer::new(&scene)?; // the fastest device, the fastest exact method
+//! tracer.render(&View::new(640, 480))?.save("bunny.png")?;
+//! # Ok::<(), raybrook::Error>(())
 //! ```
 //!
-//! # Code map
+//! From arrays to hits:
+//!
+//! ```
+//! use raybrook::{Ray, Scene, Tracer};
+//!
+//! let positions = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]];
+//! let scene = Scene::from_mesh(&positions, &[[0, 1, 2], [0, 2, 3]])?;
+//! let mut tracer = Tracer::new(&scene)?;
+//! let rays = [Ray::new([1.0, 2.0, 5.0], [0.0, 0.0, -2.0]), Ray::new([9.0, 2.0, 5.0], [0.0, 0.0, -2.0])];
+//! let hits = tracer.closest_hits(&rays)?;
+//!
+//! let hit = hits[0].expect("the first ray hits the square");
+//! assert_eq!((hit.t, hit.triangle), (2.5, 1)); // t counts in the direction's length
+//! assert_eq!((hit.u, hit.v), (0.25, 0.25)); // weights of the triangle's second and third vertex
+//! assert_eq!(hits[1], None);
+//! assert_eq!(tracer.any_hits(&rays)?, [true, false]);
+//! # Ok::<(), raybrook::Error>(())
+//! ```
+//!
+//! All coordinates are world units. [`Builder`] makes scenes of solids, materials and lights; the folder `examples/` has programs.
+//!
+//! # What exact means
+//!
+//! A ray and a triangle are float32 numbers. Whether they meet, and which of two triangles is the nearer, are questions with one right
+//! answer, and that is the one that is given: float32 arithmetic with derived bounds of its errors decides what it can, exact integers
+//! decide the rest. No ray slips through an edge that two triangles share. t, u and v are the exact values, rounded once. So the hits are
+//! the same, to the bit, on every device and by every structure. [`Precision::Fast`] gives that up for a plain float32 test.
+//!
+//! Every kernel has a scalar twin in Rust, the reference, which repeats its arithmetic operation for operation, and which traces where there
+//! is no OpenCL device.
+//!
+//! # What can be chosen
+//!
+//! [`Tracer::new`] chooses as the command line does, and [`Tracer::choices`] tells what and why. [`Tracer::builder`] takes other choices:
+//!
+//! | choice | values | default |
+//! |---|---|---|
+//! | [`device`](TracerBuilder::device) | `gpu`, `cpu`, `reference`, a number or a part of a name; [`devices()`] lists them | the fastest |
+//! | [`method`](TracerBuilder::method) | structure, build, traversal and triangle test, as in `kd+ropes+plucker` | the fastest exact one |
+//! | [`precision`](TracerBuilder::precision) | [`Precision::Exact`], [`Precision::Fast`] | exact |
+//! | [`progress`](TracerBuilder::progress) | a function | none |
+//! | [`memory_limit`](TracerBuilder::memory_limit) | bytes | nine tenths of what is left |
+//! | [`cache`](TracerBuilder::cache), [`cache_folder`](TracerBuilder::cache_folder) | whether and where compiled kernels are kept | the user's cache |
+//!
+//! # How the code is arranged
+//!
+//! Everything below is in [`low_level`], for programs that replace a part or measure the parts; it may change with any version.
+//!
+//! ```text
+//!  scene file ──load──▶ Scene ──build──▶ structure ──pack──▶ SceneBuffers ──▶ kernels ──▶ Film ──▶ picture
+//!              (scene/)         (accel/)             (pack/)      │   (cl/, device/)
+//!  rays ──────────────────────────────────────────────────────────┤
+//!                                                                 ▼
+//!                                   reference/ (the same algorithms, file for file) ──▶ compare
+//! ```
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`scene`] | scenes in world units: containers, instances of objects (`instances.rs`), [`scene::Builder`], OBJ/MTL, PLY, STL, NFF and TOML loaders; usable alone |
-//! | [`accel`] | builders of kd-trees (medians in `divide.rs`, costs in `sah.rs`, stops of all in `stop.rs`), hierarchies of boxes (`bvh.rs`, with splits of space in `bvh/spatial.rs`, improved in `bvh/reinsert.rs`; packed in `bvh2.rs` and `bvh8.rs`; triangles by eights in `leaf_packets.rs`), grids, octrees and clusters, their statistics, and the check of every invariant of a kd-tree |
-//! | [`shared`], [`layout`] | the structs that host and kernels share, defined once; `cl/shared/types.cl` is generated from them |
-//! | [`pack`] | scene and tree as flat arrays in tracing space, read by the kernels and by the twin alike; objects that instances share in their own coordinates (`pack/instances.rs`) |
-//! | [`device`] | the only place that calls OpenCL: list, choose, compile (with a cache), upload, launch one kernel or, in `wavefront.rs`, several a picture |
-//! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
-//! | [`features`] | what a scene needs of the kernels that shade; `device/definitions.rs` leaves out the rest |
-//! | [`adaptive`] | pictures of bounded error: which pixels get how many samples (`adaptive/estimate.rs`: how wrong each may be); decided on the device by `device/adaptive.rs` and `cl/kernels/adaptive.cl` |
-//! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
-//! | [`extreme`] | rays whose numbers tracing space cannot hold, traced on the host with the same exact answers |
-//! | `ray_order.rs` | shuffled batches: sorted, traced, and their hits put back into the caller's order |
-//! | [`session`] | from a scene and a device to a tracer that is ready |
-//! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
-//! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
-//! | [`budget`] | how much memory may be taken, checked against estimates before it is |
-//! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
-//! |  [`film`], `input.rs`, [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
-//! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
-//! | [`study`] | studies: methods timed by turns and judged, charts of speed against accuracy, the thesis's tables and graphs, and the report (`study/studies/` one question each, `lab.rs` measures, `draw.rs` and `page.rs` show) |
-//! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file (triangles of instances are placed in `shared/instances.cl`), `packets/` sixteen rays at a time, or four times sixteen, through the kd-tree or the wide hierarchy, and what they have hit (`packets/surfaces.cl`), `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `wavefront.cl` one in each) |
+//! | [`scene`](low_level::scene) | scenes in world units, their [`Builder`], loaders of files, instances of objects |
+//! | [`accel`](low_level::accel) | builders of structures, their statistics, the check of a kd-tree's invariants |
+//! | [`shared`](low_level::shared), [`layout`](low_level::layout) | structs that host and kernels share, defined once |
+//! | [`pack`](low_level::pack) | scene and structure as flat arrays in tracing space, for kernels and twin alike |
+//! | [`device`](low_level::device) | OpenCL: list, choose, compile, upload, launch |
+//! | [`mod@reference`](low_level::reference) | the scalar twin, and an oracle in f64 with a hierarchy of its own |
+//! | [`tracer`](low_level::tracer), [`session`](low_level::session) | the interface of device and reference; from a scene to one that is ready |
+//! | [`extreme`](low_level::extreme) | rays whose numbers tracing space cannot hold |
+//! | [`adaptive`](low_level::adaptive), [`features`](low_level::features) | pictures of bounded error; what a scene needs of the kernels that shade |
+//! | [`options`](low_level::options) | what can be chosen, and what goes together |
+//! | [`choose`](low_level::choose) | what is taken where nothing is asked for, and why: by a model, or by what was measured |
+//! | [`budget`](low_level::budget) | how much memory may be taken |
+//! | [`film`](low_level::film), [`output`](low_level::output), [`rays`](low_level::rays) | files of pictures and rays |
+//! | [`stats`](low_level::stats), [`work`](low_level::work), [`aov`](low_level::aov), [`compare`](low_level::compare) | statistics, counted work, comparisons |
+//! | `cl/` | kernels: `intersect/` and `traverse/` have one method a file |
 //!
 //! # Invariants
 //!
-//! * Nothing but [`device`] calls OpenCL; nothing but the binary prints, exits or reads arguments.
+//! * Nothing but `device` calls OpenCL; nothing but the command line prints, exits or reads arguments.
 //! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/memory/`.
 //! * `cl/shared/compiler.cl` comes before every program: no compiler may regroup, fuse or assume away anything, whatever its options.
 //! * No recursion on the device; no built-in of free rounding (`dot`, `normalize`, `pow`, …) in `cl/`.
-//! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in `cl/shared/ray.cl`, `cl/shared/slab.cl` and the files of exact hits.
+//! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in `cl/shared/ray.cl`,
+//!   `cl/shared/slab.cl` and the files of exact hits.
 //! * A hit does not depend on the order in which triangles are tested: at the same t the lower triangle number wins.
 //!
-//! # Example
-//!
-//! ```
-//! use raybrook::low_level::options::TraceOptions;
-//! use raybrook::low_level::pack::SceneBuffers;
-//! use raybrook::low_level::scene::{Builder, Material, Samples};
-//! use raybrook::low_level::session::{Picture, complete, open_tracer, render};
-//! use std::sync::Arc;
-//!
-//! # fn main() -> raybrook::Result<()> {
-//! let mut builder = Builder::new();
-//! builder.material(Material::matt([0.8, 0.2, 0.1].into()));
-//! builder.sphere(1.0, 32);
-//! let mut scene = builder.finish()?;
-//! complete(&mut scene, 4.0 / 3.0); // a camera that frames it, and light
-//!
-//! let options = TraceOptions::default();
-//! let buffers = Arc::new(SceneBuffers::new(&scene, &options)?);
-//! let (size, samples) = ((32, 24), Samples::PerPixel(1));
-//! let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: 4, kill_weight: None };
-//! let mut tracer = open_tracer(None, &buffers, &options, picture.depth, None)?; // None: the reference
-//! let result = render(tracer.as_mut(), &buffers, &picture, &|_| ())?;
-//! assert!(result.counts[1] > 100, "camera rays hit the sphere");
-//! # Ok(())
-//! # }
-//! ```
-
-#![warn(missing_docs)]
+//! The project grew out of J. Dvořák, *Streaming Raytracer na GPU*, master's thesis, FIT VUT Brno 2008: a kd-tree, one mega-kernel, Whitted
+//! shading.
 
 mod accel;
 mod adaptive;
@@ -89,6 +109,7 @@ mod error;
 mod extreme;
 mod features;
 mod film;
+mod front;
 mod input;
 mod layout;
 pub mod low_level;
@@ -101,12 +122,15 @@ mod random;
 mod ray_order;
 mod rays;
 mod reference;
-mod scene;
+pub mod scene;
 mod session;
 mod shared;
 mod stats;
 mod tracer;
-
 mod work;
 
+pub use device::DeviceKind;
 pub use error::{Error, Result};
+pub use front::{Device, Hit, Picture, Precision, Ray, Tracer, TracerBuilder, View, devices};
+pub use glam;
+pub use scene::{Builder, Camera, Light, Material, Scene};

@@ -25,7 +25,7 @@ use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{CameraSample, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo};
 use glam::{DVec3, Vec3};
 use memory::StructureBudget;
-use shading::{ShadingArrays, shading_of};
+use shading::{ShadingArrays, pack_light, shading_of};
 use space::{TracingSpace, vertices_that_lose_bits};
 use std::borrow::Cow;
 use std::time::Instant;
@@ -180,6 +180,14 @@ impl SceneBuffers {
             given_vertices,
             triangle_count: scene.triangle_count(),
         })
+    }
+
+    /// Light number 0 as the kernels read it.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when it is too far away to be a point.
+    pub(crate) fn packed_light(&self, light: &crate::scene::Light) -> Result<Light> {
+        pack_light(0, light, self.params.scale)
     }
 
     /// Whether tracing space holds all vertices exactly.

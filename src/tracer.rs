@@ -140,8 +140,8 @@ pub enum Task {
     Picture,
 }
 
-/// Something that traces rays through one scene.
-pub trait Tracer {
+/// Something that traces rays through one scene. It may be sent to another thread.
+pub trait Tracer: Send {
     /// The device's name.
     fn device_name(&self) -> &str;
 

@@ -102,7 +102,7 @@ fn pack_material(material: &scene::Material, ambient: Vec3, used_textures: &[Tex
     }
 }
 
-fn pack_light(index: usize, light: &scene::Light, scale: f32) -> Result<Light> {
+pub(super) fn pack_light(index: usize, light: &scene::Light, scale: f32) -> Result<Light> {
     // Tracing space ends at 2^128, the scene at 2^21: what lies beyond is seen from everywhere in the same direction.
     let place = |position: Vec3| {
         let scaled = position * scale;

@@ -43,8 +43,8 @@ pub enum Normals<'a> {
 /// coordinates. What goes wrong is remembered, and the first faults are returned by [`Builder::finish`].
 ///
 /// ```
-/// use glam::Vec3;
-/// use raybrook::scene::{Builder, Camera, Light, Material};
+/// use raybrook::glam::Vec3;
+/// use raybrook::{Builder, Camera, Light, Material};
 ///
 /// let mut builder = Builder::new();
 /// builder.material(Material::matt(Vec3::new(0.8, 0.2, 0.1)));

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 /// Where the camera rays of a picture pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Samples {
-    /// As many as the picture needs ([`crate::adaptive`]) for this root of its mean squared error, in steps of 8-bit sRGB, 0 to
+    /// As many as the picture needs ([`crate::low_level::adaptive`]) for this root of its mean squared error, in steps of 8-bit sRGB, 0 to
     /// [`Samples::MOST_ERROR`].
     Error(f32),
     /// So many through each pixel, in a fixed pattern, 1 to [`PictureDefaults::MAX_SAMPLES`].

@@ -7,6 +7,7 @@ mod accel;
 mod builds;
 mod closed;
 mod exact;
+mod front;
 mod intersect;
 mod math;
 mod packets;

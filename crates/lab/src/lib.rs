@@ -3,7 +3,5 @@
 //! * [`stress`]: rays on which ray tracers fail, with exact answers by rational arithmetic, and what each method gets wrong.
 //! * [`study`]: methods measured against each other, speed beside accuracy, and a report of charts and tables.
 
-#![warn(missing_docs)]
-
 pub mod stress;
 pub mod study;

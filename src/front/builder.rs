@@ -1,0 +1,197 @@
+//! What can be chosen of a tracer.
+
+use super::framing::LitScene;
+use super::scene::check_indices;
+use super::tracer::{Chosen, Tracer};
+use super::view::{Frame, View};
+use crate::budget::MemoryBudget;
+use crate::choose::tune::{DeviceKey, TunedFile};
+use crate::choose::{Request, Workload};
+use crate::device::{Cache, DeviceHandle, Selection, cache_folder, select_working};
+use crate::error::{Error, Result};
+use crate::features::Features;
+use crate::options::Intersector;
+use crate::scene::Scene;
+use std::path::PathBuf;
+
+/// How right hits are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// Exact: hit or miss, and which triangle is the closest, as exact arithmetic has it; t, u and v are the exact ones rounded once.
+    Exact,
+    /// The fastest test in float32 (Möller and Trumbore 1997), which loses some hits at edges. On a CPU it is the slower one: only exact
+    /// hits are traced in packets of rays there.
+    Fast,
+}
+
+/// Where compiled kernels, and what `raybrook tune` found, are kept.
+enum Place {
+    Usual,
+    Nowhere,
+    Folder(PathBuf),
+}
+
+/// Makes a [`Tracer`] with choices of one's own; [`Tracer::builder`] begins it.
+///
+/// ```
+/// use raybrook::{Precision, Scene, Tracer};
+///
+/// let scene = Scene::from_mesh(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+/// let tracer = Tracer::builder(&scene)
+///     .device("reference")
+///     .method("kd+ropes")
+///     .precision(Precision::Exact)
+///     .progress(|done| eprintln!("{:.0} %", 100.0 * done))
+///     .build()?;
+/// assert!(tracer.choices()[0].starts_with("structure kd"));
+/// # Ok::<(), raybrook::Error>(())
+/// ```
+#[must_use]
+pub struct TracerBuilder<'a> {
+    scene: &'a Scene,
+    device: Option<String>,
+    method: Option<String>,
+    precision: Option<Precision>,
+    progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
+    memory_limit: Option<u64>,
+    place: Place,
+}
+
+impl<'a> TracerBuilder<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Self {
+        TracerBuilder {
+            scene,
+            device: None,
+            method: None,
+            precision: None,
+            progress: None,
+            memory_limit: None,
+            place: Place::Usual,
+        }
+    }
+
+    /// Where to trace: `gpu`, `cpu`, `reference` (scalar code, without OpenCL), a device's number in [`devices`](crate::devices) or a part of
+    /// its name. Default: the GPU, CPU or other device that is likely to be the fastest, else the reference.
+    pub fn device(mut self, device: &str) -> Self {
+        self.device = Some(device.to_owned());
+        self
+    }
+
+    /// What to trace with: names of a structure, a build, a traversal and a triangle test, joined by `+`, such as `bvh8`, `kd+ropes` or
+    /// `grid+watertight`; `raybrook methods` lists them. Default: the fastest, for parts that are not named, too. With an exact triangle test
+    /// the hits are the same whatever the method.
+    pub fn method(mut self, method: &str) -> Self {
+        self.method = Some(method.to_owned());
+        self
+    }
+
+    /// How right hits are. Default: [`Precision::Exact`].
+    pub fn precision(mut self, precision: Precision) -> Self {
+        self.precision = Some(precision);
+        self
+    }
+
+    /// Called from time to time, while rays are traced, with the part of them that is done, 0 to 1. Default: nothing is called.
+    pub fn progress(mut self, progress: impl Fn(f64) + Send + Sync + 'static) -> Self {
+        self.progress = Some(Box::new(progress));
+        self
+    }
+
+    /// The most memory that the process may take, bytes: what would take more is an error before it is taken. Default: what the process
+    /// has, and nine tenths of what it can still get.
+    pub fn memory_limit(mut self, bytes: u64) -> Self {
+        self.memory_limit = Some(bytes);
+        self
+    }
+
+    /// Whether compiled kernels are kept on disk, and what `raybrook tune` found is used. Default: yes, in `$RAYBROOK_CACHE_DIR`, else
+    /// `$XDG_CACHE_HOME/raybrook`, else `~/.cache/raybrook`.
+    pub fn cache(mut self, is_used: bool) -> Self {
+        self.place = if is_used { Place::Usual } else { Place::Nowhere };
+        self
+    }
+
+    /// The folder for [`TracerBuilder::cache`]; it is made when something is put into it.
+    pub fn cache_folder(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.place = Place::Folder(folder.into());
+        self
+    }
+
+    /// Chooses, opens the device, and builds the structure. Kernels are compiled by the first batch and by the first picture.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] when there is no such device; [`Error::Option`] for an unknown method, or parts that do not go together;
+    /// [`Error::Scene`] when a value of the scene is out of range; [`Error::OutOfMemory`] and [`Error::TooLarge`] when the scene takes too
+    /// much memory; [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
+    pub fn build(self) -> Result<Tracer> {
+        let request = self.request()?;
+        // What is wrong on any device comes before what takes time.
+        let anywhere = Workload { device: None, triangle_count: None, features: None, shared_triangles: 0 };
+        request.choose(&anywhere, None)?;
+        check_indices(self.scene)?;
+        self.scene.check_values()?;
+        let Frame { size, samples, depth, .. } = View::default().over(&self.scene.picture)?;
+        let mut notes = Vec::new();
+        let device = self.open_device(&mut notes)?;
+        let (cache, tuned_folder) = match &self.place {
+            Place::Usual => (Cache::open()?, cache_folder()),
+            Place::Nowhere => (None, None),
+            Place::Folder(folder) => (Some(Cache::at(folder.clone())), Some(folder.clone())),
+        };
+        let info = device.as_ref().map(|device| &device.info);
+        let triangle_count = self.scene.hittable().len();
+        let tuned = tuned_folder.and_then(|folder| {
+            let found = TunedFile::in_folder(folder).find(&DeviceKey::new(info), triangle_count);
+            found.unwrap_or_else(|why| {
+                notes.push(why);
+                None
+            })
+        });
+        let lit = LitScene::new(self.scene, samples.aspect(size) as f32);
+        let workload = Workload {
+            device: info,
+            triangle_count: Some(triangle_count),
+            features: Some(Features::of_scene(&lit.scene)),
+            shared_triangles: self.scene.instances.triangle_count() - self.scene.instances.shared_triangle_count(),
+        };
+        let chosen = request.choose(&workload, tuned.as_ref())?;
+        notes.extend(chosen.limit.as_ref().map(|limit| format!("the structure is {}: {limit}", chosen.options.kind())));
+        notes.extend(workload.slower_than_exact(&chosen.options));
+        let choices = chosen.decisions.iter().map(ToString::to_string).collect();
+        let limit = self.memory_limit.map(MemoryBudget::of_bytes);
+        let options = chosen.options;
+        let chosen = Chosen { device, options, cache, limit, notes, choices, progress: self.progress };
+        Tracer::open(&lit, depth, chosen)
+    }
+
+    /// The method that was asked for, with what is left to be chosen.
+    fn request(&self) -> Result<Request> {
+        let mut request = Request::default();
+        self.method.as_deref().map_or(Ok(()), |method| request.set_method(method))?;
+        if let Some(precision) = self.precision {
+            let (name, intersector) = match precision {
+                Precision::Exact => ("exact", Intersector::Exact),
+                Precision::Fast => ("fast", Intersector::FASTEST),
+            };
+            if let Some(named) = request.intersector() {
+                let message = format!("'{name}', but the method names the triangle test '{named}'; leave one out");
+                return Err(Error::option("precision", message));
+            }
+            request.set(Intersector::OPTION, intersector.name())?;
+        }
+        Ok(request)
+    }
+
+    /// `None`: the reference.
+    fn open_device(&self, notes: &mut Vec<String>) -> Result<Option<DeviceHandle>> {
+        let (selection, passed_over) = select_working(self.device.as_deref())?;
+        notes.extend(passed_over);
+        Ok(match selection {
+            Selection::OpenCl(device) => Some(device),
+            Selection::Reference { notice } => {
+                notes.extend(notice);
+                None
+            }
+        })
+    }
+}

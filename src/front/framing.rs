@@ -1,0 +1,43 @@
+//! A camera and a key light for scenes that have none: before the structure is built, and after the scene itself is gone.
+
+use crate::pack::SceneBuffers;
+use crate::scene::{Camera, DropReason, Scene};
+use crate::session::complete;
+use std::borrow::Cow;
+
+/// A scene that has a light.
+pub(super) struct LitScene<'a> {
+    /// A copy, for as long as the structure is built, where the scene has no light of its own.
+    pub scene: Cow<'a, Scene>,
+    /// The camera that frames it in pictures of the aspect, where there is none and the light needed one.
+    pub framed: Option<(f32, Camera)>,
+    /// Whether the light was added.
+    pub has_key_light: bool,
+}
+
+impl LitScene<'_> {
+    /// `scene` with light for pictures of `aspect` = width / height.
+    pub fn new(scene: &Scene, aspect: f32) -> LitScene<'_> {
+        let has_key_light = scene.lights.is_empty();
+        if !has_key_light {
+            return LitScene { scene: Cow::Borrowed(scene), framed: None, has_key_light };
+        }
+        let mut lit = scene.clone();
+        complete(&mut lit, aspect);
+        // Rays need no camera: one that has no place is refused when a picture asks for it.
+        let framed = std::mem::replace(&mut lit.camera, scene.camera).filter(|_| scene.camera.is_none());
+        LitScene { scene: Cow::Owned(lit), framed: framed.map(|camera| (aspect, camera)), has_key_light }
+    }
+}
+
+/// The camera that shows all triangles of `buffers` in a picture of `aspect` = width / height: the one that [`complete`] gives the scene.
+pub(super) fn framing_camera(buffers: &SceneBuffers, aspect: f32) -> Camera {
+    let triangles = (0..buffers.triangle_count() as u32).map(|i| buffers.given_triangle(i));
+    let hittable = triangles.filter(|&triangle| DropReason::of(triangle).is_none());
+    Camera::framing(hittable.flatten(), aspect)
+}
+
+/// Whether a camera has a place and looks at one.
+pub(super) fn is_placed(camera: &Camera) -> bool {
+    camera.eye.is_finite() && camera.target.is_finite()
+}

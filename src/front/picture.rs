@@ -1,0 +1,60 @@
+//! Rendered pictures.
+
+use crate::error::Result;
+use crate::film::Film;
+use crate::stats::RayCounts;
+use crate::tracer::RenderResult;
+use std::path::Path;
+
+/// A rendered picture: linear radiance, which files and [`Picture::to_srgb8`] turn into what a screen shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    film: Film,
+    rays: RayCounts,
+}
+
+impl Picture {
+    pub(super) fn new(result: RenderResult) -> Picture {
+        Picture { rays: RayCounts::from_counters(&result.counts), film: result.film }
+    }
+
+    /// Pixels a row.
+    pub fn width(&self) -> u32 {
+        self.film.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> u32 {
+        self.film.height
+    }
+
+    /// `width` x `height` pixels, linear RGB radiance, top row first. Nothing keeps a value from being above 1.
+    pub fn pixels(&self) -> &[[f32; 3]] {
+        &self.film.pixels
+    }
+
+    /// 3 x `width` x `height` bytes, R, G and B of the top left pixel first, as 8-bit sRGB (IEC 61966-2-1). There is no tone mapping: what is
+    /// above 1 becomes 255; NaN, infinite and negative values become 0.
+    pub fn to_srgb8(&self) -> Vec<u8> {
+        self.film.to_srgb8().into_flattened()
+    }
+
+    /// Writes the picture to `path`, in the format that the ending names: `.png` (8-bit sRGB), `.exr` (OpenEXR, 32-bit linear) or `.pfm`
+    /// (portable float map, 32-bit linear). The file appears when it is complete.
+    ///
+    /// # Errors
+    /// [`Error::Option`](crate::Error::Option) for another ending; [`Error::Io`](crate::Error::Io) when the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        self.film.write(path, None)
+    }
+
+    /// How many rays came from the camera.
+    pub fn camera_rays(&self) -> u64 {
+        self.rays.camera.cast
+    }
+
+    /// How many rays were cast all together: from the camera, towards lights, off mirrors and through glass.
+    pub fn all_rays(&self) -> u64 {
+        self.rays.total_cast()
+    }
+}

@@ -1,0 +1,265 @@
+//! The tracer: a scene on a device, asked for hits and pictures.
+
+use super::builder::TracerBuilder;
+use super::framing::{LitScene, framing_camera, is_placed};
+use super::picture::Picture;
+use super::ray::{Hit, Ray};
+use super::view::{Frame, View};
+use crate::budget::{DecidedBy, MemoryBudget, Need};
+use crate::device::{Cache, DeviceHandle};
+use crate::error::{Error, Result};
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::scene::{Camera, PictureDefaults, Samples, Scene};
+use crate::session::{self, build_and_open_within, open_tracer, picture_bytes};
+use crate::shared;
+use crate::tracer::{Progress, Tracer as Backend, is_hit};
+use glam::Vec3;
+use std::fmt;
+use std::sync::Arc;
+
+/// What a builder has chosen.
+pub(super) struct Chosen {
+    /// `None`: the reference.
+    pub device: Option<DeviceHandle>,
+    pub options: TraceOptions,
+    pub cache: Option<Cache>,
+    /// `None`: what is left when it is needed.
+    pub limit: Option<MemoryBudget>,
+    pub notes: Vec<String>,
+    pub choices: Vec<String>,
+    pub progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
+}
+
+impl Chosen {
+    fn budget(&self) -> MemoryBudget {
+        self.limit.unwrap_or_else(MemoryBudget::available)
+    }
+}
+
+/// A scene on a device, ready for rays and pictures.
+///
+/// It keeps all that it needs of the scene, and may be sent to another thread; as a device does one thing at a time, tracing takes `&mut`.
+/// The first batch and the first picture compile kernels, unless they are in the cache.
+///
+/// ```
+/// use raybrook::{Ray, Scene, Tracer};
+///
+/// let scene = Scene::from_mesh(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+/// let mut tracer = Tracer::new(&scene)?;
+/// let rays = [Ray::new([0.0, 0.0, 5.0], [0.0, 0.0, -1.0]), Ray::new([0.0, 0.0, 5.0], [0.0, 0.0, 1.0])];
+/// let hits = tracer.closest_hits(&rays)?;
+/// assert_eq!(hits[0].map(|hit| (hit.t, hit.triangle)), Some((5.0, 0)));
+/// assert_eq!(hits[1], None);
+/// assert_eq!(tracer.any_hits(&rays)?, [true, false]);
+/// # Ok::<(), raybrook::Error>(())
+/// ```
+pub struct Tracer {
+    chosen: Chosen,
+    buffers: Arc<SceneBuffers>,
+    /// Gone while it is opened anew.
+    backend: Option<Box<dyn Backend>>,
+    /// The longest chain of rays that the backend was opened for.
+    depth: u32,
+    /// What the scene says of its picture.
+    defaults: PictureDefaults,
+    camera: Option<Camera>,
+    /// The camera that frames the scene in pictures of an aspect; not yet known, or not needed, at first.
+    framed: Option<(f32, Camera)>,
+    /// Whether the only light is the one that was added.
+    has_key_light: bool,
+}
+
+/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the caller has them.
+const RAY_BYTES: usize =
+    3 * (size_of::<shared::TraceRay>() + size_of::<shared::Hit>()) + size_of::<Ray>() + size_of::<Option<Hit>>();
+
+/// Batches that take less memory are not checked: asking the system takes as long as tracing a thousand rays.
+const CHECKED_FROM_BYTES: u64 = 16 << 20;
+
+impl Tracer {
+    /// A tracer of `scene` on the fastest device, by the fastest exact method.
+    ///
+    /// # Errors
+    /// As [`TracerBuilder::build`].
+    pub fn new(scene: &Scene) -> Result<Tracer> {
+        Tracer::builder(scene).build()
+    }
+
+    /// Begins a tracer of `scene` with choices of one's own.
+    pub fn builder(scene: &Scene) -> TracerBuilder<'_> {
+        TracerBuilder::new(scene)
+    }
+
+    pub(super) fn open(lit: &LitScene, depth: u32, chosen: Chosen) -> Result<Tracer> {
+        let LitScene { scene, framed, has_key_light } = lit;
+        let (device, cache, budget) = (chosen.device.as_ref(), chosen.cache.as_ref(), chosen.budget());
+        let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
+        Ok(Tracer {
+            buffers,
+            backend: Some(backend),
+            depth,
+            defaults: scene.picture,
+            camera: scene.camera,
+            framed: *framed,
+            has_key_light: *has_key_light,
+            chosen,
+        })
+    }
+
+    /// The closest hit of each ray, `None` for a miss; in the order of `rays`, which are in world units.
+    ///
+    /// With [`Precision::Exact`](crate::Precision::Exact), the default, hit or miss and the triangle are those of exact arithmetic on the
+    /// float32 numbers of ray and vertices, and t, u and v are the exact ones rounded once, whatever the device, the method and the size of
+    /// the numbers. Triangles are hit from both sides, and edges and vertices belong to them; of two at the same t the lower number wins.
+    ///
+    /// A ray hits nothing when a number of its origin or direction is NaN or infinite, when its direction is zero, when `t_min` or `t_max` is
+    /// NaN, and when `t_min` is greater than `t_max`. A hit whose t is beyond the largest float is a miss.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and [`Error::TooLarge`] when the batch takes too much memory; [`Error::Build`], [`Error::OpenCl`] and
+    /// [`Error::Hang`] when the driver fails.
+    pub fn closest_hits(&mut self, rays: &[Ray]) -> Result<Vec<Option<Hit>>> {
+        let front = |hit: shared::Hit| Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive };
+        Ok(self.trace(rays, false)?.into_iter().map(|hit| is_hit(&hit).then(|| front(hit))).collect())
+    }
+
+    /// Whether each ray hits anything, in the order of `rays`. Faster than [`Tracer::closest_hits`], and as right.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_hits`].
+    pub fn any_hits(&mut self, rays: &[Ray]) -> Result<Vec<bool>> {
+        Ok(self.trace(rays, true)?.iter().map(is_hit).collect())
+    }
+
+    fn trace(&mut self, rays: &[Ray], any_hit: bool) -> Result<Vec<shared::Hit>> {
+        let bytes = (rays.len() * RAY_BYTES) as u64;
+        if bytes >= CHECKED_FROM_BYTES {
+            let what = format!("a batch of {} rays", rays.len());
+            let remedy = "split the batch, or raise the memory limit";
+            self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
+        }
+        let ray = |i: usize| {
+            let Ray { origin, direction, t_min, t_max } = rays[i];
+            (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
+        };
+        let batch = self.buffers.batch(rays.len(), ray, None);
+        let (backend, progress) = self.backend(self.depth)?;
+        Ok(backend.trace(&batch.job(any_hit, 1), progress)?.hits)
+    }
+
+    /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved Illumination Model for
+    /// Shaded Display", CACM 1980).
+    ///
+    /// A scene without lights has one from above the left shoulder of its camera, or of the camera that frames it; that light stays where it
+    /// is when the view has a camera of its own.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for a size, samples or depth out of range; [`Error::Scene`] for a camera that looks nowhere, and for a scene so large
+    /// that no camera shows it; [`Error::OutOfMemory`] and [`Error::TooLarge`] when the picture takes too much memory; [`Error::Build`],
+    /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
+    pub fn render(&mut self, view: &View) -> Result<Picture> {
+        let frame = view.over(&self.defaults)?;
+        let Frame { size, samples, depth, .. } = frame;
+        let camera = self.aim(&frame)?;
+        self.check_picture(size, samples)?;
+        let buffers = self.buffers.clone();
+        let (backend, progress) = self.backend(depth)?;
+        let picture = session::Picture { camera, size, samples, depth, kill_weight: None };
+        session::render(backend, &buffers, &picture, progress).map(Picture::new)
+    }
+
+    /// The camera of a picture; the key light, if there is one, is put where it belongs.
+    fn aim(&mut self, frame: &Frame) -> Result<Camera> {
+        let needs_home = frame.camera.is_none() || self.has_key_light;
+        let home = match (self.camera, needs_home) {
+            (Some(camera), _) => Some(camera),
+            (None, false) => None,
+            (None, true) => Some(self.framed_for(frame.samples.aspect(frame.size) as f32)).filter(is_placed),
+        };
+        let Some(camera) = frame.camera.or(home) else {
+            let message = "it is so large that no camera which shows it has a place in float32's range; give a camera";
+            return Err(Error::Scene(message.to_owned()));
+        };
+        if self.has_key_light {
+            self.set_key_light(&home.unwrap_or(camera))?;
+        }
+        Ok(camera)
+    }
+
+    fn framed_for(&mut self, aspect: f32) -> Camera {
+        match self.framed {
+            Some((known, camera)) if known == aspect => camera,
+            _ => {
+                let camera = framing_camera(&self.buffers, aspect);
+                self.framed = Some((aspect, camera));
+                camera
+            }
+        }
+    }
+
+    /// Has the key light shine as it does for `camera`. Where it did not yet, the scene is sent to the device again.
+    fn set_key_light(&mut self, camera: &Camera) -> Result<()> {
+        let light = self.buffers.packed_light(&Scene::key_light(camera))?;
+        if self.buffers.lights != [light] {
+            self.backend = None; // it shares the arrays
+            Arc::make_mut(&mut self.buffers).lights = vec![light];
+        }
+        Ok(())
+    }
+
+    fn check_picture(&self, size: (u32, u32), samples: Samples) -> Result<()> {
+        let what = format!("a picture of {}x{} pixels", size.0, size.1);
+        let bytes = picture_bytes(size, samples, &self.chosen.options, self.chosen.device.as_ref(), None);
+        let remedy = "ask for a smaller one, or raise the memory limit";
+        self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
+    }
+
+    /// What traces chains of up to `depth` rays, opened anew if need be; and what is told of its progress.
+    fn backend(&mut self, depth: u32) -> Result<(&mut dyn Backend, Progress<'_>)> {
+        if depth > self.depth {
+            self.backend = None;
+            self.depth = depth;
+        }
+        let backend = match self.backend.take() {
+            Some(backend) => backend,
+            None => {
+                let Chosen { device, options, cache, .. } = &self.chosen;
+                open_tracer(device.as_ref(), &self.buffers, options, self.depth, cache.as_ref())?
+            }
+        };
+        let progress: Progress = match &self.chosen.progress {
+            Some(progress) => &**progress,
+            None => &|_| (),
+        };
+        Ok((self.backend.insert(backend).as_mut(), progress))
+    }
+
+    /// The device's name; `reference` for the scalar reference.
+    pub fn device_name(&self) -> &str {
+        match (&self.backend, &self.chosen.device) {
+            (Some(backend), _) => backend.device_name(),
+            (None, Some(device)) => &device.info.name,
+            (None, None) => "reference",
+        }
+    }
+
+    /// What was chosen and why, a line each: structure, packet size, triangle test, numbers of the build, features of the kernels.
+    pub fn choices(&self) -> &[String] {
+        &self.chosen.choices
+    }
+
+    /// What a curious user should know, a sentence each: why a device was passed over, that there is no OpenCL, that a cache cannot be used.
+    /// What a scene's file has that is not usable is in [`Scene::warnings`] instead.
+    pub fn notes(&self) -> Vec<String> {
+        let of_backend = self.backend.iter().flat_map(|backend| backend.notes());
+        self.chosen.notes.iter().chain(of_backend).cloned().collect()
+    }
+}
+
+impl fmt::Debug for Tracer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let triangles = self.buffers.triangle_count();
+        f.debug_struct("Tracer").field("device", &self.device_name()).field("triangles", &triangles).finish()
+    }
+}

@@ -1,0 +1,286 @@
+//! The front door: its hits and pictures are those of what lies below, bit for bit, on every device, and its errors name the culprit.
+
+use crate::common::{SEED, device, scene_of, sheet, soup};
+use glam::Vec3;
+use raybrook::low_level::film::Film;
+use raybrook::low_level::options::TraceOptions;
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::random::Random;
+use raybrook::low_level::scene::Samples;
+use raybrook::low_level::session::{self, complete, open_tracer};
+use raybrook::low_level::tracer::is_hit;
+use raybrook::{Builder, Camera, Error, Hit, Light, Material, Precision, Ray, Scene, Tracer, View};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Names of the reference and of the device, if there is one.
+fn devices() -> Vec<String> {
+    let device = device().map(|device| device.info.index.to_string());
+    std::iter::once("reference".to_owned()).chain(device).collect()
+}
+
+fn tracer_on(device: &str, scene: &Scene) -> Tracer {
+    Tracer::builder(scene).device(device).build().unwrap()
+}
+
+/// What the reference answers below the front door.
+fn low_level_hits(scene: &Scene, rays: &[Ray]) -> Vec<Option<Hit>> {
+    let options = TraceOptions::DEFAULT;
+    let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
+    let ray = |i: usize| (Vec3::from(rays[i].origin), Vec3::from(rays[i].direction), rays[i].t_min, rays[i].t_max);
+    let batch = buffers.batch(rays.len(), ray, None);
+    let mut tracer = open_tracer(None, &buffers, &options, 1, None).unwrap();
+    let hits = tracer.trace(&batch.job(false, 1), &|_| ()).unwrap().hits;
+    let front = |hit: &raybrook::low_level::shared::Hit| Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive };
+    hits.iter().map(|hit| is_hit(hit).then(|| front(hit))).collect()
+}
+
+fn bits(hits: &[Option<Hit>]) -> Vec<Option<[u32; 4]>> {
+    hits.iter().map(|hit| hit.map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle])).collect()
+}
+
+/// A ray in each of the unusual kinds, and rays of many lengths between them.
+fn rays(random: &mut Random) -> Vec<Ray> {
+    const LENGTHS: [f32; 4] = [1e-3, 1.0, 30.0, 1e6];
+    let nonsense = [f32::NAN, f32::INFINITY, 0.0];
+    let usual = (0..3000).map(|i| {
+        let origin = random.vec3() * 2.0;
+        let ray = Ray::new(origin.into(), ((random.vec3() - origin) * LENGTHS[i % 4]).into());
+        if i % 5 == 0 { ray.between(0.2 / LENGTHS[i % 4], 0.9 / LENGTHS[i % 4]) } else { ray }
+    });
+    let mut rays: Vec<Ray> = usual.collect();
+    let aimed = |origin| Ray::new(origin, [0.01, 0.02, -1.0]);
+    rays.extend(nonsense.map(|x| Ray::new([0.0, 0.0, 3.0], [x, 0.0, x * -1.0])));
+    rays.extend(nonsense.map(|x| aimed([0.0, x, 3.0])));
+    rays.extend([aimed([0.0, 0.0, 3.0]).between(f32::NAN, 9.0), aimed([0.0, 0.0, 3.0]).between(9.0, 1.0)]);
+    for tiny_or_large in [1e-45, 1e-38, 1e30, 3e38] {
+        rays.push(Ray::new([tiny_or_large, 0.1, 3.0], [0.0, 0.0, -1.0]));
+        rays.push(Ray::new([0.05, 0.1, tiny_or_large], [0.0, 0.0, -1.0]));
+        rays.push(Ray::new([0.05, 0.1, 3.0], [0.0, 0.0, -tiny_or_large]));
+    }
+    rays
+}
+
+#[test]
+fn hits_are_those_of_a_batch_below() {
+    let mut random = Random::new(SEED);
+    let [near, moved, small] =
+        [(1.0, Vec3::ZERO), (40.0, Vec3::new(7.0, -300.0, 0.1)), (1e-20, Vec3::ZERO)].map(|(scale, offset)| {
+            let triangles = [soup(300, 0.2, &mut random), sheet(12)].concat();
+            let placed: Vec<_> = triangles.iter().map(|t| t.map(|p| p * scale + offset)).collect();
+            let positions: Vec<[f32; 3]> = placed.iter().flatten().map(|p| p.to_array()).collect();
+            let numbers: Vec<[u32; 3]> = (0..placed.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let scene = Scene::from_mesh(&positions, &numbers).unwrap();
+            let place = |p: [f32; 3]| (Vec3::from(p) * scale + offset).to_array();
+            let rays = rays(&mut random).into_iter().map(|ray| Ray { origin: place(ray.origin), ..ray });
+            (scene, rays.collect::<Vec<Ray>>())
+        });
+    for (scene, rays) in [near, moved, small] {
+        let expected = low_level_hits(&scene, &rays);
+        let count = expected.iter().flatten().count();
+        assert!(count > 100 && count < rays.len() - 100, "{count} hits");
+        for device in devices() {
+            let mut tracer = tracer_on(&device, &scene);
+            assert_eq!(bits(&tracer.closest_hits(&rays).unwrap()), bits(&expected), "{device}");
+            let any: Vec<bool> = expected.iter().map(Option::is_some).collect();
+            assert_eq!(tracer.any_hits(&rays).unwrap(), any, "{device}");
+            assert_eq!(tracer.closest_hits(&[]).unwrap(), []);
+        }
+    }
+}
+
+#[test]
+fn numbers_at_both_ends_of_float32_are_exact() {
+    let scene = Scene::from_mesh(&[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]], &[[0, 1, 2]]).unwrap();
+    let down = [0.0, 0.0, -1.0];
+    let cases = [
+        (Ray::new([1.0, 1.0, 1e30], down), Some(1e30)),
+        (Ray::new([1e-45, 1.0, 2.0], down), Some(2.0)), // inside by the smallest float
+        (Ray::new([-1e-45, 1.0, 2.0], down), None),     // and outside
+        (Ray::new([1.0, 1.0, 1e-45], down), Some(1e-45)),
+        (Ray::new([1.0, 1.0, 2.0], [0.0, 0.0, -1e-45]), None), // t is beyond the largest float
+        (Ray::new([1.0, 1.0, 2.0], down).between(2.0, 2.0), Some(2.0)),
+        (Ray::new([1.0, 1.0, 2.0], down).between(0.0, 2f32.next_down()), None),
+        (Ray::new([1.0, 1.0, 2.0], down).between(2f32.next_up(), 9.0), None),
+        (Ray::new([0.0, 0.0, 2.0], down), Some(2.0)), // a vertex
+    ];
+    let rays = cases.map(|case| case.0);
+    for device in devices() {
+        let hits = tracer_on(&device, &scene).closest_hits(&rays).unwrap();
+        for ((ray, t), hit) in cases.iter().zip(hits) {
+            assert_eq!(hit.map(|hit| hit.t), *t, "{device}: {ray:?}");
+        }
+    }
+}
+
+/// A mirror ball and a glass one on a floor, without light or camera.
+fn balls() -> Scene {
+    let mut builder = Builder::new();
+    builder.material(Material::matt(Vec3::new(0.7, 0.6, 0.4)));
+    builder.quad(Vec3::new(-3.0, -1.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, 1);
+    builder.material(Material { mirror: Vec3::splat(0.6), ..Material::matt(Vec3::splat(0.2)) });
+    builder.push().translate(Vec3::X * 1.2).sphere(1.0, 16).pop();
+    builder.material(Material { transmission: Vec3::splat(0.9), ior: 1.5, ..Material::matt(Vec3::ZERO) });
+    builder.push().translate(Vec3::X * -1.2).sphere(1.0, 16).pop();
+    builder.finish().unwrap()
+}
+
+/// The picture below the front door, as the command line makes it.
+fn low_level_film(mut scene: Scene, size: (u32, u32), samples: Samples, depth: u32) -> Film {
+    complete(&mut scene, samples.aspect(size) as f32);
+    let options = TraceOptions::DEFAULT;
+    let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+    let picture = session::Picture { camera: scene.camera.unwrap(), size, samples, depth, kill_weight: None };
+    let mut tracer = open_tracer(None, &buffers, &options, depth, None).unwrap();
+    session::render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().film
+}
+
+#[test]
+fn pictures_are_those_of_a_picture_below() {
+    let camera = Camera { eye: Vec3::new(0.5, 2.0, 6.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
+    let bare = balls();
+    let lamp = Light::point(Vec3::new(3.0, 6.0, 4.0), Vec3::splat(0.9));
+    let lit = Scene { camera: Some(camera), lights: vec![lamp], ..balls() };
+    for device in devices() {
+        let mut of_bare = tracer_on(&device, &bare);
+        let mut of_lit = tracer_on(&device, &lit);
+        // Sizes of several aspects, each with a framing camera and a key light of its own, and chains that grow.
+        for (size, samples, depth) in [
+            ((32, 24), Samples::PerPixel(1), 4),
+            ((24, 40), Samples::PerPixel(4), 12),
+            ((32, 24), Samples::Error(2.0), 8),
+        ] {
+            let view = View::new(size.0, size.1).depth(depth);
+            let view = match samples {
+                Samples::Error(error) => view.error(error),
+                fixed => view.samples(fixed.per_pixel()),
+            };
+            for (tracer, scene) in [(&mut of_bare, &bare), (&mut of_lit, &lit)] {
+                let picture = tracer.render(&view).unwrap();
+                let film = low_level_film(scene.clone(), size, samples, depth);
+                assert_eq!((picture.width(), picture.height()), size);
+                assert!(picture.pixels() == film.pixels, "{device} {size:?} {samples:?}");
+                assert_eq!(picture.to_srgb8(), film.to_srgb8().as_flattened());
+                assert!(picture.camera_rays() >= u64::from(size.0 * size.1) / 4);
+                assert!(picture.all_rays() > picture.camera_rays());
+            }
+        }
+        // Rays between pictures.
+        let rays = rays(&mut Random::new(SEED));
+        assert_eq!(bits(&of_bare.closest_hits(&rays).unwrap()), bits(&low_level_hits(&bare, &rays)));
+        // A camera of the view's own: that of the scene has no part in it.
+        let view = View::new(32, 24).samples(1).camera(Camera { fov_degrees: 20.0, ..camera });
+        let other = Scene { camera: Some(Camera { fov_degrees: 20.0, ..camera }), ..lit.clone() };
+        let film = low_level_film(other, (32, 24), Samples::PerPixel(1), 8);
+        assert!(of_lit.render(&view).unwrap().pixels() == film.pixels);
+    }
+}
+
+#[test]
+fn a_picture_is_written_and_sized_as_the_scene_says() {
+    let mut scene = balls();
+    scene.picture.size = Some((8, 6));
+    let mut tracer = tracer_on("reference", &scene);
+    let picture = tracer.render(&View::default().samples(1)).unwrap();
+    assert_eq!((picture.width(), picture.height()), (8, 6));
+    let folder = tempfile::tempdir().unwrap();
+    for ending in ["png", "exr", "pfm"] {
+        let path = folder.path().join("picture").with_extension(ending);
+        picture.save(&path).unwrap();
+        assert!(path.metadata().unwrap().len() > 50);
+    }
+    let error = picture.save(folder.path().join("picture.bmp")).unwrap_err().to_string();
+    assert!(error.contains("picture.bmp"), "{error}");
+}
+
+#[test]
+fn a_tracer_owns_what_it_needs_and_goes_to_another_thread() {
+    let calls = Arc::new(AtomicUsize::new(0));
+    let counter = calls.clone();
+    let mut tracer = {
+        let scene = balls();
+        let progress = move |done: f64| {
+            assert!((0.0..=1.0).contains(&done));
+            counter.fetch_add(1, Ordering::Relaxed);
+        };
+        Tracer::builder(&scene).device("reference").progress(progress).build().unwrap()
+    };
+    let hits = std::thread::spawn(move || tracer.closest_hits(&[Ray::new([0.0, 9.0, 0.0], [0.0, -1.0, 0.0])]).unwrap());
+    assert_eq!(hits.join().unwrap()[0].map(|hit| hit.t), Some(10.0));
+    assert!(calls.load(Ordering::Relaxed) > 0);
+}
+
+#[test]
+fn every_method_has_the_same_hits_and_says_what_it_is() {
+    let scene = scene_of(&sheet(8));
+    let rays = rays(&mut Random::new(SEED));
+    let expected = bits(&low_level_hits(&scene, &rays));
+    for method in ["brute", "kd+ropes", "median+restart", "bvh2", "bvh8", "grid", "octree", "boxes+exact"] {
+        let mut tracer = Tracer::builder(&scene).device("reference").method(method).cache(false).build().unwrap();
+        assert_eq!(bits(&tracer.closest_hits(&rays).unwrap()), expected, "{method}");
+        let choices = tracer.choices().join("\n");
+        let structure = match method.split('+').next().unwrap() {
+            "median" => "kd",
+            structure => structure,
+        };
+        assert!(choices.contains(&format!("structure {structure}: ")), "{choices}");
+        assert_eq!(tracer.device_name(), "reference");
+        assert_eq!(tracer.notes(), Vec::<String>::new());
+    }
+    let fast = Tracer::builder(&scene).device("reference").precision(Precision::Fast).build().unwrap();
+    assert!(fast.choices().iter().any(|choice| choice.starts_with("--intersector moller-trumbore")));
+}
+
+#[test]
+fn errors_name_the_culprit() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let mesh = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| Scene::from_mesh(positions, triangles).map(|_| ());
+    let scene = Scene::from_mesh(&corners, &[[0, 1, 2]]).unwrap();
+    let build = |builder: raybrook::TracerBuilder| builder.device("reference").build().map(|_| ());
+    let by_hand = |change: fn(&mut Scene)| {
+        let mut scene = scene.clone();
+        change(&mut scene);
+        Tracer::new(&scene).map(|_| ())
+    };
+    let render = |view: View| tracer_on("reference", &scene).render(&view).map(|_| ());
+    let blind = Camera { eye: Vec3::ONE, target: Vec3::ONE, up: Vec3::Y, fov_degrees: 40.0 };
+    let cases: Vec<(&str, Result<(), Error>)> = vec![
+        ("triangle 1 names vertex 3, but the mesh has 3 vertices", mesh(&corners, &[[0, 1, 2], [0, 3, 9]])),
+        ("the mesh has no triangles", mesh(&corners, &[])),
+        ("vertex 1 of the mesh is (NaN, 0, 0)", mesh(&[[0.0; 3], [f32::NAN, 0.0, 0.0]], &[[0, 0, 1]])),
+        ("no-such-scene.obj", Scene::load("no-such-scene.obj").map(|_| ())),
+        ("no device is called 'voodoo'", Tracer::builder(&scene).device("voodoo").build().map(|_| ())),
+        ("method: no 'best'", build(Tracer::builder(&scene).method("kd+best"))),
+        ("--traversal", build(Tracer::builder(&scene).method("grid+ropes"))),
+        (
+            "precision: 'fast', but the method names the triangle test 'plucker'",
+            build(Tracer::builder(&scene).method("plucker").precision(Precision::Fast)),
+        ),
+        ("the memory limit is 1.0 MiB", build(Tracer::builder(&scene).memory_limit(1 << 20))),
+        ("triangle 0 names the vertices 0, 1, 7", by_hand(|scene| scene.triangles[0].positions[2] = 7)),
+        ("material 4", by_hand(|scene| scene.triangles[0].material = 4)),
+        ("ambient", by_hand(|scene| scene.ambient = Vec3::NAN)),
+        ("size: 0x9", render(View::new(0, 9))),
+        ("0 is not in 1 to 65536", render(View::new(9, 9).samples(0))),
+        ("NaN is not in 0 to 255", render(View::new(9, 9).error(f32::NAN))),
+        ("depth: 65 is not in 1 to 64", render(View::new(9, 9).depth(65))),
+        ("camera: target is the eye's own place", render(View::new(9, 9).camera(blind))),
+    ];
+    for (words, result) in cases {
+        let message = result.expect_err(words).to_string();
+        assert!(message.contains(words), "'{words}' is missing in: {message}");
+    }
+}
+
+#[test]
+fn a_scene_too_large_for_a_camera_still_takes_rays() {
+    let far = f32::MAX;
+    let scene = Scene::from_mesh(&[[-far, -far, 0.0], [far, -far, 0.0], [0.0, far, 0.0]], &[[0, 1, 2]]).unwrap();
+    let mut tracer = tracer_on("reference", &scene);
+    let hits = tracer.closest_hits(&[Ray::new([0.0, 0.0, 1e30], [0.0, 0.0, -1e10])]).unwrap();
+    assert_eq!(hits[0].map(|hit| hit.t), Some(1e20));
+    let error = tracer.render(&View::new(8, 8)).unwrap_err().to_string();
+    assert!(error.contains("give a camera"), "{error}");
+    let camera = Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
+    assert!(tracer.render(&View::new(8, 8).samples(1).camera(camera)).unwrap().pixels()[0][0] > 0.1);
+}
