@@ -13,7 +13,7 @@ pub(super) fn ending(path: &Path) -> Option<String> {
     path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
 }
 
-/// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or
+/// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or
 /// an `.nff`; in what memory there is ([`MemoryBudget::available`]).
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! `--explain`: what was chosen for a scene, and why; and the choice itself, which asks for it.
 
-use super::{DeviceArgs, MethodArgs, Talk};
+use super::{DeviceArgs, MethodArgs, Talk, heading};
 use raybrook::Result;
 use raybrook::low_level::choose::tune::{DeviceKey, TunedFile};
 use raybrook::low_level::choose::{Chosen, Decision, Source, TunedChoice, Workload};
@@ -10,10 +10,11 @@ use raybrook::low_level::scene::Scene;
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
-    /// Tell on standard error what was chosen (structure, packet size, triangle test, numbers of the build, features of the kernels,
-    /// work-group size) and why:
-    /// given on the command line, tuned for the device by `raybrook tune`, or by the program's model.
-    #[arg(long)]
+    /// Tell what was chosen, and why.
+    ///
+    /// On standard error: structure, packet size, triangle test, numbers of the build, features of the kernels, work-group size; given on
+    /// the command line, tuned for the device by `raybrook tune`, or by the program's model.
+    #[arg(long, help_heading = heading::OUTPUT)]
     explain: bool,
 }
 

@@ -4,6 +4,14 @@
 #[macro_use]
 mod print;
 
+/// Headings of the help, beside those of the options of methods.
+mod heading {
+    pub const PICTURE: &str = "Picture";
+    pub const DEVICE: &str = "Device";
+    pub const OUTPUT: &str = "Output";
+    pub const DIAGNOSIS: &str = "Diagnosis";
+}
+
 mod check;
 mod closed;
 mod devices;
@@ -18,6 +26,7 @@ mod methods;
 mod open;
 mod progress;
 mod render;
+mod shell;
 mod stop;
 mod stress;
 mod study;
@@ -62,10 +71,10 @@ struct Cli {
 #[derive(Args, Clone, Copy)]
 struct Talk {
     /// Say nothing but errors.
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = heading::OUTPUT)]
     quiet: bool,
     /// Say more: device, times, every warning.
-    #[arg(short, long, global = true)]
+    #[arg(short, long, global = true, help_heading = heading::OUTPUT)]
     verbose: bool,
 }
 
@@ -91,6 +100,10 @@ enum Command {
     /// Measure which structure and packet size are fastest on a device, and remember that for later runs. Closest hits and
     /// pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
+    /// Print what a shell needs to complete commands and options.
+    Completions(shell::CompletionsArgs),
+    /// Write the manual pages.
+    Man(shell::ManArgs),
 }
 
 /// The variable that sets the default of `--device`.
@@ -98,12 +111,14 @@ const DEVICE_VARIABLE: &str = "RAYBROOK_DEVICE";
 
 /// Where to trace.
 #[derive(Args)]
+#[command(next_help_heading = heading::DEVICE)]
 struct DeviceArgs {
-    /// Device: its number or a part of its name (see `raybrook devices`), cpu, gpu, or reference
-    /// [default: the fastest GPU, else a CPU, else the reference].
-    #[arg(long, value_name = "DEVICE", env = DEVICE_VARIABLE)]
+    /// gpu, cpu, reference (no OpenCL), or a number or part of a name of `raybrook devices` [default: the fastest].
+    ///
+    /// The default is the fastest GPU, else a CPU, else the reference, which is scalar code on all cores.
+    #[arg(long, value_name = "DEVICE", env = DEVICE_VARIABLE, hide_env_values = true)]
     device: Option<String>,
-    /// Compile the kernels anew, ignore what `raybrook tune` found, and keep nothing.
+    /// Compile kernels anew, ignore what `raybrook tune` found, and keep nothing.
     #[arg(long)]
     no_cache: bool,
     #[command(flatten)]
@@ -120,9 +135,10 @@ impl DeviceArgs {
 /// What the device's compiler gets.
 #[derive(Args)]
 struct CompilerArgs {
-    /// Further options for the device's compiler, such as "-cl-mad-enable -w"; the hits stay the same, see README for what was
-    /// tested.
-    #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true)]
+    /// Further options for the device's compiler, such as "-cl-mad-enable -w".
+    ///
+    /// The hits stay the same; the book's page on runtimes tells what was tested.
+    #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     compiler_options: Option<String>,
 }
 
@@ -138,24 +154,28 @@ impl CompilerArgs {
 
 /// Overrides of what the scene says of its picture.
 #[derive(Args)]
+#[command(next_help_heading = heading::PICTURE)]
 struct PictureArgs {
     /// Width and height in pixels [default: the scene's, else 1024x768].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
-    /// The picture's error that is asked for, in steps of 8-bit sRGB (root of the mean square): more samples go only where they
-    /// lower it, up to 256 a pixel, and from 2 on some pixels are interpolated [default: the scene's, else 1].
+    /// Error that the picture may have, in steps of 8 bits [default: the scene's, else 1].
+    ///
+    /// It is the root of the mean square, in steps of 8-bit sRGB. More samples go only where they lower it, up to 256 a pixel, and from 2
+    /// on some pixels are interpolated.
     #[arg(long, value_name = "E", conflicts_with = "samples")]
     error: Option<f32>,
-    /// Samples per pixel, in a fixed pattern, or `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
-    /// pixels [default: as many as --error takes].
+    /// Samples per pixel, in place of --error [default: as many as --error takes].
+    ///
+    /// They lie in a fixed pattern. `corners`: one ray through each corner, so that 513x513 rays lie around 512x512 pixels.
     #[arg(long, value_name = "N|corners")]
     samples: Option<Samples>,
-    /// Longest chain of reflected and refracted rays; 1 is the camera ray alone [default: the scene's, else 8].
+    /// Longest chain of mirrored and refracted rays; 1: camera rays alone [default: the scene's, else 8].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
     /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel,
     /// or one by half of the --error that is asked for].
-    #[arg(long, value_name = "W", value_parser = parse_weight)]
+    #[arg(long, hide_short_help = true, value_name = "W", value_parser = parse_weight)]
     kill_weight: Option<f32>,
 }
 
@@ -181,11 +201,11 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// Scene: a .toml scene file (see scenes/README.md), a Wavefront .obj, a .ply, a .stl or Haines' .nff.
+    /// The scene: a model (.obj, .ply, .stl, .nff) or a scene file (.toml, see the book's page on scenes).
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// Take a scene file without any object: every ray misses.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     allow_empty: bool,
     #[command(flatten)]
     memory: MemoryArgs,
@@ -194,9 +214,11 @@ struct SceneArgs {
 /// How much memory may be taken.
 #[derive(Args, Clone, Copy)]
 struct MemoryArgs {
-    /// Refuse what takes the program to more memory than this, such as 8G or 512M, before it is taken [default: nine
-    /// tenths of what the machine has available, its container has left, or ulimit leaves].
-    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    /// Most memory to take, such as 8G or 512M [default: nine tenths of what is left].
+    ///
+    /// What would take the program to more is refused before it is taken. The default is nine tenths of what the machine has available, its
+    /// container has left, or ulimit leaves.
+    #[arg(long, help_heading = heading::DEVICE, value_name = "SIZE", value_parser = parse_bytes)]
     memory_limit: Option<u64>,
 }
 
@@ -269,6 +291,11 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Stress(args) => stress::run(&args, cli.talk),
         Command::Study(args) => study::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Tune(args) => tune::run(&args, cli.talk),
+        Command::Completions(args) => {
+            shell::completions(&args);
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Man(args) => shell::man(&args).map(|()| ExitCode::SUCCESS),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::progress::Bar;
-use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::adaptive::MOST_SAMPLES;
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{ImageFormat, check_output};
@@ -22,12 +22,13 @@ use std::time::Instant;
 pub struct RenderArgs {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png, in this folder, or
-    /// with -render.png where that is one of the scene's files].
-    #[arg(short, long, value_name = "FILE")]
+    /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png].
+    ///
+    /// The default is in this folder, and has -render.png where .png is one of the scene's files.
+    #[arg(short, long, value_name = "FILE", help_heading = heading::OUTPUT)]
     output: Option<PathBuf>,
     /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
-    #[arg(long, value_name = "BITS")]
+    #[arg(long, value_name = "BITS", hide_short_help = true, help_heading = heading::OUTPUT)]
     bit_depth: Option<u8>,
     #[command(flatten)]
     picture: PictureArgs,
@@ -38,15 +39,15 @@ pub struct RenderArgs {
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
-    #[arg(long)]
+    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     counters: bool,
-    #[arg(long, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
+    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
     aov: Vec<WorkCounter>,
     /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has against it.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     measure_error: bool,
     /// Write device, options, ray counts and times to a JSON file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
     stats: Option<PathBuf>,
 }
 

@@ -155,7 +155,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     if !rays.extreme.is_empty() && !talk.quiet {
         let count = rays.extreme.len();
         tell!(
-            "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (README, \"How right it is\")"
+            "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (see the page on exactness in the book)"
         );
     }
     let job = rays.job(args.any_hit, args.repeat);
