@@ -12,16 +12,16 @@ pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use transforms::triangle_transform;
 
 use crate::accel::{
-    Aabb, BuildOptions, Room, Structure, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
+    Aabb, BuildOptions, Padding, Structure, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
     build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
+use crate::bounds::{padding_of_boxes, padding_within};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
 use crate::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
-use crate::reference::shared::slab::{room_of_boxes, room_within};
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::{
     BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
@@ -188,9 +188,9 @@ impl SceneBuffers {
         let top = if options.memory == Memory::Constant { CONSTANT_NODES } else { 0 };
         let bounding_box = Aabb { low: low * scale, high: high * scale };
         let near_reach = near_reach(&triangles, &primitives, options);
-        let room = match near_reach {
-            0.0 => room_of_boxes(bounding_box.low, bounding_box.high),
-            reach => room_within(reach),
+        let padding = match near_reach {
+            0.0 => padding_of_boxes(bounding_box.low, bounding_box.high),
+            reach => padding_within(reach),
         };
         let mut instances = None;
         let Structure { nodes, references, bounds } = match options.accel {
@@ -221,11 +221,11 @@ impl SceneBuffers {
             Accel::Bvh2 => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
                 stack_entries = tree.depth() + 1; // the last entry says that there are no more
-                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, Room { everywhere: room, near_reach })?
+                pack_bvh2(&tree, top / BVH_NODE_RECORDS as usize, Padding { everywhere: padding, near_reach })?
             }
             Accel::Bvh8 => {
                 let tree = build_bvh(&triangles, &primitives, &build_options)?;
-                let packed = pack_bvh8(&tree, &triangles, Room { everywhere: 0.0, near_reach })?;
+                let packed = pack_bvh8(&tree, &triangles, Padding { everywhere: 0.0, near_reach })?;
                 stack_entries = packed.stack_entries;
                 packed.structure
             }
@@ -256,7 +256,7 @@ impl SceneBuffers {
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
             params: SceneParams {
-                low: Float4::new(low * scale, room),
+                low: Float4::new(low * scale, padding),
                 high: Float4::new(high * scale, near_reach),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),

@@ -365,7 +365,7 @@ device_struct! {
 device_struct! {
     /// What the kernels need to know of the scene as a whole.
     pub struct SceneParams {
-        /// Low corner of the box around all triangles in x, y, z, tracing space; w: the room of the boxes of bvh2.
+        /// Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
         pub low: Float4,
         /// High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else 0.
         pub high: Float4,

@@ -73,15 +73,15 @@ Slabs make_slabs(const Ray* ray, float3 low, float3 high, float near_reach) {
     return thick_slabs(ray->origin, slab_inverses(ray), fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)));
 }
 
-// Whether boxes that are larger by `room` than what they hold need no pads for this ray. So it is for most: room_of_boxes() in
-// src/reference/shared/slab.rs.
-bool is_room_enough(const Ray* ray, float3 low, float3 high, float near_reach, float room) {
+// Whether boxes that are larger by `padding` than what they hold need no pads for this ray. So it is for most: padding_of_boxes() in
+// src/bounds.rs.
+bool is_padding_enough(const Ray* ray, float3 low, float3 high, float near_reach, float padding) {
     const float thickness = fma(SLACK, pad_distance(ray, low, high, near_reach), LEAST_PAD);
-    return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= room;
+    return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= padding;
 }
 
 // Those without pads.
-Slabs bare_slabs(const Ray* ray) {
+Slabs slabs_without_pads(const Ray* ray) {
     const float3 inv = slab_inverses(ray), at_origin = -(ray->origin * inv);
     const Slabs slabs = {inv, at_origin, at_origin};
     return slabs;

@@ -6,7 +6,7 @@
 // (sponza: 7.5 steps a camera ray, hardly fewer than the kd-tree's 7.8); large oblique triangles among small ones, whose boxes hold
 // much that they do not (--spatial-splits is for these); and the first hit need not be the nearest one, because boxes overlap.
 //
-// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes have the room of cl/shared/slab.cl, or are
+// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes have the padding of cl/shared/slab.cl, or are
 // tested with its pads, so that a hit's t is within the computed interval of all boxes above it, and a box that is entered after the hit
 // has no nearer one.
 
@@ -53,9 +53,9 @@ __attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const
 
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const bool is_bare =
-        is_room_enough(ray, geometry->low, geometry->high, geometry->near_reach, geometry->room) && as_int(ray->t_near) >= 0;
-    const Slabs slabs = bare_slabs(ray);
+    const bool needs_no_pads =
+        is_padding_enough(ray, geometry->low, geometry->high, geometry->near_reach, geometry->padding) && as_int(ray->t_near) >= 0;
+    const Slabs slabs = slabs_without_pads(ray);
     const PairSlabs pair = make_pair_slabs(&slabs);
 
     uint stack[STACK_SIZE];
@@ -63,7 +63,7 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = is_bare ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
+        link = needs_no_pads ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
                        : descend_with_pads(GEOMETRY, ray, hit->t, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 

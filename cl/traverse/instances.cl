@@ -8,7 +8,7 @@
 //
 // Bad at: objects whose boxes overlap, all of which a ray enters; a scene of one object, which gains nothing and pays for transforms.
 //
-// nodes: as bvh2.cl has them, but boxes without room, the instances' hierarchy first. bounds: instances, as src/pack/instances.rs says.
+// nodes: as bvh2.cl has them, but boxes without padding, the instances' hierarchy first. bounds: instances, as src/pack/instances.rs says.
 #ifdef INSTANCES
 
 // Not so the leaf that is no child, whose box rays from very far away meet with all others.

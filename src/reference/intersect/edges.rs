@@ -1,7 +1,7 @@
 //! Twin of `cl/intersect/edges.cl`: edge functions in sheared space, and a bound of their error. The reasons are there.
 
+use crate::bounds::EPSILON;
 use crate::reference::shared::math::{max_or, min_or};
-use crate::reference::shared::ray::EPSILON;
 use glam::Vec3;
 
 const EDGE_ERROR: f32 = 13.0 * EPSILON;

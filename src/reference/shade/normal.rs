@@ -2,8 +2,8 @@
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
 
+use crate::bounds::EPSILON;
 use crate::reference::shared::math::{abs3, cross3, dot3, fma3, max_component, max_or, normalize3, scale_to_unit};
-use crate::reference::shared::ray::EPSILON;
 use glam::Vec3;
 
 /// What `a - b` leaves out beside its rounding.

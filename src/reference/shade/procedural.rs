@@ -1,9 +1,9 @@
 //! Twin of `cl/shade/procedural.cl`: procedural textures. The reasons are there.
 
 use super::surface::Surface;
+use crate::bounds::EPSILON;
 use crate::layout::Float4;
 use crate::reference::shared::math::{clamp01, fma3, sin_turns};
-use crate::reference::shared::ray::EPSILON;
 use crate::shared::{TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TextureInfo};
 use glam::Vec3;
 

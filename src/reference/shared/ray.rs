@@ -1,21 +1,10 @@
 //! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there. A ray's shear is not kept
-//! here: `shear_triangle` in `intersect.rs` computes it.
+//! here: `shear_triangle` in `watertight.rs` computes it.
 
 use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
+use crate::bounds::{EPSILON, PLANE_ERROR, WIDEN_DOWN, WIDEN_UP};
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
-
-/// The largest relative error of one rounding.
-pub const EPSILON: f32 = 1.0 / 16_777_216.0;
-const WIDEN_UP: f32 = 1.0 + 10.0 * EPSILON;
-const WIDEN_DOWN: f32 = 1.0 - 10.0 * EPSILON;
-/// What the distance of a plane from the origin is off by, however small it is.
-pub const PLANE_ERROR: f32 = 1.0 / (1u128 << 64) as f32;
-
-/// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
-pub const HIT_ERROR: f32 = 32.0;
-/// With it the rounding of the tests of thick boxes.
-pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
 
 /// `v` with the component along `axis` exchanged with z.
 #[inline(always)]
