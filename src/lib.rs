@@ -81,6 +81,7 @@
 mod accel;
 mod adaptive;
 mod aov;
+mod bounds;
 mod budget;
 mod compare;
 mod device;
@@ -91,6 +92,7 @@ mod film;
 mod input;
 mod layout;
 pub mod low_level;
+mod math;
 mod npz;
 mod options;
 mod output;

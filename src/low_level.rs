@@ -21,6 +21,8 @@ rooms! {
     adaptive,
     /// False-colour pictures of counted work.
     aov,
+    /// Bounds of rounding errors that builders, kernels and the twin share.
+    bounds,
     /// How much memory may be taken, checked against estimates before it is.
     budget,
     /// Comparisons of pictures and of hits.
@@ -37,6 +39,8 @@ rooms! {
     input,
     /// Vectors as kernels have them.
     layout,
+    /// Arithmetic with the same bits everywhere.
+    math,
     /// What can be chosen, what goes together, and what is chosen where nothing is asked for.
     options,
     /// Output files, written whole or not at all.
