@@ -101,6 +101,7 @@
 mod accel;
 mod adaptive;
 mod aov;
+mod bounds;
 mod budget;
 mod choose;
 mod compare;
@@ -113,6 +114,7 @@ mod front;
 mod input;
 mod layout;
 pub mod low_level;
+mod math;
 mod names;
 mod npz;
 mod options;

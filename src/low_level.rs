@@ -21,6 +21,8 @@ rooms! {
     adaptive,
     /// False-colour pictures of counted work.
     aov,
+    /// Bounds of rounding errors that builders, kernels and the twin share.
+    bounds,
     /// How much memory may be taken, checked against estimates before it is.
     budget,
     /// What is taken where nothing is asked for: by the model, or by measuring.
@@ -39,6 +41,8 @@ rooms! {
     input,
     /// Vectors as kernels have them.
     layout,
+    /// Arithmetic with the same bits everywhere.
+    math,
     /// What can be chosen, and what goes together.
     options,
     /// Output files, written whole or not at all.

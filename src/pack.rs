@@ -135,7 +135,7 @@ impl SceneBuffers {
         let PackedStructure { structure, stack_entries, objects } = input.pack(scene, &used)?;
         let build_s = start.elapsed().as_secs_f64();
 
-        let (room, near_reach) = (input.room, input.near_reach);
+        let (padding, near_reach) = (input.padding, input.near_reach);
         let PackedObjects { vertices, shading, reference_count } = objects.unwrap_or_else(|| PackedObjects {
             vertices: space.triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
             shading: shading_of(scene, &used),
@@ -148,7 +148,7 @@ impl SceneBuffers {
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
             params: SceneParams {
-                low: Float4::new(space.bounds.low, room),
+                low: Float4::new(space.bounds.low, padding),
                 high: Float4::new(space.bounds.high, near_reach),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),

@@ -10,6 +10,7 @@ mod wavefront;
 
 pub use wavefront::*;
 
+use crate::bounds::{ROUNDING_BOUNDS, SLAB_BOUNDS, SPHERE_BOUNDS};
 use crate::features::Feature;
 use crate::layout::{ConstantGroup, Float4, Int4, StructLayout, device_const, device_struct};
 use crate::names::names;
@@ -372,7 +373,7 @@ device_struct! {
 device_struct! {
     /// What the kernels need to know of the scene as a whole.
     pub struct SceneParams {
-        /// Low corner of the box around all triangles in x, y, z, tracing space; w: the room of the boxes of bvh2.
+        /// Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
         pub low: Float4,
         /// High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else 0.
         pub high: Float4,
@@ -490,10 +491,11 @@ const RECORDS: [ConstantGroup; 5] = [RECORDS_OF_NODES, RECORDS_OF_INSTANCES, KIN
 /// The text of `cl/shared/constants.cl`.
 pub fn constants_cl() -> String {
     let mut text = String::from(
-        "// GENERATED from src/shared.rs and src/shared/ by `UPDATE=1 cargo test --test device layout`; do not edit.\n\
+        "// GENERATED from src/bounds.rs and src/shared/ by `UPDATE=1 cargo test --test device layout`; do not edit.\n\
          // The constants that host and kernels share; the rest of their documentation is there.\n",
     );
-    for group in RECORDS.iter().chain(&constants::ARITHMETIC) {
+    let bounds = [ROUNDING_BOUNDS, SPHERE_BOUNDS, SLAB_BOUNDS];
+    for group in RECORDS.iter().chain(&bounds).chain(&constants::ARITHMETIC) {
         text += &format!("\n{}", group.cl_definitions());
     }
     text += "\n// Counters of rays and of work, and what a scene needs of kernels.\n";

@@ -98,7 +98,7 @@ typedef struct {
 #endif
     float3 low, high;     // box around all triangles
     float near_reach;     // how far most triangles reach, where few others reach very much farther, else 0 (slab.cl)
-    float room;           // by how much boxes are larger than what they hold (slab.cl)
+    float padding;        // by how much boxes are larger than what they hold (slab.cl)
     uint reference_count; // for brute force; with INSTANCES how many there are
     float scale;          // tracing space = world units times this
 #ifdef COUNT_WORK

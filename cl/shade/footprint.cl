@@ -41,9 +41,9 @@ float2 texture_way(const Shading* at, float3 edge1, float3 edge2, float3 normal,
                     fma(weight1, at->v1 - at->v0, weight2 * (at->v2 - at->v0)));
 }
 
-// A ray that grazes its triangle sees no more of it than at LEAST_CONE_COSINE: the ellipse, which is no longer one where
-// the plane is all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places stand
-// for.
+// A ray that grazes its triangle sees no more of it than at LEAST_CONE_COSINE: the ellipse, which is no longer one
+// where the plane is all but parallel to the cone, is then 128 times as long as wide, far more than MOST_TAPS places
+// stand for.
 
 // `direction`: of the ray, unit. `width`: of its cone at the surface.
 Footprint footprint_at(GEOMETRY_PARAMETERS, __global const Shading* shading, const Surface* surface, float3 direction,

@@ -1,4 +1,4 @@
-// GENERATED from src/shared.rs and src/shared/ by `UPDATE=1 cargo test --test device layout`; do not edit.
+// GENERATED from src/bounds.rs and src/shared/ by `UPDATE=1 cargo test --test device layout`; do not edit.
 // The constants that host and kernels share; the rest of their documentation is there.
 
 // Nodes and links of the structures.
@@ -56,16 +56,30 @@
 #define QUEUE_RESOLVED 4u // Rays of the wave that the second pass traced
 #define QUEUE_SHADOWS 5u // Shadow rays towards the first light; the other lights' follow
 
-// Roundings and rays: `cl/shared/ray.cl`.
-#define EPSILON 0x1p-24f // Half the distance from 1 to the next float: the largest relative error of one rounding
-#define WIDEN_UP 0x1.00000ap0f // What rounds a plane's t away from 0 by more than its error
-#define WIDEN_DOWN 0x1.ffffecp-1f // What rounds it towards 0
+// Bounds of roundings, planes and hits: `cl/shared/ray.cl`.
+#define EPSILON 0x1p-24f // The largest relative error of one rounding
+#define WIDEN_UP 0x1.00000ap0f // More than the t of a plane is off by, upwards
+#define WIDEN_DOWN 0x1.ffffecp-1f // The same downwards
 #define PLANE_ERROR 0x1p-64f // What the distance of a plane from the origin is off by, however small it is
+#define HIT_ERROR 0x1p5f // How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance
+#define SLACK 0x1.4p-19f // With it the rounding of the tests of thick boxes
+
+// Spheres: `cl/traverse/spheres.cl`.
+#define SPHERE_SLACK 0x1.8p-18f // What a sphere grows by, in units of the farthest distance
+
+// Boxes: `cl/shared/slab.cl`, those of objects behind its `INSTANCES`.
+#define LEAST_SLAB_DIRECTION 0x1p-26f // The least component of a direction in slab tests
+#define ORIGIN_ERROR 0x1p-22f // What slab tests are off by for a start far from 0, in units of its largest coordinate
+#define LEAST_PAD 0x1p-120f // A pad at least this thick stays in float32's range
+#define FARTHEST_START 0x1p64f // From a start this far away a ray meets every box
+#define TRANSFORM_ERROR 0x1p-21f // What slab tests in an object are off by for a start far from 0 in the scene, in units of its largest coordinate
+#define OBJECT_ORIGIN_ERROR 0x1.8p-21f // The same for a start far from 0 in the object
+#define THICKEST 0x1p126f // With thicker pads a ray meets every box of an object
+
+// Rays: `cl/shared/ray.cl`.
 #define SHORT_DIRECTION 0x1p-100f // A direction whose components are all below this is lifted by LIFT
 #define SMALL_TURN_LIFT 0x1p60f // What a direction is lifted by where its least component would lose bits
 #define POINT_ERROR 0x1p-22f // What a rounded triangle test may be off from the plane of a neighbour, times the largest component of the edges
-#define HIT_ERROR 0x1p5f // How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance
-#define SLACK 0x1.4p-19f // With it the rounding of the tests of thick boxes: two differences and the distance itself
 
 // The point that a ray leaves a triangle from: `cl/shared/rounding_errors.cl`.
 #define POINT_TERMS 9u // Summands of the point
@@ -96,18 +110,6 @@
 #define EXP2_3 0x1.c6b08ep-5f // (ln 2)^3 / 3!
 #define EXP2_2 0x1.ebfbep-3f // (ln 2)^2 / 2!
 #define EXP2_1 0x1.62e43p-1f // ln 2
-
-// Boxes: `cl/shared/slab.cl`, those of objects behind its `INSTANCES`.
-#define LEAST_SLAB_DIRECTION 0x1p-26f // What a component of a direction is at least
-#define ORIGIN_ERROR 0x1p-22f // What a pad grows by for each unit of the origin's coordinates
-#define LEAST_PAD 0x1p-120f // A pad at least this thick stays in float32's range
-#define FARTHEST_START 0x1p64f // A ray that starts this far away meets every box
-#define TRANSFORM_ERROR 0x1p-21f // What the origin's rounding in an object comes to, times its coordinates in tracing space
-#define OBJECT_ORIGIN_ERROR 0x1.8p-21f // The same, times its coordinates in the object
-#define THICKEST 0x1p126f // Of pads and directions from this on products may overflow
-
-// Spheres: `cl/traverse/spheres.cl`.
-#define SPHERE_SLACK 0x1.8p-18f // What a sphere grows by, in units of the farthest distance
 
 // Ropes: `cl/traverse/kd_ropes.cl`.
 #define NO_AXIS 3u // The axis of the face that a ray has crossed last, before it has crossed one

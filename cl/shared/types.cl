@@ -93,7 +93,7 @@ typedef struct {
 
 // What the kernels need to know of the scene as a whole.
 typedef struct {
-    float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w: the room of the boxes of bvh2.
+    float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
     float4 high; // High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else 0.
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.

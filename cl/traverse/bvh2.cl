@@ -1,29 +1,33 @@
 // Binary bounding volume hierarchy: a node has the boxes of both its children, which are tested together.
-// Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", HPG 2009 (the loops are their "while-while").
+// Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", HPG 2009 (the loops are their
+// "while-while").
 //
-// Each triangle is in one leaf, unless splits of space have cut it, and empty space costs nothing but the boxes around it: on the
-// bunny half the steps of a kd-tree, and a quarter of its references. Bad at: scenes seen from outside through large empty space
-// (sponza: 7.5 steps a camera ray, hardly fewer than the kd-tree's 7.8); large oblique triangles among small ones, whose boxes hold
-// much that they do not (--spatial-splits is for these); and the first hit need not be the nearest one, because boxes overlap.
+// Each triangle is in one leaf, unless splits of space have cut it, and empty space costs nothing but the boxes around
+// it: on the bunny half the steps of a kd-tree, and a quarter of its references. Bad at: scenes seen from outside
+// through large empty space (sponza: 7.5 steps a camera ray, hardly fewer than the kd-tree's 7.8); large oblique
+// triangles among small ones, whose boxes hold much that they do not (--spatial-splits is for these); and the first hit
+// need not be the nearest one, because boxes overlap.
 //
-// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes have the room of cl/shared/slab.cl, or are
-// tested with its pads, so that a hit's t is within the computed interval of all boxes above it, and a box that is entered after the hit
-// has no nearer one.
+// nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes have the padding of
+// cl/shared/slab.cl, or are tested with its pads, so that a hit's t is within the computed interval of all boxes above
+// it, and a box that is entered after the hit has no nearer one.
 
 #ifndef STACK_SIZE
 #define STACK_SIZE 64 // at least the depth of the tree and one; the host knows it
 #endif
 
-// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the end. Where they are
-// entered is not remembered: what lies behind a hit by now is looked at all the same, a node, a leaf's triangles or an instance, but the
-// stack, which is in memory, is half as large (an H200 traces 1.01 to 1.07 times as fast, and scenes/flake.toml's instances as fast).
-// by_bits: see clip_to_pair().
-__attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit,
-                                                    const bool by_bits, uint* stack, uint* stacked, uint link) {
+// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the end.
+// Where they are entered is not remembered: what lies behind a hit by now is looked at all the same, a node, a leaf's
+// triangles or an instance, but the stack, which is in memory, is half as large (an H200 traces 1.01 to 1.07 times as
+// fast, and scenes/flake.toml's instances as fast). by_bits: see clip_to_pair().
+__attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near,
+                                                    float t_limit, const bool by_bits, uint* stack, uint* stacked,
+                                                    uint link) {
     while ((link & BVH_LEAF) == 0u) {
         COUNT(geometry, STEPS, 1);
         const uint first = BVH_NODE_RECORDS * link;
-        const uint last = stack[*stacked]; // read whether it is needed or not: a GPU takes more time for a branch, which rays part at
+        // Read whether it is needed or not: a GPU takes more time for a branch, which rays part at.
+        const uint last = stack[*stacked];
         const float4 xy0 = as_float4(LOAD_NODE(geometry, first));
         const float4 xy1 = as_float4(LOAD_NODE(geometry, first + 1u));
         const int4 links = LOAD_NODE(geometry, first + 2u);
@@ -44,8 +48,8 @@ __attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const P
 }
 
 // descend_to_leaf() for rays from far away, which want pads, and those that look for hits behind their start.
-__attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
-                                                      uint link) {
+__attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack,
+                                                      uint* stacked, uint link) {
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     const PairSlabs pair = make_pair_slabs(&slabs);
     return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, stacked, link);
@@ -53,9 +57,10 @@ __attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const
 
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const bool is_bare =
-        is_room_enough(ray, geometry->low, geometry->high, geometry->near_reach, geometry->room) && as_int(ray->t_near) >= 0;
-    const Slabs slabs = bare_slabs(ray);
+    const bool needs_no_pads =
+        is_padding_enough(ray, geometry->low, geometry->high, geometry->near_reach, geometry->padding) &&
+        as_int(ray->t_near) >= 0;
+    const Slabs slabs = slabs_without_pads(ray);
     const PairSlabs pair = make_pair_slabs(&slabs);
 
     uint stack[STACK_SIZE];
@@ -63,7 +68,7 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = is_bare ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
+        link = needs_no_pads ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
                        : descend_with_pads(GEOMETRY, ray, hit->t, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 

@@ -1,14 +1,17 @@
-// Two levels of binary hierarchies of boxes: one of the instances, in tracing space, and one for each object, in its own coordinates, to
-// which rays are taken when they enter the box of an instance.
+// Two levels of binary hierarchies of boxes: one of the instances, in tracing space, and one for each object, in its
+// own coordinates, to which rays are taken when they enter the box of an instance.
 // Rubin and Whitted, "A 3-Dimensional Representation for Fast Rendering of Complex Scenes", SIGGRAPH 1980.
 //
-// An object that stands in the scene a thousand times takes the memory of one. Hits are those of the flattened scene, bit for bit: rays
-// in object coordinates meet boxes alone, with pads for their rounding (make_instance_slabs in slab.cl), and triangles are placed in the
-// scene before they are tested (cl/shared/instances.cl). t is the same in both spaces.
+// An object that stands in the scene a thousand times takes the memory of one. Hits are those of the flattened scene,
+// bit for bit: rays in object coordinates meet boxes alone, with pads for their rounding (make_instance_slabs in
+// slab.cl), and triangles are placed in the scene before they are tested (cl/shared/instances.cl). t is the same in
+// both spaces.
 //
-// Bad at: objects whose boxes overlap, all of which a ray enters; a scene of one object, which gains nothing and pays for transforms.
+// Bad at: objects whose boxes overlap, all of which a ray enters; a scene of one object, which gains nothing and pays
+// for transforms.
 //
-// nodes: as bvh2.cl has them, but boxes without room, the instances' hierarchy first. bounds: instances, as src/pack/instances.rs says.
+// nodes: as bvh2.cl has them, but boxes without padding, the instances' hierarchy first. bounds: instances, as
+// src/pack/instances.rs says.
 #ifdef INSTANCES
 
 // Not so the leaf that is no child, whose box rays from very far away meet with all others.
@@ -34,10 +37,11 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
             const uint instance = (link & BVH_FIRST_MASK) - 1u;
             const uint first = INSTANCE_RECORDS * instance;
             const float4 reach = BOUNDS_RECORD(geometry, first + INSTANCE_REACH);
-            const Slabs inside = make_instance_slabs(
-                ray, geometry->low, geometry->high, BOUNDS_RECORD(geometry, first + INSTANCE_TO_OBJECT),
-                BOUNDS_RECORD(geometry, first + INSTANCE_TO_OBJECT + 1u), BOUNDS_RECORD(geometry, first + INSTANCE_TO_OBJECT + 2u),
-                reach.xyz, BOUNDS_RECORD(geometry, first + INSTANCE_BLUR).xyz);
+            const Slabs inside = make_instance_slabs(ray, geometry->low, geometry->high,
+                                                     BOUNDS_RECORD(geometry, first + INSTANCE_TO_OBJECT),
+                                                     BOUNDS_RECORD(geometry, first + INSTANCE_TO_OBJECT + 1u),
+                                                     BOUNDS_RECORD(geometry, first + INSTANCE_TO_OBJECT + 2u),
+                                                     reach.xyz, BOUNDS_RECORD(geometry, first + INSTANCE_BLUR).xyz);
             pair = make_pair_slabs(&inside);
             geometry->placed->to_primitive = 0u - instance_number(GEOMETRY, instance, INSTANCE_NORMALS + 2u);
             link = as_uint(reach.w);

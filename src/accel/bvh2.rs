@@ -13,7 +13,7 @@
 //!                       instance whose number is one less
 //! ```
 //!
-//! A box is larger than what it holds by some room on all sides (`cl/shared/slab.cl`), and by what its numbers are rounded.
+//! A box is larger than what it holds by some padding on all sides (`cl/shared/slab.cl`), and by what its numbers are rounded.
 //!
 //! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to
 //! each step's.
@@ -23,7 +23,7 @@
 
 use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
 use super::link::{self, NO_CHILD, leaf_link, leaf_range};
-use super::{Aabb, Room, StructureArrays};
+use super::{Aabb, Padding, StructureArrays};
 use crate::error::Result;
 use crate::options::{BvhOptions, StructureKind};
 use crate::shared::{BVH_FIRST_MASK, BVH_NODE_RECORDS, KdNode};
@@ -48,12 +48,12 @@ pub(crate) const NOWHERE: Middle = Middle { middle: Vec3::ZERO, half_size: Vec3:
 pub(super) const FAR: f32 = (1u128 << 64) as f32;
 
 impl Middle {
-    /// A box that holds this one with `room` on all sides.
-    pub fn new(bounds: &Aabb, room: f32) -> Middle {
+    /// A box that holds this one with `padding` on all sides.
+    pub fn new(bounds: &Aabb, padding: f32) -> Middle {
         let middle = 0.5 * bounds.low + 0.5 * bounds.high;
         let beyond = |axis: usize| {
             let from = |plane: f32| (f64::from(plane) - f64::from(middle[axis])).abs();
-            rounded_up(from(bounds.low[axis]).max(from(bounds.high[axis])) + f64::from(room))
+            rounded_up(from(bounds.low[axis]).max(from(bounds.high[axis])) + f64::from(padding))
         };
         Middle { middle, half_size: Vec3::new(beyond(0), beyond(1), beyond(2)) }
     }
@@ -66,13 +66,13 @@ fn rounded_up(x: f64) -> f32 {
 }
 
 /// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others; its boxes
-/// larger by their `room` on all sides.
+/// larger by their `padding` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`BvhOptions::MAX_LEAF`] triangles,
 /// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
-pub fn pack_bvh2(tree: &Bvh, top: usize, room: impl Into<Room>) -> Result<StructureArrays> {
-    let room = room.into();
+pub fn pack_bvh2(tree: &Bvh, top: usize, padding: impl Into<Padding>) -> Result<StructureArrays> {
+    let padding = padding.into();
     check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
     tree.check_leaves(StructureKind::Bvh2, BvhOptions::MAX_LEAF)?;
     let mut references = Vec::with_capacity(tree.order.len());
@@ -90,7 +90,7 @@ pub fn pack_bvh2(tree: &Bvh, top: usize, room: impl Into<Room>) -> Result<Struct
     let nowhere = (NOWHERE, NO_CHILD);
     let child = |index: usize| {
         let bounds = &tree.nodes[index].bounds;
-        (Middle::new(bounds, room.of(bounds)), links[index])
+        (Middle::new(bounds, padding.of(bounds)), links[index])
     };
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
@@ -151,8 +151,8 @@ pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
 mod tests {
     use super::*;
     use crate::accel::{BuildOptions, build_bvh};
+    use crate::bounds::EPSILON;
     use crate::random::Random;
-    use crate::reference::shared::ray::EPSILON;
 
     fn tree(count: usize, leaf_size: u32) -> Bvh {
         let triangle = |i: usize| {
@@ -181,8 +181,8 @@ mod tests {
     fn links_lead_to_every_node_and_triangle_with_the_boxes_of_the_tree() {
         for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
             let tree = tree(count, 4);
-            let room = [0.0, 1e-4][count % 2];
-            let structure = pack_bvh2(&tree, top, room).unwrap();
+            let padding = [0.0, 1e-4][count % 2];
+            let structure = pack_bvh2(&tree, top, padding).unwrap();
             let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
             assert_eq!(structure.nodes.len(), 4 * inner.max(1));
             let mut seen = vec![false; count];
@@ -196,7 +196,7 @@ mod tests {
                         assert_eq!(bounds, NOWHERE);
                         continue;
                     }
-                    assert_eq!(bounds, Middle::new(&tree.nodes[child].bounds, room));
+                    assert_eq!(bounds, Middle::new(&tree.nodes[child].bounds, padding));
                     let Some(leaf) = link::leaf_range(link) else {
                         open.push((link as usize, Some(child)));
                         continue;
@@ -219,15 +219,19 @@ mod tests {
             let (p, q) = (random.vec3() * 2f32.powi(i % 40 - 30), random.vec3());
             let q = if i % 3 == 0 { p } else { q };
             let bounds = Aabb { low: p.min(q), high: p.max(q) };
-            let room = [0.0, 1e-5, 1e-3][i as usize / 3 % 3];
-            let Middle { middle, half_size } = Middle::new(&bounds, room);
+            let padding = [0.0, 1e-5, 1e-3][i as usize / 3 % 3];
+            let Middle { middle, half_size } = Middle::new(&bounds, padding);
             for axis in 0..3 {
                 let at = f64::from(middle[axis]);
                 let [low, high] = [bounds.low, bounds.high].map(|corner| f64::from(corner[axis]));
                 let beyond = [low - (at - f64::from(half_size[axis])), at + f64::from(half_size[axis]) - high];
                 // The middle is rounded once, the half size once.
-                let most = f64::from(room) + 2.5 * f64::from(EPSILON) * (low.abs().max(high.abs()) + f64::from(room));
-                assert!(beyond.iter().all(|&x| x >= f64::from(room) && x <= most), "{bounds:?} {room}: {beyond:?}");
+                let most =
+                    f64::from(padding) + 2.5 * f64::from(EPSILON) * (low.abs().max(high.abs()) + f64::from(padding));
+                assert!(
+                    beyond.iter().all(|&x| x >= f64::from(padding) && x <= most),
+                    "{bounds:?} {padding}: {beyond:?}"
+                );
             }
         }
     }

@@ -18,7 +18,7 @@ use super::bvh::Bvh;
 use super::bvh2::FAR;
 use super::leaf_packets::{WIDTH, pack, push_leaf};
 use super::link::{self, NO_CHILD, leaf_link};
-use super::{Aabb, Room, StructureArrays};
+use super::{Aabb, Padding, StructureArrays};
 use crate::error::{Error, Result};
 use crate::options::{BvhOptions, StructureKind};
 use crate::shared::{BVH_FIRST_MASK, BVH8_LINKS, BVH8_NODE_RECORDS, KdNode};
@@ -41,17 +41,17 @@ pub struct Bvh8 {
     pub stack_entries: u32,
 }
 
-/// Packs `tree`, of the triangles `vertices`; its boxes larger by their `room` on all sides.
+/// Packs `tree`, of the triangles `vertices`; its boxes larger by their `padding` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`] when a leaf has more than [`BvhOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are more than
 /// 2^24 leaves.
-pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room) -> Result<Bvh8> {
-    pack_leaves(tree, vertices, room, MAX_LEAVES)
+pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding) -> Result<Bvh8> {
+    pack_leaves(tree, vertices, padding, MAX_LEAVES)
 }
 
 /// Packs a tree of at most `most_leaves`.
-fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room, most_leaves: usize) -> Result<Bvh8> {
+fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding, most_leaves: usize) -> Result<Bvh8> {
     tree.check_leaves(StructureKind::Bvh8, BvhOptions::BVH8_MAX_LEAF)?;
     let leaf_count = tree.nodes.iter().filter(|node| node.is_leaf()).count();
     if leaf_count > most_leaves {
@@ -72,7 +72,7 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], room: Room, most_leaves: usiz
         let mut links = [NO_CHILD; WIDTH];
         let first_open = open.len();
         for (slot, child) in children(tree, index).into_iter().enumerate() {
-            boxes[slot] = room.around(tree.nodes[child].bounds);
+            boxes[slot] = padding.around(tree.nodes[child].bounds);
             links[slot] = if tree.nodes[child].is_leaf() {
                 let triangles = tree.triangles(child);
                 leaf_link(push_leaf(triangles, &mut references) as u32, triangles.len() as u32)
@@ -151,13 +151,15 @@ mod tests {
 
     #[test]
     fn what_links_have_no_room_for_is_refused() {
-        let error =
-            pack_bvh8(&Bvh::of_one_leaf(9), &[[Vec3::ZERO; 3]; 9], Room::from(0.0)).map(drop).unwrap_err().to_string();
+        let error = pack_bvh8(&Bvh::of_one_leaf(9), &[[Vec3::ZERO; 3]; 9], Padding::from(0.0))
+            .map(drop)
+            .unwrap_err()
+            .to_string();
         assert!(error.starts_with("option leaf_size: there is a leaf of 9 triangles"), "{error}");
 
         let (tree, vertices) = tree(100, Some(1));
-        pack_leaves(&tree, &vertices, Room::from(0.0), 100).unwrap();
-        let error = pack_leaves(&tree, &vertices, Room::from(0.0), 99).map(drop).unwrap_err();
+        pack_leaves(&tree, &vertices, Padding::from(0.0), 100).unwrap();
+        let error = pack_leaves(&tree, &vertices, Padding::from(0.0), 99).map(drop).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("100 leaves"), "{error}");
         assert!(error.to_string().ends_with("; take `structure = bvh2`"), "{error}");
         let last = WIDTH * (MAX_LEAVES - 1);
@@ -168,7 +170,7 @@ mod tests {
     fn links_lead_to_every_triangle_through_boxes_that_hold_it() {
         for count in [0, 1, 2, 8, 9, 60, 3000] {
             let (tree, vertices) = tree(count, None);
-            let Bvh8 { structure, stack_entries } = pack_bvh8(&tree, &vertices, Room::from(0.0)).unwrap();
+            let Bvh8 { structure, stack_entries } = pack_bvh8(&tree, &vertices, Padding::from(0.0)).unwrap();
             let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
             let mut seen = vec![0; count];
             let everywhere = Aabb { low: Vec3::NEG_INFINITY, high: Vec3::INFINITY };

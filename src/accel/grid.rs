@@ -57,7 +57,7 @@ impl Grid {
             planes: std::array::from_fn(|k| {
                 (1..size[k]).map(|plane| (plane as f32).mul_add(cell[k], bounds.low[k])).collect()
             }),
-            margin: MARGIN * f64::from(crate::reference::shared::ray::EPSILON) * f64::from(reach),
+            margin: MARGIN * f64::from(crate::bounds::EPSILON) * f64::from(reach),
             reach,
         }
     }

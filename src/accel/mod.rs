@@ -35,7 +35,7 @@ pub use bvh8::{Bvh8, pack_bvh8};
 pub use cost::Measure;
 pub use grid::build_grid;
 pub use leaf_packets::pack_kd_leaves;
-pub use near::{Room, near_reach};
+pub use near::{Padding, near_reach};
 pub use node_order::reorder;
 pub use octree::build_octree;
 pub use ropes::link_leaves;

@@ -8,15 +8,15 @@
 //! Bad at: rays that start farther out, for which all is as large as before; scenes whose scales are many, of which it sees one.
 
 use super::Aabb;
+use crate::bounds::SLACK;
 use crate::options::{Intersector, StructureKind, TraceOptions};
-use crate::reference::shared::ray::SLACK;
 use glam::Vec3;
 
 /// Scenes of fewer triangles are not looked at: those are soon tested.
 const FEWEST: usize = 64;
 
 /// What most triangles reach is so many times what half of them do: cameras and lights are about as far away.
-const ROOMY: f32 = 16.0;
+const REACH_OF_MOST: f32 = 16.0;
 
 /// How much farther the farthest one must reach: there the pads of its distance are a hundredth of what most triangles reach, and less cost
 /// less than it would to tell them apart.
@@ -57,7 +57,7 @@ pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32], options: &TraceOpt
     let farthest = reaches.iter().copied().fold(0.0, f32::max);
     let middle = reaches.len() / 2;
     let (_, &mut median, _) = reaches.select_nth_unstable_by(middle, f32::total_cmp);
-    let reach = ROOMY * median;
+    let reach = REACH_OF_MOST * median;
     if reach >= least && farthest > MUCH_FARTHER * reach { reach } else { 0.0 }
 }
 
@@ -79,22 +79,22 @@ pub(super) fn few_outside(
 
 /// By how much boxes are made larger than what they hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Room {
+pub struct Padding {
     /// All of them.
     pub everywhere: f32,
     /// That of [`near_reach`]: what reaches beyond gets more.
     pub near_reach: f32,
 }
 
-impl From<f32> for Room {
-    /// The same room for all boxes.
-    fn from(everywhere: f32) -> Room {
-        Room { everywhere, near_reach: 0.0 }
+impl From<f32> for Padding {
+    /// The same padding for all boxes.
+    fn from(everywhere: f32) -> Padding {
+        Padding { everywhere, near_reach: 0.0 }
     }
 }
 
-impl Room {
-    /// The room of a box: for rays that start within the reach, whose pads are for what is within it, too.
+impl Padding {
+    /// That of a box: for rays that start within the reach, whose pads are for what is within it, too.
     pub fn of(&self, bounds: &Aabb) -> f32 {
         let reach = bounds.low.abs().max(bounds.high.abs()).max_element();
         if self.near_reach == 0.0 || reach <= self.near_reach {
@@ -104,11 +104,14 @@ impl Room {
         (SLACK * (reach + self.near_reach)).next_up().next_up() + self.everywhere
     }
 
-    /// The box with its room.
+    /// The box with its padding.
     pub(super) fn around(&self, bounds: Aabb) -> Aabb {
         match self.of(&bounds) {
             0.0 => bounds,
-            room => Aabb { low: (bounds.low - room).map(f32::next_down), high: (bounds.high + room).map(f32::next_up) },
+            padding => Aabb {
+                low: (bounds.low - padding).map(f32::next_down),
+                high: (bounds.high + padding).map(f32::next_up),
+            },
         }
     }
 }
@@ -162,13 +165,13 @@ mod tests {
     }
 
     #[test]
-    fn boxes_that_reach_far_out_have_room_for_themselves() {
-        let room = Room { everywhere: 1e-6, near_reach: 16.0 };
+    fn boxes_that_reach_far_out_have_padding_for_themselves() {
+        let padding = Padding { everywhere: 1e-6, near_reach: 16.0 };
         let cube = |side: f32| Aabb { low: Vec3::splat(-side), high: Vec3::splat(side) };
-        assert_eq!(room.of(&cube(16.0)), 1e-6);
-        assert!(room.of(&cube(1e10)) >= SLACK * 1e10 && room.of(&cube(1e10)) < 2.0 * SLACK * 1e10);
-        assert_eq!(Room::from(0.0).around(cube(1e20)), cube(1e20));
-        let around = room.around(cube(1e20));
+        assert_eq!(padding.of(&cube(16.0)), 1e-6);
+        assert!(padding.of(&cube(1e10)) >= SLACK * 1e10 && padding.of(&cube(1e10)) < 2.0 * SLACK * 1e10);
+        assert_eq!(Padding::from(0.0).around(cube(1e20)), cube(1e20));
+        let around = padding.around(cube(1e20));
         assert!(around.high.x > 1e20 * (1.0 + SLACK) && around.low.x < -1e20 * (1.0 + SLACK));
     }
 }

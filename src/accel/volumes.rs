@@ -8,7 +8,7 @@
 //! Bad at: large scenes; every ray meets the whole list.
 
 use super::near::few_outside;
-use super::{Aabb, Room, StructureArrays};
+use super::{Aabb, Padding, StructureArrays};
 use crate::layout::Float4;
 use crate::shared::KdNode;
 use glam::{DVec3, Vec3};
@@ -16,10 +16,10 @@ use glam::{DVec3, Vec3};
 /// The least default: a volume around fewer triangles costs more than it saves.
 const SMALLEST_CLUSTER: f64 = 4.0;
 
-/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's room. The slack of spheres is 2.4 times that
+/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's padding. The slack of spheres is 2.4 times that
 /// of boxes; it is for the radius and again for the times of entry and exit, which move by no less than the radius grows by over the length
 /// of a direction, of up to 3.5: 2.4 (1 + 3.5) = 10.8, and some for roundings.
-const SPHERE_ROOM: f32 = 16.0;
+const SPHERE_PADDING: f32 = 16.0;
 
 /// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`. Boxes that reach beyond
 /// `near_reach`, which is that of [`near_reach`](super::near_reach), are larger by what the slack of rays from within leaves out.
@@ -29,9 +29,9 @@ pub fn build_boxes(
     cluster_size: Option<u32>,
     near_reach: f32,
 ) -> StructureArrays {
-    let room = Room { everywhere: 0.0, near_reach };
+    let padding = Padding { everywhere: 0.0, near_reach };
     build(vertices, primitives, cluster_size, near_reach, |cluster, bounds| {
-        let around = room.around(bounds_of(vertices, cluster));
+        let around = padding.around(bounds_of(vertices, cluster));
         bounds.extend([Float4::new(around.low, 0.0), Float4::new(around.high, 0.0)]);
     })
 }
@@ -44,7 +44,7 @@ pub fn build_spheres(
     cluster_size: Option<u32>,
     near_reach: f32,
 ) -> StructureArrays {
-    let room = Room { everywhere: 0.0, near_reach };
+    let padding = Padding { everywhere: 0.0, near_reach };
     build(vertices, primitives, cluster_size, near_reach, |cluster, bounds| {
         let around = bounds_of(vertices, cluster);
         let centre = (around.low * 0.5 + around.high * 0.5).clamp(around.low, around.high);
@@ -52,8 +52,8 @@ pub fn build_spheres(
         let farthest = cluster.iter().flat_map(|&i| &vertices[i as usize]).map(distance).fold(0.0, f64::max);
         // Twice up: to float32, and for the roundings of f64, which are smaller than a step of float32.
         let radius = (farthest as f32).next_up().next_up();
-        let room = SPHERE_ROOM * room.of(&around);
-        bounds.push(Float4::new(centre, if room > 0.0 { (radius + room).next_up() } else { radius }));
+        let padding = SPHERE_PADDING * padding.of(&around);
+        bounds.push(Float4::new(centre, if padding > 0.0 { (radius + padding).next_up() } else { radius }));
     })
 }
 

@@ -21,10 +21,10 @@ use crate::accel::{
     BuildOptions, Bvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link, leaf_link,
     move_links, pack_bvh2,
 };
+use crate::bounds::EPSILON;
+use crate::bounds::LEAST_PAD;
 use crate::error::{Error, Result};
 use crate::layout::Float4;
-use crate::reference::shared::ray::EPSILON;
-use crate::reference::shared::slab::LEAST_PAD;
 use crate::scene::{DropReason, Instance, MaterialId, Scene, Transform, Triangle, turned};
 use crate::shared::{
     BVH_FIRST_MASK, BVH_NODE_RECORDS, INSTANCE_BLUR, INSTANCE_NORMALS, INSTANCE_REACH, INSTANCE_RECORDS,
@@ -318,8 +318,9 @@ fn record(place: &Place, root: u32, material: u32, numbers: [u32; 3]) -> [Float4
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounds::HIT_ERROR;
     use crate::random::Random;
-    use crate::reference::shared::ray::{HIT_ERROR, Ray};
+    use crate::reference::shared::ray::Ray;
     use crate::reference::shared::slab::Slabs;
     use crate::shared::NO_PRIMITIVE;
     use glam::{DAffine3, DMat3};

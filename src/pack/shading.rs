@@ -3,8 +3,8 @@
 use super::textures::pack_textures;
 use crate::error::{Error, Result};
 use crate::layout::Float4;
+use crate::math::unit_normals;
 use crate::options::TextureFilter;
-use crate::reference::shared::instances::unit_normals;
 use crate::scene::{self, Falloff, LightKind, MaterialId, Scene, TextureId, Triangle};
 use crate::shared::{
     LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material, NO_TEXTURE, Shading, TextureInfo,

@@ -5,13 +5,13 @@ use super::instances::{PackedInstances, pack_instances};
 use super::memory::StructureBudget;
 use super::space::TracingSpace;
 use crate::accel::{
-    BuildOptions, Room, StructureArrays, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
+    BuildOptions, Padding, StructureArrays, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
     build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
+use crate::bounds::{padding_of_boxes, padding_within};
 use crate::error::Result;
 use crate::layout::Float4;
 use crate::options::{GridOptions, KdOptions, Memory, NodeOrder, PacketSize, Structure, TraceOptions, Traversal};
-use crate::reference::shared::slab::{room_of_boxes, room_within};
 use crate::scene::{MaterialId, Scene};
 use crate::shared::{BVH_NODE_RECORDS, KD_LEAF, KdNode, Shading};
 use glam::Vec3;
@@ -25,7 +25,7 @@ pub(super) struct StructureInput<'a> {
     /// How far most triangles reach where few others reach very much farther, else 0.
     pub near_reach: f32,
     /// By how much boxes are larger than what they hold.
-    pub room: f32,
+    pub padding: f32,
 }
 
 /// A structure, packed.
@@ -61,11 +61,11 @@ impl<'a> StructureInput<'a> {
         memory: &'a StructureBudget<'a>,
     ) -> Self {
         let near_reach = near_reach(&space.triangles, &space.primitives, options);
-        let room = match near_reach {
-            0.0 => room_of_boxes(space.bounds.low, space.bounds.high),
-            reach => room_within(reach),
+        let padding = match near_reach {
+            0.0 => padding_of_boxes(space.bounds.low, space.bounds.high),
+            reach => padding_within(reach),
         };
-        StructureInput { options, build_options, space, memory, near_reach, room }
+        StructureInput { options, build_options, space, memory, near_reach, padding }
     }
 
     /// Builds the structure that the options ask for. `scene` and its `used` materials are those of instances.
@@ -141,15 +141,15 @@ impl<'a> StructureInput<'a> {
     fn pack_bvh2(&self) -> Result<PackedStructure> {
         let tree = build_bvh(self.triangles(), self.primitives(), self.build_options)?;
         let stack_entries = tree.depth() + 1; // the last entry says that there are no more
-        let room = Room { everywhere: self.room, near_reach: self.near_reach };
-        let structure = pack_bvh2(&tree, self.top_nodes() / BVH_NODE_RECORDS as usize, room)?;
+        let padding = Padding { everywhere: self.padding, near_reach: self.near_reach };
+        let structure = pack_bvh2(&tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
         Ok(PackedStructure { structure, stack_entries, objects: None })
     }
 
     fn pack_bvh8(&self) -> Result<PackedStructure> {
         let tree = build_bvh(self.triangles(), self.primitives(), self.build_options)?;
-        let room = Room { everywhere: 0.0, near_reach: self.near_reach };
-        let packed = pack_bvh8(&tree, self.triangles(), room)?;
+        let padding = Padding { everywhere: 0.0, near_reach: self.near_reach };
+        let packed = pack_bvh8(&tree, self.triangles(), padding)?;
         Ok(PackedStructure { structure: packed.structure, stack_entries: packed.stack_entries, objects: None })
     }
 

@@ -5,6 +5,7 @@
 
 #![allow(clippy::excessive_precision)] // decimals as their sources have them
 
+use crate::bounds::EPSILON;
 use crate::layout::{ConstantGroup, device_const};
 use glam::Vec3;
 
@@ -15,26 +16,14 @@ pub(super) const fn power_of_two(exponent: i32) -> f32 {
 }
 
 device_const! {
-    /// Roundings and rays: `cl/shared/ray.cl`.
+    /// Rays: `cl/shared/ray.cl`.
     pub group RAYS;
-    /// Half the distance from 1 to the next float: the largest relative error of one rounding.
-    pub const EPSILON: f32 = power_of_two(-24);
-    /// What rounds a plane's t away from 0 by more than its error.
-    pub const WIDEN_UP: f32 = 1.0 + 10.0 * EPSILON;
-    /// What rounds it towards 0.
-    pub const WIDEN_DOWN: f32 = 1.0 - 10.0 * EPSILON;
-    /// What the distance of a plane from the origin is off by, however small it is.
-    pub const PLANE_ERROR: f32 = power_of_two(-64);
     /// A direction whose components are all below this is lifted by LIFT.
     pub const SHORT_DIRECTION: f32 = power_of_two(-100);
     /// What a direction is lifted by where its least component would lose bits.
     pub const SMALL_TURN_LIFT: f32 = power_of_two(60);
     /// What a rounded triangle test may be off from the plane of a neighbour, times the largest component of the edges.
     pub const POINT_ERROR: f32 = 4.0 * EPSILON;
-    /// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance.
-    pub const HIT_ERROR: f32 = 32.0;
-    /// With it the rounding of the tests of thick boxes: two differences and the distance itself.
-    pub const SLACK: f32 = (HIT_ERROR + 8.0) * EPSILON;
 }
 
 device_const! {
@@ -97,32 +86,6 @@ device_const! {
     pub const EXP2_2: f32 = 2.40226507e-1;
     /// ln 2
     pub const EXP2_1: f32 = 6.93147181e-1;
-}
-
-device_const! {
-    /// Boxes: `cl/shared/slab.cl`, those of objects behind its `INSTANCES`.
-    pub group SLABS;
-    /// What a component of a direction is at least.
-    pub const LEAST_SLAB_DIRECTION: f32 = power_of_two(-26);
-    /// What a pad grows by for each unit of the origin's coordinates.
-    pub const ORIGIN_ERROR: f32 = 4.0 * EPSILON;
-    /// A pad at least this thick stays in float32's range.
-    pub const LEAST_PAD: f32 = power_of_two(-120);
-    /// A ray that starts this far away meets every box.
-    pub const FARTHEST_START: f32 = power_of_two(64);
-    /// What the origin's rounding in an object comes to, times its coordinates in tracing space.
-    pub const TRANSFORM_ERROR: f32 = 8.0 * EPSILON;
-    /// The same, times its coordinates in the object.
-    pub const OBJECT_ORIGIN_ERROR: f32 = 12.0 * EPSILON;
-    /// Of pads and directions from this on products may overflow.
-    pub const THICKEST: f32 = power_of_two(126);
-}
-
-device_const! {
-    /// Spheres: `cl/traverse/spheres.cl`.
-    pub group SPHERES;
-    /// What a sphere grows by, in units of the farthest distance.
-    pub const SPHERE_SLACK: f32 = 96.0 * EPSILON;
 }
 
 device_const! {
@@ -231,5 +194,5 @@ device_const! {
 }
 
 /// The constants of this file.
-pub(super) const ARITHMETIC: [ConstantGroup; 12] =
-    [RAYS, POINTS, MATH, SLABS, SPHERES, ROPES, EDGES, FILTERS, INTEGERS, THESIS, SHADING, PATTERNS];
+pub(super) const ARITHMETIC: [ConstantGroup; 10] =
+    [RAYS, POINTS, MATH, ROPES, EDGES, FILTERS, INTEGERS, THESIS, SHADING, PATTERNS];

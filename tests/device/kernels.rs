@@ -4,6 +4,8 @@
 use crate::common::probe::{assert_same_bits, flag, run, run_with, v3};
 use crate::common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
+use raybrook::low_level::bounds::SLACK;
+use raybrook::low_level::bounds::SPHERE_SLACK;
 use raybrook::low_level::device::{CompileOptions, DeviceKind};
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
@@ -17,9 +19,9 @@ use raybrook::low_level::reference::shade::procedural::{fractal_noise, gradient_
 use raybrook::low_level::reference::shared::math;
 use raybrook::low_level::reference::shared::memory::NoWork;
 use raybrook::low_level::reference::shared::ray::no_hit_yet;
-use raybrook::low_level::reference::shared::ray::{Ray, SLACK, TrianglePoint, start_on_triangle, widen_down, widen_up};
-use raybrook::low_level::reference::shared::slab::{PairSlabs, Slabs, is_room_enough};
-use raybrook::low_level::reference::traverse::spheres::{SPHERE_SLACK, may_meet_sphere};
+use raybrook::low_level::reference::shared::ray::{Ray, TrianglePoint, start_on_triangle, widen_down, widen_up};
+use raybrook::low_level::reference::shared::slab::{PairSlabs, Slabs, is_padding_enough};
+use raybrook::low_level::reference::traverse::spheres::may_meet_sphere;
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
 use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{
@@ -75,7 +77,7 @@ fn place(random: &mut Random) -> f32 {
 
 const MAKE_RAY: &str = "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);";
 
-const SLABS: &str = "make_slabs, bare_slabs, clip_to_pair";
+const SLABS: &str = "make_slabs, slabs_without_pads, clip_to_pair";
 
 const CASES: &[Case] = &[
     Case {
@@ -109,11 +111,11 @@ const CASES: &[Case] = &[
                vstore3(slabs.inv, 0, out); vstore3(slabs.enter, 1, out); vstore3(slabs.leave, 2, out);\
                const float4 xy0 = (float4)(m.x, h.x, m.y, h.y), xy1 = (float4)(h.x, m.x, h.y, h.y), zz = (float4)(m.z, h.z, h.z, h.z);\
                vstore4(clip_to_pair(&pair, ray.t_near, ray.t_far, false, xy0, xy1, zz), 0, out + 9);\
-               out[13] = is_room_enough(&ray, low, high, 0.0f, in[11]) ? 1.0f : 0.0f;\
+               out[13] = is_padding_enough(&ray, low, high, 0.0f, in[11]) ? 1.0f : 0.0f;\
                for (uint i = 14; i < 18u; i++) out[i] = 0.0f;\
-               if (!is_room_enough(&ray, low, high, 0.0f, 1000.0f)) return;\
-               const Slabs bare = bare_slabs(&ray); const PairSlabs bare_pair = make_pair_slabs(&bare);\
-               const float4 t = clip_to_pair(&bare_pair, fabs(ray.t_near), ray.t_far, true, xy0, xy1, zz);\
+               if (!is_padding_enough(&ray, low, high, 0.0f, 1000.0f)) return;\
+               const Slabs plain = slabs_without_pads(&ray); const PairSlabs plain_pair = make_pair_slabs(&plain);\
+               const float4 t = clip_to_pair(&plain_pair, fabs(ray.t_near), ray.t_far, true, xy0, xy1, zz);\
                if (t.x <= -t.y) vstore2(t.xy, 0, out + 14); if (t.z <= -t.w) vstore2(t.zw, 0, out + 16);",
         inputs: 14,
         outputs: 18,
@@ -125,16 +127,16 @@ const CASES: &[Case] = &[
             let (xy0, xy1) = ([middle.x, half.x, middle.y, half.y], [half.x, middle.x, half.y, half.y]);
             let zz = [middle.z, half.z, half.z, half.z];
             let t = PairSlabs::new(&slabs).clip([ray.t_near, ray.t_far], xy0, xy1, zz);
-            let mut bare = [0.0; 4];
-            if is_room_enough(&ray, low, high, 0.0, 1000.0) {
-                let t = PairSlabs::new(&Slabs::bare(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
+            let mut plain = [0.0; 4];
+            if is_padding_enough(&ray, low, high, 0.0, 1000.0) {
+                let t = PairSlabs::new(&Slabs::without_pads(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
                 for i in [0, 2].into_iter().filter(|&i| t[i] <= -t[i + 1]) {
-                    bare[i..i + 2].copy_from_slice(&t[i..i + 2]);
+                    plain[i..i + 2].copy_from_slice(&t[i..i + 2]);
                 }
             }
-            let has_room = flag(is_room_enough(&ray, low, high, 0.0, x[11]));
+            let has_padding = flag(is_padding_enough(&ray, low, high, 0.0, x[11]));
             let slabs = [slabs.inv, slabs.enter, slabs.leave];
-            slabs.iter().flat_map(|v| v.to_array()).chain(t).chain([has_room]).chain(bare).collect()
+            slabs.iter().flat_map(|v| v.to_array()).chain(t).chain([has_padding]).chain(plain).collect()
         },
     },
     Case {

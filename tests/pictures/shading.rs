@@ -5,6 +5,7 @@
 use crate::common::probe::{assert_same_bits, run, v3};
 use crate::common::{Random, SEED, device};
 use glam::{DVec3, Vec2, Vec3};
+use raybrook::low_level::bounds::EPSILON;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{Kernels, PictureOptions, Terminator, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
@@ -14,7 +15,6 @@ use raybrook::low_level::reference::shade::surface::{Surface, SurfacePoint};
 use raybrook::low_level::reference::shade::texture::wrap_texel;
 use raybrook::low_level::reference::shade::whitted::{reflect_direction, refract_direction};
 use raybrook::low_level::reference::shared::math::{dot3, normalize3};
-use raybrook::low_level::reference::shared::ray::EPSILON;
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Normals, Samples};
 use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MAX_RADIANCE};

@@ -51,9 +51,10 @@ impl Edges {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounds::EPSILON;
     use crate::random::Random;
     use crate::reference::intersect::watertight::shear_triangle;
-    use crate::reference::shared::ray::{EPSILON, Ray, major_axis, swap_to_z};
+    use crate::reference::shared::ray::{Ray, major_axis, swap_to_z};
     use crate::shared::NO_PRIMITIVE;
     use glam::DVec3;
 

@@ -3,8 +3,9 @@
 use super::edges::Edges;
 use super::moller_trumbore::Intersection;
 use super::watertight::ShearedTriangle;
+use crate::bounds::EPSILON;
 use crate::reference::shared::math::{abs3, dot3, fma3, max_or, min_or};
-use crate::reference::shared::ray::{EPSILON, Ray};
+use crate::reference::shared::ray::Ray;
 use crate::shared::Hit;
 use crate::shared::constants::{
     DEPTH_ERROR, DOUBLE_EPSILON, DOUBLE_PRECISION, LEAST_DEPTH, LEAST_MAGNITUDE, LEAST_START, SPREAD_ERROR,

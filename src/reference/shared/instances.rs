@@ -1,6 +1,6 @@
 //! Twin of `cl/shared/instances.cl`: triangles of objects, placed when they are read. The reasons are there.
 
-use super::math::normalize3;
+use super::math::unit_normals;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
 use crate::scene::{row_times_direction, row_times_point};
@@ -78,11 +78,4 @@ pub fn placed_shading(buffers: &SceneBuffers, primitive: u32) -> Shading {
         at.material = material;
     }
     at
-}
-
-/// The normals of a triangle's corners at unit length, so that interpolation weighs them alike; all zero where one has no direction.
-#[inline(always)]
-pub fn unit_normals(normals: [Vec3; 3]) -> [Vec3; 3] {
-    let unit = normals.map(|n| normalize3(n, Vec3::ZERO) + 0.0);
-    if unit.contains(&Vec3::ZERO) { [Vec3::ZERO; 3] } else { unit }
 }

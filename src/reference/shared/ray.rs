@@ -1,14 +1,11 @@
 //! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there. A ray's shear is not kept
-//! here: `shear_triangle` in `intersect.rs` computes it.
+//! here: `shear_triangle` in `watertight.rs` computes it.
 
 use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
-use crate::shared::constants::{
-    POINT_ERROR, POINT_PASSES, POINT_TERMS, SHORT_DIRECTION, SMALL_TURN_LIFT, WIDEN_DOWN, WIDEN_UP,
-};
+use crate::bounds::{PLANE_ERROR, WIDEN_DOWN, WIDEN_UP};
+use crate::shared::constants::{POINT_ERROR, POINT_PASSES, POINT_TERMS, SHORT_DIRECTION, SMALL_TURN_LIFT};
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
-
-pub use crate::shared::constants::{EPSILON, HIT_ERROR, PLANE_ERROR, SLACK};
 
 /// `v` with the component along `axis` exchanged with z.
 #[inline(always)]
@@ -309,6 +306,7 @@ pub fn point_error([p0, p1, p2]: [Vec3; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bounds::EPSILON;
     use crate::random::Random;
 
     const SEED: u64 = 20_081_121;

@@ -4,15 +4,14 @@
 
 use super::instances::{transform_direction, transform_point};
 use super::math::{abs3, fma3, max_component, max_or};
-use super::ray::{Ray, SLACK};
-use crate::layout::Float4;
-use crate::shared::constants::{
-    FARTHEST_START, LEAST_SLAB_DIRECTION, OBJECT_ORIGIN_ERROR, ORIGIN_ERROR, THICKEST, TRANSFORM_ERROR,
+use super::ray::Ray;
+use crate::bounds::{
+    FARTHEST_START, LEAST_PAD, LEAST_SLAB_DIRECTION, OBJECT_ORIGIN_ERROR, ORIGIN_ERROR, SLACK, THICKEST,
+    TRANSFORM_ERROR,
 };
+use crate::layout::Float4;
 use crate::shared::{INSTANCE_BLUR, INSTANCE_REACH, INSTANCE_TO_OBJECT};
 use glam::Vec3;
-
-pub use crate::shared::constants::LEAST_PAD;
 
 /// Of a ray. The near plane of a slab is the upper one where `inv` < 0.
 #[derive(Debug, Clone, Copy)]
@@ -36,30 +35,11 @@ fn slab_inverses(ray: &Ray) -> Vec3 {
     Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], LEAST_SLAB_DIRECTION)))
 }
 
-/// Rays that start no farther away than this from any corner of the scene's box, on any axis, in units of the box's largest side, want no
-/// more than the room of its boxes: those that start in it, and from cameras three times its size beside it. Others take pads. As much
-/// again would make boxes larger by a hundred thousandth of the scene.
-const ROOMY_DISTANCE: f32 = 4.0;
-
-/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of the pads of a ray from
-/// `ROOMY_DISTANCE` away. For boxes within `low..high`.
-pub fn room_of_boxes(low: Vec3, high: Vec3) -> f32 {
-    let distance = ROOMY_DISTANCE * (high - low).max_element();
-    let farthest_origin = low.abs().max(high.abs()).max_element() + distance;
-    let room = farthest_origin.mul_add(ORIGIN_ERROR, SLACK.mul_add(distance, LEAST_PAD));
-    if room.is_finite() { room } else { 0.0 }
-}
-
-/// Whether boxes within `low..high` that are larger by `room` than what they hold need no pads for this ray.
+/// Whether boxes within `low..high` that are larger by `padding` than what they hold need no pads for this ray.
 #[inline(always)]
-pub fn is_room_enough(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32, room: f32) -> bool {
+pub fn is_padding_enough(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32, padding: f32) -> bool {
     let thickness = SLACK.mul_add(pad_distance(ray, low, high, near_reach), LEAST_PAD);
-    max_component(abs3(ray.origin)).mul_add(ORIGIN_ERROR, thickness) <= room
-}
-
-/// As [`room_of_boxes`], for boxes and rays within `near_reach` of 0.
-pub fn room_within(near_reach: f32) -> f32 {
-    near_reach.mul_add(ORIGIN_ERROR, SLACK.mul_add(2.0 * near_reach, LEAST_PAD))
+    max_component(abs3(ray.origin)).mul_add(ORIGIN_ERROR, thickness) <= padding
 }
 
 /// How far boxes within `low..high` are from the start of the ray at most, but for what those have been made larger by that are not within
@@ -85,9 +65,9 @@ impl Slabs {
         Slabs::thick(ray.origin, slab_inverses(ray), fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)))
     }
 
-    /// Those without pads: for rays for which boxes have [room enough](is_room_enough).
+    /// Those without pads: for rays for which boxes have [padding enough](is_padding_enough).
     #[inline(always)]
-    pub fn bare(ray: &Ray) -> Slabs {
+    pub fn without_pads(ray: &Ray) -> Slabs {
         let inv = slab_inverses(ray);
         let at_origin = -(ray.origin * inv);
         Slabs { inv, enter: at_origin, leave: at_origin }
@@ -174,8 +154,8 @@ impl PairSlabs {
 mod tests {
     use super::*;
     use crate::accel::{Aabb, Middle, NOWHERE};
+    use crate::bounds::{EPSILON, HIT_ERROR, padding_of_boxes};
     use crate::random::Random;
-    use crate::reference::shared::ray::{EPSILON, HIT_ERROR};
     use crate::shared::NO_PRIMITIVE;
 
     const SEED: u64 = 20_081_121;
@@ -327,36 +307,36 @@ mod tests {
         [(-half).mul_add(inv.abs(), middle(slabs.enter[axis])), half.mul_add(inv.abs(), middle(slabs.leave[axis]))]
     }
 
-    fn middle_of([low, high]: [Vec3; 2], room: f32) -> Middle {
-        Middle::new(&Aabb { low, high }, room)
+    fn middle_of([low, high]: [Vec3; 2], padding: f32) -> Middle {
+        Middle::new(&Aabb { low, high }, padding)
     }
 
     #[test]
-    fn no_box_with_pads_or_room_is_left_before_or_entered_after_any_hit_in_it() {
+    fn no_box_with_pads_or_padding_is_left_before_or_entered_after_any_hit_in_it() {
         let mut random = Random::new(SEED + 3);
-        let (mut checked, mut bare) = (0, 0);
+        let (mut checked, mut without_pads) = (0, 0);
         for i in 0..400_000 {
             let query = query(i, &mut random);
             let [low, high] = query.scene;
             if query.ray.t_near > query.ray.t_far {
                 continue; // no direction
             }
-            let room = room_of_boxes(low, high);
-            let is_bare = is_room_enough(&query.ray, low, high, 0.0, room);
-            let padded = (Slabs::new(&query.ray, low, high, 0.0), middle_of(query.bounds, 0.0));
-            let roomy = (Slabs::bare(&query.ray), middle_of(query.bounds, room));
-            bare += usize::from(is_bare);
-            for (slabs, bounds) in std::iter::once(&padded).chain(is_bare.then_some(&roomy)) {
+            let padding = padding_of_boxes(low, high);
+            let needs_no_pads = is_padding_enough(&query.ray, low, high, 0.0, padding);
+            let with_pads = (Slabs::new(&query.ray, low, high, 0.0), middle_of(query.bounds, 0.0));
+            let padded_box = (Slabs::without_pads(&query.ray), middle_of(query.bounds, padding));
+            without_pads += usize::from(needs_no_pads);
+            for (slabs, bounds) in std::iter::once(&with_pads).chain(needs_no_pads.then_some(&padded_box)) {
                 for axis in 0..3 {
                     checked += usize::from(holds_hits(&query, axis, middle_interval(slabs, axis, bounds)));
                 }
             }
         }
-        assert!(checked > 700_000 && bare > 100_000 && bare < 300_000, "{checked} {bare}");
+        assert!(checked > 700_000 && without_pads > 100_000 && without_pads < 300_000, "{checked} {without_pads}");
     }
 
     #[test]
-    fn rays_that_start_in_the_scene_or_not_far_away_have_room_enough() {
+    fn rays_that_start_in_the_scene_or_not_far_away_have_padding_enough() {
         let mut random = Random::new(SEED + 4);
         for i in 0..100_000 {
             let query = query(i, &mut random);
@@ -368,12 +348,15 @@ mod tests {
             let from_corner = (2.9 * random.vec3()) * side; // up to 2.9 sides beside a corner, 3.9 from the others
             for origin in [low.lerp(high, 0.5 + 0.5 * random.signed()), low + from_corner, high + from_corner] {
                 let ray = Ray::new(origin, Vec3::ONE, 0.0, f32::INFINITY, NO_PRIMITIVE);
-                assert!(is_room_enough(&ray, low, high, 0.0, room_of_boxes(low, high)), "{i}: {origin} {low} {high}");
-                // Room is for the origin's distance from that of space, too, which is small here.
+                assert!(
+                    is_padding_enough(&ray, low, high, 0.0, padding_of_boxes(low, high)),
+                    "{i}: {origin} {low} {high}"
+                );
+                // Padding is for the origin's distance from that of space, too, which is small here.
                 let far = Ray::new(origin + 9.0 * side, Vec3::ONE, 0.0, f32::INFINITY, NO_PRIMITIVE);
                 let is_about_zero = side > 0.2;
                 assert!(
-                    !is_about_zero || !is_room_enough(&far, low, high, 0.0, room_of_boxes(low, high)),
+                    !is_about_zero || !is_padding_enough(&far, low, high, 0.0, padding_of_boxes(low, high)),
                     "{i}: {far:?}"
                 );
             }
@@ -385,9 +368,11 @@ mod tests {
         let mut random = Random::new(SEED + 5);
         for i in 0..100_000 {
             let query = query(i, &mut random);
-            let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0), Slabs::bare(&query.ray)];
-            let is_bare = is_room_enough(&query.ray, query.scene[0], query.scene[1], 0.0, 1.0);
-            for slabs in slabs.iter().take(1 + usize::from(is_bare)).filter(|slabs| slabs.enter != Vec3::NEG_INFINITY) {
+            let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0), Slabs::without_pads(&query.ray)];
+            let needs_no_pads = is_padding_enough(&query.ray, query.scene[0], query.scene[1], 0.0, 1.0);
+            for slabs in
+                slabs.iter().take(1 + usize::from(needs_no_pads)).filter(|slabs| slabs.enter != Vec3::NEG_INFINITY)
+            {
                 for axis in 0..3 {
                     let [t_enter, t_leave] = middle_interval(slabs, axis, &NOWHERE);
                     assert!(t_enter > t_leave, "{i}, axis {axis}: {:?} {t_enter} {t_leave}", query.ray);

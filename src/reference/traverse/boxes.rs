@@ -1,10 +1,11 @@
 //! Twin of `cl/traverse/boxes.cl`: bounding boxes one after the other. The reasons are there.
 
 use super::leaf::test_leaf;
+use crate::bounds::SLACK;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_bounds, load_node};
-use crate::reference::shared::ray::{Ray, SLACK, no_hit_yet};
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::reference::shared::slab::pad_distance;
 use crate::shared::{Hit, WorkCounter};
 

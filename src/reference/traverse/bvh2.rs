@@ -7,7 +7,7 @@ use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_node};
 use crate::reference::shared::ray::Ray;
 use crate::reference::shared::ray::no_hit_yet;
-use crate::reference::shared::slab::{PairSlabs, Slabs, is_room_enough};
+use crate::reference::shared::slab::{PairSlabs, Slabs, is_padding_enough};
 use crate::shared::{BVH_END, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 
 #[inline(always)]
@@ -20,9 +20,10 @@ pub fn traverse_bvh2(
 ) -> Hit {
     let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
-    let (near_reach, room) = (buffers.params.high.w, buffers.params.low.w);
-    let is_bare = is_room_enough(ray, low, high, near_reach, room) && ray.t_near.is_sign_positive();
-    let pair = PairSlabs::new(&if is_bare { Slabs::bare(ray) } else { Slabs::new(ray, low, high, near_reach) });
+    let (near_reach, padding) = (buffers.params.high.w, buffers.params.low.w);
+    let needs_no_pads = is_padding_enough(ray, low, high, near_reach, padding) && ray.t_near.is_sign_positive();
+    let pair =
+        PairSlabs::new(&if needs_no_pads { Slabs::without_pads(ray) } else { Slabs::new(ray, low, high, near_reach) });
 
     let mut stack = [BVH_END; TraceOptions::MAX_DEPTH as usize + 1];
     let mut stacked = 0;

@@ -1,13 +1,14 @@
 //! Twin of `cl/traverse/grid.cl`: the walk through a uniform grid. The reasons are there.
 
 use super::leaf::{test_leaf, test_triangles};
+use crate::bounds::SLACK;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::{max_or, min_or};
 use crate::reference::shared::memory::{Work, load_bounds, load_node};
+use crate::reference::shared::ray::Ray;
 use crate::reference::shared::ray::no_hit_yet;
-use crate::reference::shared::ray::{Ray, SLACK};
 use crate::shared::{Hit, WorkCounter};
 
 #[derive(Clone, Copy)]

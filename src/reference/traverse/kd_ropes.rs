@@ -3,12 +3,13 @@
 use super::kd_push_down::push_down;
 use super::kd_step::{kd_split, root_cell};
 use super::leaf::test_leaf;
+use crate::bounds::PLANE_ERROR;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_bounds, load_node};
 use crate::reference::shared::ray::no_hit_yet;
-use crate::reference::shared::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
+use crate::reference::shared::ray::{Ray, widen_down, widen_up};
 use crate::shared::constants::NO_AXIS;
 use crate::shared::{Hit, KD_LEAF, NO_ROPE, WorkCounter};
 

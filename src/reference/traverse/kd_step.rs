@@ -1,8 +1,9 @@
 //! Twin of `cl/traverse/kd_step.cl`: what the kd-tree's traversals share.
 
+use crate::bounds::PLANE_ERROR;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::{max_or, min_or};
-use crate::reference::shared::ray::{PLANE_ERROR, Ray, widen_down, widen_up};
+use crate::reference::shared::ray::{Ray, widen_down, widen_up};
 use crate::shared::KdNode;
 
 /// A node, and the part of the ray in its cell.

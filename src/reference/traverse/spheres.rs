@@ -1,6 +1,7 @@
 //! Twin of `cl/traverse/spheres.cl`: bounding spheres one after the other. The reasons are there.
 
 use super::boxes::{pad_distance_in, traverse_clusters};
+use crate::bounds::SPHERE_SLACK;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -8,8 +9,6 @@ use crate::reference::shared::math::{dot3, fma3};
 use crate::reference::shared::memory::{Work, load_bounds};
 use crate::reference::shared::ray::{Ray, widen_down, widen_up};
 use crate::shared::Hit;
-
-pub use crate::shared::constants::SPHERE_SLACK;
 
 /// Whether the ray may meet the sphere within its limits before `t_hit`.
 #[inline(always)]
