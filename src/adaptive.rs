@@ -15,7 +15,7 @@
 mod estimate;
 
 use crate::error::Result;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::options::{Decisions, as_name};
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Progress, RenderResult, Tracer};

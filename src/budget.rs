@@ -2,7 +2,7 @@
 //!
 //! What needs much memory tells how much before it takes any: an allocation that fails aborts the process, and one that
 //! the system promises but does not have ends it without a word. Estimates stand where the allocation is
-//! ([`crate::pack`], [`crate::film`], [`crate::scene`], …); the functions that check them take a [`MemoryBudget`],
+//! ([`crate::pack`], [`crate::io::film`], [`crate::scene`], …); the functions that check them take a [`MemoryBudget`],
 //! those without one take [`MemoryBudget::available`].
 //!
 //! Bad at: systems without `/proc`, on which nothing is known and everything is allowed; what other processes take

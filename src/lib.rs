@@ -8,11 +8,11 @@
 //!
 //! ```text
 //!  scene.toml, .obj ──load──▶ Scene ──build──▶ KdTree ──pack──▶ SceneBuffers ──▶ render kernel ──▶ Film ──▶ picture
-//!   (scene/load.rs)          (scene/)         (accel/)         (pack.rs)   │    (cl/, device/)  (film.rs)
+//!   (scene/load.rs)          (scene/)         (accel/)         (pack.rs)   │    (cl/, device/)  (io/film.rs)
 //!                                                                          │       ▲ -D TRAVERSE=… -D HITS=…
 //!  rays.npz ───────────────▶ RayBatch ──────────────────────▶ TraceJob ────┤
-//!                            (rays.rs)                       (tracer.rs)   ▼
-//!                                               reference/ (the same algorithms, file for file, in f32) ──▶ compare.rs
+//!                            (io/rays.rs)                       (tracer.rs)   ▼
+//!                                               reference/ (the same algorithms, file for file, in f32) ──▶ io/compare.rs
 //! ```
 //!
 //! # Code map
@@ -34,8 +34,9 @@
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
 //! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
 //! | [`budget`] | how much memory may be taken, checked against estimates before it is |
-//! | [`work`], [`aov`] | counted work (what a step is: [`shared::WorkCounter`]), its sums, and its false-colour pictures |
-//! |  [`film`], `input.rs`, [`output`], [`rays`], [`stats`], [`compare`] | pictures, files written whole or not at all, NumPy batches, run statistics, comparisons |
+//! | [`work`] | counted work (what a step is: [`shared::WorkCounter`]) and its sums |
+//! | [`io`] | files: pictures ([`io::film`]), batches of rays as NumPy archives ([`io::rays`]), files written whole or not at all ([`io::output`]), false colours ([`io::aov`]), comparisons ([`io::compare`]) |
+//! | [`stats`] | statistics of a run |
 //! | [`stress`] | hard rays with exact answers by rational arithmetic: generators, exact tracer, judge, replays; [`stress::closed`]: rays that must hit closed models, without exact answers |
 //! | [`study`] | studies: methods timed by turns and judged, charts of speed against accuracy, the thesis's tables and graphs, and the report (`study/studies/` one question each, `lab.rs` measures, `draw.rs` and `page.rs` show) |
 //! | `cl/` | `shared/` arithmetic and rays, `intersect/` and `traverse/` one method a file (triangles of instances are placed in `shared/instances.cl`), `packets/` sixteen rays at a time, or four times sixteen, through the kd-tree or the wide hierarchy, and what they have hit (`packets/surfaces.cl`), `lanes/` for how many numbers at a time a file is compiled next, `shade/` surfaces, textures and light, `kernels/` entry points (pictures: `render.cl` all steps in one kernel, `wavefront.cl` one in each) |
@@ -80,26 +81,20 @@
 
 mod accel;
 mod adaptive;
-mod aov;
 mod bounds;
 mod budget;
-mod compare;
 mod device;
 mod error;
 mod extreme;
 mod features;
-mod film;
-mod input;
+mod io;
 mod layout;
 pub mod low_level;
 mod math;
-mod npz;
 mod options;
-mod output;
 mod pack;
 mod random;
 mod ray_order;
-mod rays;
 mod reference;
 mod scene;
 mod session;

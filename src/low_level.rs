@@ -5,11 +5,11 @@
 
 /// Passes rooms of the library on.
 macro_rules! rooms {
-    ($($(#[doc = $doc:literal])+ $room:ident,)+) => { $(
+    ($($(#[doc = $doc:literal])+ $room:ident $(in $parent:ident)?,)+) => { $(
         $(#[doc = $doc])+
         pub mod $room {
             #[doc(inline)]
-            pub use crate::$room::*;
+            pub use crate::$($parent::)?$room::*;
         }
     )+ };
 }
@@ -20,13 +20,13 @@ rooms! {
     /// Pictures of bounded error: which pixels get how many samples.
     adaptive,
     /// False-colour pictures of counted work.
-    aov,
+    aov in io,
     /// Bounds of rounding errors that builders, kernels and the twin share.
     bounds,
     /// How much memory may be taken, checked against estimates before it is.
     budget,
     /// Comparisons of pictures and of hits.
-    compare,
+    compare in io,
     /// OpenCL devices: list, choose, compile, upload, launch.
     device,
     /// Rays whose numbers tracing space cannot hold, traced on the host with the same exact answers.
@@ -34,9 +34,9 @@ rooms! {
     /// What a scene needs of the kernels that shade.
     features,
     /// Pictures in linear radiance, and their files.
-    film,
+    film in io,
     /// Input files, read whole.
-    input,
+    input in io,
     /// Vectors as kernels have them.
     layout,
     /// Arithmetic with the same bits everywhere.
@@ -44,13 +44,13 @@ rooms! {
     /// What can be chosen, what goes together, and what is chosen where nothing is asked for.
     options,
     /// Output files, written whole or not at all.
-    output,
+    output in io,
     /// Scene and structure as flat arrays in tracing space, which kernels and twin read alike.
     pack,
     /// Random numbers that are the same on every machine.
     random,
     /// Batches of rays and hits as NumPy archives.
-    rays,
+    rays in io,
     /// The scalar twin of every kernel, and an oracle in f64.
     reference,
     /// Scenes in world units, and their loaders.

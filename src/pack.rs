@@ -19,7 +19,7 @@ use crate::bounds::{padding_of_boxes, padding_within};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::features::{Feature, Features};
-use crate::film::SRGB_TO_LINEAR;
+use crate::io::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
 use crate::scene::{Camera, Samples, Scene};

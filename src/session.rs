@@ -5,7 +5,7 @@ use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClTracer};
 use crate::error::Result;
 use crate::features::Features;
-use crate::film::{Film, ImageFormat};
+use crate::io::film::{Film, ImageFormat};
 use crate::options::{Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceTracer;

@@ -3,7 +3,7 @@
 use crate::adaptive::{Adaptive, AdaptiveStats};
 use crate::error::{Error, Result};
 use crate::extreme::ExtremeRay;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TraceRay};

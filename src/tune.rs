@@ -18,9 +18,9 @@ pub use scenes::{balls, cubes, scene_of};
 pub use store::{DeviceKey, TunedFile, Tuning};
 
 use crate::budget::MemoryBudget;
-use crate::compare::compare_hits;
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
+use crate::io::compare::compare_hits;
 use crate::options::{Accel, PacketSize, Request, SceneSize, TraceOptions, Workload};
 use crate::pack::SceneBuffers;
 use crate::scene::Scene;

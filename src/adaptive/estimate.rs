@@ -1,7 +1,7 @@
 //! How wrong each pixel may be, and which of them more samples would help most.
 
 use super::{LAST_LEVEL, LEVEL_SAMPLES, pixels_in_tiles};
-use crate::film::srgb_from_linear;
+use crate::io::film::srgb_from_linear;
 use rayon::prelude::*;
 use std::sync::LazyLock;
 

@@ -11,7 +11,7 @@ use crate::adaptive::{
     sample_sequence,
 };
 use crate::error::Result;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};

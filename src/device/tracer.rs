@@ -11,7 +11,7 @@ use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, 
 use crate::adaptive::Adaptive;
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_decides, work_group_size};
 use crate::pack::SceneBuffers;

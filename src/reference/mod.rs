@@ -12,7 +12,7 @@ pub mod shared;
 pub mod traverse;
 
 use crate::error::Result;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::Read;

@@ -35,7 +35,7 @@ use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use faces::{FaceSink, Faces};
 use rows::{Element, Skip};
 use serde::de::MapAccess;

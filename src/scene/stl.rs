@@ -16,7 +16,7 @@ use super::text::{Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::{Cursor, ErrorKind, Read};

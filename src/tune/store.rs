@@ -7,9 +7,9 @@
 use super::{Candidate, SceneTuning, fastest};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
-use crate::input::read_regular;
+use crate::io::input::read_regular;
+use crate::io::output::{check_writable, write_json};
 use crate::options::{SceneSize, TunedChoice};
-use crate::output::{check_writable, write_json};
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
-use crate::output::{Output, check_writable, write_atomically};
+use crate::io::output::{Output, check_writable, write_atomically};
 
 /// A rendered picture.
 #[derive(Debug, Clone, PartialEq)]
