@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::io::film::Film;
 use crate::options::{Decisions, as_name};
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, Tracer};
+use crate::tracer::{Backend, Progress, RenderResult};
 use crate::work::PixelWork;
 pub(crate) use estimate::{COUNTED, CURVE, Choice, Promises, cl_constants};
 use estimate::{Estimates, display_steps, variance_of_mean};
@@ -222,9 +222,9 @@ pub(crate) fn refine(
 /// Renders a picture with as many rays as the error takes that is asked for. Of `params` samples do not matter.
 ///
 /// # Errors
-/// As [`Tracer::render`].
+/// As [`Backend::render`].
 pub fn render_adaptive(
-    tracer: &mut dyn Tracer,
+    tracer: &mut dyn Backend,
     params: &RenderParams,
     adaptive: Adaptive,
     progress: Progress,
@@ -241,7 +241,7 @@ pub fn render_adaptive(
 
 /// A picture on its way whose pixels the host keeps.
 struct Sampler<'a> {
-    tracer: &'a mut dyn Tracer,
+    tracer: &'a mut dyn Backend,
     params: RenderParams,
     sequence: Vec<CameraSample>,
     size: (usize, usize),
@@ -284,7 +284,7 @@ impl Pixels for Sampler<'_> {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(tracer: &'a mut dyn Tracer, params: &RenderParams, adaptive: Adaptive) -> Result<Self> {
+    fn new(tracer: &'a mut dyn Backend, params: &RenderParams, adaptive: Adaptive) -> Result<Self> {
         let size = (params.width as usize, params.height as usize);
         let pixels = Film::try_pixels(size.0 * size.1)?;
         let film = Film { width: params.width, height: params.height, pixels };

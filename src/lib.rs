@@ -27,10 +27,10 @@
 //! | [`mod@reference`] | the scalar twins of `cl/`, and the f64 [`reference::oracle`] with a hierarchy of its own |
 //! | [`features`] | what a scene needs of the kernels that shade; `device/definitions.rs` leaves out the rest |
 //! | [`adaptive`] | pictures of bounded error: which pixels get how many samples (`adaptive/estimate.rs`: how wrong each may be); decided on the device by `device/adaptive.rs` and `cl/kernels/adaptive.cl` |
-//! | [`tracer`] | the [`tracer::Tracer`] trait: batches of rays and pictures, on a device or on the reference |
+//! | [`tracer`] | the [`tracer::Backend`] trait: batches of rays and pictures, on a device or on the reference |
 //! | [`extreme`] | rays whose numbers tracing space cannot hold, traced on the host with the same exact answers |
 //! | `ray_order.rs` | shuffled batches: sorted, traced, and their hits put back into the caller's order |
-//! | [`session`] | from a scene and a device to a tracer that is ready |
+//! | [`renderer`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
 //! | [`tune`] | measures what is fastest on a device, and remembers it for [`options::Request::choose`] |
 //! | [`budget`] | how much memory may be taken, checked against estimates before it is |
@@ -56,7 +56,7 @@
 //! use raybrook::low_level::options::TraceOptions;
 //! use raybrook::low_level::pack::SceneBuffers;
 //! use raybrook::low_level::scene::{Builder, Material, Samples};
-//! use raybrook::low_level::session::{Picture, complete, open_tracer, render};
+//! use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 //! use std::sync::Arc;
 //!
 //! # fn main() -> raybrook::Result<()> {
@@ -96,8 +96,8 @@ mod pack;
 mod random;
 mod ray_order;
 mod reference;
+mod renderer;
 mod scene;
-mod session;
 mod shared;
 mod stats;
 mod tracer;

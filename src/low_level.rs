@@ -53,10 +53,10 @@ rooms! {
     rays in io,
     /// The scalar twin of every kernel, and an oracle in f64.
     reference,
+    /// From a scene and a device to what is ready to render it.
+    renderer,
     /// Scenes in world units, and their loaders.
     scene,
-    /// From a scene and a device to a tracer that is ready.
-    session,
     /// The structs and constants that host and kernels share.
     shared,
     /// Statistics of a run.

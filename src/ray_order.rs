@@ -13,9 +13,9 @@ use crate::error::Result;
 use crate::extreme::answer_extreme;
 use crate::options::{PacketSize, RayOrder, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::ReferenceTracer;
+use crate::reference::ReferenceBackend;
 use crate::shared::{SceneParams, TraceRay, WorkCounter};
-use crate::tracer::{TraceJob, TraceResult, Tracer};
+use crate::tracer::{Backend, TraceJob, TraceResult};
 use crate::work::WorkSum;
 use glam::{Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
@@ -110,7 +110,7 @@ fn mean_steps(job: &TraceJob, options: &TraceOptions, buffers: &Arc<SceneBuffers
     let rays: Vec<_> = job.rays.iter().step_by(job.rays.len().div_ceil(TRIAL_RAYS).max(1)).copied().collect();
     let options = TraceOptions { ray_order: RayOrder::Kept, counters: true, ..*options };
     let trial = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
-    let work = ReferenceTracer::new(buffers.clone(), options).trace(&trial, &|_| ())?.work;
+    let work = ReferenceBackend::new(buffers.clone(), options).trace(&trial, &|_| ())?.work;
     Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps))
 }
 

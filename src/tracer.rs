@@ -38,7 +38,7 @@ pub struct TraceResult {
     pub next_work: Option<Vec<RayWork>>,
     /// How many rays, over all repeats, only exact integers could decide, in a second pass; `None` where there is no such pass.
     pub second_pass: Option<u64>,
-    /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Tracer::has_clock`].
+    /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Backend::has_clock`].
     pub kernel_s: Vec<f64>,
     /// Seconds that it took to send the rays.
     pub upload_s: f64,
@@ -63,7 +63,7 @@ pub struct RenderResult {
     /// How many pixels had a ray that only exact integers could decide, and were rendered in a second pass; of wavefront kernels how many
     /// rays. `None` where there is no such pass.
     pub second_pass: Option<u64>,
-    /// Seconds of device time, transfers left out. See [`Tracer::has_clock`].
+    /// Seconds of device time, transfers left out. See [`Backend::has_clock`].
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.
     pub read_s: f64,
@@ -134,14 +134,14 @@ pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
 /// What a tracer can be asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Task {
-    /// [`Tracer::trace`].
+    /// [`Backend::trace`].
     Batch,
-    /// [`Tracer::render`].
+    /// [`Backend::render`].
     Picture,
 }
 
 /// Something that traces rays through one scene.
-pub trait Tracer {
+pub trait Backend {
     /// The device's name.
     fn device_name(&self) -> &str;
 
@@ -202,7 +202,7 @@ pub trait Tracer {
 }
 
 /// Refuses a device whose times are not its own, where times are what is asked for.
-pub fn require_clock(tracer: &dyn Tracer) -> Result<()> {
+pub fn require_clock(tracer: &dyn Backend) -> Result<()> {
     if tracer.has_clock() {
         return Ok(());
     }

@@ -4,7 +4,7 @@
 
 use super::launch::Arguments;
 use super::passes::Passes;
-use super::tracer::{Launches, OpenClTracer, PictureBuffers};
+use super::tracer::{Launches, OpenClBackend, PictureBuffers};
 use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
 use crate::adaptive::{
     Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
@@ -143,7 +143,7 @@ impl Started {
 
 /// A picture on its way whose pixels the device keeps.
 pub(super) struct DevicePixels<'a> {
-    tracer: &'a mut OpenClTracer,
+    tracer: &'a mut OpenClBackend,
     program: &'a AdaptiveProgram,
     kernels: AdaptiveKernels,
     params: RenderParams,
@@ -175,7 +175,7 @@ impl<'a> DevicePixels<'a> {
     /// # Errors
     /// The device cannot hold it.
     pub fn new(
-        tracer: &'a mut OpenClTracer,
+        tracer: &'a mut OpenClBackend,
         program: &'a AdaptiveProgram,
         params: &RenderParams,
         adaptive: Adaptive,

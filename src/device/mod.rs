@@ -63,7 +63,7 @@ pub use resources::{KernelResources, ProgramResources, kernel_resources};
 pub use select::{Selection, select, select_working};
 pub use source::{KERNEL_FILES, ProgramSource};
 pub(crate) use tracer::CompiledAhead;
-pub use tracer::OpenClTracer;
+pub use tracer::OpenClBackend;
 pub use watchdog::{Overdue, watch_driver};
 
 use crate::error::{Error, Result};

@@ -120,7 +120,7 @@ pub(super) struct Passes {
     cache: Option<Cache>,
     /// Seconds that compilers took so far.
     pub compile_s: f64,
-    /// What [`crate::tracer::Tracer::notes`] tells.
+    /// What [`crate::tracer::Backend::notes`] tells.
     pub notes: Vec<String>,
 }
 

@@ -17,7 +17,7 @@ use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, Task, TraceJob, TraceResult, Tracer, WavefrontStats};
+use crate::tracer::{Backend, Progress, RenderResult, Task, TraceJob, TraceResult, WavefrontStats};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
@@ -110,7 +110,7 @@ fn samples_of_launch(kind: DeviceKind) -> u32 {
 }
 
 /// A tracer on an OpenCL device.
-pub struct OpenClTracer {
+pub struct OpenClBackend {
     pub(super) context: DeviceContext,
     scene: DeviceScene,
     passes: Passes,
@@ -136,7 +136,7 @@ impl CompiledAhead {
     /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such `features`.
     ///
     /// # Errors
-    /// As [`OpenClTracer::new`] and [`Tracer::prepare`].
+    /// As [`OpenClBackend::new`] and [`Backend::prepare`].
     pub fn new(
         device: &DeviceHandle,
         features: Features,
@@ -187,11 +187,11 @@ fn notes_on(info: &DeviceInfo) -> Vec<String> {
     if info.denormals { Vec::new() } else { vec![flushes.to_owned()] }
 }
 
-impl OpenClTracer {
-    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Tracer::prepare`]; the
+impl OpenClBackend {
+    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Backend::prepare`]; the
     /// `cache` is not used where the driver [keeps kernels](DeviceInfo::keeps_kernels) by itself.
     ///
-    /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
+    /// `max_depth` is the longest chain of rays that [`Backend::render`] will be asked for.
     ///
     /// # Errors
     /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its memory, or was built
@@ -229,7 +229,7 @@ impl OpenClTracer {
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
         let first_items = if context.info().kind == DeviceKind::Gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS };
-        Ok(OpenClTracer {
+        Ok(OpenClBackend {
             passes,
             wavefront: None,
             adaptive: None,
@@ -250,7 +250,7 @@ impl OpenClTracer {
     }
 }
 
-impl Tracer for OpenClTracer {
+impl Backend for OpenClBackend {
     fn device_name(&self) -> &str {
         &self.context.info().name
     }
@@ -337,7 +337,7 @@ impl Tracer for OpenClTracer {
     }
 }
 
-impl OpenClTracer {
+impl OpenClBackend {
     /// Traces a batch in the order of the job.
     fn trace_batch(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let total = job.rays.len();
@@ -352,7 +352,7 @@ impl OpenClTracer {
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
         let doubts = Doubts::new(&self.context, self.passes.defers(), total)?;
-        let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, .. } = self;
         let rows = Rows::find(job.rays);
         let first_entry = Entry::of_batch(job.any_hit, self.options.packet_size);
         let set_first = |kernel: &mut Kernel| {
@@ -441,7 +441,7 @@ impl OpenClTracer {
         let before = doubts.resolved();
         let at_a_time = self.samples_of_launch(params).max(1);
         let entry = Entry::of_picture(self.options.packet_size);
-        let OpenClTracer { context, scene, passes, .. } = self;
+        let OpenClBackend { context, scene, passes, .. } = self;
         let mut rendered = Rendered::default();
         let mut done = 0;
         let mut failed = None;

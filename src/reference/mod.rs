@@ -18,7 +18,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
-use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
+use crate::tracer::{Backend, Progress, RenderResult, TraceJob, TraceResult};
 use kernels::render::render_row;
 use kernels::trace::{trace_chunk, trace_next_chunk};
 use rayon::prelude::*;
@@ -33,19 +33,19 @@ use std::time::Instant;
 const CHUNK: usize = 256;
 
 /// The reference tracer over one scene, on all cores.
-pub struct ReferenceTracer {
+pub struct ReferenceBackend {
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
 }
 
-impl ReferenceTracer {
+impl ReferenceBackend {
     /// A tracer of `buffers`, which were built with `options`.
     pub fn new(buffers: Arc<SceneBuffers>, options: TraceOptions) -> Self {
-        ReferenceTracer { buffers, options }
+        ReferenceBackend { buffers, options }
     }
 }
 
-impl ReferenceTracer {
+impl ReferenceBackend {
     /// Room for the work on `count` rays or pixels, if it is to be counted.
     fn room_for_work<T: Clone + Default>(&self, count: usize) -> Option<Vec<T>> {
         self.options.counters.then(|| vec![T::default(); count])
@@ -80,7 +80,7 @@ pub fn texture_colours(buffers: &SceneBuffers, options: &TraceOptions, requests:
     colours
 }
 
-impl Tracer for ReferenceTracer {
+impl Backend for ReferenceBackend {
     fn device_name(&self) -> &str {
         "reference"
     }
@@ -130,7 +130,7 @@ impl Tracer for ReferenceTracer {
     }
 }
 
-impl ReferenceTracer {
+impl ReferenceBackend {
     /// Traces a batch in the order of the job.
     fn trace_batch(&self, job: &TraceJob, progress: Progress) -> TraceResult {
         let mut result = TraceResult { hits: vec![NO_HIT; job.rays.len()], ..TraceResult::default() };

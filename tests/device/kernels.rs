@@ -20,8 +20,8 @@ use raybrook::low_level::reference::shared::ray::no_hit_yet;
 use raybrook::low_level::reference::shared::ray::{Ray, TrianglePoint, start_on_triangle, widen_down, widen_up};
 use raybrook::low_level::reference::shared::slab::{PairSlabs, Slabs, is_padding_enough};
 use raybrook::low_level::reference::traverse::spheres::may_meet_sphere;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{
     NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
 };

@@ -6,11 +6,11 @@ use glam::{DVec3, Vec3};
 use raybrook::low_level::accel::{BuildOptions, StructureStats, build_boxes, build_octree, build_spheres};
 use raybrook::low_level::options::{Accel, Build, Intersector, PacketSize, TraceOptions, Traversal};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, KD_LEAF, TraceRay, WorkCounter};
-use raybrook::low_level::tracer::{TraceJob, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceJob, is_hit};
 use std::sync::Arc;
 
 type Triangles = Vec<[Vec3; 3]>;
@@ -206,7 +206,7 @@ fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
         for options in all_options() {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-            let mut tracer = ReferenceTracer::new(buffers, options);
+            let mut tracer = ReferenceBackend::new(buffers, options);
             let hits = tracer.trace(&job, &|_| ()).unwrap().hits;
             if options.accel == Accel::Brute {
                 let count = hits.iter().filter(|hit| is_hit(hit)).count();
@@ -231,7 +231,7 @@ fn the_device_agrees_on_them_to_the_bit() {
         for options in all_options().into_iter().skip(1).take(7).chain(cut(Accel::Bvh2)).chain(cut(Accel::Bvh8)) {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-            let expected = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
+            let expected = ReferenceBackend::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let got =
                 open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits;
             assert_same(&format!("{name}, {options:?}"), &rays, &got, &expected);
@@ -389,7 +389,7 @@ fn an_empty_scene_is_missed() {
         let rays =
             [buffers.trace_ray(Vec3::ZERO, Vec3::X, 0.0, 1.0), buffers.trace_ray(Vec3::ONE, -Vec3::ONE, 0.0, 9.0)];
         let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-        let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
+        let hits = ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
         assert!(!hits.iter().any(is_hit), "{options:?}");
     }
 }

@@ -9,10 +9,10 @@ use raybrook::low_level::adaptive::{
 use raybrook::low_level::film::{Film, srgb_from_linear};
 use raybrook::low_level::options::{Accel, Decisions, Intersector, KernelFeatures, Kernels, PacketSize, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render, render_full};
 use raybrook::low_level::scene::{Camera, Samples, Scene, load};
-use raybrook::low_level::session::{Picture, complete, open_tracer, render, render_full};
 use raybrook::low_level::shared::CameraSample;
-use raybrook::low_level::tracer::{RenderResult, Tracer};
+use raybrook::low_level::tracer::{Backend, RenderResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -41,15 +41,15 @@ impl Ready {
         Self::new(load(path).unwrap(), (side, side), Samples::Error(error), TraceOptions::DEFAULT)
     }
 
-    fn reference(&self) -> Box<dyn Tracer> {
+    fn reference(&self) -> Box<dyn Backend> {
         open_tracer(None, &self.buffers, &self.options, DEPTH, None).unwrap()
     }
 
-    fn render(&self, tracer: &mut dyn Tracer) -> RenderResult {
+    fn render(&self, tracer: &mut dyn Backend) -> RenderResult {
         render(tracer, &self.buffers, &self.picture, &|_| ()).unwrap()
     }
 
-    fn full(&self, tracer: &mut dyn Tracer) -> Film {
+    fn full(&self, tracer: &mut dyn Backend) -> Film {
         render_full(tracer, &self.buffers, &self.picture, &|_| ()).unwrap().film
     }
 }

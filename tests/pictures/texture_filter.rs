@@ -8,8 +8,8 @@ use raybrook::Error;
 use raybrook::low_level::film::{Film, srgb_from_linear};
 use raybrook::low_level::options::{Accel, Kernels, Layout, PacketSize, TextureFilter, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene, Texture};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use std::sync::Arc;
 
 const FOOTPRINT: TraceOptions = TraceOptions { accel: Accel::Bvh2, ..TraceOptions::DEFAULT };

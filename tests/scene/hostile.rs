@@ -7,11 +7,11 @@ use raybrook::Error;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::options::{Accel, KernelFeatures, Kernels, PacketSize, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Normals, Pattern, Procedural, Samples,
     Scene, TextureSpace, Toon, load,
 };
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::tracer::RenderResult;
 use std::fmt::Write;
 use std::sync::Arc;

@@ -10,8 +10,8 @@ use raybrook::low_level::device::kernel_resources;
 use raybrook::low_level::features::Feature;
 use raybrook::low_level::options::{Accel, KernelFeatures, PacketSize, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::complete;
 use raybrook::low_level::scene::{Scene, TextureId};
-use raybrook::low_level::session::complete;
 use raybrook::low_level::shared::Material;
 use serde_json::json;
 
