@@ -17,23 +17,11 @@ use crate::reference::oracle::{Box64, Bvh, Line};
 use crate::reference::shade::surface::start_weights;
 use crate::reference::shared::integer::float_significand;
 use crate::reference::shared::memory::vertices;
-use crate::reference::shared::ray::NO_HIT;
-use crate::reference::shared::ray::TrianglePoint;
+use crate::reference::shared::ray::{NO_HIT, TrianglePoint};
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
-use crate::tracer::{TraceJob, TraceResult, is_hit};
+use crate::tracer::{ExtremeRay, TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-
-/// A ray of a batch that tracing space cannot hold.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExtremeRay {
-    /// Its number in the batch.
-    pub index: usize,
-    /// Where it starts, world units.
-    pub origin: Vec3,
-    /// Whether that is so of the second ray alone.
-    pub is_second: bool,
-}
 
 /// A batch as the tracers take it.
 #[derive(Debug, Clone, Default)]

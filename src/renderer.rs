@@ -1,6 +1,6 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
-use crate::adaptive::{Adaptive, MOST_SAMPLES, estimated_bytes, render_adaptive, sample_sequence};
+use crate::adaptive::{estimated_bytes, render_adaptive, sample_sequence};
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
 use crate::error::Result;
@@ -11,7 +11,7 @@ use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceBackend;
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::RenderParams;
-use crate::tracer::{Backend, Progress, RenderResult, Task};
+use crate::tracer::{Adaptive, Backend, MOST_SAMPLES, Progress, RenderResult, Task};
 use crate::work::PixelWork;
 use glam::Vec3;
 use std::sync::Arc;

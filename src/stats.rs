@@ -6,7 +6,6 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::adaptive::AdaptiveStats;
 use crate::error::Result;
 use crate::io::aov::AovRange;
 use crate::io::compare::FilmDifference;
@@ -14,7 +13,7 @@ use crate::io::output::write_json;
 use crate::options::{Decision, TraceOptions};
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
-use crate::tracer::WavefrontStats;
+use crate::tracer::{AdaptiveStats, WavefrontStats};
 use crate::work::WorkSum;
 
 /// Rays of one kind.

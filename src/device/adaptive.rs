@@ -6,16 +6,13 @@ use super::launch::Arguments;
 use super::passes::Passes;
 use super::tracer::{Launches, OpenClBackend, PictureBuffers};
 use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
-use crate::adaptive::{
-    Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
-    sample_sequence,
-};
+use crate::adaptive::{COUNTED, CURVE, Choice, Pixels, Promises, cl_constants, refine, sample_sequence};
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult};
+use crate::tracer::{Adaptive, AdaptiveStats, MOST_SAMPLES, Progress, RenderResult};
 use std::ops::Range;
 use std::time::Instant;
 

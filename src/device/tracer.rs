@@ -8,7 +8,6 @@ use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::wavefront::WavefrontPipeline;
 use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
-use crate::adaptive::Adaptive;
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::io::film::Film;
@@ -17,7 +16,7 @@ use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
-use crate::tracer::{Backend, Progress, RenderResult, Task, TraceJob, TraceResult, WavefrontStats};
+use crate::tracer::{Adaptive, Backend, Progress, RenderResult, Task, TraceJob, TraceResult, WavefrontStats};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;

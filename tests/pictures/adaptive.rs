@@ -3,16 +3,14 @@
 use crate::common::models::shared_scenes;
 use crate::common::{Random, SEED, device};
 use glam::Vec3;
-use raybrook::low_level::adaptive::{
-    Adaptive, AdaptiveStats, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, sample_sequence,
-};
+use raybrook::low_level::adaptive::{render_adaptive, sample_sequence};
 use raybrook::low_level::film::{Film, srgb_from_linear};
 use raybrook::low_level::options::{Accel, Decisions, Intersector, KernelFeatures, Kernels, PacketSize, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, complete, open_tracer, render, render_full};
 use raybrook::low_level::scene::{Camera, Samples, Scene, load};
 use raybrook::low_level::shared::CameraSample;
-use raybrook::low_level::tracer::{Backend, RenderResult};
+use raybrook::low_level::tracer::{Adaptive, AdaptiveStats, Backend, LEVEL_SAMPLES, MOST_SAMPLES, RenderResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -4,7 +4,6 @@ use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, work};
-use raybrook::low_level::adaptive::MOST_SAMPLES;
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{ImageFormat, check_output};
 use raybrook::low_level::options::TraceOptions;
@@ -13,7 +12,7 @@ use raybrook::low_level::renderer::{DEFAULT_DEPTH, Picture, render, render_full}
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
-use raybrook::low_level::tracer::Task;
+use raybrook::low_level::tracer::{MOST_SAMPLES, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
