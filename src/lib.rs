@@ -28,7 +28,7 @@
 //! | [`features`] | what a scene needs of the kernels that shade; `device/definitions.rs` leaves out the rest |
 //! | [`adaptive`] | pictures of bounded error: which pixels get how many samples (`adaptive/estimate.rs`: how wrong each may be); decided on the device by `device/adaptive.rs` and `cl/kernels/adaptive.cl` |
 //! | [`tracer`] | the [`tracer::Backend`] trait: batches of rays and pictures, on a device or on the reference |
-//! | [`extreme`] | rays whose numbers tracing space cannot hold, traced on the host with the same exact answers |
+//! | [`reference::extreme`] | rays whose numbers tracing space cannot hold, traced on the host with the same exact answers |
 //! | `ray_order.rs` | shuffled batches: sorted, traced, and their hits put back into the caller's order |
 //! | [`renderer`] | from a scene and a device to a tracer that is ready |
 //! | [`options`] | what can be chosen, as enums that the CLI and the tests loop over; what goes together, as a table; what is chosen where nothing is asked for, and why ([`options::Request`]) |
@@ -85,7 +85,6 @@ mod bounds;
 mod budget;
 mod device;
 mod error;
-mod extreme;
 mod features;
 mod io;
 mod layout;

@@ -30,7 +30,7 @@ rooms! {
     /// OpenCL devices: list, choose, compile, upload, launch.
     device,
     /// Rays whose numbers tracing space cannot hold, traced on the host with the same exact answers.
-    extreme,
+    extreme in reference,
     /// What a scene needs of the kernels that shade.
     features,
     /// Pictures in linear radiance, and their files.

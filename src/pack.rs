@@ -18,13 +18,15 @@ use crate::accel::{
 use crate::bounds::{padding_of_boxes, padding_within};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::features::{Feature, Features};
+use crate::features::Features;
 use crate::io::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Accel, Intersector, Memory, NodeOrder, PacketSize, TextureFilter, TraceOptions, Traversal};
-use crate::scene::{Camera, Samples, Scene};
+use crate::scene::{Camera, PictureDefaults, Samples, Scene};
+use crate::shared::Feature;
 use crate::shared::{
-    BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo,
+    BVH_NODE_RECORDS, CameraSample, KD_LEAF, KdNode, Light, MAX_RADIANCE, Material, RenderParams, SceneParams, Shading,
+    TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use instances::pack_instances;
@@ -33,6 +35,11 @@ use rayon::prelude::*;
 use shading::{ShadingArrays, shading_of};
 use std::borrow::Cow;
 use std::time::Instant;
+
+const _: () = assert!(
+    MAX_RADIANCE * PictureDefaults::MAX_SAMPLES as f32 * (2 * PictureDefaults::MAX_DEPTH) as f32 <= f32::MAX,
+    "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
+);
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]

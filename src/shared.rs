@@ -4,14 +4,14 @@
 //! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
+mod feature;
 mod wavefront;
 
+pub use feature::Feature;
 pub use wavefront::*;
 
-use crate::features::Feature;
 use crate::layout::{Float4, Int4, StructLayout, device_struct};
 use crate::options::methods;
-use crate::scene::PictureDefaults;
 
 /// `Hit::primitive` of a miss, and `skip` of a ray that skips nothing.
 pub const NO_PRIMITIVE: u32 = u32::MAX;
@@ -103,10 +103,6 @@ const MAX_RADIANCE_EXPONENT: u32 = 100;
 /// 2^6 depths. An infinity would become NaN where its weight is 0. White is 1, the sun in candela per square metre 1.6e9: 2^100 is
 /// out of reach for all but a lamp that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
 pub const MAX_RADIANCE: f32 = f32::from_bits((127 + MAX_RADIANCE_EXPONENT) << 23);
-const _: () = assert!(
-    MAX_RADIANCE * PictureDefaults::MAX_SAMPLES as f32 * (2 * PictureDefaults::MAX_DEPTH) as f32 <= f32::MAX,
-    "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
-);
 
 /// How many ray counters there are.
 pub const COUNTERS: usize = 8;

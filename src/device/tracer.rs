@@ -15,6 +15,8 @@ use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions, who_decides, work_group_size};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
+use crate::reference::ReferenceBackend;
+use crate::reference::extreme::answer_extreme;
 use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
 use crate::tracer::{Adaptive, Backend, Progress, RenderResult, Task, TraceJob, TraceResult, WavefrontStats};
 use crate::work::{PixelWork, RayWork};
@@ -289,7 +291,12 @@ impl Backend for OpenClBackend {
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.prepare(Task::Batch)?;
         let (options, buffers, kind) = (self.options, self.buffers.clone(), self.context.info().kind);
-        trace_in_order(job, &options, Some(kind), &buffers, |job| self.trace_batch(job, progress))
+        let trial = |job: &TraceJob, options| ReferenceBackend::new(buffers.clone(), options).trace(job, &|_| ());
+        let pays = options.gains_by_sorted_rays(Some(kind));
+        let mut result =
+            trace_in_order(job, &options, &buffers.params, pays, trial, |job| self.trace_batch(job, progress))?;
+        answer_extreme(job, &options, &buffers, &mut result);
+        Ok(result)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {

@@ -3,7 +3,8 @@
 
 use super::{Accel, Decisions, Intersector, KernelFeatures, Layout, PacketSize, SceneSize, TraceOptions};
 use crate::device::{DeviceInfo, DeviceKind};
-use crate::features::{Feature, Features};
+use crate::features::Features;
+use crate::shared::Feature;
 use crate::shared::Shading;
 
 /// The work that methods are chosen for.

@@ -4,6 +4,7 @@
 //! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which accuracy is
 //! measured.
 
+pub mod extreme;
 pub mod intersect;
 pub mod kernels;
 pub mod oracle;
@@ -19,6 +20,7 @@ use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
 use crate::tracer::{Backend, Progress, RenderResult, TraceJob, TraceResult};
+use extreme::answer_extreme;
 use kernels::render::render_row;
 use kernels::trace::{trace_chunk, trace_next_chunk};
 use rayon::prelude::*;
@@ -94,7 +96,12 @@ impl Backend for ReferenceBackend {
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
-        trace_in_order(job, &self.options, None, &self.buffers, |job| Ok(self.trace_batch(job, progress)))
+        let pays = self.options.gains_by_sorted_rays(None);
+        let trial = |job: &TraceJob, options| Ok(Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ()));
+        let trace = |job: &TraceJob| Ok(self.trace_batch(job, progress));
+        let mut result = trace_in_order(job, &self.options, &self.buffers.params, pays, trial, trace)?;
+        answer_extreme(job, &self.options, &self.buffers, &mut result);
+        Ok(result)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {

@@ -7,11 +7,11 @@ use super::pareto::fast_options;
 use super::{PICTURE, Verdict, by_scene, ratio_of};
 use raybrook::Result;
 use raybrook::low_level::device::kernel_resources;
-use raybrook::low_level::features::Feature;
 use raybrook::low_level::options::{Accel, KernelFeatures, PacketSize, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::complete;
 use raybrook::low_level::scene::{Scene, TextureId};
+use raybrook::low_level::shared::Feature;
 use raybrook::low_level::shared::Material;
 use serde_json::json;
 

@@ -22,6 +22,7 @@ use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
 use crate::tracer::{ExtremeRay, TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// A batch as the tracers take it.
 #[derive(Debug, Clone, Default)]
@@ -265,11 +266,12 @@ fn magnitude_cross(a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
 }
 
-/// Answers the extreme rays of a job in `result`, which has the answers of all others.
+/// Answers the extreme rays of a job in `result`, which has the answers of all others, and notes how long that took.
 pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &SceneBuffers, result: &mut TraceResult) {
     if job.extreme.is_empty() {
         return;
     }
+    let start = Instant::now();
     let world = World::new(buffers, job.extreme.len());
     let is_exact = options.intersector == Intersector::Exact;
     let given = &*result;
@@ -296,6 +298,7 @@ pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &S
             all[index] = next;
         }
     }
+    result.extreme_s = Some(start.elapsed().as_secs_f64());
 }
 
 fn traced(world: &World, ray: &IntegerRay, any_hit: bool) -> Hit {
