@@ -19,8 +19,8 @@ mod survey;
 mod tests;
 mod vertices;
 
-use super::load::{check_memory, refused};
 use super::mtl::Library;
+use super::reading::{check_memory, refused};
 use super::text::{Tally, Warnings, split_keyword};
 use super::{DropReason, Scene, Triangle};
 use crate::budget::MemoryBudget;

@@ -29,8 +29,8 @@ mod values;
 mod vertices;
 mod whole;
 
-use super::load::{check_memory, refused};
 use super::obj::warn_of_dropped;
+use super::reading::{check_memory, refused};
 use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture, Triangle};
 use crate::budget::MemoryBudget;

@@ -10,8 +10,8 @@
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
-use super::load::{check_memory, refused};
 use super::obj::warn_of_dropped;
+use super::reading::{check_memory, refused};
 use super::text::{Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::budget::MemoryBudget;
