@@ -1,11 +1,10 @@
 //! What kernels are compiled with: the definitions that choose the parts of a program, and leave out of it what the scene does not need.
 
 use super::CompileOptions;
-use super::passes::{Pass, TRACE_FILE, is_shading};
+use super::entry::{Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
-use super::wavefront::WavefrontPipeline;
 use crate::features::Features;
-use crate::options::{Accel, Intersector, Kernels, PacketSize, Terminator, TextureFilter, TraceOptions};
+use crate::options::{Accel, Intersector, Kernels, PacketSize, Terminator, TextureFilter, TexturePass, TraceOptions};
 use crate::pack::SceneBuffers;
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -50,7 +49,9 @@ impl Definitions {
             .define("SMOOTH_TERMINATOR", u32::from(options.terminator == Terminator::Smooth))
             .define("TEXTURE_FOOTPRINTS", u32::from(options.texture_filter == TextureFilter::Footprint));
         let shading = match (options.kernels, features.pending_rays(max_depth)) {
-            (Kernels::Split, _) => WavefrontPipeline::define(shading, options),
+            (Kernels::Split, _) => {
+                shading.define("HOST_TEXTURES", u32::from(options.textures == TexturePass::HostPass))
+            }
             (Kernels::Mega, 1) => shading.define("MAX_PENDING", 1),
             (Kernels::Mega, rays) => shading.define("MAX_PENDING", rays.next_multiple_of(PENDING_STEP)),
         };
