@@ -6,8 +6,8 @@ use common::{Place, group, measure, own_scene, places};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use raybrook::low_level::options::{Kernels, PacketSize, PictureOptions, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{DEFAULT_DEPTH, Picture, render};
 use raybrook::low_level::scene::Samples;
-use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (160, 120);

@@ -9,9 +9,9 @@ use common::{Batch, Place, balls, batches, own_scene, places};
 use glam::Vec3;
 use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{DEFAULT_DEPTH, Picture, render};
 use raybrook::low_level::scene::{Light, Samples, Scene};
-use raybrook::low_level::session::{DEFAULT_DEPTH, Picture, render};
-use raybrook::low_level::tracer::{TraceJob, Tracer};
+use raybrook::low_level::tracer::{Backend, TraceJob};
 use std::sync::Arc;
 
 /// Segments of [`balls`]: 202 to 5,040,002 triangles.
@@ -93,7 +93,7 @@ fn picture(place: &Place, scene: &Scene, side: u32, depth: u32) -> (f64, u64) {
     let buffers = Arc::new(SceneBuffers::new(scene, &options).expect("a structure"));
     let camera = scene.camera.expect("a completed scene has a camera");
     let picture = Picture { camera, size: (side, side), samples: Samples::PerPixel(1), depth, kill_weight: None };
-    let mut tracer: Box<dyn Tracer> = place.open(&buffers, &options, depth);
+    let mut tracer: Box<dyn Backend> = place.open(&buffers, &options, depth);
     let mut run = || {
         let result = render(tracer.as_mut(), &buffers, &picture, &|_| ()).expect("a picture");
         (result.kernel_s, result.counts.iter().step_by(2).sum::<u64>())

@@ -15,56 +15,23 @@
 mod estimate;
 
 use crate::error::Result;
-use crate::film::Film;
-use crate::names::as_name;
+use crate::io::film::Film;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, Tracer};
+use crate::tracer::{
+    Adaptive, AdaptiveStats, Backend, LAST_LEVEL, LEVEL_SAMPLES, MOST_SAMPLES, Progress, RenderResult,
+};
 use crate::work::PixelWork;
 pub(crate) use estimate::{COUNTED, CURVE, Choice, Promises, cl_constants};
 use estimate::{Estimates, display_steps, variance_of_mean};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// How a picture is sampled whose error is bounded.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Adaptive {
-    /// Root of the mean squared error of the picture's channels that is asked for, in steps of 8-bit sRGB.
-    pub error: f32,
-    /// Pixels from one point of the first lattice to the next; 1, or 0: every pixel is traced.
-    pub lattice: u32,
-    /// Rays of one list at most, but for those of one pixel or tile. Fewer take less memory, more keep a device busy.
-    pub list_rays: usize,
-}
-
 /// How many pixels of a picture lie on a lattice: every so many across and down, and the last.
 fn on_lattice((width, height): (usize, usize), step: usize) -> usize {
     let on_axis = |pixels: usize| (pixels - 1).div_ceil(step) + 1;
     on_axis(width) * on_axis(height)
 }
-
-impl Adaptive {
-    /// Rays of a list: few enough for the memory of any device, enough to keep it busy.
-    pub const LIST_RAYS: usize = 1 << 21;
-
-    pub(crate) fn step(&self) -> usize {
-        self.lattice.max(1) as usize
-    }
-
-    /// For this error the lattice that misses too little to matter. Features that fell between its points made errors of 0.39 steps of gears
-    /// (2 pixels, 1024 x 1024) and 0.59 (4 pixels, 512 x 512), and at most 0.03 of the bunny, sponza and coffee.
-    pub fn of_error(error: f32) -> Adaptive {
-        let lattice = [8, 4, 2].into_iter().find(|&lattice| error >= lattice as f32).unwrap_or(1);
-        Adaptive { error, lattice, list_rays: Adaptive::LIST_RAYS }
-    }
-}
-
-/// Samples of a pixel at each level. At level 0 it is interpolated. Nets are good at powers of 4: of four scenes two samples a pixel were as
-/// wrong as one, and the squared error went down by 3.2 to 3.8 from 4 samples to 8, by 3.5 to 5.0 to 16, and by only 1.9 to 2.6 to 32.
-pub const LEVEL_SAMPLES: [u32; 6] = [0, 1, 4, 16, 64, 256];
-const LAST_LEVEL: u8 = LEVEL_SAMPLES.len() as u8 - 1;
-/// The most samples of a pixel: those of the full picture.
-pub const MOST_SAMPLES: u32 = LEVEL_SAMPLES[LAST_LEVEL as usize];
 
 /// The estimate comes down to this part of the error that is asked for. It may be off where few pixels have most of the error: with an aim
 /// of 1 the error made was 0.53 to 1.10 of what was asked for on 19 scenes, and 1.19 once (48 x 48 pixels of gears).
@@ -91,25 +58,6 @@ pub(crate) fn estimated_bytes(pixels: u64, counters: bool, is_device: bool) -> u
     // On a device lists of rays are there once more, and what was counted of them is fetched in parts.
     let of_ray = if is_device { 2 * RAY_BYTES + 2 * work } else { RAY_BYTES + work };
     pixels * (PIXEL_BYTES + work) + rays * of_ray
-}
-
-/// What an adaptive picture took.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct AdaptiveStats {
-    /// The error that was asked for, see [`Adaptive::error`].
-    pub error: f32,
-    /// The error that is left, as estimated.
-    pub estimated_error: f32,
-    /// Pixels by [`LEVEL_SAMPLES`].
-    pub pixels: [u64; LEVEL_SAMPLES.len()],
-    /// How often it was decided what is traced next.
-    pub rounds: u32,
-    /// Who decided: [`Decisions::Host`] or [`Decisions::Device`].
-    #[serde(serialize_with = "as_name")]
-    pub decided_by: Decisions,
-    /// Seconds that the host took between the rays: to take note of what was traced and to decide what is traced next, or to start the
-    /// kernels that do.
-    pub decide_s: f64,
 }
 
 /// Positions of a pixel's samples, in [0, 1)^2: the sequence of Sobol', in which 4^k points from any multiple of 4^k on have one point in each
@@ -223,9 +171,9 @@ pub(crate) fn refine(
 /// Renders a picture with as many rays as the error takes that is asked for. Of `params` samples do not matter.
 ///
 /// # Errors
-/// As [`Tracer::render`].
+/// As [`Backend::render`].
 pub fn render_adaptive(
-    tracer: &mut dyn Tracer,
+    tracer: &mut dyn Backend,
     params: &RenderParams,
     adaptive: Adaptive,
     progress: Progress,
@@ -242,7 +190,7 @@ pub fn render_adaptive(
 
 /// A picture on its way whose pixels the host keeps.
 struct Sampler<'a> {
-    tracer: &'a mut dyn Tracer,
+    tracer: &'a mut dyn Backend,
     params: RenderParams,
     sequence: Vec<CameraSample>,
     size: (usize, usize),
@@ -285,7 +233,7 @@ impl Pixels for Sampler<'_> {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(tracer: &'a mut dyn Tracer, params: &RenderParams, adaptive: Adaptive) -> Result<Self> {
+    fn new(tracer: &'a mut dyn Backend, params: &RenderParams, adaptive: Adaptive) -> Result<Self> {
         let size = (params.width as usize, params.height as usize);
         let pixels = Film::try_pixels(size.0 * size.1)?;
         let film = Film { width: params.width, height: params.height, pixels };
@@ -403,15 +351,4 @@ fn raise_pixel(old: [f32; 3], new: &[[f32; 3]]) -> Raised {
 
 fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|c| a[c] + b[c])
-}
-
-/// The places of all pixels, tile after tile, so that neighbours in a list are neighbours in the picture.
-fn pixels_in_tiles((width, height): (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
-    let side = TILE_SIDE as usize;
-    (0..height).step_by(side).flat_map(move |top| {
-        (0..width).step_by(side).flat_map(move |left| {
-            let rows = top..height.min(top + side);
-            rows.flat_map(move |y| (left..width.min(left + side)).map(move |x| (x, y)))
-        })
-    })
 }

@@ -2,50 +2,16 @@
 //!
 //! What needs much memory tells how much before it takes any: an allocation that fails aborts the process, and one that
 //! the system promises but does not have ends it without a word. Estimates stand where the allocation is
-//! ([`crate::pack`], [`crate::film`], [`crate::scene`], …); the functions that check them take a [`MemoryBudget`],
+//! ([`crate::pack`], [`crate::io::film`], [`crate::scene`], …); the functions that check them take a [`MemoryBudget`],
 //! those without one take [`MemoryBudget::available`].
 //!
 //! Bad at: systems without `/proc`, on which nothing is known and everything is allowed; what other processes take
 //! meanwhile.
 
+pub use crate::error::{BudgetOrigin, Bytes, DecidedBy, MemoryBudget};
 use crate::error::{Error, Result};
 use std::collections::TryReserveError;
-use std::fmt;
 use std::path::{Path, PathBuf};
-
-/// The most memory that the process may have, all together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MemoryBudget {
-    bytes: u64,
-    origin: BudgetOrigin,
-}
-
-/// Where a [`MemoryBudget`] comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum BudgetOrigin {
-    /// The caller gave it.
-    Given,
-    /// What the machine has available, and what the process has already.
-    Machine,
-    /// What the control group of the process (a container's, or a service's) has left.
-    ControlGroup,
-    /// What the process's limits of address space or data leave (`ulimit -v`, `ulimit -d`).
-    ProcessLimit,
-    /// There is none.
-    Unlimited,
-    /// The system refused an allocation, whatever was left by the figures.
-    Refused,
-}
-
-/// Who decides how much memory something takes, and so what is at fault where that is too much.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DecidedBy {
-    /// A scene, or another input.
-    Input,
-    /// The picture that is asked for.
-    Picture,
-}
 
 /// `count` times `value`, or none when the system has no memory for them.
 pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Result<Vec<T>, TryReserveError> {
@@ -154,40 +120,6 @@ impl Default for MemoryBudget {
     /// [`MemoryBudget::available`].
     fn default() -> Self {
         Self::available()
-    }
-}
-
-impl fmt::Display for MemoryBudget {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let bytes = Bytes(self.bytes);
-        match self.origin {
-            BudgetOrigin::Given => write!(f, "the memory limit is {bytes}"),
-            BudgetOrigin::Machine => write!(f, "{bytes} are available"),
-            BudgetOrigin::ControlGroup => write!(f, "{bytes} are available to this container or service"),
-            BudgetOrigin::ProcessLimit => write!(f, "the limits of the process (ulimit) leave {bytes}"),
-            BudgetOrigin::Unlimited => write!(f, "there is no limit of memory"),
-            BudgetOrigin::Refused => write!(f, "the system refuses that"),
-        }
-    }
-}
-
-/// A number of bytes as people read it: `1.5 GiB`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Bytes(pub u64);
-
-impl fmt::Display for Bytes {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
-        let mut value = self.0 as f64 / 1024.0;
-        let mut unit = 0;
-        while value >= 1024.0 && unit + 1 < UNITS.len() {
-            value /= 1024.0;
-            unit += 1;
-        }
-        match self.0 {
-            0..1024 => write!(f, "{} bytes", self.0),
-            _ => write!(f, "{value:.*} {}", if value < 10.0 { 1 } else { 0 }, UNITS[unit]),
-        }
     }
 }
 

@@ -1,6 +1,8 @@
 //! The one error type of the crate. Every variant names the file, option or device at fault and, where there is one, the remedy.
 
-use crate::budget::{Bytes, DecidedBy, MemoryBudget};
+mod memory;
+
+pub use memory::{BudgetOrigin, Bytes, DecidedBy, MemoryBudget};
 use std::path::{Path, PathBuf};
 
 /// Shorthand for results of this crate.

@@ -6,54 +6,10 @@
 //! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace batches do not
 //! shade, and are the same for all scenes.
 
-use crate::names::names;
 use crate::options::KernelFeatures;
 use crate::scene::{Falloff, LightKind, MaterialId, NO_INDEX, Scene, Texture};
+use crate::shared::Feature;
 use std::fmt;
-
-names! {
-    /// One feature of the kernels that shade; the values number the bits of [`Features`].
-    pub enum Feature ("feature") {
-        /// Textures that are pictures.
-        ImageTextures = "image-textures",
-        /// Textures that are computed.
-        ProceduralTextures = "procedural-textures",
-        /// Normals of vertices.
-        SmoothNormals = "smooth-normals",
-        /// Mirrors.
-        Mirrors = "mirrors",
-        /// Surfaces that light passes through.
-        Transparency = "transparency",
-        /// Highlights.
-        Highlights = "highlights",
-        /// Threshold shading.
-        Toon = "toon",
-        /// Lamps that are somewhere: point lights and spots.
-        PlacedLights = "placed-lights",
-        /// Lamps that are infinitely far.
-        DirectionalLights = "directional-lights",
-        /// Lamps with a cone.
-        Spots = "spots",
-        /// Light that falls with the distance.
-        Falloff = "falloff",
-        /// Another number of lamps than one.
-        SeveralLights = "several-lights",
-        /// More than one material.
-        SeveralMaterials = "several-materials",
-    }
-}
-
-impl Feature {
-    /// Its bit in [`Features::bits`].
-    pub const fn bit(self) -> u32 {
-        1 << self as u32
-    }
-
-    /// The name in `cl/shared/types.cl`: `FEATURE_SMOOTH_NORMALS`.
-    pub fn cl_name(self) -> String {
-        format!("FEATURE_{}", self.name().replace('-', "_").to_uppercase())
-    }
-}
 
 /// A set of features.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -75,7 +75,7 @@
 //! | [`pack`](low_level::pack) | scene and structure as flat arrays in tracing space, for kernels and twin alike |
 //! | [`device`](low_level::device) | OpenCL: list, choose, compile, upload, launch |
 //! | [`mod@reference`](low_level::reference) | the scalar twin, and an oracle in f64 with a hierarchy of its own |
-//! | [`tracer`](low_level::tracer), [`session`](low_level::session) | the interface of device and reference; from a scene to one that is ready |
+//! | [`tracer`](low_level::tracer), [`renderer`](low_level::renderer) | the interface of device and reference; from a scene to one that is ready |
 //! | [`extreme`](low_level::extreme) | rays whose numbers tracing space cannot hold |
 //! | [`adaptive`](low_level::adaptive), [`features`](low_level::features) | pictures of bounded error; what a scene needs of the kernels that shade |
 //! | [`options`](low_level::options) | what can be chosen, and what goes together |
@@ -100,32 +100,25 @@
 
 mod accel;
 mod adaptive;
-mod aov;
 mod bounds;
 mod budget;
 mod choose;
-mod compare;
 mod device;
 mod error;
-mod extreme;
 mod features;
-mod film;
 mod front;
-mod input;
+mod io;
 mod layout;
 pub mod low_level;
 mod math;
 mod names;
-mod npz;
 mod options;
-mod output;
 mod pack;
 mod random;
 mod ray_order;
-mod rays;
 mod reference;
+mod renderer;
 pub mod scene;
-mod session;
 mod shared;
 mod stats;
 mod tracer;

@@ -5,11 +5,11 @@
 
 /// Passes rooms of the library on.
 macro_rules! rooms {
-    ($($(#[doc = $doc:literal])+ $room:ident,)+) => { $(
+    ($($(#[doc = $doc:literal])+ $room:ident $(in $parent:ident)?,)+) => { $(
         $(#[doc = $doc])+
         pub mod $room {
             #[doc(inline)]
-            pub use crate::$room::*;
+            pub use crate::$($parent::)?$room::*;
         }
     )+ };
 }
@@ -20,7 +20,7 @@ rooms! {
     /// Pictures of bounded error: which pixels get how many samples.
     adaptive,
     /// False-colour pictures of counted work.
-    aov,
+    aov in io,
     /// Bounds of rounding errors that builders, kernels and the twin share.
     bounds,
     /// How much memory may be taken, checked against estimates before it is.
@@ -28,17 +28,17 @@ rooms! {
     /// What is taken where nothing is asked for: by the model, or by measuring.
     choose,
     /// Comparisons of pictures and of hits.
-    compare,
+    compare in io,
     /// OpenCL devices: list, choose, compile, upload, launch.
     device,
     /// Rays whose numbers tracing space cannot hold, traced on the host with the same exact answers.
-    extreme,
+    extreme in reference,
     /// What a scene needs of the kernels that shade.
     features,
     /// Pictures in linear radiance, and their files.
-    film,
+    film in io,
     /// Input files, read whole.
-    input,
+    input in io,
     /// Vectors as kernels have them.
     layout,
     /// Arithmetic with the same bits everywhere.
@@ -46,19 +46,19 @@ rooms! {
     /// What can be chosen, and what goes together.
     options,
     /// Output files, written whole or not at all.
-    output,
+    output in io,
     /// Scene and structure as flat arrays in tracing space, which kernels and twin read alike.
     pack,
     /// Random numbers that are the same on every machine.
     random,
     /// Batches of rays and hits as NumPy archives.
-    rays,
+    rays in io,
     /// The scalar twin of every kernel, and an oracle in f64.
     reference,
+    /// From a scene and a device to what is ready to render it.
+    renderer,
     /// Scenes in world units, and their loaders.
     scene,
-    /// From a scene and a device to a tracer that is ready.
-    session,
     /// The structs and constants that host and kernels share.
     shared,
     /// Statistics of a run.

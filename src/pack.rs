@@ -17,12 +17,14 @@ pub use transforms::triangle_transform;
 use crate::accel::BuildOptions;
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::features::{Feature, Features};
-use crate::film::SRGB_TO_LINEAR;
+use crate::features::Features;
+use crate::io::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Intersector, PacketSize, StructureKind, TextureFilter, TraceOptions, Traversal};
-use crate::scene::{Camera, Samples, Scene};
-use crate::shared::{CameraSample, KdNode, Light, Material, RenderParams, SceneParams, Shading, TextureInfo};
+use crate::scene::{Camera, PictureDefaults, Samples, Scene};
+use crate::shared::{
+    CameraSample, Feature, KdNode, Light, MAX_RADIANCE, Material, RenderParams, SceneParams, Shading, TextureInfo,
+};
 use glam::{DVec3, Vec3};
 use memory::StructureBudget;
 use shading::{ShadingArrays, pack_light, shading_of};
@@ -30,6 +32,11 @@ use space::{TracingSpace, vertices_that_lose_bits};
 use std::borrow::Cow;
 use std::time::Instant;
 use structures::{PackedObjects, PackedStructure, StructureInput};
+
+const _: () = assert!(
+    MAX_RADIANCE * PictureDefaults::MAX_SAMPLES as f32 * (2 * PictureDefaults::MAX_DEPTH) as f32 <= f32::MAX,
+    "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
+);
 
 /// A scene ready to be traced, in tracing space (see [`crate::shared`]).
 #[derive(Debug, Clone)]

@@ -8,18 +8,13 @@
 //!
 //! Bad at: rays that take less time than their sorting, such as those that leave a scene at once.
 
-use crate::device::DeviceKind;
 use crate::error::Result;
-use crate::extreme::answer_extreme;
 use crate::options::{PacketSize, RayOrder, TraceOptions};
-use crate::pack::SceneBuffers;
-use crate::reference::ReferenceTracer;
 use crate::shared::{SceneParams, TraceRay, WorkCounter};
-use crate::tracer::{TraceJob, TraceResult, Tracer};
+use crate::tracer::{TraceJob, TraceResult};
 use crate::work::WorkSum;
 use glam::{Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Cells of origins along the scene's longest side, as a power of two. With 5 or 10 bits in place of 7 diffuse rays took up to a third
@@ -47,46 +42,30 @@ const TRIAL_RAYS: usize = 64;
 /// gears' shadow rays (1.7) gained a tenth, camera rays (2.0 to 3.9) and the bunny's (6.9 to 7.0) a quarter to four fifths.
 const FEWEST_STEPS: f64 = 1.6;
 
-/// Traces `job` by `trace` on a kind of device (`None`: the reference) in the order that `options` ask for. What
-/// `trace` returns comes back in the caller's order, with the answers to extreme rays.
+/// Traces `job` by `trace` in the order that `options` ask for. What `trace` returns comes back in the caller's order. With
+/// [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
+/// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)) and a few of their rays, which `trial` traces and counts, go far enough.
 ///
 /// # Errors
-/// Those of `trace`.
+/// Those of `trace` and `trial`.
 pub(crate) fn trace_in_order(
     job: &TraceJob,
     options: &TraceOptions,
-    device: Option<DeviceKind>,
-    buffers: &Arc<SceneBuffers>,
-    trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
-) -> Result<TraceResult> {
-    let mut result = trace_sorted(job, options, device, buffers, trace)?;
-    let start = Instant::now();
-    answer_extreme(job, options, buffers, &mut result);
-    result.extreme_s = (!job.extreme.is_empty()).then(|| start.elapsed().as_secs_f64());
-    Ok(result)
-}
-
-fn trace_sorted(
-    job: &TraceJob,
-    options: &TraceOptions,
-    device: Option<DeviceKind>,
-    buffers: &Arc<SceneBuffers>,
+    params: &SceneParams,
+    pays: bool,
+    trial: impl FnOnce(&TraceJob, TraceOptions) -> Result<TraceResult>,
     trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
 ) -> Result<TraceResult> {
     let start = Instant::now();
     let is_sorted = match options.ray_order {
         RayOrder::Kept => false,
         RayOrder::Sorted => true,
-        RayOrder::Auto => {
-            options.gains_by_sorted_rays(device)
-                && are_shuffled(job.rays)
-                && mean_steps(job, options, buffers)? >= FEWEST_STEPS
-        }
+        RayOrder::Auto => pays && are_shuffled(job.rays) && mean_steps(job, options, trial)? >= FEWEST_STEPS,
     };
     if !is_sorted {
         return trace(job);
     }
-    let order = RayKeys::new(&buffers.params).order(job.rays);
+    let order = RayKeys::new(params).order(job.rays);
     let rays = permuted(job.rays, &order);
     let next_directions = job.next_directions.map(|directions| permuted(directions, &order));
     let sort_s = start.elapsed();
@@ -106,11 +85,15 @@ fn trace_sorted(
 }
 
 /// Steps of the traversal that a ray takes on average, by a few rays of the job.
-fn mean_steps(job: &TraceJob, options: &TraceOptions, buffers: &Arc<SceneBuffers>) -> Result<f64> {
+fn mean_steps(
+    job: &TraceJob,
+    options: &TraceOptions,
+    trace: impl FnOnce(&TraceJob, TraceOptions) -> Result<TraceResult>,
+) -> Result<f64> {
     let rays: Vec<_> = job.rays.iter().step_by(job.rays.len().div_ceil(TRIAL_RAYS).max(1)).copied().collect();
     let options = TraceOptions { ray_order: RayOrder::Kept, counters: true, ..*options };
     let trial = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
-    let work = ReferenceTracer::new(buffers.clone(), options).trace(&trial, &|_| ())?.work;
+    let work = trace(&trial, options)?.work;
     Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps))
 }
 

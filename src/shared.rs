@@ -6,15 +6,15 @@
 //! Directions stay as they are, and with them t is scaled like the coordinates.
 
 pub mod constants;
+mod feature;
 mod wavefront;
 
+pub use feature::Feature;
 pub use wavefront::*;
 
 use crate::bounds::{ROUNDING_BOUNDS, SLAB_BOUNDS, SPHERE_BOUNDS};
-use crate::features::Feature;
 use crate::layout::{ConstantGroup, Float4, Int4, StructLayout, device_const, device_struct};
 use crate::names::names;
-use crate::scene::PictureDefaults;
 
 device_const! {
     /// Nodes and links of the structures.
@@ -115,11 +115,6 @@ device_const! {
     /// out of reach for all but a lamp that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
     pub const MAX_RADIANCE: f32 = constants::power_of_two(100);
 }
-
-const _: () = assert!(
-    MAX_RADIANCE * PictureDefaults::MAX_SAMPLES as f32 * (2 * PictureDefaults::MAX_DEPTH) as f32 <= f32::MAX,
-    "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
-);
 
 /// Names of the ray counters, in the kernels' order: kind and what happened.
 pub const COUNTER_NAMES: [&str; COUNTERS] = [

@@ -6,16 +6,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::adaptive::AdaptiveStats;
-use crate::aov::AovRange;
 use crate::choose::Decision;
-use crate::compare::FilmDifference;
 use crate::error::Result;
+use crate::io::aov::AovRange;
+use crate::io::compare::FilmDifference;
+use crate::io::output::write_json;
 use crate::options::TraceOptions;
-use crate::output::write_json;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
-use crate::tracer::WavefrontStats;
+use crate::tracer::{AdaptiveStats, WavefrontStats};
 use crate::work::WorkSum;
 
 /// Rays of one kind.

@@ -8,9 +8,9 @@ use raybrook::low_level::choose::{Request, Workload};
 use raybrook::low_level::device::{Cache, DeviceHandle, Selection, select};
 use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{complete, open_tracer};
 use raybrook::low_level::scene::{Scene, load};
-use raybrook::low_level::session::{complete, open_tracer};
-use raybrook::low_level::tracer::Tracer;
+use raybrook::low_level::tracer::Backend;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -82,7 +82,7 @@ impl Place {
     }
 
     /// A tracer of `buffers`, which were built with `options`. Compiled kernels are kept, as the program keeps them.
-    pub fn open(&self, buffers: &Arc<SceneBuffers>, options: &TraceOptions, max_depth: u32) -> Box<dyn Tracer> {
+    pub fn open(&self, buffers: &Arc<SceneBuffers>, options: &TraceOptions, max_depth: u32) -> Box<dyn Backend> {
         let cache = Cache::open().expect("RAYBROOK_CACHE_MB is a number");
         open_tracer(self.device.as_ref(), buffers, options, max_depth, cache.as_ref()).expect("a tracer")
     }

@@ -1,7 +1,8 @@
 //! How wrong each pixel may be, and which of them more samples would help most.
 
-use super::{LAST_LEVEL, LEVEL_SAMPLES, pixels_in_tiles};
-use crate::film::srgb_from_linear;
+use crate::io::film::srgb_from_linear;
+use crate::shared::TILE_SIDE;
+use crate::tracer::{LAST_LEVEL, LEVEL_SAMPLES};
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
@@ -464,4 +465,15 @@ fn neighbours(pixel: usize, (width, height): (usize, usize)) -> impl Iterator<It
     let rows = y.saturating_sub(1)..height.min(y + 2);
     rows.flat_map(move |row| (x.saturating_sub(1)..width.min(x + 2)).map(move |column| row * width + column))
         .filter(move |&near| near != pixel)
+}
+
+/// The places of all pixels, tile after tile, so that neighbours in a list are neighbours in the picture.
+fn pixels_in_tiles((width, height): (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
+    let side = TILE_SIDE as usize;
+    (0..height).step_by(side).flat_map(move |top| {
+        (0..width).step_by(side).flat_map(move |left| {
+            let rows = top..height.min(top + side);
+            rows.flat_map(move |y| (left..width.min(left + side)).map(move |x| (x, y)))
+        })
+    })
 }

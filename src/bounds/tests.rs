@@ -25,10 +25,11 @@ struct Place {
 impl Place {
     fn new(i: usize, random: &mut Random) -> Place {
         let origin = random.signed() * random.size(-4, 8);
-        // As of a ray that leaves a triangle: the second part is off by 2 EPSILON of itself.
-        let origin_low = [0.0, origin * random.signed() * EPSILON][i % 2];
+        // As of a ray that leaves a triangle: the second part is what a rounding left out, and is off by 2 EPSILON of itself.
+        let rounding = EPSILON * f32::from_bits(origin.to_bits() & 0x7f80_0000);
+        let origin_low = [0.0, random.signed() * rounding][i % 2];
         let true_low = f64::from(origin_low) * (1.0 + 2.0 * UNIT * f64::from(random.signed()));
-        let near = origin + random.signed() * random.size(-22, 0) * origin;
+        let near = origin + random.signed() * random.size(-24, 0) * origin;
         let plane = [random.signed() * random.size(-4, 8), near][i / 2 % 2];
         Place { plane, origin, origin_low, true_low, direction: random.sign() * random.size(-20, 1) }
     }
@@ -49,8 +50,8 @@ fn one_rounding_is_off_by_epsilon_and_not_by_less() {
     assert!(error(1.0 + UNIT) > 0.99 * UNIT);
 }
 
-/// The bound is for a distance that is off by 5, a reciprocal and two products; of directions whose reciprocal devices round as badly as
-/// they may. Half of it would be too little.
+/// The bound is proved for a distance that is off by 5, a reciprocal and two products. It holds for reciprocals that devices round as badly
+/// as they may, too, and for these half of it would be too little.
 #[test]
 fn widened_times_of_planes_are_on_the_right_side_of_the_true_ones() {
     let mut random = Random::new(SEED + 1);
@@ -64,15 +65,12 @@ fn widened_times_of_planes_are_on_the_right_side_of_the_true_ones() {
         let t = from * inverse;
         let exact = exact_from / f64::from(place.direction);
         let (up, down) = if t > 0.0 { (t * WIDEN_UP, t * WIDEN_DOWN) } else { (t * WIDEN_DOWN, t * WIDEN_UP) };
-        if i / 4 % 3 == 0 {
-            assert!(
-                f64::from(down) <= exact && exact <= f64::from(up),
-                "{down}..{up} without {exact}: {place:?} (seed {SEED})"
-            );
-        }
+        assert!(
+            f64::from(down) <= exact && exact <= f64::from(up),
+            "{down}..{up} without {exact}: {place:?} (seed {SEED})"
+        );
         most = most.max((f64::from(t) - exact).abs() / (10.0 * UNIT * exact.abs()));
     }
-    println!("widen {most}");
     assert!(most > 0.5, "{most}");
 }
 
@@ -83,8 +81,7 @@ fn integer(x: f32) -> BigInt {
     (BigInt::from(significand) << shift) * if x < 0.0 { -1 } else { 1 }
 }
 
-/// In units of 2^-298: a point of a triangle is off from its two floats by 5 EPSILON of a plane's distance from it, and by PLANE_ERROR, of
-/// which a quarter is used by the rest that is left out, and more by starts among subnormal numbers.
+/// In units of 2^-298: a point of a triangle is off from its two floats by 5 EPSILON of a plane's distance from it, and by PLANE_ERROR.
 #[test]
 fn distances_from_points_of_triangles_are_off_by_no_more_than_the_two_errors() {
     let mut random = Random::new(SEED + 2);
@@ -113,7 +110,7 @@ fn distances_from_points_of_triangles_are_off_by_no_more_than_the_two_errors() {
             most_bits = most_bits.max(rest.bits());
         }
     }
-    println!("plane error: {most_bits} of {}", 298 - 64);
+    println!("of the {} bits of the plane error {most_bits} are used", 298 - 64);
 }
 
 /// Where a hit lies that a test reports: how far outside of the triangle's box on any axis, in units of EPSILON D.
@@ -148,11 +145,11 @@ fn hits_lie_no_farther_outside_of_boxes_than_the_hit_error() {
             most[k] = most[k].max(hit.map_or(0.0, |hit| outside(&ray, triangle, hit)));
         }
     }
-    println!("hit error {most:?}");
     assert!(most[0] <= f64::from(HIT_ERROR) && most[0] > 0.1 * f64::from(HIT_ERROR), "{most:?}");
 }
 
-/// Of the 8 that the slack has beyond the hit error: the distances of two planes, and that which the slack is a part of.
+/// Of the 8 that the slack has beyond the hit error: the distance of the plane, of which 5 EPSILON are proved, the difference, and what is
+/// multiplied. Less than half of them is seen, because a distance is not off by so much where it is large: the proof takes the sum.
 #[test]
 fn the_slack_of_thick_boxes_covers_the_hit_error_and_the_rounding_of_its_own_test() {
     let mut random = Random::new(SEED + 4);
@@ -167,8 +164,7 @@ fn the_slack_of_thick_boxes_covers_the_hit_error_and_the_rounding_of_its_own_tes
         assert!(computed <= needed, "{i} (seed {SEED}): {place:?}");
         most = most.max(1.0 - (needed - computed) / (8.0 * UNIT * exact.abs()));
     }
-    println!("slack {most}");
-    assert!(most > 0.5, "{most}");
+    assert!(most > 0.3, "{most}");
 }
 
 /// The offset of a slab, -o inv, with a pad: what it is off by in units of |o inv|, beside EPSILON of the pad.
@@ -187,7 +183,6 @@ fn the_origin_error_covers_the_roundings_of_a_slabs_offset() {
         assert!(error <= f64::from(ORIGIN_ERROR) * unit, "{i} (seed {SEED}): {place:?} {pad}");
         most = most.max(error / (f64::from(ORIGIN_ERROR) * unit));
     }
-    println!("origin {most}");
     assert!(most > 0.5, "{most}");
 }
 

@@ -3,8 +3,9 @@
 
 use super::SceneSize;
 use crate::device::{DeviceInfo, DeviceKind};
-use crate::features::{Feature, Features};
+use crate::features::Features;
 use crate::options::{Intersector, KernelFeatures, Layout, PacketSize, StructureKind, TraceOptions};
+use crate::shared::Feature;
 use crate::shared::Shading;
 
 /// The work that methods are chosen for.

@@ -19,16 +19,16 @@ pub use store::{DeviceKey, TunedFile, Tuning};
 
 use super::{Request, SceneSize, Workload};
 use crate::budget::MemoryBudget;
-use crate::compare::compare_hits;
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
+use crate::io::compare::compare_hits;
 use crate::options::{PacketSize, StructureKind, TraceOptions};
 use crate::pack::SceneBuffers;
+use crate::renderer::open_tracer;
 use crate::scene::Scene;
-use crate::session::open_tracer;
 use crate::shared::Hit;
 use crate::stats::median;
-use crate::tracer::{TraceJob, Tracer, is_hit, require_clock};
+use crate::tracer::{Backend, TraceJob, is_hit, require_clock};
 use serde::{Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
@@ -201,7 +201,7 @@ const LARGE: f32 = (1u64 << 60) as f32;
 ///
 /// # Errors
 /// [`Error::Option`] when `plan` asks for too few or too many rays; else as [`open_tracer`], [`SceneBuffers::new`] and
-/// [`Tracer::trace`].
+/// [`Backend::trace`].
 pub fn tune_scene(
     device: Option<&DeviceHandle>,
     cache: Option<&Cache>,
@@ -245,7 +245,7 @@ pub fn tune_scene(
 struct Run {
     candidate: Candidate,
     build_s: f64,
-    tracer: Box<dyn Tracer>,
+    tracer: Box<dyn Backend>,
     /// Answers to each batch.
     hits: [Vec<Hit>; 3],
     /// Seconds of each round of each batch.

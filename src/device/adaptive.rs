@@ -4,18 +4,15 @@
 
 use super::launch::Arguments;
 use super::passes::Passes;
-use super::tracer::{Launches, OpenClTracer, PictureBuffers};
+use super::picture::{Launches, PictureBuffers, RenderLists};
 use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
-use crate::adaptive::{
-    Adaptive, AdaptiveStats, COUNTED, CURVE, Choice, MOST_SAMPLES, Pixels, Promises, cl_constants, refine,
-    sample_sequence,
-};
+use crate::adaptive::{COUNTED, CURVE, Choice, Pixels, Promises, cl_constants, refine, sample_sequence};
 use crate::error::Result;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult};
+use crate::tracer::{Adaptive, AdaptiveStats, MOST_SAMPLES, Progress, RenderResult};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -143,7 +140,7 @@ impl Started {
 
 /// A picture on its way whose pixels the device keeps.
 pub(super) struct DevicePixels<'a> {
-    tracer: &'a mut OpenClTracer,
+    tracer: &'a mut dyn RenderLists,
     program: &'a AdaptiveProgram,
     kernels: AdaptiveKernels,
     params: RenderParams,
@@ -175,12 +172,12 @@ impl<'a> DevicePixels<'a> {
     /// # Errors
     /// The device cannot hold it.
     pub fn new(
-        tracer: &'a mut OpenClTracer,
+        tracer: &'a mut dyn RenderLists,
         program: &'a AdaptiveProgram,
         params: &RenderParams,
         adaptive: Adaptive,
     ) -> Result<Self> {
-        let context = &tracer.context;
+        let context = &tracer.context().clone();
         let size = (params.width as usize, params.height as usize);
         let pixels = PixelArrays::new(context, size, adaptive.step())?;
         let on_axis = |pixels: usize| (pixels - 1) / adaptive.step() + 1;
@@ -201,7 +198,7 @@ impl<'a> DevicePixels<'a> {
             changes: Buffer::empty(context, "changes", pixels.count().min(most_rays))?,
             rays,
             launches,
-            started: Started { events: Vec::new(), work_group: tracer.work_group },
+            started: Started { events: Vec::new(), work_group: tracer.work_group() },
             most_rays: adaptive.list_rays as u64,
             round: 0,
             is_interpolated: false,
@@ -266,7 +263,7 @@ impl<'a> DevicePixels<'a> {
         })?;
         let params = self.params.of_list(part.count[1]);
         self.launches.begin_list();
-        let rendered = self.tracer.render_to(&self.rays, &None, &params, &mut self.launches, &|_| ())?;
+        let rendered = self.tracer.render_list(&self.rays, &params, &mut self.launches)?;
         // The list's pixels stay where they are.
         self.result.add(&rendered.with_film(Film { width: 0, height: 0, pixels: Vec::new() }));
         self.deciding(|this| {

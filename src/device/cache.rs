@@ -16,8 +16,8 @@
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};
-use crate::input::read_regular;
-use crate::output::{is_unfinished, replace};
+use crate::io::input::read_regular;
+use crate::io::output::{is_unfinished, replace};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::path::{Path, PathBuf};

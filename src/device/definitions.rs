@@ -1,11 +1,12 @@
 //! What kernels are compiled with: the definitions that choose the parts of a program, and leave out of it what the scene does not need.
 
 use super::CompileOptions;
-use super::passes::{Pass, TRACE_FILE, is_shading};
+use super::entry::{Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
-use super::wavefront::WavefrontPipeline;
 use crate::features::Features;
-use crate::options::{Intersector, Kernels, PacketSize, StructureKind, Terminator, TextureFilter, TraceOptions};
+use crate::options::{
+    Intersector, Kernels, PacketSize, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions,
+};
 use crate::pack::SceneBuffers;
 
 /// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
@@ -50,7 +51,9 @@ impl Definitions {
             .define("SMOOTH_TERMINATOR", u32::from(options.picture.terminator == Terminator::Smooth))
             .define("TEXTURE_FOOTPRINTS", u32::from(options.picture.texture_filter == TextureFilter::Footprint));
         let shading = match (options.picture.kernels, features.pending_rays(max_depth)) {
-            (Kernels::Wavefront, _) => WavefrontPipeline::define(shading, options),
+            (Kernels::Wavefront, _) => {
+                shading.define("HOST_TEXTURES", u32::from(options.picture.textures == TexturePass::HostPass))
+            }
             (Kernels::Mega, 1) => shading.define("MAX_PENDING", 1),
             (Kernels::Mega, rays) => shading.define("MAX_PENDING", rays.next_multiple_of(PENDING_STEP)),
         };

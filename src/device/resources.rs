@@ -1,7 +1,7 @@
 //! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
 
 use super::definitions::Definitions;
-use super::passes::{Pass, entry_files};
+use super::entry::{Pass, entry_files};
 use super::ptxas::{self, PtxasInfo};
 use super::{CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
 use crate::error::Result;

@@ -2,108 +2,33 @@
 
 use super::adaptive::{AdaptiveProgram, DevicePixels};
 use super::defaults::{who_decides, work_group_size};
+use super::deferred::Deferred;
 use super::definitions::Definitions;
-use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
-use super::passes::{Doubts, Entry, Passes};
+use super::entry::Entry;
+use super::launch::{FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
+use super::passes::Passes;
+use super::picture::{Launches, PictureBuffers, RenderLists, Rendered, items_of};
 use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::wavefront::WavefrontPipeline;
 use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
-use crate::adaptive::Adaptive;
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::film::Film;
-use crate::layout::Float4;
+use crate::io::film::Film;
 use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTERS, CameraSample, Hit, RenderParams, TAKEN_TILES, TILE_SIDE};
-use crate::tracer::{Progress, RenderResult, Task, TraceJob, TraceResult, Tracer, WavefrontStats};
+use crate::reference::ReferenceBackend;
+use crate::reference::extreme::answer_extreme;
+use crate::shared::{CameraSample, Hit, RenderParams};
+use crate::tracer::{Adaptive, Backend, Progress, RenderResult, Task, TraceJob, TraceResult};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The counters before a launch.
-const NO_COUNTS: [u32; TAKEN_TILES as usize + 1] = [0; TAKEN_TILES as usize + 1];
-
-/// What every rendering kernel takes beside the scene.
-pub(super) struct PictureBuffers {
-    pub params: Buffer<RenderParams>,
-    pub samples: Buffer<CameraSample>,
-    pub film: Buffer<Float4>,
-    counters: Buffer<u32>,
-}
-
-impl PictureBuffers {
-    fn new(context: &DeviceContext, params: &RenderParams, samples: Buffer<CameraSample>) -> Result<Self> {
-        Ok(PictureBuffers {
-            params: Buffer::from_slice(context, "picture parameters", &[*params])?,
-            samples,
-            film: Buffer::empty(context, "picture", params.film_len())?,
-            counters: Buffer::read_write(context, "counters", &NO_COUNTS)?,
-        })
-    }
-
-    /// Room for lists of so many rays, whose positions kernels write.
-    pub fn of_lists(context: &DeviceContext, params: &RenderParams, rays: usize) -> Result<Self> {
-        Self::new(context, &params.of_list(rays as u32), Buffer::empty(context, "samples", rays)?)
-    }
-
-    /// Sets the arguments with which every rendering kernel begins.
-    pub fn arguments<'k>(&self, scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        scene.scene_arguments(kernel)?.set(&self.params)?.set(&self.samples)?.set(&self.film)?.set(&self.counters)
-    }
-
-    /// Adds the device's counters to `counts`, and clears them for the next launch.
-    pub fn take_counts(&self, counts: &mut [u64; COUNTERS]) -> Result<()> {
-        for slot in self.counters.read()?.chunks_exact(COUNTERS) {
-            for (count, &value) in counts.iter_mut().zip(slot) {
-                *count += u64::from(value);
-            }
-        }
-        self.counters.write(&NO_COUNTS)
-    }
-}
-
-/// What rendering took, apart from the picture.
-#[derive(Default)]
-pub(super) struct Rendered {
-    pub counts: [u64; COUNTERS],
-    pub kernel_s: f64,
-    pub second_pass: Option<u64>,
-    pub wavefront: Option<WavefrontStats>,
-}
-
-impl Rendered {
-    /// The same with the picture.
-    pub fn with_film(self, film: Film) -> RenderResult {
-        let Rendered { counts, kernel_s, second_pass, wavefront } = self;
-        RenderResult { counts, kernel_s, second_pass, wavefront, ..RenderResult::of_film(film) }
-    }
-}
-
-/// What the launches of one picture after the other have in common.
-pub(super) struct Launches {
-    doubts: Doubts,
-    plan: LaunchPlan,
-}
-
-impl Launches {
-    /// The next rays are others than those before.
-    pub fn begin_list(&mut self) {
-        self.plan.begin_others();
-    }
-}
-
-/// Items of a picture, or of a list: the pixels of its tiles.
-fn items_of(params: &RenderParams) -> usize {
-    let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
-    tiles * (TILE_SIDE * TILE_SIDE) as usize
-}
-
-/// How many samples of each pixel one launch traces. A pixel that is left in doubt is traced again with all samples of its launch, of which
-/// more than one is seldom in doubt, and a GPU waits for the slowest pixel with all its samples; but the next launch finds less in caches.
+/// How many samples of each pixel one launch traces. A pixel that is deferred is traced again with all samples of its launch, of which
+/// more than one is seldom deferred, and a GPU waits for the slowest pixel with all its samples; but the next launch finds less in caches.
 /// Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314;
 /// showcase.toml 2257, 426, 389. PoCL, two cores, 512 x 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
 fn samples_of_launch(kind: DeviceKind) -> u32 {
@@ -111,8 +36,8 @@ fn samples_of_launch(kind: DeviceKind) -> u32 {
 }
 
 /// A tracer on an OpenCL device.
-pub struct OpenClTracer {
-    pub(super) context: DeviceContext,
+pub struct OpenClBackend {
+    context: DeviceContext,
     scene: DeviceScene,
     passes: Passes,
     /// What renders in place of the mega-kernel, once it was needed.
@@ -123,7 +48,7 @@ pub struct OpenClTracer {
     options: TraceOptions,
     trace_plan: LaunchPlan,
     first_items: usize,
-    pub(super) work_group: usize,
+    work_group: usize,
     upload_s: f64,
 }
 
@@ -137,7 +62,7 @@ impl CompiledAhead {
     /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such `features`.
     ///
     /// # Errors
-    /// As [`OpenClTracer::new`] and [`Tracer::prepare`].
+    /// As [`OpenClBackend::new`] and [`Backend::prepare`].
     pub fn new(
         device: &DeviceHandle,
         features: Features,
@@ -188,11 +113,11 @@ fn notes_on(info: &DeviceInfo) -> Vec<String> {
     if info.denormals { Vec::new() } else { vec![flushes.to_owned()] }
 }
 
-impl OpenClTracer {
-    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Tracer::prepare`]; the
+impl OpenClBackend {
+    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Backend::prepare`]; the
     /// `cache` is not used where the driver [keeps kernels](DeviceInfo::keeps_kernels) by itself.
     ///
-    /// `max_depth` is the longest chain of rays that [`Tracer::render`] will be asked for.
+    /// `max_depth` is the longest chain of rays that [`Backend::render`] will be asked for.
     ///
     /// # Errors
     /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its memory, or was built
@@ -230,7 +155,7 @@ impl OpenClTracer {
         let start = Instant::now();
         let scene = DeviceScene::upload(&context, buffers, options)?;
         let first_items = if context.info().kind == DeviceKind::Gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS };
-        Ok(OpenClTracer {
+        Ok(OpenClBackend {
             passes,
             wavefront: None,
             adaptive: None,
@@ -251,7 +176,7 @@ impl OpenClTracer {
     }
 }
 
-impl Tracer for OpenClTracer {
+impl Backend for OpenClBackend {
     fn device_name(&self) -> &str {
         &self.context.info().name
     }
@@ -291,7 +216,12 @@ impl Tracer for OpenClTracer {
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.prepare(Task::Batch)?;
         let (options, buffers, kind) = (self.options, self.buffers.clone(), self.context.info().kind);
-        trace_in_order(job, &options, Some(kind), &buffers, |job| self.trace_batch(job, progress))
+        let trial = |job: &TraceJob, options| ReferenceBackend::new(buffers.clone(), options).trace(job, &|_| ());
+        let pays = options.gains_by_sorted_rays(Some(kind));
+        let mut result =
+            trace_in_order(job, &options, &buffers.params, pays, trial, |job| self.trace_batch(job, progress))?;
+        answer_extreme(job, &options, &buffers, &mut result);
+        Ok(result)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
@@ -299,7 +229,7 @@ impl Tracer for OpenClTracer {
         let samples = Buffer::from_slice(&self.context, "samples", samples)?;
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.film_len())?;
-        let mut launches = self.launches(params)?;
+        let mut launches = self.launches_of(params)?;
         let rendered = self.render_to(&picture, &work, params, &mut launches, progress)?;
 
         let start = Instant::now();
@@ -338,7 +268,7 @@ impl Tracer for OpenClTracer {
     }
 }
 
-impl OpenClTracer {
+impl OpenClBackend {
     /// Traces a batch in the order of the job.
     fn trace_batch(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let total = job.rays.len();
@@ -352,8 +282,8 @@ impl OpenClTracer {
         self.context.finish()?;
         let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
 
-        let doubts = Doubts::new(&self.context, self.passes.defers(), total)?;
-        let OpenClTracer { context, scene, passes, trace_plan, work_group, .. } = self;
+        let deferred = Deferred::new(&self.context, self.passes.defers(), total)?;
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, .. } = self;
         let rows = Rows::find(job.rays);
         let first_entry = Entry::of_batch(job.any_hit, self.options.packet_size);
         let set_first = |kernel: &mut Kernel| {
@@ -362,7 +292,7 @@ impl OpenClTracer {
                 .set(&rays)?
                 .set(&hits)?
                 .set_work(&ray_work)?
-                .set(&doubts.items)?
+                .set(&deferred.items)?
                 .set(rows.length)?
                 .set(rows.in_bands)
                 .map(|_| ())
@@ -370,22 +300,22 @@ impl OpenClTracer {
         let set_next = |kernel: &mut Kernel| {
             let arguments =
                 scene.geometry_arguments(kernel)?.set(&rays)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
-            arguments.set_work(&next_work)?.set(&doubts.items).map(|_| ())
+            arguments.set_work(&next_work)?.set(&deferred.items).map(|_| ())
         };
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
             let shape = (total, *work_group);
-            let mut seconds = passes.run(context, first_entry, &set_first, trace_plan, shape, &doubts, |items| {
+            let mut seconds = passes.run(context, first_entry, &set_first, trace_plan, shape, &deferred, |items| {
                 done += items;
                 progress(done as f64 / work);
             })?;
             if job.next_directions.is_some() {
-                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape, &doubts, |_| ())?;
+                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape, &deferred, |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
-        result.second_pass = doubts.resolved();
+        result.second_pass = deferred.resolved();
 
         let start = Instant::now();
         result.hits = hits.read()?;
@@ -397,10 +327,10 @@ impl OpenClTracer {
     }
 
     /// What launches of pictures of this size, or of lists that are no longer, have in common.
-    pub(super) fn launches(&self, params: &RenderParams) -> Result<Launches> {
+    fn launches_of(&self, params: &RenderParams) -> Result<Launches> {
         let samples = self.samples_of_launch(params) as usize;
         Ok(Launches {
-            doubts: Doubts::new(&self.context, self.passes.defers(), items_of(params))?,
+            deferred: Deferred::new(&self.context, self.passes.defers(), items_of(params))?,
             plan: LaunchPlan::starting_with(self.first_items / samples.max(1), self.context.info().kind),
         })
     }
@@ -412,7 +342,7 @@ impl OpenClTracer {
     }
 
     /// Renders into the film of `picture`.
-    pub(super) fn render_to(
+    fn render_to(
         &mut self,
         picture: &PictureBuffers,
         work: &Option<Buffer<PixelWork>>,
@@ -435,14 +365,14 @@ impl OpenClTracer {
         picture: &PictureBuffers,
         work: &Option<Buffer<PixelWork>>,
         params: &RenderParams,
-        Launches { doubts, plan }: &mut Launches,
+        Launches { deferred, plan }: &mut Launches,
         progress: Progress,
     ) -> Result<Rendered> {
         let items = items_of(params);
-        let before = doubts.resolved();
+        let before = deferred.resolved();
         let at_a_time = self.samples_of_launch(params).max(1);
         let entry = Entry::of_picture(self.options.packet_size);
-        let OpenClTracer { context, scene, passes, .. } = self;
+        let OpenClBackend { context, scene, passes, .. } = self;
         let mut rendered = Rendered::default();
         let mut done = 0;
         let mut failed = None;
@@ -450,19 +380,42 @@ impl OpenClTracer {
         for first_sample in (0..samples).step_by(at_a_time as usize) {
             let end_sample = samples.min(first_sample + at_a_time);
             let set = |kernel: &mut Kernel| {
-                let arguments = picture.arguments(scene, kernel)?.set_work(work)?.set(&doubts.items)?;
+                let arguments = picture.arguments(scene, kernel)?.set_work(work)?.set(&deferred.items)?;
                 arguments.set(first_sample)?.set(end_sample).map(|_| ())
             };
             let shape = (items, self.work_group);
-            rendered.kernel_s += passes.run(context, entry, &set, plan, shape, doubts, |launched| {
+            rendered.kernel_s += passes.run(context, entry, &set, plan, shape, deferred, |launched| {
                 done += launched * (end_sample - first_sample) as usize;
                 progress((done as f64 / (items * samples as usize) as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.
                 failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
             })?;
         }
-        rendered.second_pass = doubts.resolved().map(|all| all - before.unwrap_or(0));
+        rendered.second_pass = deferred.resolved().map(|all| all - before.unwrap_or(0));
         failed.map_or(Ok(rendered), Err)
+    }
+}
+
+impl RenderLists for OpenClBackend {
+    fn context(&self) -> &DeviceContext {
+        &self.context
+    }
+
+    fn work_group(&self) -> usize {
+        self.work_group
+    }
+
+    fn launches(&self, params: &RenderParams) -> Result<Launches> {
+        self.launches_of(params)
+    }
+
+    fn render_list(
+        &mut self,
+        rays: &PictureBuffers,
+        params: &RenderParams,
+        launches: &mut Launches,
+    ) -> Result<Rendered> {
+        self.render_to(rays, &None, params, launches, &|_| ())
     }
 }
 

@@ -4,11 +4,12 @@
 mod state;
 mod step;
 
+use super::entry::{Pass, WAVEFRONT_FILE};
 use super::launch::LaunchPlan;
-use super::passes::{Pass, Passes, WAVEFRONT_FILE};
+use super::passes::Passes;
+use super::picture::{PictureBuffers, Rendered};
 use super::scene::DeviceScene;
-use super::tracer::{PictureBuffers, Rendered};
-use super::{Buffer, CompileOptions, DeviceContext};
+use super::{Buffer, DeviceContext};
 use crate::error::Result;
 use crate::options::{TexturePass, TraceOptions};
 use crate::pack::SceneBuffers;
@@ -32,7 +33,7 @@ pub(super) struct WavefrontPipeline {
     light: Step,
     shadow: Step,
     film: Step,
-    /// What traces the rays that the first pass leaves in doubt, if it leaves any.
+    /// What traces the rays that the first pass defers, if it defers any.
     second: Option<SecondPass>,
     setup: Setup,
     /// The scene, where the host evaluates its textures, and how.
@@ -70,11 +71,6 @@ impl Run<'_> {
 }
 
 impl WavefrontPipeline {
-    /// Adds the definitions that its kernels look at.
-    pub fn define(compile: CompileOptions, options: &TraceOptions) -> CompileOptions {
-        compile.define("HOST_TEXTURES", u32::from(options.picture.textures == TexturePass::HostPass))
-    }
-
     /// Compiles both passes of its kernels.
     pub fn new(
         context: &DeviceContext,
@@ -85,7 +81,7 @@ impl WavefrontPipeline {
         let first = passes.program(context, Pass::First, WAVEFRONT_FILE)?;
         let mut second = None;
         if passes.defers() {
-            // Now, not at the first doubt: whether there is one only the device knows while it renders.
+            // Now, not at the first deferred ray: whether there is one only the device knows while it renders.
             let program = passes.program(context, Pass::Second, WAVEFRONT_FILE)?;
             second = Some(SecondPass {
                 trace: Step::new(&program, "wavefront_trace", true)?,

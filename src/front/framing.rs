@@ -1,8 +1,8 @@
 //! A camera and a key light for scenes that have none: before the structure is built, and after the scene itself is gone.
 
 use crate::pack::SceneBuffers;
+use crate::renderer::complete;
 use crate::scene::{Camera, DropReason, Scene};
-use crate::session::complete;
 use std::borrow::Cow;
 
 /// A scene that has a light.

@@ -1,7 +1,7 @@
 //! Rendered pictures.
 
 use crate::error::Result;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::stats::RayCounts;
 use crate::tracer::RenderResult;
 use std::path::Path;

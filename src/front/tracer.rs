@@ -10,10 +10,10 @@ use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
 use crate::scene::{Camera, PictureDefaults, Samples, Scene};
-use crate::session::{self, build_and_open_within, open_tracer, picture_bytes};
 use crate::shared;
-use crate::tracer::{Progress, Tracer as Backend, is_hit};
+use crate::tracer::{Backend, Progress, is_hit};
 use glam::Vec3;
 use std::fmt;
 use std::sync::Arc;
@@ -165,8 +165,8 @@ impl Tracer {
         self.check_picture(size, samples)?;
         let buffers = self.buffers.clone();
         let (backend, progress) = self.backend(depth)?;
-        let picture = session::Picture { camera, size, samples, depth, kill_weight: None };
-        session::render(backend, &buffers, &picture, progress).map(Picture::new)
+        let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
+        renderer::render(backend, &buffers, &picture, progress).map(Picture::new)
     }
 
     /// The camera of a picture; the key light, if there is one, is put where it belongs.

@@ -1,8 +1,8 @@
 //! What a picture shows, and how.
 
 use crate::error::{Error, Result};
+use crate::renderer::DEFAULT_DEPTH;
 use crate::scene::{Camera, PictureDefaults, Samples, Scene};
-use crate::session::DEFAULT_DEPTH;
 
 /// Size of a picture that neither the scene nor the view sizes.
 const DEFAULT_SIZE: (u32, u32) = (1024, 768);

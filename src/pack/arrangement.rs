@@ -2,9 +2,9 @@
 //! reads the same numbers from [`SceneBuffers`] itself.
 
 use super::SceneBuffers;
-use crate::features::Feature;
 use crate::layout::Float4;
 use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
+use crate::shared::Feature;
 use crate::shared::{KdNode, Shading};
 use std::borrow::Cow;
 

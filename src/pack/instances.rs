@@ -21,8 +21,7 @@ use crate::accel::{
     BuildOptions, Bvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link, leaf_link,
     move_links, pack_bvh2,
 };
-use crate::bounds::EPSILON;
-use crate::bounds::LEAST_PAD;
+use crate::bounds::{EPSILON, LEAST_PAD};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::scene::{DropReason, Instance, MaterialId, Scene, Transform, Triangle, turned};

@@ -4,7 +4,7 @@
 //! Means are those of linear light, weighted by area where a side is odd; each level is made from the one before as it was before it was
 //! rounded to 8 bits. They are the host's business alone: device and twin read the same texels.
 
-use crate::film::{SRGB_TO_LINEAR, linear_from_srgb, srgb_from_linear};
+use crate::io::film::{SRGB_TO_LINEAR, linear_from_srgb, srgb_from_linear};
 use crate::scene::Image;
 use glam::Vec3;
 use rayon::prelude::*;

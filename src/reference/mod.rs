@@ -4,6 +4,7 @@
 //! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which accuracy is
 //! measured.
 
+pub mod extreme;
 pub mod intersect;
 pub mod kernels;
 pub mod oracle;
@@ -12,13 +13,14 @@ pub mod shared;
 pub mod traverse;
 
 use crate::error::Result;
-use crate::film::Film;
+use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
-use crate::tracer::{Progress, RenderResult, TraceJob, TraceResult, Tracer};
+use crate::tracer::{Backend, Progress, RenderResult, TraceJob, TraceResult};
+use extreme::answer_extreme;
 use kernels::render::render_row;
 use kernels::trace::{trace_chunk, trace_next_chunk};
 use rayon::prelude::*;
@@ -33,19 +35,19 @@ use std::time::Instant;
 const CHUNK: usize = 256;
 
 /// The reference tracer over one scene, on all cores.
-pub struct ReferenceTracer {
+pub struct ReferenceBackend {
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
 }
 
-impl ReferenceTracer {
+impl ReferenceBackend {
     /// A tracer of `buffers`, which were built with `options`.
     pub fn new(buffers: Arc<SceneBuffers>, options: TraceOptions) -> Self {
-        ReferenceTracer { buffers, options }
+        ReferenceBackend { buffers, options }
     }
 }
 
-impl ReferenceTracer {
+impl ReferenceBackend {
     /// Room for the work on `count` rays or pixels, if it is to be counted.
     fn room_for_work<T: Clone + Default>(&self, count: usize) -> Option<Vec<T>> {
         self.options.counters.then(|| vec![T::default(); count])
@@ -80,7 +82,7 @@ pub fn texture_colours(buffers: &SceneBuffers, options: &TraceOptions, requests:
     colours
 }
 
-impl Tracer for ReferenceTracer {
+impl Backend for ReferenceBackend {
     fn device_name(&self) -> &str {
         "reference"
     }
@@ -94,7 +96,12 @@ impl Tracer for ReferenceTracer {
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
-        trace_in_order(job, &self.options, None, &self.buffers, |job| Ok(self.trace_batch(job, progress)))
+        let pays = self.options.gains_by_sorted_rays(None);
+        let trial = |job: &TraceJob, options| Ok(Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ()));
+        let trace = |job: &TraceJob| Ok(self.trace_batch(job, progress));
+        let mut result = trace_in_order(job, &self.options, &self.buffers.params, pays, trial, trace)?;
+        answer_extreme(job, &self.options, &self.buffers, &mut result);
+        Ok(result)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
@@ -130,7 +137,7 @@ impl Tracer for ReferenceTracer {
     }
 }
 
-impl ReferenceTracer {
+impl ReferenceBackend {
     /// Traces a batch in the order of the job.
     fn trace_batch(&self, job: &TraceJob, progress: Progress) -> TraceResult {
         let mut result = TraceResult { hits: vec![NO_HIT; job.rays.len()], ..TraceResult::default() };

@@ -8,13 +8,14 @@ mod table;
 mod texture;
 
 use super::check::{Fault, camera_fault, light_fault, material_fault};
+use super::reading::Loaders;
 use super::{
     Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
     SourceFile, TextureId,
 };
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::Read;
@@ -33,6 +34,7 @@ struct Reader<'a> {
     folder: &'a Path,
     builder: Builder,
     budget: MemoryBudget,
+    models: &'a Loaders,
     materials: HashMap<&'a str, MaterialId>,
     textures: HashMap<String, TextureId>,
     /// Object files that were read, so that ten objects of one file read it once.
@@ -41,8 +43,8 @@ struct Reader<'a> {
     pictures: Vec<SourceFile>,
 }
 
-/// Loads the scene file `path`.
-pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
+/// Loads the scene file `path`, whose objects may name `models`.
+pub(super) fn load(path: &Path, budget: &MemoryBudget, models: &Loaders) -> Result<Scene> {
     let text = read_text(path)?;
     let source = Source { path, text: &text };
     let root = DeTable::parse(&text).map_err(|e| {
@@ -54,7 +56,7 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let (materials, textures, files) = (HashMap::new(), HashMap::new(), HashMap::new());
     let (builder, pictures) = (Builder::within(*budget), Vec::new());
-    let mut reader = Reader { source, folder, builder, budget: *budget, materials, textures, files, pictures };
+    let mut reader = Reader { source, folder, builder, budget: *budget, models, materials, textures, files, pictures };
 
     const KEYS: [&str; 6] = ["image", "camera", "trace", "light", "material", "object"];
     let root = Table::root(source, root.get_ref()).allow("a scene file", &KEYS)?;

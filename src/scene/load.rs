@@ -1,17 +1,13 @@
 //! Loads a scene by the kind of its file.
 
+use super::reading::{Loaders, ending, loader_of};
 use super::{Scene, SourceFile, file, nff, obj, ply, stl};
-use crate::budget::{DecidedBy, MemoryBudget, Need};
+use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// The endings of the files that hold a model: what an object of a scene file can name.
-pub(super) const MODELS: [&str; 4] = ["obj", "ply", "stl", "nff"];
-
-/// The ending of `path`, which tells its kind, in lower case.
-pub(super) fn ending(path: &Path) -> Option<String> {
-    path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
-}
+/// The files that hold a model: what an object of a scene file can name.
+const MODELS: &Loaders = &[("obj", obj::load), ("ply", ply::load), ("stl", stl::load), ("nff", nff::load)];
 
 /// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or
 /// an `.nff`; in what memory there is ([`MemoryBudget::available`]).
@@ -29,12 +25,9 @@ pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
 /// [`Error::OutOfMemory`] when it takes more than `budget` has.
 pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scene> {
     let path = path.as_ref();
-    let mut scene = match ending(path).as_deref() {
-        Some("toml") => file::load(path, budget),
-        Some("obj") => obj::load(path, budget),
-        Some("ply") => ply::load(path, budget),
-        Some("nff") => nff::load(path, budget),
-        Some("stl") => stl::load(path, budget),
+    let mut scene = match (ending(path).as_deref(), loader_of(path, MODELS)) {
+        (Some("toml"), _) => file::load(path, budget, MODELS),
+        (_, Some(load)) => load(path, budget),
         _ => Err(Error::input(
             path,
             None,
@@ -50,29 +43,4 @@ pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scen
 pub fn line_of_vertex(path: impl AsRef<Path>, vertex: usize) -> Option<usize> {
     let path = path.as_ref();
     if ending(path).as_deref() == Some("obj") { obj::line_of_vertex(path, vertex) } else { None }
-}
-
-/// Checks that there is memory for the so many bytes that reading `path` takes.
-pub(super) fn check_memory(path: &Path, bytes: u64, budget: &MemoryBudget) -> Result<()> {
-    budget.check(&need(&path.display().to_string(), bytes))
-}
-
-/// The error that the system has no memory for `bytes` of `path`.
-pub(super) fn refused(path: &Path, bytes: u64) -> Error {
-    need(&path.display().to_string(), bytes).refused()
-}
-
-fn need(what: &str, bytes: u64) -> Need<'_> {
-    Need {
-        what,
-        bytes,
-        decided_by: DecidedBy::Input,
-        remedy: "take a model of fewer triangles, or raise `memory_limit`",
-    }
-}
-
-/// Pieces of `target` that are as long as `lengths` say; these add up to its own.
-pub(super) fn split_by<T>(mut target: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
-    let piece = |length| target.split_off_mut(..length).expect("the lengths add up");
-    lengths.map(piece).collect()
 }

@@ -20,6 +20,7 @@ mod nff;
 mod obj;
 mod ply;
 mod procedural;
+mod reading;
 mod samples;
 mod solids;
 mod stl;

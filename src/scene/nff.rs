@@ -21,8 +21,8 @@ mod solids;
 mod words;
 
 use super::check::{camera_fault, light_fault};
-use super::load::check_memory;
 use super::obj::{read_text, warn_of_dropped};
+use super::reading::check_memory;
 use super::text::{Ignored, Tally, Warnings, quote};
 use super::triangulate::{MAX_CORNERS, Triangulator};
 use super::{Background, Builder, Camera, Light, MaterialId, Normals, PictureDefaults, Scene};

@@ -19,13 +19,13 @@ mod survey;
 mod tests;
 mod vertices;
 
-use super::load::{check_memory, refused};
 use super::mtl::Library;
+use super::reading::{check_memory, refused};
 use super::text::{Tally, Warnings, split_keyword};
 use super::{DropReason, Scene, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use faces::{Materials, Tallies};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

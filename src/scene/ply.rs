@@ -29,13 +29,13 @@ mod values;
 mod vertices;
 mod whole;
 
-use super::load::{check_memory, refused};
 use super::obj::warn_of_dropped;
+use super::reading::{check_memory, refused};
 use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use faces::{FaceSink, Faces};
 use rows::{Element, Skip};
 use serde::de::MapAccess;

@@ -10,13 +10,13 @@
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
-use super::load::{check_memory, refused};
 use super::obj::warn_of_dropped;
+use super::reading::{check_memory, refused};
 use super::text::{Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::input::open_regular;
+use crate::io::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
 use std::io::{Cursor, ErrorKind, Read};

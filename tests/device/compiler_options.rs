@@ -7,10 +7,10 @@ use raybrook::low_level::options::{
     Decisions, Intersector, KdOptions, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions, Traversal,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Image, Light, Material, Samples, Scene};
-use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::shared::{Hit, TraceRay};
-use raybrook::low_level::tracer::{Task, TraceJob, Tracer};
+use raybrook::low_level::tracer::{Backend, Task, TraceJob};
 use raybrook::{Error, Result};
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ fn open(
     buffers: &Arc<SceneBuffers>,
     options: &TraceOptions,
     task: Task,
-) -> Option<Box<dyn Tracer>> {
+) -> Option<Box<dyn Backend>> {
     let tracer = open_tracer(Some(device), buffers, options, 4, None);
     match tracer.and_then(|mut tracer| tracer.prepare(task).map(|()| tracer)) {
         Ok(tracer) => Some(tracer),
@@ -152,7 +152,7 @@ fn pictures_keep_their_bits() {
         TraceOptions { structure: Structure::of(StructureKind::Bvh8), packet_size: PacketSize::Sixteen, ..one };
     for (options, relaxed_by) in [(one, &RELAXED[..]), (sixteen, &RELAXED[3..=5])] {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-        let pictures_of = |tracer: &mut dyn Tracer| {
+        let pictures_of = |tracer: &mut dyn Backend| {
             [Samples::PerPixel(1), Samples::Error(3.0)].map(|samples| {
                 let (camera, size) = (scene.camera.unwrap(), (40, 40));
                 let picture = Picture { camera, size, samples, depth: 4, kill_weight: None };

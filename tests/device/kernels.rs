@@ -4,8 +4,7 @@
 use crate::common::probe::{assert_same_bits, flag, run, run_with, v3};
 use crate::common::{Random, SEED, device, scene_of, soup};
 use glam::Vec3;
-use raybrook::low_level::bounds::SLACK;
-use raybrook::low_level::bounds::SPHERE_SLACK;
+use raybrook::low_level::bounds::{SLACK, SPHERE_SLACK};
 use raybrook::low_level::device::{CompileOptions, DeviceKind};
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
@@ -18,12 +17,13 @@ use raybrook::low_level::reference::shade::light::toon_tone;
 use raybrook::low_level::reference::shade::procedural::{fractal_noise, gradient_noise, procedural_colour};
 use raybrook::low_level::reference::shared::math;
 use raybrook::low_level::reference::shared::memory::NoWork;
-use raybrook::low_level::reference::shared::ray::no_hit_yet;
-use raybrook::low_level::reference::shared::ray::{Ray, TrianglePoint, start_on_triangle, widen_down, widen_up};
+use raybrook::low_level::reference::shared::ray::{
+    Ray, TrianglePoint, no_hit_yet, start_on_triangle, widen_down, widen_up,
+};
 use raybrook::low_level::reference::shared::slab::{PairSlabs, Slabs, is_padding_enough};
 use raybrook::low_level::reference::traverse::spheres::may_meet_sphere;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{
     NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
 };

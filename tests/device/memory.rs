@@ -8,8 +8,8 @@ use raybrook::low_level::options::{
     TriangleOrder,
 };
 use raybrook::low_level::pack::{CONSTANT_NODES, SceneBuffers};
+use raybrook::low_level::renderer::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Material, Samples, Scene};
-use raybrook::low_level::session::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{Task, TraceJob};
 use std::sync::Arc;

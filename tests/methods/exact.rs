@@ -11,9 +11,8 @@ use raybrook::low_level::reference::intersect::exact_filter::{Decision, decide_w
 use raybrook::low_level::reference::intersect::exact_integers::{decide_by_integers, finish_by_integers};
 use raybrook::low_level::reference::intersect::moller_trumbore::Intersection;
 use raybrook::low_level::reference::intersect::ties::{are_in_one_plane, are_same_points};
-use raybrook::low_level::reference::shared::ray::NO_HIT;
-use raybrook::low_level::reference::shared::ray::{Ray, TrianglePoint, start_on_triangle};
-use raybrook::low_level::session::open_tracer;
+use raybrook::low_level::reference::shared::ray::{NO_HIT, Ray, TrianglePoint, start_on_triangle};
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use raybrook::low_level::tracer::TraceJob;
 use std::cmp::Ordering;

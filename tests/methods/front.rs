@@ -6,8 +6,8 @@ use raybrook::low_level::film::Film;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::random::Random;
+use raybrook::low_level::renderer::{self, complete, open_tracer};
 use raybrook::low_level::scene::Samples;
-use raybrook::low_level::session::{self, complete, open_tracer};
 use raybrook::low_level::tracer::is_hit;
 use raybrook::{Builder, Camera, Error, Hit, Light, Material, Precision, Ray, Scene, Tracer, View};
 use std::sync::Arc;
@@ -130,9 +130,9 @@ fn low_level_film(mut scene: Scene, size: (u32, u32), samples: Samples, depth: u
     complete(&mut scene, samples.aspect(size) as f32);
     let options = TraceOptions::DEFAULT;
     let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
-    let picture = session::Picture { camera: scene.camera.unwrap(), size, samples, depth, kill_weight: None };
+    let picture = renderer::Picture { camera: scene.camera.unwrap(), size, samples, depth, kill_weight: None };
     let mut tracer = open_tracer(None, &buffers, &options, depth, None).unwrap();
-    session::render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().film
+    renderer::render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().film
 }
 
 #[test]

@@ -5,11 +5,11 @@ use crate::common::{Random, SEED, scene_of};
 use glam::Vec3;
 use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
 use raybrook::low_level::reference::oracle::Oracle;
 use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::Hit;
-use raybrook::low_level::tracer::{TraceJob, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceJob, is_hit};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn trace(scene: &Scene, intersector: Intersector, queries: &[Query]) -> Vec<Hit>
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
     let rays: Vec<_> = queries.iter().map(|&(o, d)| buffers.trace_ray(o, d, 0.0, f32::INFINITY)).collect();
     let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-    ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
+    ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
 }
 
 /// A sphere of radius 1 about `center`, wound outwards: an icosahedron split `levels` times. Neighbours share the very same

@@ -10,11 +10,11 @@ use raybrook::low_level::options::{
     StructureKind, TraceOptions, TriangleOrder,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{Samples, load};
-use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::shared::{Hit, TraceRay};
-use raybrook::low_level::tracer::{TraceJob, TraceResult, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceJob, TraceResult, is_hit};
 use std::sync::Arc;
 
 const PACKETS: TraceOptions =
@@ -81,7 +81,7 @@ fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay], any_hit: bool) -> TraceResult {
+fn trace(tracer: &mut dyn Backend, rays: &[TraceRay], any_hit: bool) -> TraceResult {
     tracer.trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit, repeat: 1 }, &|_| ()).unwrap()
 }
 
@@ -94,7 +94,7 @@ fn assert_answers(
 ) -> [usize; 2] {
     let buffers = Arc::new(SceneBuffers::new(&scene_of(triangles), options).unwrap());
     let mut tracer = open_tracer(Some(device), &buffers, options, 1, None).unwrap();
-    let mut twin = ReferenceTracer::new(buffers.clone(), *options);
+    let mut twin = ReferenceBackend::new(buffers.clone(), *options);
     let closest = trace(tracer.as_mut(), rays, false);
     let expected = trace(&mut twin, rays, false);
     for ((hit, twin), ray) in closest.hits.iter().zip(&expected.hits).zip(rays) {
@@ -110,7 +110,7 @@ fn assert_answers(
             let mut alone = brute.clone();
             alone.references = vec![hit.primitive];
             alone.params.reference_count = 1;
-            let mut twin = ReferenceTracer::new(Arc::new(alone), BRUTE);
+            let mut twin = ReferenceBackend::new(Arc::new(alone), BRUTE);
             let its_own = trace(&mut twin, &rays[i..=i], false).hits[0];
             assert!(is_hit(&its_own), "{options:?} {:?} (seed {SEED})", rays[i]);
         }
@@ -184,10 +184,10 @@ fn batches_of_every_length_are_traced_whole() {
     for options in [PACKETS, KD] {
         let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &options).unwrap());
         let mut tracer = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
-        let mut twin = ReferenceTracer::new(buffers.clone(), options);
+        let mut twin = ReferenceBackend::new(buffers.clone(), options);
         for length in (0..50).chain(60..70).chain([127, 128, 129, 190, 4095, 4096, 4097, rays.len()]) {
             let [hits, expected] =
-                [&mut *tracer as &mut dyn Tracer, &mut twin].map(|tracer| trace(tracer, &rays[..length], false).hits);
+                [&mut *tracer as &mut dyn Backend, &mut twin].map(|tracer| trace(tracer, &rays[..length], false).hits);
             assert!(hits.iter().map(bits).eq(expected.iter().map(bits)), "{length} rays, {options:?}");
         }
     }

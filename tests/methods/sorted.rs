@@ -6,7 +6,7 @@ use raybrook::low_level::device::{DeviceHandle, DeviceKind};
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{PacketSize, RayOrder, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::session::open_tracer;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, TraceResult, is_hit};
 use std::sync::Arc;

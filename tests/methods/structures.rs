@@ -8,11 +8,11 @@ use raybrook::low_level::options::{
     GridOptions, Intersector, KdOptions, PacketSize, Structure, StructureKind, TraceOptions, Traversal,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, KD_LEAF, TraceRay, WorkCounter};
-use raybrook::low_level::tracer::{TraceJob, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceJob, is_hit};
 use std::sync::Arc;
 
 type Triangles = Vec<[Vec3; 3]>;
@@ -216,7 +216,7 @@ fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
         for options in all_options() {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-            let mut tracer = ReferenceTracer::new(buffers, options);
+            let mut tracer = ReferenceBackend::new(buffers, options);
             let hits = tracer.trace(&job, &|_| ()).unwrap().hits;
             if options.kind() == StructureKind::Brute {
                 let count = hits.iter().filter(|hit| is_hit(hit)).count();
@@ -243,7 +243,7 @@ fn the_device_agrees_on_them_to_the_bit() {
         {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-            let expected = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
+            let expected = ReferenceBackend::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let got =
                 open_tracer(Some(&device), &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits;
             assert_same(&format!("{name}, {options:?}"), &rays, &got, &expected);
@@ -402,7 +402,7 @@ fn an_empty_scene_is_missed() {
         let rays =
             [buffers.trace_ray(Vec3::ZERO, Vec3::X, 0.0, 1.0), buffers.trace_ray(Vec3::ONE, -Vec3::ONE, 0.0, 9.0)];
         let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-        let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
+        let hits = ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
         assert!(!hits.iter().any(is_hit), "{options:?}");
     }
 }

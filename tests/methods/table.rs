@@ -5,8 +5,8 @@ use raybrook::low_level::options::{
     Choice, MethodOption, NeverTogether, OPTIONS, TraceOptions, choices, combine, needs, never_together,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, is_hit};
 use std::sync::Arc;

@@ -9,12 +9,12 @@ use raybrook::low_level::options::{
     Build, Intersector, KdOptions, SplitAxis, Stop, Structure, StructureKind, TraceOptions, Traversal,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
 use raybrook::low_level::reference::oracle::Oracle;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, KD_LEAF, NO_PRIMITIVE, TraceRay};
-use raybrook::low_level::tracer::{TraceJob, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceJob, is_hit};
 use std::sync::Arc;
 
 /// A ray in world units.
@@ -197,7 +197,7 @@ fn device_and_twin_agree_to_the_bit() {
             let rays = pack(&buffers, &queries);
             let next: Vec<_> = rays.iter().map(|_| Float4::new(random.vec3(), 0.0)).collect();
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: Some(&next), any_hit: false, repeat: 1 };
-            let mut twin = ReferenceTracer::new(buffers.clone(), options);
+            let mut twin = ReferenceBackend::new(buffers.clone(), options);
             let expected = twin.trace(&job, &|_| ()).unwrap();
             let mut tracer = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
             let got = tracer.trace(&job, &|_| ()).unwrap();
@@ -223,7 +223,7 @@ fn every_structure_gives_the_hits_of_brute_force() {
                 let queries = queries(3000, &mut Random::new(SEED + 1));
                 let rays = pack(&buffers, &queries);
                 let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-                let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
+                let hits = ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
                 match &expected {
                     None => expected = Some(hits), // the first one is brute force
                     Some(expected) => assert_same(&format!("{name}, {options:?}"), &queries, &hits, expected),
@@ -427,7 +427,7 @@ fn robust_tests_give_the_hits_of_brute_force_in_the_planes_of_triangles() {
                 let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
                 let rays = pack(&buffers, &queries);
                 let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-                let hits = ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
+                let hits = ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits;
                 match &expected {
                     None => expected = Some(hits), // the first one is brute force
                     Some(expected) if intersector.is_robust() => {
@@ -457,7 +457,7 @@ fn hits_are_those_of_the_oracle() {
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let rays = pack(&buffers, &queries);
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-            let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
+            let hits = ReferenceBackend::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             let wrong = hits.iter().zip(&truth).filter(|(hit, truth)| {
                 match truth {
                     None => is_hit(hit),
@@ -491,7 +491,7 @@ fn a_power_of_two_changes_nothing() {
             .map(|&(o, d, near, far)| buffers.trace_ray(o * factor, d * factor, near, far))
             .collect();
         let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
-        ReferenceTracer::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
+        ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
     };
     let expected = trace(0);
     assert!(expected.iter().filter(|hit| is_hit(hit)).count() > 500);
@@ -522,7 +522,7 @@ fn nonsense_rays_miss() {
         let rays = pack(&buffers, &[&[down], &nonsense[..]].concat());
         for any_hit in [false, true] {
             let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit, repeat: 1 };
-            let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
+            let hits = ReferenceBackend::new(buffers.clone(), options).trace(&job, &|_| ()).unwrap().hits;
             // Of any hit t is not computed.
             assert_eq!((hits[0].primitive, hits[0].t), (0, if any_hit { 0.0 } else { 1.0 }), "{options:?}");
             for (hit, ray) in hits[1..].iter().zip(&nonsense) {

@@ -10,11 +10,11 @@ use raybrook::low_level::options::{
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::shade::camera::camera_direction;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{self, Builder, Light, Material, Samples, Scene};
-use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::shared::{TraceRay, WorkCounter};
 use raybrook::low_level::stats::RayCounts;
-use raybrook::low_level::tracer::{RenderResult, TraceJob, TraceResult, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, RenderResult, TraceJob, TraceResult, is_hit};
 use raybrook::low_level::work::{RayWork, WorkSum};
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ fn rays(buffers: &SceneBuffers, count: usize, random: &mut Random) -> Vec<TraceR
     (0..count).map(ray).collect()
 }
 
-fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay], next: Option<&[Float4]>, any_hit: bool) -> TraceResult {
+fn trace(tracer: &mut dyn Backend, rays: &[TraceRay], next: Option<&[Float4]>, any_hit: bool) -> TraceResult {
     tracer.trace(&TraceJob { extreme: &[], rays, next_directions: next, any_hit, repeat: 2 }, &|_| ()).unwrap()
 }
 

@@ -3,18 +3,16 @@
 use crate::common::models::shared_scenes;
 use crate::common::{Random, SEED, device};
 use glam::Vec3;
-use raybrook::low_level::adaptive::{
-    Adaptive, AdaptiveStats, LEVEL_SAMPLES, MOST_SAMPLES, render_adaptive, sample_sequence,
-};
+use raybrook::low_level::adaptive::{render_adaptive, sample_sequence};
 use raybrook::low_level::film::{Film, srgb_from_linear};
 use raybrook::low_level::options::{
     Decisions, Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render, render_full};
 use raybrook::low_level::scene::{Camera, Samples, Scene, load};
-use raybrook::low_level::session::{Picture, complete, open_tracer, render, render_full};
 use raybrook::low_level::shared::CameraSample;
-use raybrook::low_level::tracer::{RenderResult, Tracer};
+use raybrook::low_level::tracer::{Adaptive, AdaptiveStats, Backend, LEVEL_SAMPLES, MOST_SAMPLES, RenderResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -43,15 +41,15 @@ impl Ready {
         Self::new(load(path).unwrap(), (side, side), Samples::Error(error), TraceOptions::DEFAULT)
     }
 
-    fn reference(&self) -> Box<dyn Tracer> {
+    fn reference(&self) -> Box<dyn Backend> {
         open_tracer(None, &self.buffers, &self.options, DEPTH, None).unwrap()
     }
 
-    fn render(&self, tracer: &mut dyn Tracer) -> RenderResult {
+    fn render(&self, tracer: &mut dyn Backend) -> RenderResult {
         render(tracer, &self.buffers, &self.picture, &|_| ()).unwrap()
     }
 
-    fn full(&self, tracer: &mut dyn Tracer) -> Film {
+    fn full(&self, tracer: &mut dyn Backend) -> Film {
         render_full(tracer, &self.buffers, &self.picture, &|_| ()).unwrap().film
     }
 }

@@ -4,15 +4,16 @@
 use crate::common::device;
 use glam::{DVec3, Vec3};
 use raybrook::low_level::device::kernel_resources;
-use raybrook::low_level::features::{Feature, Features};
+use raybrook::low_level::features::Features;
 use raybrook::low_level::options::{
     Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{
     Builder, Camera, Falloff, Image, Light, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples, Scene, Toon,
 };
-use raybrook::low_level::session::{Picture, open_tracer, render};
+use raybrook::low_level::shared::Feature;
 use raybrook::low_level::tracer::RenderResult;
 use std::sync::Arc;
 

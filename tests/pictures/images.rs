@@ -5,11 +5,11 @@ use glam::{DAffine3, DQuat, DVec3, Vec3};
 use raybrook::low_level::film::Film;
 use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
     TextureSpace, Toon,
 };
-use raybrook::low_level::session::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::low_level::shared::COUNTERS;
 use raybrook::low_level::tracer::{RenderResult, Task};
 use std::sync::Arc;

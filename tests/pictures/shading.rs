@@ -15,8 +15,8 @@ use raybrook::low_level::reference::shade::surface::{Surface, SurfacePoint};
 use raybrook::low_level::reference::shade::texture::wrap_texel;
 use raybrook::low_level::reference::shade::whitted::{reflect_direction, refract_direction};
 use raybrook::low_level::reference::shared::math::{dot3, normalize3};
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Normals, Samples};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{self, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MAX_RADIANCE};
 use std::sync::Arc;
 

@@ -11,8 +11,8 @@ use raybrook::low_level::options::{
     TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene, Texture};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use std::sync::Arc;
 
 const FOOTPRINT: TraceOptions = TraceOptions::of(StructureKind::Bvh2);

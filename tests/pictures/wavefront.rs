@@ -9,12 +9,12 @@ use raybrook::low_level::options::{
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::shared::ray::Ray;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{
     self, Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
     Toon,
 };
-use raybrook::low_level::session::{Picture, complete, open_tracer, render};
-use raybrook::low_level::tracer::{RenderResult, Tracer};
+use raybrook::low_level::tracer::{Backend, RenderResult};
 use std::sync::Arc;
 
 /// The longest chain of rays of these tests; what tracers are opened for.
@@ -30,8 +30,8 @@ const SPLIT: TraceOptions = TraceOptions {
 struct Tracers {
     scene: Scene,
     buffers: Arc<SceneBuffers>,
-    twin: Box<dyn Tracer>,
-    mega: Box<dyn Tracer>,
+    twin: Box<dyn Backend>,
+    mega: Box<dyn Backend>,
 }
 
 impl Tracers {

@@ -9,11 +9,11 @@ use raybrook::low_level::options::{
     KernelFeatures, Kernels, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Normals, Pattern, Procedural, Samples,
     Scene, TextureSpace, Toon, load,
 };
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::tracer::RenderResult;
 use std::fmt::Write;
 use std::sync::Arc;

@@ -8,8 +8,8 @@ use raybrook::low_level::options::{
     ArrayOptions, Intersector, Kernels, Memory, PictureOptions, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, is_hit};
 use std::sync::Arc;

@@ -4,11 +4,11 @@ use crate::common::{Random, SEED, device, shared};
 use glam::Vec3;
 use raybrook::low_level::options::{Build, Intersector, KdOptions, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::{Builder, Scene, load};
-use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::{Hit, TraceRay};
-use raybrook::low_level::tracer::{TraceJob, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceJob, is_hit};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -68,7 +68,7 @@ fn rays(scene: &Scene, buffers: &SceneBuffers, count: usize) -> Vec<TraceRay> {
         .collect()
 }
 
-fn trace(tracer: &mut dyn Tracer, rays: &[TraceRay]) -> Vec<Hit> {
+fn trace(tracer: &mut dyn Backend, rays: &[TraceRay]) -> Vec<Hit> {
     tracer
         .trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit: false, repeat: 1 }, &|_| ())
         .unwrap()
@@ -91,7 +91,7 @@ fn every_tree_gives_the_hits_of_brute_force() {
         let brute = TraceOptions::of(StructureKind::Brute);
         let buffers = Arc::new(SceneBuffers::new(&scene, &brute).unwrap());
         let rays = rays(&scene, &buffers, RAYS);
-        let expected = trace(&mut ReferenceTracer::new(buffers, brute), &rays);
+        let expected = trace(&mut ReferenceBackend::new(buffers, brute), &rays);
         assert!(expected.iter().filter(|hit| is_hit(hit)).count() > RAYS / 2, "{model}");
         for &build in Build::ALL {
             let options = TraceOptions::of_kd(KdOptions { build, ..KdOptions::DEFAULT });
@@ -124,7 +124,7 @@ fn holes(scene: &Scene, inside: Vec3, intersector: Intersector) -> (usize, usize
             }
         }
     }
-    let hits = trace(&mut ReferenceTracer::new(buffers, options), &rays);
+    let hits = trace(&mut ReferenceBackend::new(buffers, options), &rays);
     (hits.iter().filter(|hit| !is_hit(hit)).count(), rays.len())
 }
 

@@ -17,8 +17,8 @@ use raybrook::low_level::options::{
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::oracle::{Oracle, OracleRay};
+use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Samples, Scene, load};
-use raybrook::low_level::session::{Picture, open_tracer, render};
 use raybrook::low_level::shared::{COUNTERS, NO_PRIMITIVE};
 use raybrook::low_level::stats::RayCounts;
 use rayon::prelude::*;

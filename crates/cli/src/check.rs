@@ -12,12 +12,12 @@ use raybrook::low_level::film::check_output;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::{check_writable, write_json};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
 use raybrook::low_level::reference::shade::camera::camera_direction;
+use raybrook::low_level::renderer::{Picture, picture_bytes, render};
 use raybrook::low_level::scene::Samples;
-use raybrook::low_level::session::{Picture, picture_bytes, render};
 use raybrook::low_level::shared::{COUNTER_NAMES, TraceRay};
-use raybrook::low_level::tracer::{RenderResult, Task, TraceJob, Tracer};
+use raybrook::low_level::tracer::{Backend, RenderResult, Task, TraceJob};
 use raybrook::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -129,7 +129,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let tasks = (&[Task::Batch, Task::Picture][..], &budget);
     let mut opened = open::open(&loaded, Some(&device), &args.device, chosen, picture.depth, tasks, talk)?;
     check_pictures(&picture, &options, &device, &budget)?;
-    let mut reference = ReferenceTracer::new(opened.buffers.clone(), options);
+    let mut reference = ReferenceBackend::new(opened.buffers.clone(), options);
 
     let rays = camera_rays(&opened.buffers, &picture);
     let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: false, repeat: 1 };
@@ -137,7 +137,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let device_hits = opened.tracer.trace(&job, &silent)?.hits;
     let reference_hits = reference.trace(&job, &silent)?.hits;
 
-    let run_on = |tracer: &mut dyn Tracer, name: &str| {
+    let run_on = |tracer: &mut dyn Backend, name: &str| {
         let bar = Bar::new(name, talk);
         let camera_rays = rays.len() as f64 * f64::from(picture.samples.per_pixel()) / 1e6;
         render(tracer, &opened.buffers, &picture, &|done| bar.update(done, camera_rays, "M camera rays"))

@@ -8,8 +8,8 @@ use raybrook::low_level::device::{
     DeviceHandle, KernelResources, ProgramResources, Selection, kernel_resources, list_devices, select,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{DEFAULT_DEPTH, complete};
 use raybrook::low_level::scene::{Builder, Scene};
-use raybrook::low_level::session::{DEFAULT_DEPTH, complete};
 use raybrook::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write;

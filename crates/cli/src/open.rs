@@ -7,10 +7,10 @@ use raybrook::low_level::device::{DeviceHandle, Selection, select_working};
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{build_and_open_within, complete, picture_bytes};
 use raybrook::low_level::scene::{self, Samples, Scene};
-use raybrook::low_level::session::{build_and_open_within, complete, picture_bytes};
 use raybrook::low_level::stats::RunStats;
-use raybrook::low_level::tracer::{Task, Tracer};
+use raybrook::low_level::tracer::{Backend, Task};
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -166,7 +166,7 @@ pub struct Opened {
     /// The packed scene.
     pub buffers: Arc<SceneBuffers>,
     /// Ready to trace.
-    pub tracer: Box<dyn Tracer>,
+    pub tracer: Box<dyn Backend>,
     /// Filled in as far as it is known.
     pub stats: RunStats,
 }
@@ -216,7 +216,7 @@ pub fn open(
 }
 
 /// Seconds of device time for the statistics: none, with a note, where the device does not tell them.
-pub fn device_times(tracer: &dyn Tracer, seconds: Vec<f64>, talk: Talk) -> Vec<f64> {
+pub fn device_times(tracer: &dyn Backend, seconds: Vec<f64>, talk: Talk) -> Vec<f64> {
     if tracer.has_clock() {
         return seconds;
     }

@@ -4,12 +4,12 @@ use crate::error::{Error, Result};
 use crate::options::{StructureKind, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::random::Random;
-use crate::reference::ReferenceTracer;
+use crate::reference::ReferenceBackend;
 use crate::reference::shade::camera::camera_direction;
+use crate::renderer::complete;
 use crate::scene::{LightKind, Samples, Scene};
-use crate::session::complete;
 use crate::shared::TraceRay;
-use crate::tracer::{TraceJob, Tracer, is_hit};
+use crate::tracer::{Backend, TraceJob, is_hit};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ pub fn batches(scene: &Scene, side: u32, seed: u64) -> Result<[Batch; 3]> {
     let camera_rays: Vec<_> =
         directions.iter().map(|&direction| buffers.trace_ray(camera.eye, direction, 0.0, f32::INFINITY)).collect();
     let job = TraceJob { extreme: &[], rays: &camera_rays, next_directions: None, any_hit: false, repeat: 1 };
-    let hits = ReferenceTracer::new(buffers.clone(), options).trace(&job, &|_| ())?.hits;
+    let hits = ReferenceBackend::new(buffers.clone(), options).trace(&job, &|_| ())?.hits;
 
     let (low, high) = scene.bounds().unwrap_or_default();
     let lift = (high - low).length() * LIFT;

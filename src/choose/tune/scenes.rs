@@ -2,8 +2,8 @@
 
 use crate::choose::SceneSize;
 use crate::error::Result;
+use crate::renderer::complete;
 use crate::scene::{Builder, Camera, Scene};
-use crate::session::complete;
 use glam::Vec3;
 
 /// A scene of this size: 38, 1,202, 99,202 or 990,002 triangles.

@@ -1,7 +1,9 @@
 //! What lies on the device between two of the wavefront kernels.
 
 use super::step::Step;
-use super::{Buffer, DeviceContext, DeviceScene, PictureBuffers};
+use crate::device::picture::PictureBuffers;
+use crate::device::scene::DeviceScene;
+use crate::device::{Buffer, DeviceContext};
 use crate::error::Result;
 use crate::features::Features;
 use crate::layout::Float4;

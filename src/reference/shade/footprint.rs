@@ -3,8 +3,7 @@
 use super::surface::Surface;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::{cross3, dot3, max_or, normalize3};
-use crate::reference::shared::memory::load_shading;
-use crate::reference::shared::memory::vertices;
+use crate::reference::shared::memory::{load_shading, vertices};
 use crate::shared::Shading;
 use crate::shared::constants::LEAST_CONE_COSINE;
 use glam::Vec3;

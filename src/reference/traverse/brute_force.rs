@@ -4,8 +4,7 @@ use super::leaf::test_triangles;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::Work;
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::Hit;
 
 #[inline(always)]

@@ -5,8 +5,7 @@ use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_node};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::reference::shared::slab::{PairSlabs, Slabs, is_padding_enough};
 use crate::shared::{BVH_END, BVH_LEAF, BVH_NODE_RECORDS, Hit, WorkCounter};
 

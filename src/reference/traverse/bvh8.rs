@@ -6,10 +6,8 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::intersect::filter::filter_sheared;
 use crate::reference::shared::math::{max_or, min_or};
-use crate::reference::shared::memory::vertices;
-use crate::reference::shared::memory::{Work, count_packet, load_wide_node};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::memory::{Work, count_packet, load_wide_node, vertices};
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::reference::shared::slab::Slabs;
 use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter};
 

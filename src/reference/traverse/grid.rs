@@ -7,8 +7,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::{max_or, min_or};
 use crate::reference::shared::memory::{Work, load_bounds, load_node};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::{Hit, WorkCounter};
 
 #[derive(Clone, Copy)]

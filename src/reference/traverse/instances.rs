@@ -7,8 +7,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::instances::to_primitive;
 use crate::reference::shared::memory::{Work, load_instance};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::reference::shared::slab::{PairSlabs, Slabs};
 use crate::shared::{BVH_END, BVH_LEAVE, Hit, INSTANCE_REACH, WorkCounter};
 

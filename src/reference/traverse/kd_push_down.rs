@@ -7,8 +7,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::min_or;
 use crate::reference::shared::memory::{Work, load_node};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 /// Looks for nearer hits than `hit` in all leaves that the ray meets below `start`.

@@ -6,8 +6,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::min_or;
 use crate::reference::shared::memory::{Work, load_node};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 /// The trail that leads to the second child of the deepest pending branch.

@@ -8,8 +8,7 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_bounds, load_node};
-use crate::reference::shared::ray::no_hit_yet;
-use crate::reference::shared::ray::{Ray, widen_down, widen_up};
+use crate::reference::shared::ray::{Ray, no_hit_yet, widen_down, widen_up};
 use crate::shared::constants::NO_AXIS;
 use crate::shared::{Hit, KD_LEAF, NO_ROPE, WorkCounter};
 

@@ -5,8 +5,7 @@ use super::leaf::test_leaf;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_node};
-use crate::reference::shared::ray::Ray;
-use crate::reference::shared::ray::no_hit_yet;
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::{Hit, KD_LEAF, WorkCounter};
 
 #[inline(always)]

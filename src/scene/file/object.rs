@@ -3,7 +3,8 @@
 use super::Reader;
 use super::table::{Table, suggestion};
 use crate::error::Result;
-use crate::scene::load::{MODELS, ending, load_within};
+use crate::scene::SourceFile;
+use crate::scene::reading::loader_of;
 use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::texture::load_texture;
 use crate::scene::{Builder, MAX_SEGMENTS, MaterialId, ObjectId, height};
@@ -114,15 +115,16 @@ impl<'a> Reader<'a> {
     fn add_file(&mut self, table: &Table, file: &str) -> Result<()> {
         let material = self.object_material(table)?;
         let path = self.inside_folder(table, "file", file)?;
-        if ending(&path).is_none_or(|e| !MODELS.contains(&e.as_str())) {
-            return Err(table.error("file", format!("'{file}' is not a model; possible: .{}", MODELS.join(", ."))));
-        }
+        let Some(load) = loader_of(&path, self.models) else {
+            let endings: Vec<_> = self.models.iter().map(|(ending, _)| *ending).collect();
+            return Err(table.error("file", format!("'{file}' is not a model; possible: .{}", endings.join(", ."))));
+        };
         let scene = match self.files.entry(path) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
-                let mut scene = load_within(new.key(), &self.budget)?;
-                let names_it = || format!("the model that '{}' names", self.source.path.display());
-                scene.files.iter_mut().filter(|file| file.path == *new.key()).for_each(|file| file.role = names_it());
+                let mut scene = load(new.key(), &self.budget)?;
+                let role = format!("the model that '{}' names", self.source.path.display());
+                scene.files.push(SourceFile { path: new.key().clone(), role });
                 new.insert(scene)
             }
         };

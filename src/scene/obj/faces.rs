@@ -3,7 +3,7 @@
 use super::survey::{Part, Survey, material_name};
 use super::vertices::Vertices;
 use super::{Fault, first_fault};
-use crate::scene::load::split_by;
+use crate::scene::reading::split_by;
 use crate::scene::text::{Tally, integer, quote, split_keyword, words};
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{MaterialId, NO_INDEX, Triangle};

@@ -2,7 +2,7 @@
 
 use super::survey::{Part, Survey};
 use super::{Fault, first_fault};
-use crate::scene::load::split_by;
+use crate::scene::reading::split_by;
 use crate::scene::text::{number, quote, split_keyword, words};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

@@ -4,7 +4,7 @@ use super::paint;
 use super::rows::Sink;
 use super::values::Values;
 use super::vertices::{BLUE, GREEN, RED, Vertices, colour_scale, find};
-use crate::scene::load::split_by;
+use crate::scene::reading::split_by;
 use crate::scene::text::Tally;
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{NO_INDEX, TextureId, Triangle};

@@ -7,7 +7,7 @@ use raybrook::Result;
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::session::open_tracer;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::Hit;
 use rayon::prelude::*;
 use std::sync::Arc;

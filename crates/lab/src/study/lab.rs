@@ -16,12 +16,12 @@ use raybrook::low_level::choose::tune::Batch;
 use raybrook::low_level::device::{Cache, DeviceHandle, DeviceKind};
 use raybrook::low_level::options::{PacketSize, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::ReferenceTracer;
+use raybrook::low_level::reference::ReferenceBackend;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::Scene;
-use raybrook::low_level::session::open_tracer;
 use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::median;
-use raybrook::low_level::tracer::{TraceJob, Tracer, require_clock};
+use raybrook::low_level::tracer::{Backend, TraceJob, require_clock};
 use raybrook::low_level::work::WorkSum;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -77,7 +77,7 @@ impl Variant {
 
 /// A method that is ready to trace, and what came of it.
 struct Run {
-    tracer: Box<dyn Tracer>,
+    tracer: Box<dyn Backend>,
     /// Seconds of each pass of each batch.
     seconds: [Vec<f64>; 3],
     rows: [Row; 3],
@@ -161,7 +161,7 @@ impl<'a> Lab<'a> {
     /// only as many structures are kept at a time as memory may hold, and take turns.
     ///
     /// # Errors
-    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::trace`].
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::trace`].
     pub fn compare(&mut self, subject: &Subject, variants: &[Variant], kinds: &[usize]) -> Result<Vec<Row>> {
         let at_a_time = (MOST_TRIANGLES_AT_A_TIME / subject.triangle_count.max(1)).max(1);
         let parts = variants.chunks(at_a_time).map(|variants| self.compare_by_turns(subject, variants, kinds));
@@ -251,7 +251,7 @@ impl<'a> Lab<'a> {
             Err(_) => return Ok(Row::new()),
         };
         let job = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 };
-        let work = ReferenceTracer::new(buffers, options).trace(&job, &|_| ())?.work.unwrap_or_default();
+        let work = ReferenceBackend::new(buffers, options).trace(&job, &|_| ())?.work.unwrap_or_default();
         let sum = WorkSum::new(rays.len() as u64, work);
         let mean = |counter| json!(sum.mean(counter));
         Ok(row([

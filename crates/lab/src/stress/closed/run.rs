@@ -9,9 +9,9 @@ use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::extreme::TracingBatch;
 use raybrook::low_level::options::{Intersector, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::session::open_tracer;
+use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::Hit;
-use raybrook::low_level::tracer::{TraceResult, Tracer, is_hit};
+use raybrook::low_level::tracer::{Backend, TraceResult, is_hit};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -134,7 +134,7 @@ impl Watch<'_> {
         }
     }
 
-    fn trace(&self, batch: Batch, tracer: &mut dyn Tracer, leaks: &mut Leaks) -> Result<()> {
+    fn trace(&self, batch: Batch, tracer: &mut dyn Backend, leaks: &mut Leaks) -> Result<()> {
         let TraceResult { hits, second_pass, kernel_s, .. } = tracer.trace(&batch.rays.job(false, 1), &|_| ())?;
         leaks.kernel_s += kernel_s.iter().sum::<f64>();
         leaks.second_pass = second_pass.map(|rays| leaks.second_pass.unwrap_or_default() + rays);

@@ -10,10 +10,10 @@ use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::film::Film;
 use raybrook::low_level::options::{PacketSize, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{Samples, Scene};
-use raybrook::low_level::session::{Picture, complete, open_tracer, render};
 use raybrook::low_level::stats::{RayCounts, median};
-use raybrook::low_level::tracer::{RenderResult, Tracer, require_clock};
+use raybrook::low_level::tracer::{Backend, RenderResult, require_clock};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -67,7 +67,7 @@ impl PictureVariant {
 struct Run {
     picture: Picture,
     buffers: Arc<SceneBuffers>,
-    tracer: Box<dyn Tracer>,
+    tracer: Box<dyn Backend>,
     /// Of each pass: device and host together, and the host's parts.
     seconds: Vec<f64>,
     decide_s: Vec<f64>,
@@ -85,7 +85,7 @@ impl Lab<'_> {
     /// reference's (where samples are few), and how far it is from the picture of `converged` samples and depth, if that is given.
     ///
     /// # Errors
-    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::render`].
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::render`].
     pub fn pictures(
         &mut self,
         scene_name: &str,
@@ -177,7 +177,7 @@ impl Lab<'_> {
     /// escaped: one row each.
     ///
     /// # Errors
-    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::render`].
+    /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::render`].
     pub fn lost_paths(&mut self, variants: &[Variant], depth: u32) -> Result<Vec<Row>> {
         let settings: Vec<_> = variants.iter().map(|v| json!([v.label, v.options])).collect();
         let key = json!(["lost paths", depth, self.side(), settings]);

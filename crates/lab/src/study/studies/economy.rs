@@ -7,13 +7,13 @@ use super::pareto::fast_options;
 use super::{PICTURE, Verdict, by_scene, ratio_of};
 use raybrook::Result;
 use raybrook::low_level::device::kernel_resources;
-use raybrook::low_level::features::Feature;
 use raybrook::low_level::options::{
     KernelFeatures, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::complete;
 use raybrook::low_level::scene::{Scene, TextureId};
-use raybrook::low_level::session::complete;
+use raybrook::low_level::shared::Feature;
 use raybrook::low_level::shared::Material;
 use serde_json::json;
 

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
-use crate::output::{Output, check_writable, write_atomically};
+use crate::io::output::{Output, check_writable, write_atomically};
 
 /// A rendered picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -156,7 +156,7 @@ impl Film {
     /// Writes the picture in `format`, or in the one that the extension of `path` stands for.
     ///
     /// PNG shows negative and non-finite channels as 0 and clips at 1; ask [`Film::non_finite`] and tell the user. OpenEXR
-    /// and PFM keep every value as it is. The file appears when it is complete (see [`crate::output`]).
+    /// and PFM keep every value as it is. The file appears when it is complete (see [`crate::io::output`]).
     ///
     /// # Errors
     /// As [`check_output`]; [`Error::Io`] with action "write" when writing fails or the film has no pixels or not

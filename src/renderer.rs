@@ -1,17 +1,17 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
-use crate::adaptive::{Adaptive, MOST_SAMPLES, estimated_bytes, render_adaptive, sample_sequence};
+use crate::adaptive::{estimated_bytes, render_adaptive, sample_sequence};
 use crate::budget::MemoryBudget;
-use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClTracer};
+use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
 use crate::error::Result;
 use crate::features::Features;
-use crate::film::{Film, ImageFormat};
+use crate::io::film::{Film, ImageFormat};
 use crate::options::{Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
-use crate::reference::ReferenceTracer;
+use crate::reference::ReferenceBackend;
 use crate::scene::{Camera, Samples, Scene};
 use crate::shared::RenderParams;
-use crate::tracer::{Progress, RenderResult, Task, Tracer};
+use crate::tracer::{Adaptive, Backend, MOST_SAMPLES, Progress, RenderResult, Task};
 use crate::work::PixelWork;
 use glam::Vec3;
 use std::sync::Arc;
@@ -32,12 +32,12 @@ pub fn open_tracer(
     options: &TraceOptions,
     max_depth: u32,
     cache: Option<&Cache>,
-) -> Result<Box<dyn Tracer>> {
+) -> Result<Box<dyn Backend>> {
     Ok(match device {
-        Some(device) => Box::new(OpenClTracer::new(device, buffers, options, max_depth, cache)?),
+        Some(device) => Box::new(OpenClBackend::new(device, buffers, options, max_depth, cache)?),
         None => {
             buffers.check_made_for(options)?;
-            Box::new(ReferenceTracer::new(buffers.clone(), *options))
+            Box::new(ReferenceBackend::new(buffers.clone(), *options))
         }
     })
 }
@@ -46,7 +46,7 @@ pub fn open_tracer(
 /// is opened, and compiles, while the structure is built.
 ///
 /// # Errors
-/// Those of [`SceneBuffers::new`], [`open_tracer`] and [`Tracer::prepare`].
+/// Those of [`SceneBuffers::new`], [`open_tracer`] and [`Backend::prepare`].
 pub fn build_and_open(
     device: Option<&DeviceHandle>,
     scene: &Scene,
@@ -54,7 +54,7 @@ pub fn build_and_open(
     max_depth: u32,
     cache: Option<&Cache>,
     tasks: &[Task],
-) -> Result<(Arc<SceneBuffers>, Box<dyn Tracer>)> {
+) -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> {
     build_and_open_within(device, scene, options, max_depth, cache, tasks, &MemoryBudget::available())
 }
 
@@ -70,7 +70,7 @@ pub fn build_and_open_within(
     cache: Option<&Cache>,
     tasks: &[Task],
     budget: &MemoryBudget,
-) -> Result<(Arc<SceneBuffers>, Box<dyn Tracer>)> {
+) -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> {
     if device.is_some_and(shares_host_memory) {
         SceneBuffers::check_memory(scene, options, budget, COMPILER_BYTES)?;
     }
@@ -83,8 +83,8 @@ pub fn build_and_open_within(
         (buffers, ahead.and_then(|thread| thread.join().ok()?.ok()))
     });
     let buffers = Arc::new(buffers?);
-    let mut tracer: Box<dyn Tracer> = match device {
-        Some(device) => Box::new(OpenClTracer::after(ahead, device, &buffers, options, max_depth, cache)?),
+    let mut tracer: Box<dyn Backend> = match device {
+        Some(device) => Box::new(OpenClBackend::after(ahead, device, &buffers, options, max_depth, cache)?),
         None => open_tracer(None, &buffers, options, max_depth, cache)?,
     };
     tasks.iter().try_for_each(|&task| tracer.prepare(task))?;
@@ -180,7 +180,7 @@ impl Picture {
 /// # Errors
 /// As [`render`].
 pub fn render_full(
-    tracer: &mut dyn Tracer,
+    tracer: &mut dyn Backend,
     buffers: &SceneBuffers,
     picture: &Picture,
     progress: Progress,
@@ -196,7 +196,7 @@ pub fn render_full(
 /// # Errors
 /// The picture has no such samples, or the device failed or cannot hold it.
 pub fn render(
-    tracer: &mut dyn Tracer,
+    tracer: &mut dyn Backend,
     buffers: &SceneBuffers,
     picture: &Picture,
     progress: Progress,

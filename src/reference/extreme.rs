@@ -17,23 +17,12 @@ use crate::reference::oracle::{Box64, Bvh, Line};
 use crate::reference::shade::surface::start_weights;
 use crate::reference::shared::integer::float_significand;
 use crate::reference::shared::memory::vertices;
-use crate::reference::shared::ray::NO_HIT;
-use crate::reference::shared::ray::TrianglePoint;
+use crate::reference::shared::ray::{NO_HIT, TrianglePoint};
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
-use crate::tracer::{TraceJob, TraceResult, is_hit};
+use crate::tracer::{ExtremeRay, TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-
-/// A ray of a batch that tracing space cannot hold.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExtremeRay {
-    /// Its number in the batch.
-    pub index: usize,
-    /// Where it starts, world units.
-    pub origin: Vec3,
-    /// Whether that is so of the second ray alone.
-    pub is_second: bool,
-}
+use std::time::Instant;
 
 /// A batch as the tracers take it.
 #[derive(Debug, Clone, Default)]
@@ -282,11 +271,12 @@ fn magnitude_cross(a: DVec3, b: DVec3) -> DVec3 {
     DVec3::new(a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z, a.x * b.y + a.y * b.x)
 }
 
-/// Answers the extreme rays of a job in `result`, which has the answers of all others.
+/// Answers the extreme rays of a job in `result`, which has the answers of all others, and notes how long that took.
 pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &SceneBuffers, result: &mut TraceResult) {
     if job.extreme.is_empty() {
         return;
     }
+    let start = Instant::now();
     let world = World::new(buffers, job.extreme.len());
     let is_exact = options.intersector == Intersector::Exact;
     let given = &*result;
@@ -313,6 +303,7 @@ pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &S
             all[index] = next;
         }
     }
+    result.extreme_s = Some(start.elapsed().as_secs_f64());
 }
 
 fn traced(world: &World, ray: &IntegerRay, any_hit: bool) -> Hit {

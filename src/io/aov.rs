@@ -6,7 +6,7 @@
 //! Bad at: showing few pixels of very much work beside many of little. The brightest colour stands for what only one in a
 //! thousand pixels exceeds; what is above has that colour, too, and [`AovRange::maximum`] tells how much that is.
 
-use crate::film::{Film, linear_from_srgb};
+use crate::io::film::{Film, linear_from_srgb};
 use crate::shared::WorkCounter;
 use crate::work::PixelWork;
 use serde::Serialize;

@@ -17,8 +17,8 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use crate::budget::{DecidedBy, MemoryBudget, Need, try_repeat};
 use crate::error::{Error, Result};
-use crate::input::open_regular;
-use crate::output::{Output, write_atomically};
+use crate::io::input::open_regular;
+use crate::io::output::{Output, write_atomically};
 
 /// Headers above this are refused, as NumPy itself does by default; ours and NumPy's have 128 bytes.
 const HEADER_LIMIT_BYTES: usize = 10_000;

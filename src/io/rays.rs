@@ -16,7 +16,7 @@ use std::path::Path;
 
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::npz::{NpyArray, NpzFile, write_npz};
+use crate::io::npz::{NpyArray, NpzFile, write_npz};
 use crate::shared::WorkCounter;
 use crate::work::RayWork;
 
@@ -90,7 +90,7 @@ impl RayBatch {
     /// Writes an `.npz` file that [`RayBatch::read`] reads; absent arrays are left out. The file appears when it is complete.
     ///
     /// # Errors
-    /// As [`crate::output::write_atomically`].
+    /// As [`crate::io::output::write_atomically`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let mut arrays = vec![rows("origin", &self.origins), rows("direction", &self.directions)];
         arrays.extend(self.t_min.iter().map(|t| floats("t_min", t)));
@@ -139,7 +139,7 @@ impl HitBatch {
     /// out. The file appears when it is complete.
     ///
     /// # Errors
-    /// As [`crate::output::write_atomically`].
+    /// As [`crate::io::output::write_atomically`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let mut arrays =
             vec![floats("t", &self.t), ints("primitive", &self.primitive), floats("u", &self.u), floats("v", &self.v)];

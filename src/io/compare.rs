@@ -8,7 +8,7 @@
 use flip_rs::{DEFAULT_PPD, FlipError, RgbImage, ldr_flip};
 use serde::Serialize;
 
-use crate::film::{Film, linear_from_srgb};
+use crate::io::film::{Film, linear_from_srgb};
 use crate::shared::{Hit, NO_PRIMITIVE};
 
 /// How two pictures differ.

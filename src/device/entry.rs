@@ -1,0 +1,129 @@
+//! The kernels that the host starts, their files, and the two passes.
+
+use crate::options::{Kernels, PacketSize, TraceOptions};
+use crate::shared::PACKETS_OF_ITEM;
+
+/// What traces batches.
+pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
+/// The same for packets of rays.
+const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
+const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
+const RENDER_FILE: &str = "cl/kernels/render.cl";
+/// The kernels that [`super::wavefront`] starts.
+pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
+
+/// Whether the kernels of this file shade; the others trace batches.
+pub(super) fn is_shading(file: &str) -> bool {
+    ![TRACE_FILE, TRACE_PACKETS_FILE].contains(&file)
+}
+
+/// A kernel that the host starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Entry {
+    Render,
+    TraceClosest,
+    TraceAny,
+    TraceNext,
+    TraceClosestPackets,
+    TraceAnyPackets,
+    RenderPackets,
+}
+
+impl Entry {
+    pub const ALL: [Entry; 7] = [
+        Entry::Render,
+        Entry::TraceClosest,
+        Entry::TraceAny,
+        Entry::TraceNext,
+        Entry::TraceClosestPackets,
+        Entry::TraceAnyPackets,
+        Entry::RenderPackets,
+    ];
+
+    /// What traces a batch.
+    pub fn of_batch(any_hit: bool, packet_size: PacketSize) -> Entry {
+        match (any_hit, packet_size) {
+            (false, PacketSize::One) => Entry::TraceClosest,
+            (true, PacketSize::One) => Entry::TraceAny,
+            (false, PacketSize::Sixteen) => Entry::TraceClosestPackets,
+            (true, PacketSize::Sixteen) => Entry::TraceAnyPackets,
+        }
+    }
+
+    /// What renders a picture, if one kernel does.
+    pub fn of_picture(packet_size: PacketSize) -> Entry {
+        match packet_size {
+            PacketSize::One => Entry::Render,
+            PacketSize::Sixteen => Entry::RenderPackets,
+        }
+    }
+
+    /// What traces again what this one leaves in doubt: one item each.
+    pub fn second(self) -> Entry {
+        match self {
+            Entry::TraceClosestPackets => Entry::TraceClosest,
+            Entry::TraceAnyPackets => Entry::TraceAny,
+            Entry::RenderPackets => Entry::Render,
+            other => other,
+        }
+    }
+
+    /// Whether work-items take items from a queue.
+    pub fn has_queue(self) -> bool {
+        self == Entry::RenderPackets
+    }
+
+    /// How many items a work-item has, or takes at a time.
+    pub fn items_of_one(self) -> usize {
+        match self {
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::RenderPackets => {
+                PACKETS_OF_ITEM as usize * PacketSize::Sixteen.rays()
+            }
+            Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext | Entry::Render => 1,
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Entry::Render => "render",
+            Entry::TraceClosest => "trace_closest",
+            Entry::TraceAny => "trace_any",
+            Entry::TraceNext => "trace_next",
+            Entry::TraceClosestPackets => "trace_closest_packets",
+            Entry::TraceAnyPackets => "trace_any_packets",
+            Entry::RenderPackets => "render_packets",
+        }
+    }
+
+    /// The file that has it.
+    pub fn file(self) -> &'static str {
+        match self {
+            Entry::Render => RENDER_FILE,
+            Entry::RenderPackets => RENDER_PACKETS_FILE,
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets => TRACE_PACKETS_FILE,
+            Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,
+        }
+    }
+}
+
+/// Which of the passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pass {
+    First,
+    Second,
+}
+
+/// The files with the kernels of both passes: of batches, and those that render. A program has the kernels of one.
+pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
+    let packets = options.packet_size == PacketSize::Sixteen;
+    let mut files = vec![TRACE_FILE];
+    files.extend(packets.then_some(TRACE_PACKETS_FILE));
+    match options.picture.kernels {
+        Kernels::Mega => {
+            files.push(RENDER_FILE);
+            files.extend(packets.then_some(RENDER_PACKETS_FILE));
+        }
+        Kernels::Wavefront => files.push(WAVEFRONT_FILE),
+    }
+    files
+}
