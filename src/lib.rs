@@ -129,3 +129,12 @@ pub use error::{Error, Result};
 pub use front::{Device, Hit, Picture, Precision, Ray, Tracer, TracerBuilder, View, devices};
 pub use glam;
 pub use scene::{Builder, Camera, Light, Material, Scene};
+
+/// The samples of the README and of the book, which are tests.
+#[cfg(doctest)]
+mod samples {
+    #[doc = include_str!("../README.md")]
+    struct Readme;
+    #[doc = include_str!("../docs/book/src/embedding.md")]
+    struct Embedding;
+}

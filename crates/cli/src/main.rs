@@ -12,6 +12,8 @@ mod heading {
     pub const DIAGNOSIS: &str = "Diagnosis";
 }
 
+#[cfg(test)]
+mod book;
 mod check;
 mod closed;
 mod devices;
