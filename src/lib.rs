@@ -84,6 +84,7 @@ mod adaptive;
 mod bounds;
 mod budget;
 mod device;
+mod device_info;
 mod error;
 mod features;
 mod io;

@@ -2,7 +2,7 @@
 //! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
 use super::{Accel, Decisions, Intersector, KernelFeatures, Layout, PacketSize, SceneSize, TraceOptions};
-use crate::device::{DeviceInfo, DeviceKind};
+use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::features::Features;
 use crate::shared::Feature;
 use crate::shared::Shading;
@@ -191,7 +191,7 @@ pub(crate) fn who_decides(decisions: Decisions, device: &DeviceInfo) -> (Decisio
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::sample_info;
+    use crate::device_info::sample_info;
     use crate::options::{Chosen, Decision, Origin, Request};
 
     fn device(kind: DeviceKind) -> DeviceInfo {

@@ -324,7 +324,7 @@ impl TraceOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::{DeviceInfo, DeviceKind, sample_info};
+    use crate::device_info::{DeviceInfo, DeviceKind, sample_info};
     use crate::options::{Build, Memory, Traversal, TriangleOrder};
 
     const DEFAULT: TraceOptions = TraceOptions::DEFAULT;

@@ -5,7 +5,7 @@
 //! the same time both succeed, and the file is that of the last one.
 
 use super::{Candidate, SceneTuning, fastest};
-use crate::device::DeviceInfo;
+use crate::device_info::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::io::input::read_regular;
 use crate::io::output::{check_writable, write_json};
@@ -232,7 +232,7 @@ impl TunedFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::sample_info;
+    use crate::device_info::sample_info;
     use crate::options::{Accel, PacketSize};
 
     fn tuning(size: SceneSize, accel: Accel) -> Tuning {
