@@ -8,7 +8,7 @@
 //   LEAF_ORDER           vertices and transforms are copied for each reference, in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle, not in an array of its own
 //   DEFER_DOUBTS         what only exact integers can decide is left to a second pass over the rays or pixels that met it, so that
-//                        their many registers are not in the kernels that all others run: see doubts below
+//                        their many registers are not in the kernels that all others run: see deferred items below
 //   RESOLVE_DOUBTS       the kernels are that second pass
 //   INSTANCES            vertices and shading data are those of objects, which are placed when they are read: instances.cl
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in the Geometry: see COUNT below
@@ -42,12 +42,12 @@
 #define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
 #endif
 
-// Of a ray, or a packet of rays, that meets more triangles in doubt, the rest is left to the second pass, or to its rays by themselves.
+// Of a ray, or a packet of rays, that meets more undecided triangles, the rest is left to the second pass, or to its rays by themselves.
 // Around a vertex there are six.
 #define MAX_POSTPONED 8u
 #ifdef DEFER_DOUBTS
 typedef struct {
-    uint in_doubt; // 1: something is left to the second pass
+    uint is_deferred; // 1: something is left to the second pass
     uint count;
     uint* primitives; // triangles that the ray may hit; apart, so that the numbers above are in registers where this goes to a call
 } Undecided;
@@ -122,9 +122,9 @@ typedef struct {
 #define WORK_VALUE(sums)
 #endif
 #ifdef DEFER_DOUBTS
-#define DOUBT_VALUE , &undecided
+#define UNDECIDED_POINTER , &undecided
 #else
-#define DOUBT_VALUE
+#define UNDECIDED_POINTER
 #endif
 #ifdef INSTANCES
 #define PLACED Placed placed = {0u, 0u, 0u, 0u, (float4)(0.0f), (float4)(0.0f), (float4)(0.0f), 0u};
@@ -141,7 +141,7 @@ typedef struct {
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS                                                                                              \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) UNDECIDED_POINTER PLACED_VALUE }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #define NODE_FROM_BUFFER(geometry, index) read_imagei(nodes, IMAGE_AT(index))
@@ -156,7 +156,7 @@ typedef struct {
         __global const float4* restrict transforms,                                                                     \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) \
-    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) UNDECIDED_POINTER PLACED_VALUE }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #define NODE_FROM_BUFFER(geometry, index) ((geometry)->nodes[index])
@@ -167,25 +167,25 @@ typedef struct {
 #endif
 
 // What kernels declare before they make a Geometry: what traversals and readers of triangles keep in it.
-#define TRAVERSAL_STATE UNDECIDED PLACED
+#define TRAVERSAL_STATE UNDECIDED_STATE PLACED
 
 // For rare calls from kernels, which make the Geometry anew: what a call gets a pointer to lies in memory for all of its life.
 //   GEOMETRY_VALUES  the arguments for GEOMETRY_ARGUMENTS
 //   STATE_ARGUMENTS  what the kernel has noted, behind these; STATE_VALUES: the arguments for them
-//   TAKE_STATE       what the called function declares in place of TRAVERSAL_STATE; it returns IN_DOUBT
-//   TAKE_DOUBT       takes that from the call
+//   TAKE_STATE       what the called function declares in place of TRAVERSAL_STATE; it returns IS_DEFERRED
+//   TAKE_DEFERRED    takes that from the call
 #define GEOMETRY_VALUES \
     nodes, references, vertices, bounds, transforms, CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params
 #ifdef DEFER_DOUBTS
-#define UNDECIDED_ARGUMENT , uint in_doubt, uint count, uint* postponed
-#define UNDECIDED_VALUE , undecided.in_doubt, undecided.count, undecided.primitives
-#define TAKE_UNDECIDED Undecided undecided = {in_doubt, count, postponed};
-#define TAKE_DOUBT(call) undecided.in_doubt = (call) ? 1u : 0u
+#define UNDECIDED_ARGUMENT , uint is_deferred, uint count, uint* postponed
+#define UNDECIDED_VALUE , undecided.is_deferred, undecided.count, undecided.primitives
+#define TAKE_UNDECIDED Undecided undecided = {is_deferred, count, postponed};
+#define TAKE_DEFERRED(call) undecided.is_deferred = (call) ? 1u : 0u
 #else
 #define UNDECIDED_ARGUMENT
 #define UNDECIDED_VALUE
 #define TAKE_UNDECIDED
-#define TAKE_DOUBT(call) (void)(call)
+#define TAKE_DEFERRED(call) (void)(call)
 #endif
 #ifdef COUNT_WORK
 #define STATE_ARGUMENTS , uint* work UNDECIDED_ARGUMENT
@@ -212,51 +212,51 @@ int4 load_node(const Geometry* geometry, uint index) {
 #define NODE_RECORD(geometry, index) load_node(geometry, index)
 #endif
 
-// Doubts. Every kernel has an array `doubts` as an argument: how many items are in doubt, then which.
+// Deferred items. Every kernel has an array `deferred` as an argument: how many items are deferred, then which.
 //   postpone           puts a triangle aside until the traversal is done; false in kernels that decide everything at once
-//   DECIDE_BY_INTEGERS       what `call`, in exact integers, decides; or false, and the item is in doubt
-//   NOTE_DOUBT         puts an item on the list if it is in doubt
-//   TAKE_IN_DOUBT      whether an item is in doubt, and forgets it: for work-items with several items, which put them on the list by
-//   ADD_DOUBT
+//   DECIDE_BY_INTEGERS what `call`, in exact integers, decides; or false, and the item is deferred
+//   NOTE_DEFERRED      puts an item on the list if it is deferred
+//   FORGET_DEFERRED    whether an item is deferred, and forgets it: for work-items with several items, which put them on the list by
+//   ADD_DEFERRED
 //   ITEM_OF            the item of work-item number i: in the second pass that on the list
 //   RAY_OF             the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
-#define DOUBTS_ARGUMENT volatile __global uint* restrict doubts,
+#define DEFERRED_ARGUMENT volatile __global uint* restrict deferred,
 #ifdef DEFER_DOUBTS
-#define UNDECIDED                  \
+#define UNDECIDED_STATE                  \
     uint postponed[MAX_POSTPONED]; \
     Undecided undecided = {0u, 0u, postponed};
-#define DECIDE_BY_INTEGERS(geometry, call) ((geometry)->undecided->in_doubt = 1u, false)
-#define IN_DOUBT (undecided.in_doubt != 0u)
-#define ADD_DOUBT(item) doubts[1u + atomic_inc(&doubts[0])] = item
-#define TAKE_IN_DOUBT(geometry) take_in_doubt(geometry)
-#define NOTE_DOUBT(item)    \
-    if (IN_DOUBT) ADD_DOUBT(item)
-bool take_in_doubt(const Geometry* geometry) {
-    const bool in_doubt = geometry->undecided->in_doubt != 0u;
-    geometry->undecided->in_doubt = 0u;
-    return in_doubt;
+#define DECIDE_BY_INTEGERS(geometry, call) ((geometry)->undecided->is_deferred = 1u, false)
+#define IS_DEFERRED (undecided.is_deferred != 0u)
+#define ADD_DEFERRED(item) deferred[1u + atomic_inc(&deferred[0])] = item
+#define FORGET_DEFERRED(geometry) forget_deferred(geometry)
+#define NOTE_DEFERRED(item)    \
+    if (IS_DEFERRED) ADD_DEFERRED(item)
+bool forget_deferred(const Geometry* geometry) {
+    const bool is_deferred = geometry->undecided->is_deferred != 0u;
+    geometry->undecided->is_deferred = 0u;
+    return is_deferred;
 }
 bool postpone(const Geometry* geometry, uint primitive) {
     Undecided* undecided = geometry->undecided;
     for (uint i = 0; i < undecided->count; i++)
         if (undecided->primitives[i] == primitive) return true; // met again in another leaf
     if (undecided->count == MAX_POSTPONED)
-        undecided->in_doubt = 1u;
+        undecided->is_deferred = 1u;
     else
         undecided->primitives[undecided->count++] = primitive;
     return true;
 }
 #else
-#define UNDECIDED
+#define UNDECIDED_STATE
 #define DECIDE_BY_INTEGERS(geometry, call) call
-#define IN_DOUBT false
-#define ADD_DOUBT(item)
-#define TAKE_IN_DOUBT(geometry) false
-#define NOTE_DOUBT(item)
+#define IS_DEFERRED false
+#define ADD_DEFERRED(item)
+#define FORGET_DEFERRED(geometry) false
+#define NOTE_DEFERRED(item)
 bool postpone(const Geometry* geometry, uint primitive) { return false; }
 #endif
 #ifdef RESOLVE_DOUBTS
-#define ITEM_OF(i) doubts[1u + (i)]
+#define ITEM_OF(i) deferred[1u + (i)]
 #define RAY_OF(i) ITEM_OF(i)
 #else
 #define ITEM_OF(i) (i)
