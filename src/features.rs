@@ -6,7 +6,6 @@
 //! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace batches do not
 //! shade, and are the same for all scenes.
 
-use crate::options::KernelFeatures;
 use crate::scene::{Falloff, LightKind, MaterialId, NO_INDEX, Scene, Texture};
 use crate::shared::Feature;
 use std::fmt;
@@ -54,14 +53,6 @@ impl Features {
         }
         features.add_if(scene.shining_lights().count() != 1, Feature::SeveralLights);
         features
-    }
-
-    /// Those that kernels have for a scene that needs these.
-    pub const fn in_kernels(self, choice: KernelFeatures) -> Features {
-        match choice {
-            KernelFeatures::Scene => self,
-            KernelFeatures::All => Features::ALL,
-        }
     }
 
     /// Whether `feature` is among them.

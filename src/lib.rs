@@ -104,6 +104,7 @@ mod bounds;
 mod budget;
 mod choose;
 mod device;
+mod device_info;
 mod error;
 mod features;
 mod front;

@@ -13,7 +13,7 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
                                               ray->t_far, hit->u, hit->t, best0, best1, best2);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
-    if (closer.decision != DOUBTFUL) return closer.decision;
+    if (closer.decision != UNDECIDED) return closer.decision;
 #endif
     return DECIDE_BY_INTEGERS(geometry, decide_by_integers(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high))
                ? HIT
@@ -49,32 +49,32 @@ int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3
             are_in_one_plane(p0, p1, p2, q0, q1, q2))
             return MISS;
     }
-    return DOUBTFUL;
+    return UNDECIDED;
 }
 
 // Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
-bool decide_doubtful(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
+bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
                      const Hit* hit, float* t_low, float* t_high) {
     COUNT(geometry, WIDE_TESTS, 1);
     const WideDecision wide = decide_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
     *t_low = wide.t_low;
     *t_high = wide.t_high;
     int decision = wide.decision == HIT ? place_hit(ray, hit, wide.t_low, wide.t_high) : wide.decision;
-    if (decision == DOUBTFUL) {
+    if (decision == UNDECIDED) {
         COUNT(geometry, CLOSE_TESTS, 1);
         const int tie = decide_tie(GEOMETRY, ray, p0, p1, p2, primitive, hit, wide.decision == HIT);
         if (tie == HIT) {
             *t_low = hit->u;
             *t_high = hit->t;
         }
-        if (tie != DOUBTFUL) return tie == HIT;
+        if (tie != UNDECIDED) return tie == HIT;
         decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high);
     }
     return decision == HIT;
 }
 
 bool is_settled_exactly(GEOMETRY_PARAMETERS) {
-#ifdef DEFER_DOUBTS
+#ifdef DEFER_UNDECIDED
     return geometry->undecided->count == 0u;
 #else
     return true;
@@ -112,9 +112,9 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
     float t_low, t_high;
     const int decision = decide_rounded(s, e, &t_low, &t_high), place = place_hit(ray, hit, t_low, t_high);
     if (place == MISS) return;
-    if (decision == DOUBTFUL || place == DOUBTFUL) {
+    if (decision == UNDECIDED || place == UNDECIDED) {
         if (postpone(geometry, primitive)) return;
-        if (!decide_doubtful(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) return;
+        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) return;
     }
     hit->t = t_high;
     hit->u = t_low;
@@ -127,7 +127,7 @@ void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
 // the traversal would have stopped at: a postponed one, if it is hit, because a sure hit ends the traversal.
 bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     bool found = false;
-#ifdef DEFER_DOUBTS
+#ifdef DEFER_UNDECIDED
     const uint count = geometry->undecided->count;
     if (count == 0u) return false;
     geometry->undecided->count = 0u;
@@ -140,7 +140,7 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
         const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
         const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
         float t_low, t_high;
-        if (!decide_doubtful(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) continue;
+        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) continue;
         hit->t = t_high;
         hit->u = t_low;
         hit->primitive = primitive;

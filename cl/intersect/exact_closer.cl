@@ -74,7 +74,7 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
 RARE WideDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
                                 float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1,
                                 float3 best2) {
-    WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};
+    WideDecision result = {UNDECIDED, -INFINITY, INFINITY};
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
     const int sign = sure_sign_closer(n.det, n.det_bound);

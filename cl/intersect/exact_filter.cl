@@ -18,7 +18,7 @@
 
 #define MISS 0
 #define HIT 1
-#define DOUBTFUL 2
+#define UNDECIDED 2
 
 // Step 1. The edge functions and the bound of their error are in edges.cl.
 //
@@ -29,7 +29,7 @@
 // |direction_z| is at least 1. Three products may underflow, each by up to 2^-126; their sum is divided by more than
 // LEAST_EDGE. SPREAD_ERROR is the 3 and a tenth, DEPTH_ERROR 26, LEAST_DEPTH what underflows.
 
-// Whether a triangle that is not surely missed is hit, and limits of the hit's t, if there is one: in doubt those of
+// Whether a triangle that is not surely missed is hit, and limits of the hit's t, if there is one: undecided those of
 // all the triangle.
 int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float* t_high) {
     const float nearest = smaller(s->az, smaller(s->bz, s->cz)), farthest = larger(s->az, larger(s->bz, s->cz));
@@ -38,7 +38,7 @@ int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float*
         const float t_nearest = nearest * s->inv_direction_z, t_farthest = farthest * s->inv_direction_z;
         *t_low = smaller(t_nearest, t_farthest) - depth_error;
         *t_high = larger(t_nearest, t_farthest) + depth_error;
-        return DOUBTFUL;
+        return UNDECIDED;
     }
     const float det = e.weight0 + e.weight1 + e.weight2;
     const float z_weighted = fma(e.weight0, s->az, fma(e.weight1, s->bz, e.weight2 * s->cz));
@@ -55,7 +55,7 @@ int decide_rounded(const ShearedTriangle* s, const Edges e, float* t_low, float*
 // by less than a float's last bit, so that a float beyond its end is beyond what was given, too.
 int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
     if (t_high < ray->t_near || t_low > hit->t) return MISS;
-    return t_low > ray->t_near && t_high < hit->u ? HIT : DOUBTFUL;
+    return t_low > ray->t_near && t_high < hit->u ? HIT : UNDECIDED;
 }
 
 // Step 2. The numbers behind every answer, with a = p0 - start, e1 and e2 the edges from p0, N = e1 x e2, c = a x
@@ -133,12 +133,12 @@ typedef struct {
     float t_low, t_high; // of a hit
 } WideDecision;
 
-// Hit, miss or doubt, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the loop
+// Hit, miss or undecided, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the loop
 // over the triangles.
 RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2) {
     WideNumbers n;
     wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
-    WideDecision result = {DOUBTFUL, -INFINITY, INFINITY};
+    WideDecision result = {UNDECIDED, -INFINITY, INFINITY};
     const int sign = sure_sign(n.det, n.det_bound);
     const int sign0 = sure_sign(n.weight0, n.bound0);
     const int sign1 = sure_sign(n.weight1, n.bound1);

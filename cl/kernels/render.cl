@@ -51,7 +51,7 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Pen
 // is there. Work records: two a pixel, of its camera rays and of all others.
 __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render,
                      __global const CameraSample* restrict samples, __global float4* restrict film,
-                     volatile __global uint* restrict counters, WORK_ARGUMENT DOUBTS_ARGUMENT const uint first_sample,
+                     volatile __global uint* restrict counters, WORK_ARGUMENT DEFERRED_ARGUMENT const uint first_sample,
                      const uint end_sample, const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
@@ -69,8 +69,8 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     for (uint s = first_sample; s < end_sample; s++) {
         sum += radiance_along(SCENE_AT(&scene), render, first_of_path(render, samples, pixel, s), counts);
     }
-    NOTE_DOUBT(item);
-    if (IN_DOUBT) return;
+    NOTE_DEFERRED(item);
+    if (IS_DEFERRED) return;
     film[place] = sum_of_samples(render, sum, end_sample);
     STORE_WORK(&scene.camera_geometry, 2u * place);
     STORE_WORK(&scene.geometry, 2u * place + 1u);

@@ -151,11 +151,11 @@ typedef struct {
 
 // The closest hits of the rays of `lanes`, or with any_hit whether there are any; of `packets` packets, of which only
 // camera rays have more than one: theirs go on in the next items. What is left to the second pass is added to
-// *in_doubt. *packet: the rays that were traced together.
+// *is_deferred. *packet: the rays that were traced together.
 void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const uint packets,
-                 const bool any_hit, RayPacket* packet, PacketAnswer* answer, ulong* in_doubt) {
+                 const bool any_hit, RayPacket* packet, PacketAnswer* answer, ulong* is_deferred) {
     PacketHits found[PACKETS_OF_ITEM];
-    int16 used[PACKETS_OF_ITEM], doubtful[PACKETS_OF_ITEM];
+    int16 used[PACKETS_OF_ITEM], undecided_lanes[PACKETS_OF_ITEM];
     uint traced = 0u;
     for (uint k = 0; k < packets; k++) {
         answer[k].hits = answer[k].together = 0ul;
@@ -166,18 +166,18 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
         used[k] = make_packet(&packet[k], 1.0f, &unit);
         if (is_any16(used[k])) traced |= 1u << k;
     }
-    if (traced != 0u) TRAVERSE_PACKETS(GEOMETRY, packet, traced, any_hit, found, doubtful);
+    if (traced != 0u) TRAVERSE_PACKETS(GEOMETRY, packet, traced, any_hit, found, undecided_lanes);
     for (uint k = 0; k < packets; k++) {
         Ray ray;
         ulong alone = lanes[k];
         if ((traced >> k & 1u) != 0u) {
             answer[k].together = lanes_where16(used[k]);
-            for (ulong open = unsettled_lanes(&found[k], doubtful[k]); open != 0ul; open = other_lanes8(open)) {
+            for (ulong open = unsettled_lanes(&found[k], undecided_lanes[k]); open != 0ul; open = other_lanes8(open)) {
                 const uint lane = first_lane16(open);
                 take_ray_of(group, kind, 16u * k + lane, &ray);
-                settle_lane(GEOMETRY, &ray, lane, &found[k], &doubtful[k]);
+                settle_lane(GEOMETRY, &ray, lane, &found[k], &undecided_lanes[k]);
             }
-            const int16 is_settled = used[k] && !doubtful[k];
+            const int16 is_settled = used[k] && !undecided_lanes[k];
             alone &= ~lanes_where16(is_settled);
             answer[k].hits = lanes_where16(is_settled && found[k].primitive != NO_PRIMITIVE);
             vstore16(found[k].primitive, 0, answer[k].primitive);
@@ -188,7 +188,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
             take_ray_of(group, kind, 16u * k + lane, &ray);
             if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) answer[k].hits |= lane_bit16(lane);
             answer[k].primitive[lane] = hit.primitive;
-            if (TAKE_IN_DOUBT(geometry)) in_doubt[k] |= lane_bit16(lane);
+            if (FORGET_DEFERRED(geometry)) is_deferred[k] |= lane_bit16(lane);
         }
     }
 }
@@ -196,7 +196,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
 // Lets the shadow rays of that kind, which were traced, go on behind what they have hit, if it is transparent. Returns
 // those that do.
 ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, const RayPacket* packet,
-                    const PacketAnswer* answer, ulong* in_doubt) {
+                    const PacketAnswer* answer, ulong* is_deferred) {
     const Geometry* geometry = &scene->geometry;
     ulong passed = 0ul;
     for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
@@ -220,7 +220,7 @@ ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, 
             hit.primitive = answer->primitive[lane];
             SurfaceHit at;
             SURFACE_HIT(GEOMETRY, &ray, &hit, &at);
-            if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+            if (FORGET_DEFERRED(geometry)) *is_deferred |= lane_bit16(lane);
             path->passed = surface_point(GEOMETRY, &at);
         }
         path->towards = still_to_light(&path->start, &path->sample, path->passed.position);
@@ -229,7 +229,7 @@ ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, 
 }
 
 // What light_visibility() is for each of the shadow rays of `lanes`, in path->tint.
-void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, ulong* in_doubt) {
+void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, ulong* is_deferred) {
     const Geometry* geometry = &scene->geometry;
     const bool is_tinted = has_transparent(scene);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
@@ -239,14 +239,14 @@ void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, ulong* in_
     }
     RayPacket packet;
     PacketAnswer answer;
-    trace_lanes(GEOMETRY, group, SHADOW_RAYS, &lanes, 1u, !is_tinted, &packet, &answer, in_doubt);
+    trace_lanes(GEOMETRY, group, SHADOW_RAYS, &lanes, 1u, !is_tinted, &packet, &answer, is_deferred);
     ulong open = answer.hits, dark = 0ul;
     if (is_tinted) {
-        ulong passed = pass_surfaces(SCENE, group, SHADOW_RAYS, &packet, &answer, in_doubt);
+        ulong passed = pass_surfaces(SCENE, group, SHADOW_RAYS, &packet, &answer, is_deferred);
         dark = open & ~passed;
         for (uint layer = 1; layer < MAX_SHADOW_LAYERS && passed != 0ul; layer++) {
-            trace_lanes(GEOMETRY, group, PASSED_RAYS, &passed, 1u, false, &packet, &answer, in_doubt);
-            passed = pass_surfaces(SCENE, group, PASSED_RAYS, &packet, &answer, in_doubt);
+            trace_lanes(GEOMETRY, group, PASSED_RAYS, &passed, 1u, false, &packet, &answer, is_deferred);
+            passed = pass_surfaces(SCENE, group, PASSED_RAYS, &packet, &answer, is_deferred);
             dark |= answer.hits & ~passed;
         }
         open = passed;
@@ -288,7 +288,7 @@ ulong directions_to_lamp(const PixelGroup* group, ulong lanes, float3 position, 
 }
 
 // Adds lamp number `index` to the light of the surfaces of `lanes`.
-void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index, ulong* in_doubt) {
+void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index, ulong* is_deferred) {
     __global const Light* light = &scene->lights[index];
     PacketLamp lamp;
     ulong lit = 0ul, known = 0ul, has_halfway = 0ul;
@@ -315,7 +315,7 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
         if (is_lit) lit |= lane_bit16(lane);
     }
     if (lit == 0ul) return;
-    see_lamp(SCENE, group, lit, in_doubt);
+    see_lamp(SCENE, group, lit, is_deferred);
     for (; lit != 0ul; lit = other_lanes8(lit)) {
         Path* path = &group->paths[first_lane16(lit)];
         path->light.radiance += path->reflected * path->tint;
@@ -325,7 +325,7 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
 // What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface
 // and direction; of those that have missed the direction alone.
 void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
-                   const PacketAnswer* answer, ulong* in_doubt) {
+                   const PacketAnswer* answer, ulong* is_deferred) {
     const Geometry* geometry = &scene->geometry;
     float16 unit[3], scale, inverse;
     PacketSurfaces surfaces;
@@ -364,15 +364,15 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
         Hit hit = no_hit();
         hit.primitive = answer->primitive[lane];
         SURFACE_HIT(GEOMETRY, &path->pending.ray, &hit, &at);
-        if (TAKE_IN_DOUBT(geometry)) *in_doubt |= lane_bit16(lane);
+        if (FORGET_DEFERRED(geometry)) *is_deferred |= lane_bit16(lane);
         path->surface = surface_at(GEOMETRY, scene->shading, &path->pending.ray, &at);
     }
 }
 
 // Shades what the paths of `lanes` have hit.
 void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
-                  const PacketAnswer* answer, ulong* in_doubt) {
-    find_surfaces(SCENE, group, kind, lanes, packet, answer, in_doubt);
+                  const PacketAnswer* answer, ulong* is_deferred) {
+    find_surfaces(SCENE, group, kind, lanes, packet, answer, is_deferred);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
         Path* path = &group->paths[lane];
@@ -390,7 +390,7 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
         path->start = path->surface.point;
         lift_point(&path->start, path->surface.lift);
     }
-    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, group, answer->hits, i, in_doubt);
+    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, group, answer->hits, i, is_deferred);
     for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &group->paths[first_lane16(rest)];
         path->radiance += path->pending.weight * limit_radiance(path->light.radiance);
@@ -402,14 +402,14 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
 
 // Adds the sample of the paths of `lanes`, whose camera rays were traced, to their pixels.
 void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer,
-                ulong* in_doubt) {
+                ulong* is_deferred) {
     const Geometry* geometry = &scene->geometry;
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &group->paths[first_lane16(rest)];
         path->radiance = (float3)(0.0f);
         path->stacked = 0u;
     }
-    follow_paths(SCENE, group, CAMERA_RAYS, lanes, packet, answer, in_doubt);
+    follow_paths(SCENE, group, CAMERA_RAYS, lanes, packet, answer, is_deferred);
     for (;;) {
         ulong open = 0ul;
         for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
@@ -419,8 +419,8 @@ void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacke
             open |= lane_bit16(lane);
         }
         if (open == 0ul) break;
-        trace_lanes(GEOMETRY, group, WAITING_RAYS, &open, 1u, false, packet, answer, in_doubt);
-        follow_paths(SCENE, group, WAITING_RAYS, open, packet, answer, in_doubt);
+        trace_lanes(GEOMETRY, group, WAITING_RAYS, &open, 1u, false, packet, answer, is_deferred);
+        follow_paths(SCENE, group, WAITING_RAYS, open, packet, answer, is_deferred);
     }
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
@@ -430,12 +430,12 @@ void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacke
 
 // Renders the items from `item` on, of those before `end`.
 void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global const CameraSample* samples,
-                 __global float4* film, volatile __global uint* counters, DOUBTS_ARGUMENT uint first_sample,
+                 __global float4* film, volatile __global uint* counters, DEFERRED_ARGUMENT uint first_sample,
                  uint end_sample, uint item, uint end) {
     const Geometry* geometry = &scene->geometry;
     Pixel pixels[TILE_ITEMS];
-    ulong inside[PACKETS_OF_ITEM], in_doubt[PACKETS_OF_ITEM];
-    for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = in_doubt[k] = 0ul;
+    ulong inside[PACKETS_OF_ITEM], is_deferred[PACKETS_OF_ITEM];
+    for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = is_deferred[k] = 0ul;
     for (uint i = 0; i < TILE_ITEMS; i++) {
         const uint2 pixel = pixel_of_item(render, item + i);
         if (item + i >= end || !is_in_film(render, pixel)) continue;
@@ -448,16 +448,16 @@ void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global
         RayPacket packets[PACKETS_OF_ITEM];
         PacketAnswer answers[PACKETS_OF_ITEM];
         const PixelGroup all = {render, samples, item, s, pixels, paths};
-        trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, PACKETS_OF_ITEM, false, packets, answers, in_doubt);
+        trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, PACKETS_OF_ITEM, false, packets, answers, is_deferred);
         for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
             const PixelGroup sixteen = {render, samples, item + 16u * k, s, pixels + 16u * k, paths};
-            add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k], &in_doubt[k]);
+            add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k], &is_deferred[k]);
         }
     }
     for (uint i = 0; i < TILE_ITEMS; i++) {
         if ((inside[i / 16u] & lane_bit16(i % 16u)) == 0ul) continue;
-        if ((in_doubt[i / 16u] & lane_bit16(i % 16u)) != 0ul) {
-            ADD_DOUBT(item + i);
+        if ((is_deferred[i / 16u] & lane_bit16(i % 16u)) != 0ul) {
+            ADD_DEFERRED(item + i);
             continue;
         }
         const uint2 pixel = pixel_of_item(render, item + i);
@@ -470,7 +470,7 @@ void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global
 // that none has more of it to do than others while these wait.
 __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restrict render,
                              __global const CameraSample* restrict samples, __global float4* restrict film,
-                             volatile __global uint* restrict counters, DOUBTS_ARGUMENT const uint first_sample,
+                             volatile __global uint* restrict counters, DEFERRED_ARGUMENT const uint first_sample,
                              const uint end_sample, const uint first, const uint end) {
     const uint tiles = (end - first + TILE_ITEMS - 1u) / TILE_ITEMS;
     TRAVERSAL_STATE
@@ -478,7 +478,7 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
     for (;;) {
         const uint tile = atomic_inc(&counters[TAKEN_TILES]);
         if (tile >= tiles) return;
-        render_tile(SCENE_AT(&scene), render, samples, film, counters, doubts, first_sample, end_sample,
+        render_tile(SCENE_AT(&scene), render, samples, film, counters, deferred, first_sample, end_sample,
                     first + TILE_ITEMS * tile, end);
     }
 }

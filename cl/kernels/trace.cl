@@ -2,7 +2,7 @@
 
 // The closest hit of each ray.
 __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                            WORK_ARGUMENT DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+                            WORK_ARGUMENT DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = RAY_OF(item);
@@ -11,14 +11,14 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
     const Geometry geometry = MAKE_GEOMETRY;
     Hit hit;
     if (!trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false, &hit))
-        TAKE_DOUBT(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, false, hit.t, hit.u, hit.primitive));
+        TAKE_DEFERRED(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, false, hit.t, hit.u, hit.primitive));
     STORE_WORK(&geometry, index);
-    NOTE_DOUBT(index);
+    NOTE_DEFERRED(index);
 }
 
 // Some hit of each ray: whether there is one is the answer, which one depends on the structure.
 __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                        WORK_ARGUMENT DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+                        WORK_ARGUMENT DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = RAY_OF(item);
@@ -27,16 +27,16 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     const Geometry geometry = MAKE_GEOMETRY;
     Hit hit;
     if (!trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true, &hit))
-        TAKE_DOUBT(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, true, hit.t, hit.u, hit.primitive));
+        TAKE_DEFERRED(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, true, hit.t, hit.u, hit.primitive));
     STORE_WORK(&geometry, index);
-    NOTE_DOUBT(index);
+    NOTE_DEFERRED(index);
 }
 
 // The closest hit of a second ray that leaves the first one's hit, started as the renderer starts its secondary rays. A
 // first ray that missed has no second one.
 __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
                          __global const float4* restrict next_directions, __global const Hit* restrict hits,
-                         __global Hit* restrict next_hits, WORK_ARGUMENT DOUBTS_ARGUMENT const uint first,
+                         __global Hit* restrict next_hits, WORK_ARGUMENT DEFERRED_ARGUMENT const uint first,
                          const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
@@ -59,5 +59,5 @@ __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
     }
     next_hits[index] = hit;
     STORE_WORK(&geometry, index);
-    NOTE_DOUBT(index);
+    NOTE_DEFERRED(index);
 }

@@ -72,7 +72,7 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     RayPacket packets[PACKETS_OF_ITEM];
     PacketHits found[PACKETS_OF_ITEM];
     float16 t_factor[PACKETS_OF_ITEM];
-    int16 doubtful[PACKETS_OF_ITEM];
+    int16 undecided_lanes[PACKETS_OF_ITEM];
     uint traced = 0u;
     for (uint rest = full; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
@@ -81,29 +81,29 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
         if (is_any16(answered[k])) traced |= 1u << k;
     }
     if (traced == 0u) return;
-    TRAVERSE_PACKETS(GEOMETRY, packets, traced, any_hit, found, doubtful);
+    TRAVERSE_PACKETS(GEOMETRY, packets, traced, any_hit, found, undecided_lanes);
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;
-        for (ulong open = unsettled_lanes(&found[k], doubtful[k]); open != 0ul; open = other_lanes8(open)) {
+        for (ulong open = unsettled_lanes(&found[k], undecided_lanes[k]); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
-            settle_lane(GEOMETRY, &ray, lane, &found[k], &doubtful[k]);
+            settle_lane(GEOMETRY, &ray, lane, &found[k], &undecided_lanes[k]);
         }
-        finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit, &doubtful[k]);
+        finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit, &undecided_lanes[k]);
         // A t that may have lost bits is left to single rays.
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
         const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
         store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u,
                    hit.v, hit.primitive);
-        answered[k] = answered[k] && !doubtful[k] && is_exact;
+        answered[k] = answered[k] && !undecided_lanes[k] && is_exact;
     }
 }
 
 // The rays of one work-item, those of the tile from `item` on, of items before `end`. What packets do not answer is
 // traced one ray after the other.
-void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, volatile __global uint* doubts,
+void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, volatile __global uint* deferred,
                 uint row, uint in_bands, uint item, uint end, const bool any_hit) {
     const RayTile tile = tile_at(item, row, in_bands);
     const uint packets = min((end - item) / 16u, PACKETS_OF_ITEM);
@@ -117,28 +117,28 @@ void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit
             Hit hit;
             if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit))
                 settle_batch(GEOMETRY, rays, hits, index, any_hit, hit);
-            if (TAKE_IN_DOUBT(geometry)) ADD_DOUBT(index);
+            if (FORGET_DEFERRED(geometry)) ADD_DEFERRED(index);
         }
     }
 }
 
 // The closest hit of each ray, as trace_closest.
 __kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
-                                    __global Hit* restrict hits, DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first,
+                                    __global Hit* restrict hits, DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first,
                                     const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_item(GEOMETRY_AT(&geometry), rays, hits, doubts, row, in_bands, item, end, false);
+    trace_item(GEOMETRY_AT(&geometry), rays, hits, deferred, row, in_bands, item, end, false);
 }
 
 // Some hit of each ray, as trace_any.
 __kernel void trace_any_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                                DOUBTS_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+                                DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_item(GEOMETRY_AT(&geometry), rays, hits, doubts, row, in_bands, item, end, true);
+    trace_item(GEOMETRY_AT(&geometry), rays, hits, deferred, row, in_bands, item, end, true);
 }

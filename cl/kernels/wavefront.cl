@@ -19,7 +19,7 @@
 //
 //   wavefront_film     adds up each pixel's samples
 //
-// Where kernels leave doubts to a second pass (cl/memory/deferral.cl), wavefront_trace and wavefront_shadow exist once
+// Where kernels defer rays to a second pass (cl/memory/deferral.cl), wavefront_trace and wavefront_shadow exist once
 // more, run behind the first ones, and do what these have left.
 //
 // All kernels have the same arguments, so that the host sets them alike; the lists' order is left to chance, and
@@ -41,7 +41,7 @@
         __global WavefrontYield* restrict yields, __global WavefrontShadow* restrict shadows, \
         __global TextureRequest* restrict requests, __global const float4* restrict colours, \
         __global float4* restrict path_radiance, volatile __global uint* restrict lengths, \
-        DOUBTS_ARGUMENT const uint slot_count, const uint first_pixel, const uint batch_pixels, \
+        DEFERRED_ARGUMENT const uint slot_count, const uint first_pixel, const uint batch_pixels, \
         __global uint* restrict queue, __global uint* restrict other_queue, const uint light, const uint first, \
         const uint end
 
@@ -50,15 +50,15 @@
 #define HOST_TEXTURES 0
 #endif
 
-// Whether these kernels are the second pass, which traces the rays on the list of doubts and no others.
-#ifdef RESOLVE_DOUBTS
+// Whether these kernels are the second pass, which traces the deferred rays and no others.
+#ifdef RESOLVE_DEFERRED
 #define IS_SECOND_PASS true
 #else
 #define IS_SECOND_PASS false
 #endif
 
-// The end of a queue of rays, or of the list of doubts about them.
-uint traced_end(uint end, volatile __global const uint* doubts) { return IS_SECOND_PASS ? min(end, doubts[0]) : end; }
+// The end of a queue of rays, or of the list of those that are deferred.
+uint traced_end(uint end, volatile __global const uint* deferred) { return IS_SECOND_PASS ? min(end, deferred[0]) : end; }
 
 // A place in the queue of this length for every work-item that wants one. All work-items of a group must come here;
 // only one of them meets the other groups at the counter. `places`: two words for the group.
@@ -102,7 +102,7 @@ float3 load_lift(__global const WavefrontSurface* from) {
 __kernel void wavefront_camera(WAVEFRONT_ARGUMENTS) {
     __local uint places[2];
     const uint index = first + (uint)get_global_id(0);
-    if (index == 0u) doubts[0] = 0u; // for wavefront_trace
+    if (index == 0u) deferred[0] = 0u; // for wavefront_trace
     const bool is_item = index < end;
     const uint slot = is_item ? queue[index] : 0u;
     WavefrontSlot state;
@@ -149,10 +149,10 @@ __kernel void wavefront_trace(WAVEFRONT_ARGUMENTS) {
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
     if (number == 0u) {
-        if (IS_SECOND_PASS) lengths[QUEUE_RESOLVED] += doubts[0];
+        if (IS_SECOND_PASS) lengths[QUEUE_RESOLVED] += deferred[0];
         else clear_lists(&scene, lengths);
     }
-    if (number >= traced_end(end, doubts)) return;
+    if (number >= traced_end(end, deferred)) return;
     const uint index = ITEM_OF(number);
     const uint slot = queue[index];
     const WaitingRay waiting = rays[(size_t)(slots[slot].pending - 1u) * slot_count + slot];
@@ -162,8 +162,8 @@ __kernel void wavefront_trace(WAVEFRONT_ARGUMENTS) {
     SurfaceHit at = {0.0f, 0.0f, 0.0f, NO_PRIMITIVE};
     if (trace_pending(SCENE_AT(&scene), &pending, &hit, counts))
         SURFACE_HIT(GEOMETRY_AT(&scene.geometry), &pending.ray, &hit, &at);
-    NOTE_DOUBT(index);
-    if (IN_DOUBT) return;
+    NOTE_DEFERRED(index);
+    if (IS_DEFERRED) return;
     hits[slot] = at;
     add_counts(counts, counters, index);
 }
@@ -255,7 +255,7 @@ __kernel void wavefront_light(WAVEFRONT_ARGUMENTS) {
     const uint index = first + (uint)get_global_id(0);
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
-    if (index == 0u) doubts[0] = 0u; // for wavefront_shadow
+    if (index == 0u) deferred[0] = 0u; // for wavefront_shadow
     bool adds = false;
     uint slot = 0u;
     LightSample sample;
@@ -280,8 +280,8 @@ __kernel void wavefront_light(WAVEFRONT_ARGUMENTS) {
 
 __kernel void wavefront_shadow(WAVEFRONT_ARGUMENTS) {
     const uint number = first + (uint)get_global_id(0);
-    if (IS_SECOND_PASS && number == 0u) lengths[QUEUE_RESOLVED] += doubts[0];
-    if (number >= traced_end(min(end, lengths[QUEUE_SHADOWS + light]), doubts)) return;
+    if (IS_SECOND_PASS && number == 0u) lengths[QUEUE_RESOLVED] += deferred[0];
+    if (number >= traced_end(min(end, lengths[QUEUE_SHADOWS + light]), deferred)) return;
     const uint index = ITEM_OF(number);
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
@@ -296,8 +296,8 @@ __kernel void wavefront_shadow(WAVEFRONT_ARGUMENTS) {
     lift_point(&point, load_lift(&surfaces[slot]));
     uint counts[COUNTERS] = {0};
     const float3 visibility = light_visibility(SCENE_AT(&scene), &point, &sample, counts);
-    NOTE_DOUBT(index);
-    if (IN_DOUBT) return;
+    NOTE_DEFERRED(index);
+    if (IS_DEFERRED) return;
     yields[slot].radiance.xyz += as_float3(reflected_slot.xyz) * visibility;
     add_counts(counts, counters, index);
 }

@@ -19,11 +19,11 @@
 //   LEAF_ORDER           vertices and transforms are copied for each reference,   they are there once for each triangle
 //                        in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle    it lies in an array of its own
-//   DEFER_DOUBTS         what only exact integers can decide is left to a second  every test is decided at once
+//   DEFER_UNDECIDED         what only exact integers can decide is left to a second  every test is decided at once
 //                        pass over the rays or pixels that met it: the many
 //                        registers for it are not in the kernels that all others
 //                        run (deferral.cl)
-//   RESOLVE_DOUBTS       the kernels are that second pass                         work-item i takes item i
+//   RESOLVE_DEFERRED       the kernels are that second pass                         work-item i takes item i
 //   INSTANCES            vertices and shading data are those of objects, which    triangles are in tracing space
 //                        are placed when they are read (shared/instances.cl)
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in  nothing is counted (work.cl)
@@ -52,12 +52,12 @@
 #define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
 #endif
 
-// Of a ray, or a packet of rays, that meets more triangles in doubt, the rest is left to the second pass, or to its
+// Of a ray, or a packet of rays, that meets more triangles undecided, the rest is left to the second pass, or to its
 // rays by themselves. Around a vertex there are six.
 #define MAX_POSTPONED 8u
-#ifdef DEFER_DOUBTS
+#ifdef DEFER_UNDECIDED
 typedef struct {
-    uint in_doubt; // 1: something is left to the second pass
+    uint is_deferred; // 1: something is left to the second pass
     uint count;
     // Triangles that the ray may hit; apart, so that the numbers above are in registers where this goes to a call.
     uint* primitives;
@@ -104,7 +104,7 @@ typedef struct {
 #ifdef COUNT_WORK
     uint* work; // WORK_COUNTERS sums
 #endif
-#ifdef DEFER_DOUBTS
+#ifdef DEFER_UNDECIDED
     Undecided* undecided;
 #endif
 #ifdef INSTANCES
@@ -132,10 +132,10 @@ typedef struct {
 #else
 #define WORK_VALUE(sums)
 #endif
-#ifdef DEFER_DOUBTS
-#define DOUBT_VALUE , &undecided
+#ifdef DEFER_UNDECIDED
+#define DEFERRED_VALUE , &undecided
 #else
-#define DOUBT_VALUE
+#define DEFERRED_VALUE
 #endif
 #ifdef INSTANCES
 #define PLACED Placed placed = {0u, 0u, 0u, 0u, (float4)(0.0f), (float4)(0.0f), (float4)(0.0f), 0u};
@@ -152,7 +152,7 @@ typedef struct {
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DEFERRED_VALUE PLACED_VALUE }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #else
@@ -162,7 +162,7 @@ typedef struct {
         __global const float4* restrict transforms,                                          \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) \
-    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DOUBT_VALUE PLACED_VALUE }
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DEFERRED_VALUE PLACED_VALUE }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #endif
@@ -174,8 +174,8 @@ typedef struct {
 // its life.
 //   GEOMETRY_VALUES  the arguments for GEOMETRY_ARGUMENTS
 //   STATE_ARGUMENTS  what the kernel has noted, behind these; STATE_VALUES: the arguments for them
-//   TAKE_STATE       what the called function declares in place of TRAVERSAL_STATE; it returns IN_DOUBT
-//   TAKE_DOUBT       takes that from the call
+//   TAKE_STATE       what the called function declares in place of TRAVERSAL_STATE; it returns IS_DEFERRED
+//   TAKE_DEFERRED       takes that from the call
 #define GEOMETRY_VALUES \
     nodes, references, vertices, bounds, transforms, CONSTANT_NODES_VALUE SURFACE_VERTICES_VALUE scene_params
 #ifdef COUNT_WORK

@@ -46,7 +46,7 @@ __attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const Ra
 
 // Goes on with one ray of a packet below `link`.
 void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit,
-                      float16* t_limits, PacketHits* hits, int16* doubtful) {
+                      float16* t_limits, PacketHits* hits, int16* undecided_lanes) {
     SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const uint3 near = near_planes(ray.slabs.inv);
     FarChild stack[STACK_SIZE];
@@ -62,7 +62,7 @@ void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint l
         if (leaf.z > 0 && test_single_ray(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
         link = next_on_stack(stack, &stacked, ray.t_limit);
     }
-    put_back(&ray, lane, any_hit, t_limits, hits, doubtful);
+    put_back(&ray, lane, any_hit, t_limits, hits, undecided_lanes);
 }
 
 // The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many
@@ -86,11 +86,11 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
 }
 
 // The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Triangles that float32
-// does not decide are put aside (settle_lane), or their lanes are in *doubtful, and what is said of these hits means
+// does not decide are put aside (settle_lane), or their lanes are in *undecided_lanes, and what is said of these hits means
 // nothing.
 void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit,
-                          PacketHits* hits, int16* doubtful) {
-    start_packet(p, hits, doubtful);
+                          PacketHits* hits, int16* undecided_lanes) {
+    start_packet(p, hits, undecided_lanes);
     float16 t_limit = p->t_far;
 
     PacketChild stack[STACK_SIZE];
@@ -104,7 +104,7 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
         ulong lanes = lanes_where16(is_within);
         if (count_lanes16(lanes) <= FEW_RAYS) {
             for (; lanes != 0ul; lanes = other_lanes8(lanes))
-                trace_single_ray(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, doubtful);
+                trace_single_ray(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, undecided_lanes);
             continue;
         }
         if ((link & BVH_LEAF) == 0u) {
@@ -123,7 +123,7 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
             LeafTriangles triangles;
             (void)load_triangles(GEOMETRY, range, 0, 1u, first / 8u, &triangles);
             for (uint i = 0; i < count; i++)
-                (void)test_with_packet(GEOMETRY, p, &triangles, i, first + i, any_hit, &t_limit, hits, doubtful);
+                (void)test_with_packet(GEOMETRY, p, &triangles, i, first + i, any_hit, &t_limit, hits, undecided_lanes);
         }
     }
 }

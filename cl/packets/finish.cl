@@ -1,5 +1,5 @@
 // t, u and v of the hits of a packet: finish_wide() of exact_filter.cl, in the same precision with the same bounds, for
-// eight lanes at a time, the bounds for all sixteen. Lanes that it is not sure of are in doubt. Instead of t surfaces
+// eight lanes at a time, the bounds for all sixteen. Lanes that it is not sure of are undecided. Instead of t surfaces
 // want the weight of vertex 0.
 
 #ifdef WIDE_IS_DOUBLE
@@ -162,9 +162,9 @@ typedef struct {
     uint16 primitive;
 } FinishedHits;
 
-// Adds what is not certain to *doubtful. With any_hit t is only no less than that of the hit, and u and v are 0.
+// Adds what is not certain to *undecided_lanes. With any_hit t is only no less than that of the hit, and u and v are 0.
 void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hits, const bool any_hit,
-                   FinishedHits* out, int16* doubtful) {
+                   FinishedHits* out, int16* undecided_lanes) {
     out->t = (float16)(INFINITY);
     out->u = (float16)(0.0f);
     out->v = (float16)(0.0f);
@@ -194,5 +194,5 @@ void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hi
     out->t = is_hit ? t : out->t;
     out->u = is_hit ? u : out->u;
     out->v = is_hit ? v : out->v;
-    *doubtful = *doubtful || (is_hit && !sure);
+    *undecided_lanes = *undecided_lanes || (is_hit && !sure);
 }

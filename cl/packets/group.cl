@@ -65,12 +65,12 @@ uint members_within(uint members, float nearest, float4 reach) {
 // The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same
 // way.
 void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta,
-                         const uint members, const bool any_hit, PacketHits* hits, int16* doubtful) {
+                         const uint members, const bool any_hit, PacketHits* hits, int16* undecided_lanes) {
     float16 t_limits[PACKETS_OF_ITEM];
     float4 reach = (float4)(-INFINITY);
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        start_packet(&packets[k], &hits[k], &doubtful[k]);
+        start_packet(&packets[k], &hits[k], &undecided_lanes[k]);
         t_limits[k] = packets[k].t_far;
         reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], t_limits[k]));
     }
@@ -113,7 +113,7 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
                 for (; met != 0ul; met = other_lanes8(met)) {
                     const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
                     if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k],
-                                         &hits[k], &doubtful[k]))
+                                         &hits[k], &undecided_lanes[k]))
                         changed |= 1u << k;
                 }
             }
@@ -146,7 +146,7 @@ bool first_rays_go_one_way(const RayPacket* packets, uint members) {
 // The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by
 // one. A packet by itself is faster without a frustum, which tells it little that its rays do not.
 void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit,
-                           PacketHits* hits, int16* doubtful) {
+                           PacketHits* hits, int16* undecided_lanes) {
     PacketRange range;
     const bool are_several = members >> first_member(members) != 1u;
     if (are_several && first_rays_go_one_way(packets, members)) {
@@ -155,7 +155,7 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
         // Pads of frusta are for all of the scene, however far out the rest is.
         if (geometry->near_reach == 0.0f &&
             make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
-            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, doubtful);
+            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, undecided_lanes);
             return;
         }
     }
@@ -163,6 +163,6 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
         const uint k = first_member(rest);
         range_of(packets, 1u << k, &range);
         add_slabs(&packets[k], &range, geometry->low, geometry->high, geometry->near_reach);
-        traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &doubtful[k]);
+        traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &undecided_lanes[k]);
     }
 }

@@ -17,7 +17,7 @@ typedef struct {
 
 // Goes on with one ray of a packet in a cell.
 void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint from, float t_near, float t_far,
-                              const bool any_hit, float16* t_limits, PacketHits* hits, int16* doubtful) {
+                              const bool any_hit, float16* t_limits, PacketHits* hits, int16* undecided_lanes) {
     SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const float inv[3] = {ray.slabs.inv.x, ray.slabs.inv.y, ray.slabs.inv.z};
     const float enter[3] = {ray.slabs.enter.x, ray.slabs.enter.y, ray.slabs.enter.z};
@@ -57,7 +57,7 @@ void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane
             else cell = stack[--stacked];
         } while (!is_done && ray.t_limit < cell.t_near);
     }
-    put_back(&ray, lane, any_hit, t_limits, hits, doubtful);
+    put_back(&ray, lane, any_hit, t_limits, hits, undecided_lanes);
 }
 
 // Where the rays of a packet go on both sides of a plane.
@@ -172,7 +172,7 @@ int4 descend_together(GEOMETRY_PARAMETERS, const RayPacket* packets, uint* membe
 // The hits of the packets of `members`, which have slabs and are of that range, as traverse_bvh8_packet() finds them.
 // `frusta` leave out triangles: 0 where there are none.
 void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayRange* range, const Frustum* frusta,
-                       const uint members, const bool any_hit, PacketHits* hits, int16* doubtful) {
+                       const uint members, const bool any_hit, PacketHits* hits, int16* undecided_lanes) {
     const float lows[3] = {geometry->low.x, geometry->low.y, geometry->low.z};
     const float highs[3] = {geometry->high.x, geometry->high.y, geometry->high.z};
     float16 t_limits[PACKETS_OF_ITEM];
@@ -182,7 +182,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         const RayPacket* p = &packets[k];
-        start_packet(p, &hits[k], &doubtful[k]);
+        start_packet(p, &hits[k], &undecided_lanes[k]);
         t_limits[k] = p->t_far;
         float16 t_near = p->t_near, t_far = p->t_far;
 #pragma unroll
@@ -215,7 +215,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
                     const uint lane = first_lane16(rest);
                     trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, cell->node, lane_of16(&cell->t_near[k], lane),
                                              lane_of16(&cell->t_far[k], lane), any_hit, &t_limits[k], &hits[k],
-                                             &doubtful[k]);
+                                             &undecided_lanes[k]);
                 }
             }
             continue;
@@ -245,7 +245,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
             for (; met != 0ul; met = other_lanes8(met)) {
                 const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
                 (void)test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + done + i, any_hit, &t_limits[k],
-                                       &hits[k], &doubtful[k]);
+                                       &hits[k], &undecided_lanes[k]);
             }
         }
     }
@@ -253,12 +253,12 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
 
 // As traverse_bvh8_packets(), but all packets go together, whatever way: each step is that of a plane.
 void traverse_kd_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit,
-                         PacketHits* hits, int16* doubtful) {
+                         PacketHits* hits, int16* undecided_lanes) {
     PacketRange range;
     range_of(packets, members, &range);
     Frustum frusta[PACKETS_OF_ITEM];
     const bool has_frusta = make_frusta(packets, members, &range, geometry->low, geometry->high, frusta);
     for (uint rest = members; rest != 0u; rest &= rest - 1u)
         add_slabs(&packets[first_member(rest)], &range, geometry->low, geometry->high, geometry->near_reach);
-    traverse_kd_group(GEOMETRY, packets, &range.rays, has_frusta ? frusta : 0, members, any_hit, hits, doubtful);
+    traverse_kd_group(GEOMETRY, packets, &range.rays, has_frusta ? frusta : 0, members, any_hit, hits, undecided_lanes);
 }

@@ -4,7 +4,7 @@
 //
 // A packet only decides what it is sure of. A triangle that float32 leaves open waits until the packet is done, and is
 // settled for one ray after the other as for single rays (settle_lane in triangles.cl); a ray of extreme numbers, or
-// with a doubt that this does not settle (any hit, a single-ray fallback, too many), leaves the packet and is traced by
+// undecided after that (any hit, a single-ray fallback, too many), leaves the packet and is traced by
 // itself (trace_packets.cl): so the hits are those of one ray at a time, to the bit.
 
 // What the rays of packets have in common.

@@ -33,12 +33,12 @@ SingleRay take_single_ray(const RayPacket* p, uint lane, const float16* t_limits
 // Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a
 // single lane.
 void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits,
-              int16* doubtful) {
+              int16* undecided_lanes) {
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
     *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
     if (!ray->is_decided) {
-        *doubtful = *doubtful || here;
+        *undecided_lanes = *undecided_lanes || here;
         return;
     }
     hits->t_high = here ? (float16)(ray->t_limit) : hits->t_high;

@@ -75,17 +75,17 @@ typedef struct {
     ulong postponed_lanes[MAX_POSTPONED];
 } PacketHits;
 
-void start_packet(const RayPacket* p, PacketHits* hits, int16* doubtful) {
+void start_packet(const RayPacket* p, PacketHits* hits, int16* undecided_lanes) {
     hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
     hits->postponed = 0u;
-    *doubtful = (int16)(0);
+    *undecided_lanes = (int16)(0);
 }
 
 // Puts a triangle aside for lanes. False if it is one too many, or nothing is deferred: then settle_lane() could not
 // decide about it.
 bool postpone_for_lanes(PacketHits* hits, uint reference, ulong lanes) {
-#ifdef DEFER_DOUBTS
+#ifdef DEFER_UNDECIDED
     if (hits->postponed == MAX_POSTPONED) return false;
     hits->postponed_references[hits->postponed] = reference;
     hits->postponed_lanes[hits->postponed] = lanes;
@@ -96,24 +96,24 @@ bool postpone_for_lanes(PacketHits* hits, uint reference, ulong lanes) {
 #endif
 }
 
-// The lanes, of those that are not in doubt, of which triangles are put aside.
-ulong unsettled_lanes(const PacketHits* hits, int16 doubtful) {
+// The lanes, of those that are not undecided, of which triangles are put aside.
+ulong unsettled_lanes(const PacketHits* hits, int16 undecided_lanes) {
     ulong lanes = 0ul;
     for (uint i = 0; i < hits->postponed; i++) lanes |= hits->postponed_lanes[i];
-    return lanes == 0ul ? 0ul : lanes & lanes_where16(!doubtful);
+    return lanes == 0ul ? 0ul : lanes & lanes_where16(!undecided_lanes);
 }
 
 // Decides about these triangles of one lane, whose ray that is; or, where that takes exact integers, adds it to
-// *doubtful.
-void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* doubtful) {
+// *undecided_lanes.
+void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* undecided_lanes) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
     for (uint i = 0; i < hits->postponed; i++)
         if ((hits->postponed_lanes[i] & lane_bit16(lane)) != 0ul)
             (void)postpone(geometry, LOAD_REFERENCE(geometry, hits->postponed_references[i]));
     const bool is_other = SETTLE(GEOMETRY, ray, false, &hit);
-    if (TAKE_IN_DOUBT(geometry)) {
-        ((int*)doubtful)[lane] = -1;
+    if (FORGET_DEFERRED(geometry)) {
+        ((int*)undecided_lanes)[lane] = -1;
         return;
     }
     if (!is_other) return;
@@ -127,10 +127,10 @@ void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hit
 }
 
 // What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one;
-// none where that is -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to *doubtful.
+// none where that is -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to *undecided_lanes.
 // Whether anything was open.
 bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference,
-                      const bool any_hit, float16* t_limit, PacketHits* hits, int16* doubtful) {
+                      const bool any_hit, float16* t_limit, PacketHits* hits, int16* undecided_lanes) {
 #define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
     const Decision16 d =
         decide16(from_origins(p, 0u, OF_TRIANGLE(a[0])), from_origins(p, 1u, OF_TRIANGLE(a[1])),
@@ -149,16 +149,16 @@ bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangl
     hits->t_low = taken ? d.t_low : hits->t_low;
     hits->reference = taken ? (uint16)(reference) : hits->reference;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    const int16 in_doubt = open && !taken;
+    const int16 is_deferred = open && !taken;
     if (any_hit) {
-        *doubtful = *doubtful || in_doubt;
+        *undecided_lanes = *undecided_lanes || is_deferred;
         *t_limit = open ? (float16)(-INFINITY) : *t_limit;
         return is_any16(open);
     }
     *t_limit = taken ? d.t_high : *t_limit;
-    if (is_any16(in_doubt) && !postpone_for_lanes(hits, reference, lanes_where16(in_doubt))) {
-        *doubtful = *doubtful || in_doubt;
-        *t_limit = in_doubt ? (float16)(-INFINITY) : *t_limit;
+    if (is_any16(is_deferred) && !postpone_for_lanes(hits, reference, lanes_where16(is_deferred))) {
+        *undecided_lanes = *undecided_lanes || is_deferred;
+        *t_limit = is_deferred ? (float16)(-INFINITY) : *t_limit;
     }
     return is_any16(open);
 }

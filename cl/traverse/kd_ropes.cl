@@ -44,7 +44,7 @@ bool traverse_kd_ropes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, 
     uint next = 0;                // where to go down
     uint face_axis = NO_AXIS;     // the face through which the ray came, and its band
     float face_low = root.t_near; // at the start no plane is behind ..
-    float face_high = -INFINITY;  // .. unless its band is, and none in doubt
+    float face_high = -INFINITY;  // .. unless its band is, and none undecided
     while (true) {
         // Go down to the leaf behind the face.
         int4 node = LOAD_NODE(geometry, next);

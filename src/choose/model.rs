@@ -2,7 +2,7 @@
 //! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
 use super::SceneSize;
-use crate::device::{DeviceInfo, DeviceKind};
+use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::features::Features;
 use crate::options::{Intersector, KernelFeatures, Layout, PacketSize, StructureKind, TraceOptions};
 use crate::shared::Feature;
@@ -164,8 +164,8 @@ fn kd_sizes() -> String {
 mod tests {
     use super::*;
     use crate::choose::{Chosen, Decision, Request, Source};
-    use crate::device::sample_info;
     use crate::device::{who_decides, work_group_size};
+    use crate::device_info::sample_info;
     use crate::options::Decisions;
 
     fn device(kind: DeviceKind) -> DeviceInfo {

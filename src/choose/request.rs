@@ -386,7 +386,7 @@ fn why_leaf_size(options: &TraceOptions, triangle_count: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::{DeviceInfo, DeviceKind, sample_info};
+    use crate::device_info::{DeviceInfo, DeviceKind, sample_info};
     use crate::options::BvhOptions;
 
     fn on(device: Option<&DeviceInfo>) -> Workload<'_> {

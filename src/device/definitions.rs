@@ -74,9 +74,9 @@ impl Definitions {
             return options;
         }
         match pass {
-            Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_DOUBTS", 1),
-            Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_DOUBTS", 1),
-            Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DOUBTS", 1),
+            Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_UNDECIDED", 1),
+            Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_UNDECIDED", 1),
+            Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DEFERRED", 1),
         }
     }
 }

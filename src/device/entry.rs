@@ -58,7 +58,7 @@ impl Entry {
         }
     }
 
-    /// What traces again what this one leaves in doubt: one item each.
+    /// What traces again what this one defers: one item each.
     pub fn second(self) -> Entry {
         match self {
             Entry::TraceClosestPackets => Entry::TraceClosest,

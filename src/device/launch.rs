@@ -23,7 +23,7 @@ pub(super) struct LaunchPlan {
     largest: usize,
     seconds_per_item: f64,
     /// How many times dearer the next items may be than the last ones.
-    doubt: f64,
+    caution: f64,
 }
 
 /// Items of another kind may be so many times dearer: a launch is still far from what watchdogs allow if they are even more so.
@@ -33,17 +33,17 @@ impl LaunchPlan {
     /// A plan for devices of that kind, whose first launch has about `first` items.
     pub fn starting_with(first: usize, kind: DeviceKind) -> Self {
         let launch_s = if kind == DeviceKind::Cpu { LAUNCH_S_CPU } else { LAUNCH_S };
-        LaunchPlan { launch_s, largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, doubt: 1.0 }
+        LaunchPlan { launch_s, largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, caution: 1.0 }
     }
 
     /// The next launches have other items than those before.
     pub fn begin_others(&mut self) {
-        self.doubt = OTHER_ITEMS;
+        self.caution = OTHER_ITEMS;
     }
 
     /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
     pub fn next(&self, left: usize, multiple: usize) -> usize {
-        let in_time = (self.launch_s / (self.doubt * self.seconds_per_item).max(1e-12)) as usize;
+        let in_time = (self.launch_s / (self.caution * self.seconds_per_item).max(1e-12)) as usize;
         let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
         // A rest of less than half a launch goes along: its own launch would leave units idle twice.
         if items + items / 2 >= left { left } else { items }
@@ -51,7 +51,7 @@ impl LaunchPlan {
 
     /// Seconds that a launch of `items` items may take, if something is known of such items.
     pub fn estimate(&self, items: usize) -> Option<f64> {
-        (self.seconds_per_item > 0.0).then_some(self.doubt * self.seconds_per_item * items as f64)
+        (self.seconds_per_item > 0.0).then_some(self.caution * self.seconds_per_item * items as f64)
     }
 
     /// Learns from a launch of `items` items.
@@ -63,7 +63,7 @@ impl LaunchPlan {
     pub fn learn_from_several(&mut self, largest: usize, busy: usize, seconds: f64) {
         if busy > 0 {
             self.seconds_per_item = seconds / busy as f64;
-            self.doubt = 1.0;
+            self.caution = 1.0;
             self.largest = self.largest.max(largest);
         }
     }

@@ -25,18 +25,21 @@ mod adaptive;
 mod buffer;
 mod cache;
 mod compiler_options;
+mod context;
 mod defaults;
 mod deferred;
 mod definitions;
 mod diagnosis;
 mod entry;
 mod errors;
+mod event;
 mod handle;
 mod image;
 mod kernel;
 mod launch;
 mod limits;
 mod list;
+mod owner;
 mod passes;
 mod picture;
 mod program;
@@ -53,14 +56,14 @@ mod wavefront;
 
 pub use buffer::Buffer;
 pub use cache::{Cache, cache_folder};
+pub use context::DeviceContext;
 pub(crate) use defaults::{who_decides, work_group_size};
 pub use diagnosis::{Diagnosis, Problem};
 pub use errors::{cl_error, code_hint, code_name};
+pub use event::Event;
 pub use image::{IMAGE_WIDTH, Image, ImageShape};
-pub use kernel::{Event, Kernel, KernelArg};
+pub use kernel::{Kernel, KernelArg};
 pub use limits::Limits;
-#[cfg(test)]
-pub(crate) use list::sample_info;
 pub use list::{DeviceHandle, DeviceInfo, DeviceKind, DeviceList, list_devices};
 pub use program::{Built, CompileOptions, Program, build};
 pub use report::{devices_json, devices_report};
@@ -70,142 +73,3 @@ pub use source::{KERNEL_FILES, ProgramSource};
 pub(crate) use tracer::CompiledAhead;
 pub use tracer::OpenClBackend;
 pub use watchdog::{Overdue, watch_driver};
-
-use crate::error::{Error, Result};
-use handle::{Owned, Owner};
-use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue, create_command_queue};
-use opencl3::context::Context;
-use opencl3::device::Device;
-use opencl3::error_codes::ClError;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use watchdog::{Limit, Watched, watch};
-
-/// Held while platforms are asked and contexts made: PoCL 3.1 fails when several threads do so at once (7 of 8 runs).
-static RUNTIME: Mutex<()> = Mutex::new(());
-
-fn lock_runtime() -> MutexGuard<'static, ()> {
-    RUNTIME.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// An opened device: context and command queue. Cheap to clone; buffers, programs and kernels keep it alive.
-///
-/// Use one at a time on Oclgrind: kernels of several threads are silently lost there (seen with 21.10).
-#[derive(Debug, Clone)]
-pub struct DeviceContext(Arc<Opened>);
-
-#[derive(Debug)]
-struct Opened {
-    // In the order in which they are released.
-    queue: Owned<CommandQueue>,
-    context: Owned<Context>,
-    owner: Arc<Owner>,
-    device: Device,
-    info: DeviceInfo,
-    /// What the user hands to the compiler.
-    compiler_options: String,
-    allocated_bytes: AtomicU64,
-}
-
-/// What a driver answers that has no queues of that kind.
-const NO_SUCH_QUEUE: [i32; 2] = [-35, -30];
-
-/// opencl3 keeps this number with a queue and never looks at it.
-const DIMENSIONS: u32 = 3;
-
-impl DeviceContext {
-    /// Opens a device with a queue that runs its commands in order and times them, where the device does that.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] when the device is not usable, [`Error::OpenCl`] when the driver refuses.
-    pub fn open(handle: &DeviceHandle) -> Result<Self> {
-        if let Some(opened) = handle.take_opened() {
-            return Ok(opened);
-        }
-        let info = handle.info.clone();
-        if let Some(reason) = &info.unusable {
-            return Err(Error::NoDevice(format!("device '{}' cannot be used: {reason}", info.name)));
-        }
-        let _lock = lock_runtime();
-        let owner = Owner::new(&info.name);
-        let watched = watch(&owner, "clCreateContext", Limit::Call);
-        let context = Context::from_device(&handle.device).map(|context| Owned::new(context, &owner));
-        drop(watched);
-        let context = context.map_err(|e| cl_error(&info.name, "clCreateContext", e))?;
-        let queue = create_queue(&owner, &context, &handle.device);
-        let queue = queue.map_err(|e| cl_error(&info.name, "clCreateCommandQueue", e))?;
-        Ok(DeviceContext(Arc::new(Opened {
-            queue,
-            context,
-            owner,
-            device: handle.device,
-            info,
-            compiler_options: handle.compiler_options.clone(),
-            allocated_bytes: AtomicU64::new(0),
-        })))
-    }
-
-    /// What the device says about itself.
-    pub fn info(&self) -> &DeviceInfo {
-        &self.0.info
-    }
-
-    /// Whether the device times its commands. Some drivers refuse that only when they are asked for the first time;
-    /// until then it is so.
-    pub fn has_clock(&self) -> bool {
-        self.0.owner.has_clock()
-    }
-
-    /// The bytes of all buffers that live on the device now.
-    pub fn allocated_bytes(&self) -> u64 {
-        self.0.allocated_bytes.load(Ordering::Relaxed)
-    }
-
-    /// Waits until every command is done.
-    ///
-    /// # Errors
-    /// [`Error::OpenCl`] when the driver reports that a command failed; some tell only now.
-    pub fn finish(&self) -> Result<()> {
-        let _watched = self.watch_transfer("clFinish");
-        self.0.queue.finish().map_err(|e| self.error("clFinish", e))?;
-        self.0.owner.all_done();
-        Ok(())
-    }
-
-    /// Watches a call that does not wait for commands.
-    fn watch(&self, call: &'static str) -> Watched {
-        watch(&self.0.owner, call, Limit::Call)
-    }
-
-    /// Watches a call that waits for all commands.
-    fn watch_transfer(&self, call: &'static str) -> Watched {
-        watch(&self.0.owner, call, if self.0.owner.is_busy() { Limit::Commands } else { Limit::Call })
-    }
-
-    fn error(&self, call: &str, error: ClError) -> Error {
-        let error = cl_error(&self.0.info.name, call, error);
-        if let Error::OpenCl { call, code, .. } = &error {
-            self.0.owner.remember_failure(&format!("{call} failed: {code}"));
-        }
-        error
-    }
-}
-
-/// A queue that times its commands, or else one that does not.
-fn create_queue(
-    owner: &Arc<Owner>,
-    context: &Context,
-    device: &Device,
-) -> std::result::Result<Owned<CommandQueue>, ClError> {
-    let _watched = watch(owner, "clCreateCommandQueue", Limit::Call);
-    // The 1.2 call: clCreateCommandQueueWithProperties does not exist on every driver that offers OpenCL C 1.2.
-    #[allow(deprecated)]
-    // SAFETY: the device is the one that the context was made for.
-    let create = |properties| unsafe { create_command_queue(context.get(), device.id(), properties) };
-    let mut queue = create(CL_QUEUE_PROFILING_ENABLE);
-    if queue.is_err_and(|code| NO_SUCH_QUEUE.contains(&code)) {
-        owner.has_no_clock();
-        queue = create(0);
-    }
-    Ok(Owned::new(CommandQueue::new(queue?, DIMENSIONS), owner))
-}

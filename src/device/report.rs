@@ -128,7 +128,7 @@ fn bytes(value: u64) -> String {
 mod tests {
     use super::*;
     use crate::device::Diagnosis;
-    use crate::device::list::sample_info;
+    use crate::device_info::sample_info;
 
     #[test]
     fn sizes_are_readable() {

@@ -192,7 +192,7 @@ fn numbered(infos: &[&DeviceInfo]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::list::sample_info;
+    use crate::device_info::sample_info;
 
     fn sample(index: usize, kind: DeviceKind, name: &str, compute_units: u32, clock_mhz: u32) -> DeviceInfo {
         DeviceInfo { index, kind, name: name.to_owned(), compute_units, clock_mhz, ..sample_info() }

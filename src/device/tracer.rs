@@ -422,7 +422,7 @@ impl RenderLists for OpenClBackend {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::list::sample_info;
+    use crate::device_info::sample_info;
 
     #[test]
     fn what_a_runtime_gets_wrong_is_refused() {

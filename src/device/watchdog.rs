@@ -13,7 +13,7 @@
 //! nobody knows and in which PoCL compiles it once more, is 36,000 times what it is sized for; Oclgrind, a simulator,
 //! takes 1,000 times as long.
 
-use super::handle::Owner;
+use super::owner::Owner;
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::fmt;

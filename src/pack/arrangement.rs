@@ -2,11 +2,22 @@
 //! reads the same numbers from [`SceneBuffers`] itself.
 
 use super::SceneBuffers;
+use crate::features::Features;
 use crate::layout::Float4;
-use crate::options::{Layout, Memory, TraceOptions, TriangleOrder};
+use crate::options::{KernelFeatures, Layout, Memory, TraceOptions, TriangleOrder};
 use crate::shared::Feature;
 use crate::shared::{KdNode, Shading};
 use std::borrow::Cow;
+
+impl Features {
+    /// Those that kernels have for a scene that needs these.
+    pub const fn in_kernels(self, choice: KernelFeatures) -> Features {
+        match choice {
+            KernelFeatures::Scene => self,
+            KernelFeatures::All => Features::ALL,
+        }
+    }
+}
 
 /// What is put into constant memory altogether. Devices of the full profile have at least 64 KiB (OpenCL 1.2, table 4.3); the rest
 /// is left to compilers, which keep literals and arguments there.

@@ -298,7 +298,7 @@ fn devices_kernels_lists_every_kernel() {
         serde_json::from_str(&run(&["--json", "--scene", "one.obj", "--structure", "grid"])).unwrap();
     assert_eq!(json[0]["device"], device.info.name);
     let programs = json[0]["programs"].as_array().unwrap();
-    let passes = ["DEFER_DOUBTS", "DEFER_DOUBTS", "RESOLVE_DOUBTS", "RESOLVE_DOUBTS"];
+    let passes = ["DEFER_UNDECIDED", "DEFER_UNDECIDED", "RESOLVE_DEFERRED", "RESOLVE_DEFERRED"];
     for ((program, pass), kernel) in programs.iter().zip(passes).zip(["trace_any", "render"].iter().cycle()) {
         let options = program["compile_options"].as_str().unwrap();
         assert!(options.contains("traverse_grid") && options.contains(pass), "{options}");

@@ -166,7 +166,7 @@ fn case(i: usize, random: &mut Random) -> (Ray, [Vec3; 3]) {
 fn every_step_is_right() {
     const CASES: usize = 60_000;
     let mut random = Random::new(SEED);
-    let (mut hits, mut doubtful, mut on_edges) = (0, 0, 0);
+    let (mut hits, mut undecided, mut on_edges) = (0, 0, 0);
     let scene = scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
     let buffers = SceneBuffers::new(&scene, &TraceOptions::DEFAULT).unwrap();
     for i in 0..CASES {
@@ -181,7 +181,7 @@ fn every_step_is_right() {
         let found = match decide_by_integers(&buffers, &ray, triangle, 0, &NO_HIT) {
             Decision::Hit(limits) => Some((finish_by_integers(&buffers, &ray, triangle), limits)),
             Decision::Miss => None,
-            Decision::Doubtful => panic!("{what}: exact integers leave no doubt"),
+            Decision::Undecided => panic!("{what}: exact integers leave nothing open"),
         };
         match (found, &exact) {
             (Some((found, [low, high])), Some(exact)) => {
@@ -195,12 +195,12 @@ fn every_step_is_right() {
             (found, None) => assert_eq!(found, None, "{what}"),
         }
         match (decide_wide(&ray, triangle), &exact) {
-            (Decision::Doubtful, _) => doubtful += 1,
+            (Decision::Undecided, _) => undecided += 1,
             (Decision::Hit([low, high]), Some(exact)) => {
                 assert!(exact.is_within(low, high), "{what}: t outside of {low}..{high}");
                 match finish_wide(&ray, triangle) {
                     Some(found) => assert_nearest(found, exact, &what),
-                    None => doubtful += 1,
+                    None => undecided += 1,
                 }
             }
             (Decision::Miss, None) => {}
@@ -208,8 +208,8 @@ fn every_step_is_right() {
         }
     }
     assert!(hits > CASES / 5 && on_edges > CASES / 100, "{hits} hits, {on_edges} on edges");
-    // These rays were made to be doubtful, and still not all are.
-    assert!(doubtful > CASES / 50 && doubtful < CASES / 2, "{doubtful} doubtful");
+    // These rays were made to be undecided, and still not all are.
+    assert!(undecided > CASES / 50 && undecided < CASES / 2, "{undecided} undecided");
 }
 
 /// Closest hit by brute force in exact arithmetic: primitive and numbers.

@@ -294,7 +294,7 @@ fn wavefront_kernels_read_every_kind_of_memory() {
 
 /// Rays through the diagonals that the triangles of a quad share: only exact integers tell which of the two they hit.
 #[test]
-fn rays_in_doubt_take_the_second_pass() {
+fn deferred_rays_take_the_second_pass() {
     let mut builder = Builder::new();
     for (z, side, transmission) in [(0.0, 4.0, Vec3::ZERO), (1.0, 1.0, Vec3::ZERO), (2.0, 2.0, Vec3::splat(0.7))] {
         builder.material(Material { transmission, ior: 1.0, ..Material::matt(Vec3::ONE) });

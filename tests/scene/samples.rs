@@ -92,7 +92,7 @@ fn scene_files_can_ask_for_corners() {
     assert!(error.contains("a.toml:2:") && error.contains("did you mean 'corners'?"), "{error}");
 }
 
-/// More samples than one launch traces, also in packets, and of rays that leave doubts: along the edges of a box.
+/// More samples than one launch traces, also in packets, and of rays that are deferred: along the edges of a box.
 #[test]
 fn samples_of_several_launches_add_up() {
     let Some(device) = device() else { return };

@@ -6,7 +6,7 @@
 
 use super::{Candidate, SceneTuning, fastest};
 use crate::choose::{SceneSize, TunedChoice};
-use crate::device::DeviceInfo;
+use crate::device_info::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::io::input::read_regular;
 use crate::io::output::{check_writable, write_json};
@@ -232,7 +232,7 @@ impl TunedFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::sample_info;
+    use crate::device_info::sample_info;
     use crate::options::{PacketSize, StructureKind};
 
     fn tuning(size: SceneSize, accel: StructureKind) -> Tuning {

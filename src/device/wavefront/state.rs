@@ -91,7 +91,7 @@ pub(super) struct State {
     pub colours: Buffer<Float4>,
     path_radiance: Buffer<Float4>,
     pub lengths: Buffer<u32>,
-    doubts: Buffer<u32>,
+    deferred: Buffer<u32>,
     pub queues: [Buffer<u32>; 2],
 }
 
@@ -111,7 +111,7 @@ impl State {
             colours: Buffer::empty(context, "texture colours", requests)?,
             path_radiance: Buffer::empty(context, "radiance of paths", shape.batch_pixels * shape.samples)?,
             lengths: Buffer::empty(context, "lengths of queues", QUEUE_SHADOWS as usize + shape.setup.lights)?,
-            doubts: Buffer::empty(context, "rays in doubt", if shape.setup.defers { slots + 1 } else { 1 })?,
+            deferred: Buffer::empty(context, "deferred rays", if shape.setup.defers { slots + 1 } else { 1 })?,
             queues: [Buffer::empty(context, "queue", slots)?, Buffer::empty(context, "other queue", slots)?],
         })
     }
@@ -130,7 +130,7 @@ impl State {
             .set(&self.colours)?
             .set(&self.path_radiance)?
             .set(&self.lengths)?
-            .set(&self.doubts)?
+            .set(&self.deferred)?
             .set(self.slots.len() as u32)?;
         Ok(())
     }

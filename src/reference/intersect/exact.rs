@@ -34,7 +34,7 @@ fn decide_tie(
             return Decision::Miss;
         }
     }
-    Decision::Doubtful
+    Decision::Undecided
 }
 
 /// Twin of `test_exactly`.
@@ -53,20 +53,20 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
         None => Decision::Miss,
         Some((is_sure, limits)) => match place_hit(ray, hit, limits) {
             place if is_sure || place == Decision::Miss => place,
-            _ => Decision::Doubtful,
+            _ => Decision::Undecided,
         },
     };
-    if decision == Decision::Doubtful {
+    if decision == Decision::Undecided {
         work.count(WorkCounter::WideTests, 1);
         let wide = decide_wide(ray, triangle);
-        is_hit = wide != Decision::Doubtful;
+        is_hit = wide != Decision::Undecided;
         decision = placed(hit, wide);
     }
-    if decision == Decision::Doubtful {
+    if decision == Decision::Undecided {
         work.count(WorkCounter::CloseTests, 1);
         decision = decide_tie(buffers, ray, &triangle, primitive, hit, is_hit);
     }
-    if decision == Decision::Doubtful {
+    if decision == Decision::Undecided {
         decision = decide_by_integers(buffers, ray, triangle, primitive, hit);
     }
     if let Decision::Hit([t_low, t_high]) = decision {

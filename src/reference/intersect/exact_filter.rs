@@ -21,7 +21,7 @@ pub enum Decision {
     /// Surely a hit, its t within these limits.
     Hit([f32; 2]),
     /// Not certain.
-    Doubtful,
+    Undecided,
 }
 
 /// `None`: surely no hit. Else whether it is one for sure, and limits of its t.
@@ -56,7 +56,7 @@ pub fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
     if t_high < ray.t_near || t_low > hit.t {
         return Decision::Miss;
     }
-    if t_low > ray.t_near && t_high < hit.u { Decision::Hit(limits) } else { Decision::Doubtful }
+    if t_low > ray.t_near && t_high < hit.u { Decision::Hit(limits) } else { Decision::Undecided }
 }
 
 /// The relative error of one operation of `f64`, the twin's only kind of wide numbers.
@@ -139,7 +139,7 @@ pub fn decide_wide(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
     }
     let is_inside = sign != 0 && sign0 == sign && sign1 == sign && sign2 == sign;
     if !is_inside || !is_bound(n.distance.1) {
-        return Decision::Doubtful;
+        return Decision::Undecided;
     }
     let t = (n.distance.0 / n.det.0) as f32;
     let error = 1.01 * t.abs().mul_add(n.det.1, n.distance.1) / ((n.det.0 as f32).abs() - n.det.1);
@@ -147,7 +147,7 @@ pub fn decide_wide(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
         let half = (4.0 * EPSILON).mul_add(t.abs(), error);
         Decision::Hit([t - half, t + half])
     } else {
-        Decision::Doubtful
+        Decision::Undecided
     }
 }
 

@@ -228,7 +228,7 @@ impl IntegerRay {
     }
 }
 
-/// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Doubtful`].
+/// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Undecided`].
 #[inline(never)]
 pub fn decide_by_integers(
     buffers: &SceneBuffers,

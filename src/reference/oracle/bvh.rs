@@ -17,7 +17,7 @@ const LEAF_SIZE: usize = 4;
 const STACK_SIZE: usize = 33;
 
 /// How far outside of its triangle's box the line of a hit may pass, in units of the farthest distance from the origin to the box
-/// on any axis. With u = EPSILON / 2 of the largest: a vertex relative to the origin is off by u; an edge function of doubtful
+/// on any axis. With u = EPSILON / 2 of the largest: a vertex relative to the origin is off by u; an edge function of unsure
 /// sign (see `edge_volume`) has errors of 5 u |b| |moment of a|, so that the sign is wrong only where the line passes within
 /// 5 u |b| of the edge, 9 u on the scale of an axis; the differences below round twice. 12 u; 32 are taken.
 const SLACK: f64 = 16.0 * f64::EPSILON;
