@@ -1,4 +1,5 @@
-//! Building every structure of scenes of three sizes: the seconds that `SceneBuffers::build_s` reports, without the scene's other arrays.
+//! Building every structure of scenes of three sizes: the seconds that `SceneBuffers::build_s` reports, without the
+//! scene's other arrays.
 
 mod common;
 

@@ -13,7 +13,8 @@ use std::sync::Arc;
 const SIZE: (u32, u32) = (160, 120);
 const SCENES: [&str; 5] = ["cornell", "spheres", "glass", "showcase", "chess"];
 
-/// The kernels with the structure that is fastest there, and one or sixteen pixels at a time; the reference knows but one way.
+/// The kernels with the structure that is fastest there, and one or sixteen pixels at a time; the reference knows but
+/// one way.
 fn methods(place: &Place) -> Vec<(String, TraceOptions)> {
     let options = TraceOptions { packet_size: PacketSize::One, ..place.options(None) };
     if place.device.is_none() {

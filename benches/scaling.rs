@@ -1,5 +1,6 @@
-//! How time and memory grow with triangles, pixels, lights and depth: tables of single measurements, not statistics. A structure that
-//! is a tree takes a time for a ray that grows like the logarithm of the triangles, brute force like their number.
+//! How time and memory grow with triangles, pixels, lights and depth: tables of single measurements, not statistics. A
+//! structure that is a tree takes a time for a ray that grows like the logarithm of the triangles, brute force like
+//! their number.
 //!
 //! `cargo bench --bench scaling -- 1000000` stops at so many triangles; 6 million unless told.
 

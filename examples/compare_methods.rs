@@ -1,7 +1,7 @@
 //! How many rays slip through a closed model: `cargo run --release --example compare_methods [MODEL]`.
 //!
-//! The rays are aimed at edges and vertices, where float32 arithmetic goes wrong, and each is proved to hit something. Without a model a
-//! sphere is traced.
+//! The rays are aimed at edges and vertices, where float32 arithmetic goes wrong, and each is proved to hit something.
+//! Without a model a sphere is traced.
 #![allow(clippy::print_stdout)]
 
 use raybrook::{Builder, Error, Ray, Result, Scene, Tracer};

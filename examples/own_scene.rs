@@ -1,4 +1,5 @@
-//! A scene made by a program: solids, materials, a light and a camera. `cargo run --release --example own_scene [PICTURE.png]`.
+//! A scene made by a program: solids, materials, a light and a camera. `cargo run --release --example own_scene
+//! [PICTURE.png]`.
 #![allow(clippy::print_stdout)]
 
 use raybrook::glam::Vec3;

@@ -1,4 +1,5 @@
-//! From arrays to hits: a height map of a mesh, and what of it sees the sun. `cargo run --release --example trace_batch`.
+//! From arrays to hits: a height map of a mesh, and what of it sees the sun. `cargo run --release --example
+//! trace_batch`.
 #![allow(clippy::print_stdout)]
 
 use raybrook::{Ray, Result, Scene, Tracer};

@@ -1,14 +1,16 @@
 //! Rays where they show: pictures whose error is asked for instead of their samples.
 //!
-//! A coarse lattice of pixels is traced first and what lies between is interpolated (adaptive subsampling: thesis, section 2.2.1;
-//! Bergman et al., "Image Rendering by Adaptive Refinement", SIGGRAPH 1986). Then more samples go, round by round, to the pixels
-//! where they lower the picture's error most (Mitchell, "Generating Antialiased Images at Low Sampling Densities", SIGGRAPH 1987;
-//! Kirk and Arvo, "Unbiased Sampling Techniques for Image Synthesis", SIGGRAPH 1991), until the error that is left, estimated from
-//! differences between parts of the samples and between neighbours, is as small as was asked for.
+//! A coarse lattice of pixels is traced first and what lies between is interpolated (adaptive subsampling: thesis,
+//! section 2.2.1; Bergman et al., "Image Rendering by Adaptive Refinement", SIGGRAPH 1986). Then more samples go, round
+//! by round, to the pixels where they lower the picture's error most (Mitchell, "Generating Antialiased Images at Low
+//! Sampling Densities", SIGGRAPH 1987; Kirk and Arvo, "Unbiased Sampling Techniques for Image Synthesis", SIGGRAPH
+//! 1991), until the error that is left, estimated from differences between parts of the samples and between neighbours,
+//! is as small as was asked for.
 //!
-//! Every pixel's samples are the first 1, 4, 16, 64 or 256 points of one sequence, so that a picture whose pixels all have 256 is the
-//! one that 256 fixed samples give, bit for bit. Decisions are taken by the host or on the device ([`crate::options::Decisions`]), from
-//! radiances that have the same bits everywhere and in the same arithmetic: so the pictures have the same bits, too.
+//! Every pixel's samples are the first 1, 4, 16, 64 or 256 points of one sequence, so that a picture whose pixels all
+//! have 256 is the one that 256 fixed samples give, bit for bit. Decisions are taken by the host or on the device
+//! ([`crate::options::Decisions`]), from radiances that have the same bits everywhere and in the same arithmetic: so
+//! the pictures have the same bits, too.
 //!
 //! Bad at: features that fall between all samples of a neighbourhood, of which nobody knows.
 
@@ -33,8 +35,9 @@ fn on_lattice((width, height): (usize, usize), step: usize) -> usize {
     on_axis(width) * on_axis(height)
 }
 
-/// The estimate comes down to this part of the error that is asked for. It may be off where few pixels have most of the error: with an aim
-/// of 1 the error made was 0.53 to 1.10 of what was asked for on 19 scenes, and 1.19 once (48 x 48 pixels of gears).
+/// The estimate comes down to this part of the error that is asked for. It may be off where few pixels have most of the
+/// error: with an aim of 1 the error made was 0.53 to 1.10 of what was asked for on 19 scenes, and 1.19 once (48 x 48
+/// pixels of gears).
 const AIM: f64 = 0.85;
 
 /// Pixels whose positions one thread makes at a time.
@@ -60,15 +63,17 @@ pub(crate) fn estimated_bytes(pixels: u64, counters: bool, is_device: bool) -> u
     pixels * (PIXEL_BYTES + work) + rays * of_ray
 }
 
-/// Positions of a pixel's samples, in [0, 1)^2: the sequence of Sobol', in which 4^k points from any multiple of 4^k on have one point in each
-/// of the squares and rectangles that are 4^k to a pixel, scrambled as Owen's (Laine and Karras' hash: Burley, "Practical Hash-based Owen
-/// Scrambling", JCGT 9(4), 2020). Of 6,000 pairs of those among 2^16 seeds that keep the first point and the means of 4, 16 and 64
-/// near the middle, these had the least errors of 400 edges through the pixel: 0.22, 0.13, 0.035, 0.012 and 0.0041 of the edge's step for 1 to 256
-/// samples (the Hammersley sets of [`crate::pack::sample_positions`]: 0.22, 0.10, 0.039, 0.013, 0.0050).
+/// Positions of a pixel's samples, in [0, 1)^2: the sequence of Sobol', in which 4^k points from any multiple of 4^k on
+/// have one point in each of the squares and rectangles that are 4^k to a pixel, scrambled as Owen's (Laine and Karras'
+/// hash: Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020). Of 6,000 pairs of those among 2^16 seeds
+/// that keep the first point and the means of 4, 16 and 64 near the middle, these had the least errors of 400 edges
+/// through the pixel: 0.22, 0.13, 0.035, 0.012 and 0.0041 of the edge's step for 1 to 256 samples (the Hammersley sets
+/// of [`crate::pack::sample_positions`]: 0.22, 0.10, 0.039, 0.013, 0.0050).
 ///
-/// Each stands for a square over which textures are averaged: the first, which may remain the only one, for the pixel, others for half of
-/// their share of it when the samples up to the next power of 4 are there. Of a floor of tiles, out to the horizon, whole shares
-/// blurred as much as 1.2 steps where an error of 1 was asked for, halves 0.9 (2.4 and 2.8 million samples).
+/// Each stands for a square over which textures are averaged: the first, which may remain the only one, for the pixel,
+/// others for half of their share of it when the samples up to the next power of 4 are there. Of a floor of tiles, out
+/// to the horizon, whole shares blurred as much as 1.2 steps where an error of 1 was asked for, halves 0.9 (2.4 and 2.8
+/// million samples).
 pub fn sample_sequence() -> Vec<CameraSample> {
     const SEEDS: [u32; 2] = [213, 661];
     // Behind the hash of the reversed bits each bit depends on the higher ones alone.
@@ -103,18 +108,20 @@ pub fn sample_sequence() -> Vec<CameraSample> {
 
 /// Where what is known of a picture's pixels is kept, and who traces them.
 pub(crate) trait Pixels {
-    /// Takes the samples that bring pixels to the next level: of a choice, or, without one, the first samples of those of the lattice.
+    /// Takes the samples that bring pixels to the next level: of a choice, or, without one, the first samples of those
+    /// of the lattice.
     fn raise(&mut self, choice: Option<Choice>) -> Result<()>;
 
-    /// Gives the pixels without samples what lies between those of the lattice, and the first time estimates what that misses.
+    /// Gives the pixels without samples what lies between those of the lattice, and the first time estimates what that
+    /// misses.
     fn interpolate(&mut self) -> Result<()>;
 
     /// Estimates the errors of all pixels anew.
     fn update(&mut self) -> Result<Promises>;
 }
 
-/// Takes samples where they help most until the picture's error is as small as was asked for. Who decided, and in which time, the caller
-/// knows.
+/// Takes samples where they help most until the picture's error is as small as was asked for. Who decided, and in which
+/// time, the caller knows.
 pub(crate) fn refine(
     pixels: &mut dyn Pixels,
     size: (usize, usize),
@@ -258,8 +265,8 @@ impl<'a> Sampler<'a> {
         done
     }
 
-    /// The new samples of the first of some pixels, of as many as a list has room for: where those of each begin and the last ones end, and
-    /// their positions.
+    /// The new samples of the first of some pixels, of as many as a list has room for: where those of each begin and
+    /// the last ones end, and their positions.
     fn list(&self, pixels: &[usize]) -> (Vec<usize>, Vec<CameraSample>) {
         let (sequence, estimates, width) = (&self.sequence, &self.estimates, self.size.0);
         let mut firsts = vec![0];

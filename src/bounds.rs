@@ -1,8 +1,9 @@
-//! Bounds of rounding errors that builders, kernels and the twin share: what one of them leaves open another one must cover. Each is derived
-//! in `cl/shared/ray.cl` and `cl/shared/slab.cl`, where kernels have the same values, and judged here on its own: the tests repeat the
-//! operations that it is for and compare with f64 or integers of any length.
+//! Bounds of rounding errors that builders, kernels and the twin share: what one of them leaves open another one must
+//! cover. Each is derived in `cl/shared/ray.cl` and `cl/shared/slab.cl`, where kernels have the same values, and judged
+//! here on its own: the tests repeat the operations that it is for and compare with f64 or integers of any length.
 //!
-//! A constant that a test finds more than half used up could not be halved; of the others the test says why it is larger.
+//! A constant that a test finds more than half used up could not be halved; of the others the test says why it is
+//! larger.
 
 use crate::layout::device_const;
 use glam::Vec3;
@@ -50,13 +51,13 @@ device_const! {
     pub const THICKEST: f32 = (1u128 << 126) as f32;
 }
 
-/// Rays that start no farther away than this from any corner of the scene's box, on any axis, in units of the box's largest side, want no
-/// more than the padding of its boxes: those that start in it, and from cameras three times its size beside it. Others take pads. As much
-/// again would make boxes larger by a hundred thousandth of the scene.
+/// Rays that start no farther away than this from any corner of the scene's box, on any axis, in units of the box's
+/// largest side, want no more than the padding of its boxes: those that start in it, and from cameras three times its
+/// size beside it. Others take pads. As much again would make boxes larger by a hundred thousandth of the scene.
 const PADDED_DISTANCE: f32 = 4.0;
 
-/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of the pads of a ray from
-/// `PADDED_DISTANCE` away. For boxes within `low..high`.
+/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of the pads of
+/// a ray from `PADDED_DISTANCE` away. For boxes within `low..high`.
 pub fn padding_of_boxes(low: Vec3, high: Vec3) -> f32 {
     let distance = PADDED_DISTANCE * (high - low).max_element();
     let farthest_origin = low.abs().max(high.abs()).max_element() + distance;

@@ -88,7 +88,8 @@ pub struct DeviceInfo {
     pub nvidia_options: bool,
     /// It has sub-groups.
     pub subgroups: bool,
-    /// `float` division and square root can be rounded correctly, so that pictures agree with the reference to the last bit.
+    /// `float` division and square root can be rounded correctly, so that pictures agree with the reference to the last
+    /// bit.
     pub correctly_rounded_divide_sqrt: bool,
     /// `float` keeps numbers too small for full precision.
     pub denormals: bool,

@@ -1,4 +1,5 @@
-//! The one error type of the crate. Every variant names the file, option or device at fault and, where there is one, the remedy.
+//! The one error type of the crate. Every variant names the file, option or device at fault and, where there is one,
+//! the remedy.
 
 mod memory;
 

@@ -1,10 +1,12 @@
-//! What a scene needs of the kernels that shade: each feature that it does without is left out of its kernels (`cl/shared/features.cl`),
-//! where it would cost registers, instructions and room on the stack of pending rays even if no ray ever asked for it.
+//! What a scene needs of the kernels that shade: each feature that it does without is left out of its kernels
+//! (`cl/shared/features.cl`), where it would cost registers, instructions and room on the stack of pending rays even if
+//! no ray ever asked for it.
 //!
-//! The scalar twin has all features: that it and a specialised kernel agree to the bit shows that nothing was left out that matters.
+//! The scalar twin has all features: that it and a specialised kernel agree to the bit shows that nothing was left out
+//! that matters.
 //!
-//! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace batches do not
-//! shade, and are the same for all scenes.
+//! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace
+//! batches do not shade, and are the same for all scenes.
 
 use crate::scene::{Falloff, LightKind, MaterialId, NO_INDEX, Scene, Texture};
 use crate::shared::Feature;
@@ -72,7 +74,8 @@ impl Features {
         Features(self.0 & !feature.bit())
     }
 
-    /// Whether kernels with these read normals and texture coordinates of triangles; else a triangle has no shading data but its material.
+    /// Whether kernels with these read normals and texture coordinates of triangles; else a triangle has no shading
+    /// data but its material.
     pub const fn need_shading_data(self) -> bool {
         self.has(Feature::SmoothNormals) || self.has(Feature::ImageTextures) || self.has(Feature::ProceduralTextures)
     }
@@ -87,8 +90,9 @@ impl Features {
         Feature::ALL.iter().copied().filter(move |&feature| self.has(feature))
     }
 
-    /// The most rays of a path that can wait at a time when a chain of rays is at most `max_depth` long. Every surface replaces the ray
-    /// that found it by one, or where something is transparent by at most two; and at the last depth by none.
+    /// The most rays of a path that can wait at a time when a chain of rays is at most `max_depth` long. Every surface
+    /// replaces the ray that found it by one, or where something is transparent by at most two; and at the last depth
+    /// by none.
     pub fn pending_rays(self, max_depth: u32) -> u32 {
         if self.has(Feature::Transparency) { max_depth.max(1) } else { 1 }
     }

@@ -1,12 +1,13 @@
-//! `device_struct!` and `device_const!`: the only places where a struct or a constant shared with the kernels is defined.
+//! `device_struct!` and `device_const!`: the only places where a struct or a constant shared with the kernels is
+//! defined.
 //!
-//! The first macro emits the `#[repr(C)]` Rust struct, the OpenCL `typedef` and a table of field offsets from one definition.
-//! `cl/shared/types.cl` is generated from these typedefs, and `tests/device/kernels.rs` compares the offsets with those that
-//! a probe kernel reports from the device in use. Allowed field types: `f32`, `u32`, [`Float4`] and [`Int4`] (see
-//! [`DeviceField`]).
+//! The first macro emits the `#[repr(C)]` Rust struct, the OpenCL `typedef` and a table of field offsets from one
+//! definition. `cl/shared/types.cl` is generated from these typedefs, and `tests/device/kernels.rs` compares the
+//! offsets with those that a probe kernel reports from the device in use. Allowed field types: `f32`, `u32`, [`Float4`]
+//! and [`Int4`] (see [`DeviceField`]).
 //!
-//! The second one emits Rust constants and a table of them, from which `cl/shared/constants.cl` is generated. Allowed types:
-//! `f32`, `u32`, `i32`, `usize` and `glam::Vec3` (see [`DeviceValue`]).
+//! The second one emits Rust constants and a table of them, from which `cl/shared/constants.cl` is generated. Allowed
+//! types: `f32`, `u32`, `i32`, `usize` and `glam::Vec3` (see [`DeviceValue`]).
 
 use bytemuck::{Pod, Zeroable};
 

@@ -30,21 +30,24 @@
 //! # Ok::<(), raybrook::Error>(())
 //! ```
 //!
-//! All coordinates are world units. [`Builder`] makes scenes of solids, materials and lights; the folder `examples/` has programs.
+//! All coordinates are world units. [`Builder`] makes scenes of solids, materials and lights; the folder `examples/`
+//! has programs.
 //!
 //! # What exact means
 //!
-//! A ray and a triangle are float32 numbers. Whether they meet, and which of two triangles is the nearer, are questions with one right
-//! answer, and that is the one that is given: float32 arithmetic with derived bounds of its errors decides what it can, exact integers
-//! decide the rest. No ray slips through an edge that two triangles share. t, u and v are the exact values, rounded once. So the hits are
-//! the same, to the bit, on every device and by every structure. [`Precision::Fast`] gives that up for a plain float32 test.
+//! A ray and a triangle are float32 numbers. Whether they meet, and which of two triangles is the nearer, are questions
+//! with one right answer, and that is the one that is given: float32 arithmetic with derived bounds of its errors
+//! decides what it can, exact integers decide the rest. No ray slips through an edge that two triangles share. t, u and
+//! v are the exact values, rounded once. So the hits are the same, to the bit, on every device and by every structure.
+//! [`Precision::Fast`] gives that up for a plain float32 test.
 //!
-//! Every kernel has a scalar twin in Rust, the reference, which repeats its arithmetic operation for operation, and which traces where there
-//! is no OpenCL device.
+//! Every kernel has a scalar twin in Rust, the reference, which repeats its arithmetic operation for operation, and
+//! which traces where there is no OpenCL device.
 //!
 //! # What can be chosen
 //!
-//! [`Tracer::new`] chooses as the command line does, and [`Tracer::choices`] tells what and why. [`Tracer::builder`] takes other choices:
+//! [`Tracer::new`] chooses as the command line does, and [`Tracer::choices`] tells what and why. [`Tracer::builder`]
+//! takes other choices:
 //!
 //! | choice | values | default |
 //! |---|---|---|
@@ -57,7 +60,8 @@
 //!
 //! # How the code is arranged
 //!
-//! Everything below is in [`low_level`], for programs that replace a part or measure the parts; it may change with any version.
+//! Everything below is in [`low_level`], for programs that replace a part or measure the parts; it may change with any
+//! version.
 //!
 //! ```text
 //!  scene file ──load──▶ Scene ──build──▶ structure ──pack──▶ SceneBuffers ──▶ kernels ──▶ Film ──▶ picture
@@ -89,14 +93,17 @@
 //!
 //! * Nothing but `device` calls OpenCL; nothing but the command line prints, exits or reads arguments.
 //! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/memory/`.
-//! * `cl/shared/compiler.cl` comes before every program: no compiler may regroup, fuse or assume away anything, whatever its options.
+//! * `cl/shared/compiler.cl` comes before every program: no compiler may regroup, fuse or assume away anything,
+//!   whatever its options.
 //! * No recursion on the device; no built-in of free rounding (`dot`, `normalize`, `pow`, …) in `cl/`.
-//! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in `cl/shared/ray.cl`,
-//!   `cl/shared/slab.cl` and the files of exact hits.
+//! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in
+//!   `cl/shared/ray.cl`, `cl/shared/slab.cl` and the files of exact hits.
 //! * A hit does not depend on the order in which triangles are tested: at the same t the lower triangle number wins.
 //!
-//! The project grew out of J. Dvořák, *Streaming Raytracer na GPU*, master's thesis, FIT VUT Brno 2008: a kd-tree, one mega-kernel, Whitted
-//! shading.
+//! The project grew out of J. Dvořák, *Streaming Raytracer na GPU*, master's thesis, FIT VUT Brno 2008: a kd-tree, one
+//! mega-kernel, Whitted shading.
+
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))] // only the command line prints
 
 mod accel;
 mod adaptive;

@@ -1,5 +1,6 @@
-//! Everything below the front door: scenes as arrays, structures, what kernels are given, devices, the scalar twin. For programs that
-//! replace a part, and for those that test and measure the parts: the command line, the stress test and the studies are built on it.
+//! Everything below the front door: scenes as arrays, structures, what kernels are given, devices, the scalar twin. For
+//! programs that replace a part, and for those that test and measure the parts: the command line, the stress test and
+//! the studies are built on it.
 //!
 //! What stands here may change with any version.
 
@@ -15,7 +16,8 @@ macro_rules! rooms {
 }
 
 rooms! {
-    /// Builders of the structures that rays are traced through, their statistics, and the check of a kd-tree's invariants.
+    /// Builders of the structures that rays are traced through, their statistics, and the check of a kd-tree's
+    /// invariants.
     accel,
     /// Pictures of bounded error: which pixels get how many samples.
     adaptive,

@@ -1,5 +1,5 @@
-//! Plain arithmetic with the same bits everywhere: the operations of `cl/shared/math.cl` in their order. The reasons are there. Builders use
-//! it, and the twin.
+//! Plain arithmetic with the same bits everywhere: the operations of `cl/shared/math.cl` in their order. The reasons
+//! are there. Builders use it, and the twin.
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
 
@@ -90,7 +90,8 @@ pub fn power_of_two_scale(magnitude: f32) -> f32 {
     f32::from_bits((254 - (magnitude.to_bits() >> 23)) << 23)
 }
 
-/// Brings `v` to a largest component in [1, 2); `None` when it is zero, infinite or NaN. Returns the vector and the factor.
+/// Brings `v` to a largest component in [1, 2); `None` when it is zero, infinite or NaN. Returns the vector and the
+/// factor.
 #[inline(always)]
 pub fn scale_to_unit(mut v: Vec3) -> Option<(Vec3, f32)> {
     let mut magnitude = max_component(abs3(v));
@@ -121,7 +122,8 @@ pub fn normalize3(v: Vec3, otherwise: Vec3) -> Vec3 {
     }
 }
 
-/// The normals of a triangle's corners at unit length, so that interpolation weighs them alike; all zero where one has no direction.
+/// The normals of a triangle's corners at unit length, so that interpolation weighs them alike; all zero where one has
+/// no direction.
 #[inline(always)]
 pub fn unit_normals(normals: [Vec3; 3]) -> [Vec3; 3] {
     let unit = normals.map(|n| normalize3(n, Vec3::ZERO) + 0.0);
@@ -201,4 +203,16 @@ pub fn power_fixed(base: f32, exponent: f32) -> f32 {
         return 0.0;
     }
     exp2_fixed(exponent * log2_fixed(base))
+}
+
+/// The middle value, or the mean of the two; `None` of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.len() / 2;
+    match sorted.len() {
+        0 => None,
+        n if n % 2 == 1 => Some(sorted[middle]),
+        _ => Some((sorted[middle - 1] + sorted[middle]) / 2.0),
+    }
 }

@@ -1,7 +1,8 @@
-//! Enums of things that people choose by name: each name is typed once, with its documentation, and everything else is made of that.
+//! Enums of things that people choose by name: each name is typed once, with its documentation, and everything else is
+//! made of that.
 
-/// Defines an enum of named things: `ALL`, `name`, `about` (the documentation, for people), `Display` and `FromStr`. The word in
-/// parentheses names the option that takes the names. `= "new" or "old"`: the old name is still understood.
+/// Defines an enum of named things: `ALL`, `name`, `about` (the documentation, for people), `Display` and `FromStr`.
+/// The word in parentheses names the option that takes the names. `= "new" or "old"`: the old name is still understood.
 macro_rules! names {
     ($(#[doc = $doc:literal])* pub enum $enum:ident ($option:literal) {
         $($(#[doc = $variant_doc:literal])* $variant:ident = $name:literal $(or $old:literal)?,)+
@@ -89,7 +90,8 @@ pub(crate) fn as_name<T: std::fmt::Display, S: serde::Serializer>(value: &T, ser
     serializer.collect_str(value)
 }
 
-/// The first paragraph of lines of documentation without Markdown's marks: a link's words stay, and of a path its last parts.
+/// The first paragraph of lines of documentation without Markdown's marks: a link's words stay, and of a path its last
+/// parts.
 pub(crate) fn plain(doc: &[&str]) -> String {
     let lines: Vec<_> = doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty()).collect();
     let text = without_links(&lines.join(" "));

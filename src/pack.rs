@@ -38,18 +38,19 @@ const _: () = assert!(
     "the brightest pixel must be a number, with a factor of 2 for the weights' roundings"
 );
 
-/// A scene ready to be traced, in tracing space (see [`crate::shared`]).
+/// A scene ready to be traced, in tracing space (see [`crate::low_level::shared`]).
 #[derive(Debug, Clone)]
 pub struct SceneBuffers {
     /// What the kernels need to know of the scene as a whole.
     pub params: SceneParams,
-    /// kd-tree nodes in the chosen order, the root first; one unused leaf for brute force; for other structures see their files in
-    /// `cl/traverse/`.
+    /// kd-tree nodes in the chosen order, the root first; one unused leaf for brute force; for other structures see
+    /// their files in `cl/traverse/`.
     pub nodes: Vec<KdNode>,
-    /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly once.
+    /// Triangle numbers: the leaves' ranges, every triangle that can be hit at least once; for brute force exactly
+    /// once.
     pub references: Vec<u32>,
-    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit. With [`StructureKind::Instances`] those of the objects, each of
-    /// which is there once, in its own coordinates.
+    /// Three for each triangle, w = 0; zeros for a triangle that cannot be hit. With [`StructureKind::Instances`] those
+    /// of the objects, each of which is there once, in its own coordinates.
     pub vertices: Vec<Float4>,
     /// Boxes, spheres, links, packets of triangles or instances of the structure; empty for those that need none.
     pub bounds: Vec<Float4>,
@@ -67,11 +68,13 @@ pub struct SceneBuffers {
     pub texels: Vec<u32>,
     /// Linear value of each 8-bit sRGB code.
     pub srgb_to_linear: Vec<f32>,
-    /// Largest radiance that one surface can send along a ray from the lights, per unit of weight; infinite when there is no bound.
+    /// Largest radiance that one surface can send along a ray from the lights, per unit of weight; infinite when there
+    /// is no bound.
     pub brightest: f32,
     /// What the scene needs of the kernels that shade.
     pub features: Features,
-    /// The most entries that a traversal's stack of nodes has: the depth of the tree, or its limit; 1 without such a stack.
+    /// The most entries that a traversal's stack of nodes has: the depth of the tree, or its limit; 1 without such a
+    /// stack.
     pub stack_entries: u32,
     /// What the tree was built with.
     pub build_options: BuildOptions,
@@ -217,8 +220,8 @@ impl SceneBuffers {
         self.made_for.accel == StructureKind::Instances
     }
 
-    /// Checks that `options` can be traced with: that they ask for the structure that was built, and for no array that it was built
-    /// without.
+    /// Checks that `options` can be traced with: that they ask for the structure that was built, and for no array that
+    /// it was built without.
     ///
     /// # Errors
     /// [`Error::Option`].
@@ -246,9 +249,9 @@ impl SceneBuffers {
 
     /// The picture's parameters for `camera`; `size` must be one that [`Samples::check`] accepts.
     ///
-    /// `kill_weight`: secondary rays of less weight are not cast; `None` chooses the largest weight that cannot change an 8-bit
-    /// sRGB pixel (half a step at black, where steps are smallest) however bright the scene is, and of [`Samples::Error`] the one that
-    /// cannot change it by half of that error.
+    /// `kill_weight`: secondary rays of less weight are not cast; `None` chooses the largest weight that cannot change
+    /// an 8-bit sRGB pixel (half a step at black, where steps are smallest) however bright the scene is, and of
+    /// [`Samples::Error`] the one that cannot change it by half of that error.
     pub fn render_params(
         &self,
         camera: &Camera,
@@ -293,8 +296,8 @@ impl SceneBuffers {
     }
 }
 
-/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the centre; or
-/// the pixel's upper left corner. Of [`Samples::Error`] the centre.
+/// Positions of the samples in a pixel, each in [0, 1)^2: the Hammersley set, shifted so that a single sample is the
+/// centre; or the pixel's upper left corner. Of [`Samples::Error`] the centre.
 pub fn sample_positions(samples: Samples) -> Vec<CameraSample> {
     if samples == Samples::Corners {
         return vec![CameraSample { x: 0.0, y: 0.0, footprint: 1.0 }];

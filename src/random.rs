@@ -1,11 +1,12 @@
-//! Random numbers that are the same on every machine: whole numbers, powers of two and square roots, but no library's sine or logarithm.
+//! Random numbers that are the same on every machine: whole numbers, powers of two and square roots, but no library's
+//! sine or logarithm.
 
 use glam::Vec3;
 use rand_xoshiro::SplitMix64;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014): small, seedable, good enough
-/// for test data.
+/// SplitMix64 (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014): small, seedable,
+/// good enough for test data.
 #[derive(Debug, Clone)]
 pub struct Random(SplitMix64);
 

@@ -1,10 +1,10 @@
-//! The order in which a batch of rays is traced: sorted, those come one after the other that are neighbours in space, as packets of
-//! rays and every cache want them. Hits go back to the caller's order.
+//! The order in which a batch of rays is traced: sorted, those come one after the other that are neighbours in space,
+//! as packets of rays and every cache want them. Hits go back to the caller's order.
 //!
-//! Keys are those of Meister, Boksansky, Guthe and Bittner, "On Ray Reordering Techniques for Faster GPU Ray Tracing", I3D 2020, that
-//! begin with the origin: the Z-curve through origins, then, among those of a cell, the Z-curve through directions, as Cigolle et al.,
-//! "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014, put them on a square. The other way around
-//! diffuse rays took twice the time of shuffled ones.
+//! Keys are those of Meister, Boksansky, Guthe and Bittner, "On Ray Reordering Techniques for Faster GPU Ray Tracing",
+//! I3D 2020, that begin with the origin: the Z-curve through origins, then, among those of a cell, the Z-curve through
+//! directions, as Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014, put
+//! them on a square. The other way around diffuse rays took twice the time of shuffled ones.
 //!
 //! Bad at: rays that take less time than their sorting, such as those that leave a scene at once.
 
@@ -17,14 +17,15 @@ use glam::{Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Cells of origins along the scene's longest side, as a power of two. With 5 or 10 bits in place of 7 diffuse rays took up to a third
-/// longer, with 6 or 8 as long.
+/// Cells of origins along the scene's longest side, as a power of two. With 5 or 10 bits in place of 7 diffuse rays
+/// took up to a third longer, with 6 or 8 as long.
 const ORIGIN_BITS: u32 = 7;
 /// Cells of directions along each side of their square, as a power of two: a camera's rays share a small part of it.
 const DIRECTION_BITS: u32 = 12;
 const KEY_BITS: u32 = 3 * ORIGIN_BITS + 2 * DIRECTION_BITS;
 
-/// Batches of fewer rays are not sorted by themselves: in what they take (0.2 to 2 ms on PoCL) threads hardly wake up to sort.
+/// Batches of fewer rays are not sorted by themselves: in what they take (0.2 to 2 ms on PoCL) threads hardly wake up
+/// to sort.
 const FEWEST_RAYS: usize = 1 << 14;
 /// How many rays of a batch are looked at to find out whether it is shuffled, each with one near it in the batch.
 const SAMPLES: usize = 64;
@@ -32,19 +33,21 @@ const SAMPLES: usize = 64;
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 /// How far the other one is away: such rays share a packet.
 const NEAR: usize = PacketSize::Sixteen.rays() / 2;
-/// Rays near each other in an ordered batch are at most this part as far apart in space as any two of it. Of shuffled batches the
-/// quotient is 1.
+/// Rays near each other in an ordered batch are at most this part as far apart in space as any two of it. Of shuffled
+/// batches the quotient is 1.
 const NEARER: f32 = 0.5;
 /// How many rays of a shuffled batch are traced beforehand, on the reference, to find out what they take.
 const TRIAL_RAYS: usize = 64;
-/// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay their sorting. On
-/// two cores with PoCL sponza's diffuse and shadow rays, from its walls outwards (1.2 and 1.1 steps), took three times as long with it;
-/// gears' shadow rays (1.7) gained a tenth, camera rays (2.0 to 3.9) and the bunny's (6.9 to 7.0) a quarter to four fifths.
+/// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay
+/// their sorting. On two cores with PoCL sponza's diffuse and shadow rays, from its walls outwards (1.2 and 1.1 steps),
+/// took three times as long with it; gears' shadow rays (1.7) gained a tenth, camera rays (2.0 to 3.9) and the bunny's
+/// (6.9 to 7.0) a quarter to four fifths.
 const FEWEST_STEPS: f64 = 1.6;
 
-/// Traces `job` by `trace` in the order that `options` ask for. What `trace` returns comes back in the caller's order. With
-/// [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
-/// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)) and a few of their rays, which `trial` traces and counts, go far enough.
+/// Traces `job` by `trace` in the order that `options` ask for. What `trace` returns comes back in the caller's order.
+/// With [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
+/// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)) and a few of their rays, which `trial` traces and
+/// counts, go far enough.
 ///
 /// # Errors
 /// Those of `trace` and `trial`.
@@ -102,8 +105,8 @@ fn permuted<T: Copy + Send + Sync>(values: &[T], order: &[u64]) -> Vec<T> {
     order.par_iter().map(|&i| values[i as usize]).collect()
 }
 
-/// What was in the order of `values` before they were [`permuted`]. One thread writes all, which took half of the time that two took
-/// with the inverse of the order.
+/// What was in the order of `values` before they were [`permuted`]. One thread writes all, which took half of the time
+/// that two took with the inverse of the order.
 fn restored<T: Copy>(values: Vec<T>, order: &[u64]) -> Vec<T> {
     let mut restored = values.clone();
     for (value, &i) in values.into_iter().zip(order) {
@@ -125,7 +128,8 @@ impl RayKeys {
         RayKeys { low, cells_per_unit: (1u32 << ORIGIN_BITS) as f32 / side }
     }
 
-    /// The key of a ray: [`KEY_BITS`] bits. One that starts outside of the scene has that of the nearest cell, one of nonsense any.
+    /// The key of a ray: [`KEY_BITS`] bits. One that starts outside of the scene has that of the nearest cell, one of
+    /// nonsense any.
     fn key(&self, ray: &TraceRay) -> u64 {
         let origin = (ray.origin_t_min.xyz() - self.low) * self.cells_per_unit;
         let direction = square_of(ray.direction_t_max.xyz()) * (1u32 << DIRECTION_BITS) as f32;
@@ -134,7 +138,8 @@ impl RayKeys {
         origin << (2 * DIRECTION_BITS) | u64::from(direction)
     }
 
-    /// Numbers of rays, those with the lowest keys first. Of half a million rays or more the lowest bits of directions do not count.
+    /// Numbers of rays, those with the lowest keys first. Of half a million rays or more the lowest bits of directions
+    /// do not count.
     fn order(&self, rays: &[TraceRay]) -> Vec<u64> {
         // A key and the number of its ray are one integer, so that no two are equal, and integers alone are sorted.
         let index_bits = usize::BITS - rays.len().leading_zeros();
@@ -147,8 +152,8 @@ impl RayKeys {
     }
 }
 
-/// Whether rays that are near each other in a large batch are no nearer in space than any two of its rays, neither by origin, as diffuse
-/// rays of a picture are, nor by direction, as those through a lens.
+/// Whether rays that are near each other in a large batch are no nearer in space than any two of its rays, neither by
+/// origin, as diffuse rays of a picture are, nor by direction, as those through a lens.
 fn are_shuffled(rays: &[TraceRay]) -> bool {
     if rays.len() < FEWEST_RAYS {
         return false;
@@ -158,7 +163,8 @@ fn are_shuffled(rays: &[TraceRay]) -> bool {
     let no_nearer = |part: fn(&TraceRay) -> Vec3| {
         let distance = |a: usize, b: usize| (part(&rays[a]) - part(&rays[b])).length();
         let near = median(|i| distance(place(i), place(i) + NEAR));
-        // Multiplied by an odd number all samples are partners once; the sum with another odd one makes none its own partner.
+        // Multiplied by an odd number all samples are partners once; the sum with another odd one makes none its own
+        // partner.
         let far = median(|i| distance(place(i), place((97 * i + 51) % SAMPLES)));
         near >= NEARER * far
     };

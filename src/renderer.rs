@@ -24,8 +24,8 @@ const KEY_AMBIENT: f32 = 0.15;
 /// Opens a tracer of `buffers`, which were built with `options`: on `device`, or the reference when there is none.
 ///
 /// # Errors
-/// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory; [`Error::Option`](crate::Error::Option) when the
-/// buffers were built for another structure.
+/// The device cannot be opened, its compiler refuses the kernels, or the scene does not fit into its memory;
+/// [`Error::Option`](crate::Error::Option) when the buffers were built for another structure.
 pub fn open_tracer(
     device: Option<&DeviceHandle>,
     buffers: &Arc<SceneBuffers>,
@@ -42,8 +42,8 @@ pub fn open_tracer(
     })
 }
 
-/// Builds what `options` ask for of `scene`, and opens a tracer of it as [`open_tracer`] does, which is prepared for `tasks`. The device
-/// is opened, and compiles, while the structure is built.
+/// Builds what `options` ask for of `scene`, and opens a tracer of it as [`open_tracer`] does, which is prepared for
+/// `tasks`. The device is opened, and compiles, while the structure is built.
 ///
 /// # Errors
 /// Those of [`SceneBuffers::new`], [`open_tracer`] and [`Backend::prepare`].
@@ -91,8 +91,8 @@ pub fn build_and_open_within(
     Ok((buffers, tracer))
 }
 
-/// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and a key light
-/// with a little ambient light when it has no lamp of its own.
+/// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and a
+/// key light with a little ambient light when it has no lamp of its own.
 pub fn complete(scene: &mut Scene, aspect: f32) {
     let camera = scene.camera.unwrap_or_else(|| {
         let primitives = scene.hittable();
@@ -164,7 +164,8 @@ pub struct Picture {
     pub samples: Samples,
     /// Longest chain of rays, the camera ray counted as 1.
     pub depth: u32,
-    /// Weight below which secondary rays are not cast; `None`: where they cannot change an 8-bit pixel, or by half of the error asked for.
+    /// Weight below which secondary rays are not cast; `None`: where they cannot change an 8-bit pixel, or by half of
+    /// the error asked for.
     pub kill_weight: Option<f32>,
 }
 
@@ -174,8 +175,8 @@ impl Picture {
     }
 }
 
-/// Renders the full picture in place of what `picture` says of samples: every pixel has [`MOST_SAMPLES`], those of a pixel of which
-/// [`Samples::Error`] needs them all.
+/// Renders the full picture in place of what `picture` says of samples: every pixel has [`MOST_SAMPLES`], those of a
+/// pixel of which [`Samples::Error`] needs them all.
 ///
 /// # Errors
 /// As [`render`].

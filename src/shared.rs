@@ -1,9 +1,9 @@
-//! The structs and constants that host and kernels share. `cl/shared/types.cl` and `constants.cl` are generated from this
-//! file and those in its folder.
+//! The structs and constants that host and kernels share. `cl/shared/types.cl` and `constants.cl` are generated from
+//! this file and those in its folder.
 //!
-//! All coordinates in these structs are in *tracing space*: world units times [`SceneParams::scale`], a power of two, so that
-//! the change of units is exact and the kernels' products neither over- nor underflow for very large or small scenes.
-//! Directions stay as they are, and with them t is scaled like the coordinates.
+//! All coordinates in these structs are in *tracing space*: world units times [`SceneParams::scale`], a power of two,
+//! so that the change of units is exact and the kernels' products neither over- nor underflow for very large or small
+//! scenes. Directions stay as they are, and with them t is scaled like the coordinates.
 
 pub mod constants;
 mod feature;
@@ -109,10 +109,11 @@ device_const! {
     pub const RAY_KIND_BITS: u32 = 8;
     /// How many work counters there are.
     pub const WORK_COUNTERS: usize = WorkCounter::ALL.len();
-    /// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no sum overflows:
-    /// a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one depth add up to at most 1, at up to
-    /// 2^6 depths. An infinity would become NaN where its weight is 0. White is 1, the sun in candela per square metre 1.6e9: 2^100 is
-    /// out of reach for all but a lamp that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
+    /// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no
+    /// sum overflows: a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one
+    /// depth add up to at most 1, at up to 2^6 depths. An infinity would become NaN where its weight is 0. White is 1,
+    /// the sun in candela per square metre 1.6e9: 2^100 is out of reach for all but a lamp that touches the surface,
+    /// whose light grows with 1 / distance^2 beyond all bounds.
     pub const MAX_RADIANCE: f32 = constants::power_of_two(100);
 }
 
@@ -141,8 +142,8 @@ names! {
     /// | boxes, spheres | a volume tested | a cluster whose volume was met | none |
     /// | brute force | none | none: its one list is no leaf | none |
     ///
-    /// What is visited again after a restart counts again. A ray that starts too far from a grid tests its list of all triangles
-    /// and counts no leaf. Shading reads vertices, too; those do not count.
+    /// What is visited again after a restart counts again. A ray that starts too far from a grid tests its list of all
+    /// triangles and counts no leaf. Shading reads vertices, too; those do not count.
     pub enum WorkCounter ("aov") {
         /// Steps through the structure from one leaf to the next.
         Steps = "steps",
@@ -330,9 +331,11 @@ device_struct! {
         pub octaves: u32,
         /// Procedural: which noise.
         pub seed: u32,
-        /// Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
+        /// Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing
+        /// space.
         pub in_uv: u32,
-        /// Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a ray may want it.
+        /// Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a
+        /// ray may want it.
         pub levels: u32,
     }
 }
@@ -370,13 +373,15 @@ device_struct! {
     pub struct SceneParams {
         /// Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
         pub low: Float4,
-        /// High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else 0.
+        /// High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther,
+        /// else 0.
         pub high: Float4,
         /// Background straight down, linear RGB; w unused.
         pub background_bottom: Float4,
         /// Background straight up; w unused.
         pub background_top: Float4,
-        /// Length of the reference list; with brute force the number of triangles that can be hit; with instances their number.
+        /// Length of the reference list; with brute force the number of triangles that can be hit; with instances their
+        /// number.
         pub reference_count: u32,
         /// Number of lights that shine.
         pub light_count: u32,
@@ -414,8 +419,8 @@ device_struct! {
         pub pixel_height: f32,
         /// 1 / sample_count.
         pub sample_weight: f32,
-        /// 0, or of a list of camera rays in place of a picture how many there are.
-        /// Number i, at `x + width * y` of the film, passes through the position `samples[i]`, in pixels of the picture.
+        /// 0, or of a list of camera rays in place of a picture how many there are. Number i, at `x + width * y` of the
+        /// film, passes through the position `samples[i]`, in pixels of the picture.
         pub ray_count: u32,
         /// Side of a pixel at distance 1 in the middle of the picture.
         pub pixel_size: f32,
@@ -427,8 +432,8 @@ device_struct! {
 }
 
 impl RenderParams {
-    /// The same camera for a list of `count` rays of their own in place of a picture. The list lies in rows as long as a tile, so that
-    /// work-items take it in its order, and neighbours in it run beside each other.
+    /// The same camera for a list of `count` rays of their own in place of a picture. The list lies in rows as long as
+    /// a tile, so that work-items take it in its order, and neighbours in it run beside each other.
     #[must_use]
     pub fn of_list(self, count: u32) -> RenderParams {
         let (width, height) = (TILE_SIDE, count.div_ceil(TILE_SIDE));

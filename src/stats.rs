@@ -2,6 +2,8 @@
 //!
 //! Times are wall-clock seconds by the host, except `kernel_s`, which the device's own event timers give.
 
+pub use crate::math::median;
+
 use std::path::Path;
 
 use serde::Serialize;
@@ -124,13 +126,14 @@ pub struct RunStats {
     /// Sorting the rays of a batch and putting their hits back into the caller's order, where that was done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sort_s: Option<f64>,
-    /// Seconds that the host took for rays whose numbers tracing space cannot hold; not in `kernel_s`. `None` where there were none.
+    /// Seconds that the host took for rays whose numbers tracing space cannot hold; not in `kernel_s`. `None` where
+    /// there were none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extreme_s: Option<f64>,
     /// Running the kernel, one entry per repeat.
     pub kernel_s: Vec<f64>,
-    /// Rays (of a batch, or of wavefront kernels) or pixels (of the mega-kernel's picture) that only exact integers could decide: see
-    /// `cl/intersect/exact.cl`.
+    /// Rays (of a batch, or of wavefront kernels) or pixels (of the mega-kernel's picture) that only exact integers
+    /// could decide: see `cl/intersect/exact.cl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_pass: Option<u64>,
     /// Copying the result back.
@@ -153,7 +156,8 @@ pub struct RunStats {
 }
 
 impl RunStats {
-    /// Sets `mrays_per_s`: all rays cast in one repeat by the median of `kernel_s`, or `None` without a time above zero.
+    /// Sets `mrays_per_s`: all rays cast in one repeat by the median of `kernel_s`, or `None` without a time above
+    /// zero.
     pub fn set_rate(&mut self) {
         self.mrays_per_s =
             median(&self.kernel_s).filter(|&s| s > 0.0).map(|s| self.rays.total_cast() as f64 / s * 1e-6);
@@ -165,18 +169,6 @@ impl RunStats {
     /// As [`write_json`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         write_json(path.as_ref(), self)
-    }
-}
-
-/// The middle value, or the mean of the two; `None` of nothing.
-pub fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => None,
-        n if n % 2 == 1 => Some(sorted[middle]),
-        _ => Some((sorted[middle - 1] + sorted[middle]) / 2.0),
     }
 }
 

@@ -26,11 +26,13 @@ pub struct ExtremeRay {
 pub struct TraceJob<'a> {
     /// The rays.
     pub rays: &'a [TraceRay],
-    /// Directions (x, y, z; w unused) of second rays that start where the first ones hit; as many as rays. Only with closest hits.
+    /// Directions (x, y, z; w unused) of second rays that start where the first ones hit; as many as rays. Only with
+    /// closest hits.
     pub next_directions: Option<&'a [Float4]>,
     /// Those of the rays, or of their second rays, that tracing space cannot hold; [`SceneBuffers::batch`] finds them.
     pub extreme: &'a [ExtremeRay],
-    /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer; t, u and v of a hit are 0.
+    /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer; t, u and v of a
+    /// hit are 0.
     pub any_hit: bool,
     /// How often to trace the batch, for timing; at least 1.
     pub repeat: u32,
@@ -47,7 +49,8 @@ pub struct TraceResult {
     pub work: Option<Vec<RayWork>>,
     /// The same of the second rays; none on a ray that was not cast because the first one missed.
     pub next_work: Option<Vec<RayWork>>,
-    /// How many rays, over all repeats, only exact integers could decide, in a second pass; `None` where there is no such pass.
+    /// How many rays, over all repeats, only exact integers could decide, in a second pass; `None` where there is no
+    /// such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Backend::has_clock`].
     pub kernel_s: Vec<f64>,
@@ -55,8 +58,8 @@ pub struct TraceResult {
     pub upload_s: f64,
     /// Seconds that it took to fetch the hits.
     pub read_s: f64,
-    /// Seconds that it took to sort the rays, once for all repeats, and to put the hits back into the caller's order; `None` where the
-    /// rays were traced in that order.
+    /// Seconds that it took to sort the rays, once for all repeats, and to put the hits back into the caller's order;
+    /// `None` where the rays were traced in that order.
     pub sort_s: Option<f64>,
     /// Seconds that the host took for extreme rays; `None` where there were none.
     pub extreme_s: Option<f64>,
@@ -71,8 +74,8 @@ pub struct RenderResult {
     pub counts: [u64; COUNTERS],
     /// With [`crate::options::TraceOptions::counters`] the work on the rays of each pixel, top row first.
     pub work: Option<Vec<PixelWork>>,
-    /// How many pixels had a ray that only exact integers could decide, and were rendered in a second pass; of wavefront kernels how many
-    /// rays. `None` where there is no such pass.
+    /// How many pixels had a ray that only exact integers could decide, and were rendered in a second pass; of
+    /// wavefront kernels how many rays. `None` where there is no such pass.
     pub second_pass: Option<u64>,
     /// Seconds of device time, transfers left out. See [`Backend::has_clock`].
     pub kernel_s: f64,
@@ -158,16 +161,18 @@ impl Adaptive {
         self.lattice.max(1) as usize
     }
 
-    /// For this error the lattice that misses too little to matter. Features that fell between its points made errors of 0.39 steps of gears
-    /// (2 pixels, 1024 x 1024) and 0.59 (4 pixels, 512 x 512), and at most 0.03 of the bunny, sponza and coffee.
+    /// For this error the lattice that misses too little to matter. Features that fell between its points made errors
+    /// of 0.39 steps of gears (2 pixels, 1024 x 1024) and 0.59 (4 pixels, 512 x 512), and at most 0.03 of the bunny,
+    /// sponza and coffee.
     pub fn of_error(error: f32) -> Adaptive {
         let lattice = [8, 4, 2].into_iter().find(|&lattice| error >= lattice as f32).unwrap_or(1);
         Adaptive { error, lattice, list_rays: Adaptive::LIST_RAYS }
     }
 }
 
-/// Samples of a pixel at each level. At level 0 it is interpolated. Nets are good at powers of 4: of four scenes two samples a pixel were as
-/// wrong as one, and the squared error went down by 3.2 to 3.8 from 4 samples to 8, by 3.5 to 5.0 to 16, and by only 1.9 to 2.6 to 32.
+/// Samples of a pixel at each level. At level 0 it is interpolated. Nets are good at powers of 4: of four scenes two
+/// samples a pixel were as wrong as one, and the squared error went down by 3.2 to 3.8 from 4 samples to 8, by 3.5 to
+/// 5.0 to 16, and by only 1.9 to 2.6 to 32.
 pub const LEVEL_SAMPLES: [u32; 6] = [0, 1, 4, 16, 64, 256];
 /// The level of the most samples.
 pub(crate) const LAST_LEVEL: u8 = LEVEL_SAMPLES.len() as u8 - 1;
@@ -188,8 +193,8 @@ pub struct AdaptiveStats {
     /// Who decided: [`Decisions::Host`] or [`Decisions::Device`].
     #[serde(serialize_with = "as_name")]
     pub decided_by: Decisions,
-    /// Seconds that the host took between the rays: to take note of what was traced and to decide what is traced next, or to start the
-    /// kernels that do.
+    /// Seconds that the host took between the rays: to take note of what was traced and to decide what is traced next,
+    /// or to start the kernels that do.
     pub decide_s: f64,
 }
 
@@ -210,8 +215,8 @@ pub trait Backend: Send {
     /// The device's name.
     fn device_name(&self) -> &str;
 
-    /// Compiles what `task` needs, if that is not done yet. Without it the first job of that kind does; the small program that decides of
-    /// pictures by their error is compiled by the first of these in any case.
+    /// Compiles what `task` needs, if that is not done yet. Without it the first job of that kind does; the small
+    /// program that decides of pictures by their error is compiled by the first of these in any case.
     ///
     /// # Errors
     /// The device's compiler refuses the kernels.
@@ -243,15 +248,16 @@ pub trait Backend: Send {
     /// The device failed or cannot hold the batch.
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult>;
 
-    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them, and what each stands for. Of a list
-    /// of rays ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its upper left corner, and the film is one row.
+    /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them, and what each
+    /// stands for. Of a list of rays ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its
+    /// upper left corner, and the film is one row.
     ///
     /// # Errors
     /// The device failed or cannot hold the picture.
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult>;
 
-    /// Renders a picture by its error if the tracer decides by itself what is traced ([`crate::options::Decisions`]); the pixels are those
-    /// of [`crate::adaptive::render_adaptive`], which asks first.
+    /// Renders a picture by its error if the tracer decides by itself what is traced ([`crate::options::Decisions`]);
+    /// the pixels are those of [`crate::adaptive::render_adaptive`], which asks first.
     ///
     /// # Errors
     /// The device failed or cannot hold the picture.
@@ -280,7 +286,8 @@ pub fn require_clock(tracer: &dyn Backend) -> Result<()> {
 }
 
 impl SceneBuffers {
-    /// A ray in world units as the tracers take it. Extreme numbers lose bits; [`SceneBuffers::batch`] looks after them.
+    /// A ray in world units as the tracers take it. Extreme numbers lose bits; [`SceneBuffers::batch`] looks after
+    /// them.
     pub fn trace_ray(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
         TraceRay {
             origin_t_min: Float4::new(origin * self.params.scale, t_min),

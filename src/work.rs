@@ -1,7 +1,8 @@
-//! Counted work: what tracing took, apart from time. Havran (PhD thesis, 2000) and Horn et al. (I3D 2007) compare methods so.
+//! Counted work: what tracing took, apart from time. Havran (PhD thesis, 2000) and Horn et al. (I3D 2007) compare
+//! methods so.
 //!
-//! Kernels built with `COUNT_WORK` and the twin count the same; [`WorkCounter`] says what. A ray's or a pixel's count that
-//! outgrows 32 bits stays at [`u32::MAX`]; sums of many are [`WorkSum`]s of 64 bits.
+//! Kernels built with `COUNT_WORK` and the twin count the same; [`WorkCounter`] says what. A ray's or a pixel's count
+//! that outgrows 32 bits stays at [`u32::MAX`]; sums of many are [`WorkSum`]s of 64 bits.
 //!
 //! Bad at: telling what the cache did. Bytes are what a traversal asked for.
 

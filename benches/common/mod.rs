@@ -36,8 +36,9 @@ pub fn group<'a>(criterion: &'a mut Criterion, name: &str) -> BenchmarkGroup<'a,
 pub fn measure(group: &mut BenchmarkGroup<WallTime>, name: &str, mut run: impl FnMut(u32) -> f64) {
     let mut is_ready = false;
     group.bench_function(name, |bencher| {
-        // Structures, kernels and what drivers do at a first launch: as a part of the warm-up it would make criterion think that an
-        // iteration takes that long. Here, and not before the bench, so that what a filter leaves out is not made.
+        // Structures, kernels and what drivers do at a first launch: as a part of the warm-up it would make criterion
+        // think that an iteration takes that long. Here, and not before the bench, so that what a filter leaves out is
+        // not made.
         if !std::mem::replace(&mut is_ready, true) {
             run(1);
         }

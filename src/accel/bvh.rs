@@ -1,15 +1,18 @@
 //! Binary bounding volume hierarchy by the surface area heuristic.
 //!
-//! Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium on Interactive Ray Tracing 2007: large nodes
-//! sort centroids into bins ([`bins`]); small ones try every split of the sorted centroids ([`sweep`]), which is as fast there and
-//! better. A node is a leaf when no split pays, and not before it is small enough. Nodes side by side, and the bins and the partition
-//! of the largest ones, use all cores. What such splits put into a bad place [`reinsert`] moves to a better one.
+//! Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium on Interactive Ray Tracing
+//! 2007: large nodes sort centroids into bins ([`bins`]); small ones try every split of the sorted centroids
+//! ([`sweep`]), which is as fast there and better. A node is a leaf when no split pays, and not before it is small
+//! enough. Nodes side by side, and the bins and the partition of the largest ones, use all cores. What such splits put
+//! into a bad place [`reinsert`] moves to a better one.
 //!
-//! Triangles that are much larger than their neighbours, or long and oblique, have boxes that overlap those of others. A kd-tree cuts them,
-//! and so does this build on request ([`spatial`]): up to a given number of parts, for which there is room from the start. A subtree gets
-//! its share of what is left, so that what one uses does not depend on others, nor on who builds them.
+//! Triangles that are much larger than their neighbours, or long and oblique, have boxes that overlap those of others.
+//! A kd-tree cuts them, and so does this build on request ([`spatial`]): up to a given number of parts, for which there
+//! is room from the start. A subtree gets its share of what is left, so that what one uses does not depend on others,
+//! nor on who builds them.
 //!
-//! What all relies on: each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above it.
+//! What all relies on: each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above
+//! it.
 //!
 //! Knows nothing of how nodes are packed.
 
@@ -35,8 +38,8 @@ use spatial::SpatialSplit;
 pub struct BvhNode {
     /// The smallest box around its triangles, or, where splits of space have cut them, around the parts that are here.
     pub bounds: Aabb,
-    /// Of a leaf its first triangle, as an index into [`Bvh::order`]; of an inner node its second child. The first child is the next
-    /// node.
+    /// Of a leaf its first triangle, as an index into [`Bvh::order`]; of an inner node its second child. The first
+    /// child is the next node.
     pub first: u32,
     /// Triangles of a leaf; 0 for an inner node.
     pub count: u32,
@@ -49,8 +52,8 @@ impl BvhNode {
     }
 }
 
-/// A binary tree of boxes over triangles. Each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above
-/// it; without splits of space each triangle is in one leaf.
+/// A binary tree of boxes over triangles. Each point of a triangle is in the box of a leaf that lists the triangle, and
+/// in all boxes above it; without splits of space each triangle is in one leaf.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bvh {
     /// Depth first, the root first; of two children that with the larger surface first. Empty without triangles.
@@ -86,8 +89,8 @@ impl Bvh {
         deepest
     }
 
-    /// Expected cost of a ray through the root's box (MacDonald and Booth 1990): steps and triangle tests, at the two costs of `options`.
-    /// 0 without triangles; NaN when the root's box has no surface.
+    /// Expected cost of a ray through the root's box (MacDonald and Booth 1990): steps and triangle tests, at the two
+    /// costs of `options`. 0 without triangles; NaN when the root's box has no surface.
     pub fn expected_cost(&self, options: &BuildOptions) -> f64 {
         let of = |node: &BvhNode| match node.count {
             0 => f64::from(options.cost_traverse) * node.bounds.half_area(),
@@ -122,11 +125,12 @@ pub(crate) fn check_triangle_count(count: usize, limit: usize) -> Result<()> {
     Ok(())
 }
 
-/// Nodes of at least this many triangles build their children side by side; smaller ones cost less than handing them over.
+/// Nodes of at least this many triangles build their children side by side; smaller ones cost less than handing them
+/// over.
 const PARALLEL_CHILDREN: usize = 2048;
 
-/// A split of space is tried where the boxes of the two halves of the triangles have so much in common, as a share of the root's surface:
-/// alpha of the paper.
+/// A split of space is tried where the boxes of the two halves of the triangles have so much in common, as a share of
+/// the root's surface: alpha of the paper.
 const LEAST_OVERLAP: f64 = 1e-5;
 
 impl BuildOptions {
@@ -136,9 +140,10 @@ impl BuildOptions {
     /// Cost of a triangle test where eight are looked at together, in steps.
     const WIDE_COST_INTERSECT: f32 = 0.25;
 
-    /// Passes of reinsertion unless something else is asked for. In bvh2, 1, 3 and 5 passes spared sponza's shadow rays 3, 6 and 7 % of
-    /// their steps and its camera rays 17, 29 and 30 %; later ones moved nothing, and none found anything to move in bunny and gears. Five
-    /// made the builds of these up to 17 % longer, and that of a million triangles up to half.
+    /// Passes of reinsertion unless something else is asked for. In bvh2, 1, 3 and 5 passes spared sponza's shadow rays
+    /// 3, 6 and 7 % of their steps and its camera rays 17, 29 and 30 %; later ones moved nothing, and none found
+    /// anything to move in bunny and gears. Five made the builds of these up to 17 % longer, and that of a million
+    /// triangles up to half.
     const REINSERT: u32 = 5;
 
     /// The most parts that splits of space add per triangle unless something else is asked for.
@@ -161,11 +166,12 @@ impl BuildOptions {
     }
 }
 
-/// Builds a hierarchy over the triangles `primitives` (indices into `vertices`; each finite), of which one that is listed twice
-/// counts once. Reads `leaf_size`, the most triangles of a leaf, the two costs, `spatial_splits` and `reinsert`.
+/// Builds a hierarchy over the triangles `primitives` (indices into `vertices`; each finite), of which one that is
+/// listed twice counts once. Reads `leaf_size`, the most triangles of a leaf, the two costs, `spatial_splits` and
+/// `reinsert`.
 ///
-/// The tree does not depend on the order of `primitives` or on the number of threads (rayon's current pool). No leaf is deeper than
-/// [`TraceOptions::MAX_DEPTH`], and all leaves together have at most 2^27 - 16 triangles.
+/// The tree does not depend on the order of `primitives` or on the number of threads (rayon's current pool). No leaf is
+/// deeper than [`TraceOptions::MAX_DEPTH`], and all leaves together have at most 2^27 - 16 triangles.
 ///
 /// # Errors
 /// [`Error::Scene`] when there are more than 2^27 - 16 of them.
@@ -189,7 +195,8 @@ pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOpti
         items.resize(count + room.min(MAX_TRIANGLES - count), items[0]);
         builder.build(List { slots: &mut items, count, first: 0, depth: 0, extent }, &mut nodes);
     }
-    // Subtrees tell how far on the second child is, so that they can be moved as a whole, and leaves where among the items theirs are.
+    // Subtrees tell how far on the second child is, so that they can be moved as a whole, and leaves where among the
+    // items theirs are.
     let mut order = Vec::with_capacity(triangles.len());
     for (index, node) in nodes.iter_mut().enumerate() {
         if node.is_leaf() {
@@ -230,8 +237,8 @@ impl<'a> List<'a> {
         &mut self.slots[..self.count]
     }
 
-    /// The lists of two children, of which the first one's `low_count` items are in front, and the other's are those `behind`, or else all
-    /// others. Each gets room by its items.
+    /// The lists of two children, of which the first one's `low_count` items are in front, and the other's are those
+    /// `behind`, or else all others. Each gets room by its items.
     fn divide(self, low_count: usize, behind: Option<Vec<Item>>) -> [List<'a>; 2] {
         let high_count = behind.as_ref().map_or(self.count - low_count, Vec::len);
         let room = self.slots.len() - low_count - high_count;
@@ -280,8 +287,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Brings the items of one child to the front and returns how many these are, and those of the other child when they are not just the
-    /// rest; `None`: the node is a leaf.
+    /// Brings the items of one child to the front and returns how many these are, and those of the other child when
+    /// they are not just the rest; `None`: the node is a leaf.
     fn split(&self, list: &mut List) -> Option<(usize, Option<Vec<Item>>)> {
         let (count, extent) = (list.count, list.extent);
         let may_be_leaf = count <= self.leaf_size;
@@ -310,7 +317,8 @@ impl Builder<'_> {
         }
     }
 
-    /// A split of space that is better than that of the triangles, where this one is bad enough and there is room for parts.
+    /// A split of space that is better than that of the triangles, where this one is bad enough and there is room for
+    /// parts.
     fn spatial_split(&self, list: &mut List, object: Option<&ObjectSplit>) -> Option<SpatialSplit> {
         let (room, bounds) = (list.slots.len() - list.count, list.extent.bounds);
         if room == 0 {

@@ -1,6 +1,8 @@
-//! A binary bounding volume hierarchy as `cl/traverse/bvh2.cl` reads it: both children's boxes in their parent, 64 bytes a node.
+//! A binary bounding volume hierarchy as `cl/traverse/bvh2.cl` reads it: both children's boxes in their parent, 64
+//! bytes a node.
 //!
-//! Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", High Performance Graphics 2009. Four records a node:
+//! Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", High Performance Graphics 2009. Four
+//! records a node:
 //!
 //! ```text
 //! middle0.x  half0.x  middle0.y  half0.y     the box of child 0: its middle and half of its size
@@ -13,13 +15,14 @@
 //!                       instance whose number is one less
 //! ```
 //!
-//! A box is larger than what it holds by some padding on all sides (`cl/shared/slab.cl`), and by what its numbers are rounded.
+//! A box is larger than what it holds by some padding on all sides (`cl/shared/slab.cl`), and by what its numbers are
+//! rounded.
 //!
-//! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and its time adds to
-//! each step's.
+//! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and
+//! its time adds to each step's.
 //!
-//! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other, in a box that no
-//! ray enters.
+//! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other,
+//! in a box that no ray enters.
 
 use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
 use super::link::{self, NO_CHILD, leaf_link, leaf_range};
@@ -65,8 +68,8 @@ fn rounded_up(x: f64) -> f32 {
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all others; its boxes
-/// larger by their `padding` on all sides.
+/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all
+/// others; its boxes larger by their `padding` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`BvhOptions::MAX_LEAF`] triangles,
@@ -133,7 +136,8 @@ fn records([(box0, link0), (box1, link1)]: [(Middle, u32); 2]) -> [KdNode; BVH_N
     ]
 }
 
-/// Renumbers what links lead to: nodes are `first_node` further on, and leaves have the links that `leaf` makes of their references.
+/// Renumbers what links lead to: nodes are `first_node` further on, and leaves have the links that `leaf` makes of
+/// their references.
 pub fn move_links(nodes: &mut [KdNode], leaf: impl Fn(Range<usize>) -> u32, first_node: u32) {
     let links = nodes.chunks_exact_mut(BVH_NODE_RECORDS as usize).map(|records| &mut records[LINKS]);
     for link in links.flat_map(|record| [&mut record.flags, &mut record.left]).filter(|link| **link != NO_CHILD) {

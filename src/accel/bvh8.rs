@@ -1,7 +1,8 @@
 //! A bounding volume hierarchy of eight children a node as `cl/traverse/bvh8.cl` reads it, made of a binary one.
 //!
-//! Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays", Eurographics Symposium
-//! on Rendering 2008: a node's largest child that is no leaf makes way for its own two until there are eight. Sixteen records a node:
+//! Dammertz, Hanika and Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays",
+//! Eurographics Symposium on Rendering 2008: a node's largest child that is no leaf makes way for its own two until
+//! there are eight. Sixteen records a node:
 //!
 //! ```text
 //! low.x of the eight children, two records; high.x; low.y; high.y; low.z; high.z
@@ -27,7 +28,8 @@ use glam::Vec3;
 // A node has as many children as a packet triangles.
 const _: () = assert!(BvhOptions::BVH8_MAX_LEAF as usize == WIDTH);
 
-/// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far away.
+/// Upside down, and finite, so that slabs of it are numbers; `cl/shared/slab.cl` tests no ray that comes from so far
+/// away.
 const NOWHERE: Aabb = Aabb { low: Vec3::splat(FAR), high: Vec3::splat(-FAR) };
 
 /// The most leaves: of the numbers of references that a link has room for each takes eight.
@@ -44,8 +46,8 @@ pub struct Bvh8 {
 /// Packs `tree`, of the triangles `vertices`; its boxes larger by their `padding` on all sides.
 ///
 /// # Errors
-/// [`Error::Option`] when a leaf has more than [`BvhOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are more than
-/// 2^24 leaves.
+/// [`Error::Option`] when a leaf has more than [`BvhOptions::BVH8_MAX_LEAF`] triangles, [`Error::Scene`] when there are
+/// more than 2^24 leaves.
 pub fn pack_bvh8(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding) -> Result<Bvh8> {
     pack_leaves(tree, vertices, padding, MAX_LEAVES)
 }
@@ -94,7 +96,8 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding, most_leaves
     Ok(Bvh8 { structure: StructureArrays { nodes, references, bounds: packets }, stack_entries })
 }
 
-/// The up to eight nodes that become the children of `index`; none of an empty tree, and of one that is a leaf that itself.
+/// The up to eight nodes that become the children of `index`; none of an empty tree, and of one that is a leaf that
+/// itself.
 fn children(tree: &Bvh, index: usize) -> Vec<usize> {
     let mut children: Vec<usize> = (!tree.nodes.is_empty()).then_some(index).into_iter().collect();
     while children.len() < WIDTH {

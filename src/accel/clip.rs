@@ -3,12 +3,12 @@
 //! Havran and Bittner, "On improving kd-trees for ray shooting", WSCG 2002, by clipping after Sutherland and Hodgman,
 //! "Reentrant polygon clipping", CACM 1974.
 //!
-//! **Conservative:** the boxes here hold every point of the triangle that lies in the cell, so no rounding can lose a triangle
-//! from a cell that it touches. The proof, with M the largest coordinate of the triangle and u = 2^-53:
-//! - A corner computed on a plane is off by at most 12 u M: the parameter t has a relative error of 3 u (two differences,
-//!   one quotient), the product, the difference and the sum add one u each, and every term is at most 2 M.
-//! - A point x of the true triangle has a point x' of the computed polygon within the error e so far. Clipping at planes
-//!   moved outwards by at least e keeps x' whenever x lies in the cell; the new corners add 12 u M to e.
+//! **Conservative:** the boxes here hold every point of the triangle that lies in the cell, so no rounding can lose a
+//! triangle from a cell that it touches. The proof, with M the largest coordinate of the triangle and u = 2^-53:
+//! - A corner computed on a plane is off by at most 12 u M: the parameter t has a relative error of 3 u (two
+//!   differences, one quotient), the product, the difference and the sum add one u each, and every term is at most 2 M.
+//! - A point x of the true triangle has a point x' of the computed polygon within the error e so far. Clipping at
+//!   planes moved outwards by at least e keeps x' whenever x lies in the cell; the new corners add 12 u M to e.
 //! - There are at most 7 clips, so e <= 84 u M, and [`ERROR`] = 128 u is taken for planes and corners alike.
 //!
 //! Original corners are exact and get no margin, so neighbours that share one get the same bound from it.
@@ -19,8 +19,8 @@ use glam::Vec3;
 /// Margin of clip planes and computed corners, relative to the triangle's largest coordinate.
 const ERROR: f64 = 128.0 / (1u64 << 53) as f64;
 
-/// A triangle has 3 corners and each of at most 6 clips of a convex polygon adds one; the rest is room for polygons that
-/// rounding has made slightly concave.
+/// A triangle has 3 corners and each of at most 6 clips of a convex polygon adds one; the rest is room for polygons
+/// that rounding has made slightly concave.
 const MAX_CORNERS: usize = 12;
 
 /// A triangle in a cell: the box around their common points.
@@ -63,7 +63,8 @@ impl Reference {
         (left, right)
     }
 
-    /// The common part with `bounds`, rounded outwards. Both hold all common points of triangle and cell, so this does, too.
+    /// The common part with `bounds`, rounded outwards. Both hold all common points of triangle and cell, so this does,
+    /// too.
     fn shrunk_to(&self, bounds: &Bounds) -> Option<Reference> {
         if bounds.low[0] > bounds.high[0] {
             return None;

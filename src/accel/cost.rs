@@ -1,11 +1,11 @@
 //! What a split plane costs.
 //!
-//! MacDonald and Booth, "Heuristics for ray tracing using space subdivision", The Visual Computer 1990; in the notation of
-//! Wald and Havran, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", IEEE Symposium on
+//! MacDonald and Booth, "Heuristics for ray tracing using space subdivision", The Visual Computer 1990; in the notation
+//! of Wald and Havran, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", IEEE Symposium on
 //! Interactive Ray Tracing 2006, section 3.1: K_T + K_I (P_L N_L + P_R N_R), times lambda when a side is empty.
 //!
-//! The probability P that a line through a convex cell meets a convex part of it is the ratio of their surface areas. The thesis
-//! (section 5.5) says that it is the ratio of their volumes: [`Measure`] has both.
+//! The probability P that a line through a convex cell meets a convex part of it is the ratio of their surface areas.
+//! The thesis (section 5.5) says that it is the ratio of their volumes: [`Measure`] has both.
 
 use super::subtree::Cell;
 use super::{BuildOptions, half_area};
@@ -15,9 +15,11 @@ use super::{BuildOptions, half_area};
 pub enum Measure {
     /// Surface area, the right law for lines of all directions and positions.
     Surface,
-    /// Volume, the thesis's law. It is wrong: it gives a thin cell next to no rays, although those through its large faces meet it.
+    /// Volume, the thesis's law. It is wrong: it gives a thin cell next to no rays, although those through its large
+    /// faces meet it.
     ///
-    /// An axis on which the whole scene is flat counts as 1, which is the law's limit for a scene of vanishing thickness.
+    /// An axis on which the whole scene is flat counts as 1, which is the law's limit for a scene of vanishing
+    /// thickness.
     Volume,
 }
 
@@ -30,7 +32,8 @@ impl Measure {
         }
     }
 
-    /// The measure of a slice of a cell across `axis` is linear in its thickness: the constant, and the factor of the thickness.
+    /// The measure of a slice of a cell across `axis` is linear in its thickness: the constant, and the factor of the
+    /// thickness.
     fn of_slices(self, cell: &Cell, axis: usize) -> (f64, f64) {
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
         match self {
@@ -71,7 +74,8 @@ impl Costs {
         self.intersect * count as f64
     }
 
-    /// The costs of the planes across `axis` in `cell`, or `None` for a cell that no ray meets or without room on that axis.
+    /// The costs of the planes across `axis` in `cell`, or `None` for a cell that no ray meets or without room on that
+    /// axis.
     pub fn across(&self, cell: &Cell, axis: usize) -> Option<PlaneCost> {
         let whole = self.measure.of(cell);
         let (constant, per_thickness) = self.measure.of_slices(cell, axis);

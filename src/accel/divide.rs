@@ -1,8 +1,8 @@
 //! kd-trees of the rules that name one plane for an axis without weighing others: what [`super::median`],
 //! [`super::sampled_median`] and [`super::spatial_median`] have in common.
 //!
-//! A triangle goes to every side that owns one of its vertices, as in the thesis (section 5.5.1). So triangles keep their full
-//! extent, and a node also lists some that only pass by its cell; clipping them is what [`super::sah`] does.
+//! A triangle goes to every side that owns one of its vertices, as in the thesis (section 5.5.1). So triangles keep
+//! their full extent, and a node also lists some that only pass by its cell; clipping them is what [`super::sah`] does.
 
 use super::cost::{Costs, Measure, Split};
 use super::memory::GrowthLimit;
@@ -17,8 +17,8 @@ const PARALLEL_TRIANGLES: usize = 4096;
 
 /// Builds the tree; see [`super::build_kd_tree`].
 ///
-/// `plane` tells where to split the given triangles of a node across an axis; a plane outside of the node's cell, or NaN, does not
-/// split it. It must depend on nothing else, so that the tree does not depend on the number of threads.
+/// `plane` tells where to split the given triangles of a node across an axis; a plane outside of the node's cell, or
+/// NaN, does not split it. It must depend on nothing else, so that the tree does not depend on the number of threads.
 pub(super) fn build(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],

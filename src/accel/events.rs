@@ -1,8 +1,8 @@
 //! Large nodes of the surface area heuristic: sorted event lists.
 //!
 //! Wald and Havran, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", IEEE Symposium on
-//! Interactive Ray Tracing 2006, section 4.3. Events are sorted once, at the root. A split passes them on in order; only
-//! the triangles that straddle the plane get new events, which are sorted apart and merged in.
+//! Interactive Ray Tracing 2006, section 4.3. Events are sorted once, at the root. A split passes them on in order;
+//! only the triangles that straddle the plane get new events, which are sorted apart and merged in.
 //!
 //! Bad at: nodes of a few triangles, where lists cost more than they save ([`super::small`]).
 
@@ -11,7 +11,8 @@ use super::cost::{Costs, Side, Split};
 use super::subtree::Cell;
 use glam::Vec3;
 
-/// Where a reference begins, lies or ends on an axis; sorted by position, and there ends before planar ones before starts.
+/// Where a reference begins, lies or ends on an axis; sorted by position, and there ends before planar ones before
+/// starts.
 ///
 /// ```text
 /// bits 63-32  position, as an integer in the order of the numbers

@@ -1,8 +1,10 @@
-//! Uniform grid. Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987; thesis, section 2.2.3.
+//! Uniform grid. Amanatides and Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987; thesis,
+//! section 2.2.3.
 //!
-//! A triangle is listed in every cell that its box touches, the box being widened by the walk's rounding errors: the proof that
-//! this is enough stands in `cl/traverse/grid.cl`. Boxes instead of the triangles themselves cost references (a diagonal triangle
-//! over n³ cells is in all of them, not in some n²) and save the time and the rounding errors of a triangle-cell test.
+//! A triangle is listed in every cell that its box touches, the box being widened by the walk's rounding errors: the
+//! proof that this is enough stands in `cl/traverse/grid.cl`. Boxes instead of the triangles themselves cost references
+//! (a diagonal triangle over n³ cells is in all of them, not in some n²) and save the time and the rounding errors of a
+//! triangle-cell test.
 //!
 //! Bad at: triangles of very different sizes. Memory is bounded by limits on cells and references.
 
@@ -14,8 +16,8 @@ use crate::options::GridOptions;
 use crate::shared::KdNode;
 use glam::Vec3;
 
-/// Cells for each triangle, unless told otherwise: "several", as everywhere since Cleary et al. (1983); the 35³ cells that Havran
-/// took in 1999 for the 4,096 triangles of the SPD's tetra are 10.5.
+/// Cells for each triangle, unless told otherwise: "several", as everywhere since Cleary et al. (1983); the 35³ cells
+/// that Havran took in 1999 for the 4,096 triangles of the SPD's tetra are 10.5.
 const CELLS_PER_TRIANGLE: f64 = 8.0;
 
 /// The default grid is made coarser as long as there are more references for each triangle than this.
@@ -130,8 +132,8 @@ impl Grid {
     }
 }
 
-/// About [`CELLS_PER_TRIANGLE`] nearly cubic cells for each triangle: the cube-root rule, over the axes that are not too thin
-/// to be divided.
+/// About [`CELLS_PER_TRIANGLE`] nearly cubic cells for each triangle: the cube-root rule, over the axes that are not
+/// too thin to be divided.
 fn default_size(extent: Vec3, triangle_count: usize, cells_per_triangle: f64) -> [u32; 3] {
     let cells = (cells_per_triangle * triangle_count as f64).clamp(1.0, GridOptions::MAX_CELLS as f64);
     let mut divided: Vec<usize> = (0..3).filter(|&k| extent[k] > 0.0).collect();
@@ -155,9 +157,10 @@ const CELL_BYTES: u64 = (size_of::<usize>() + size_of::<KdNode>()) as u64;
 /// What a grid of the default size takes for each triangle, which some cells list.
 pub(super) const DEFAULT_BYTES: f64 = CELLS_PER_TRIANGLE * CELL_BYTES as f64;
 
-/// Builds a grid over the triangles `primitives` (ascending indices into `vertices`) in `bounds`, the box around them all, with
-/// `size` cells along the axes, or by the cube-root rule of 8 cells for each triangle. Where few reach beyond `near_reach`, which is that of
-/// [`near_reach`](super::near_reach), the grid is of the others, and these are tested for every ray.
+/// Builds a grid over the triangles `primitives` (ascending indices into `vertices`) in `bounds`, the box around them
+/// all, with `size` cells along the axes, or by the cube-root rule of 8 cells for each triangle. Where few reach beyond
+/// `near_reach`, which is that of [`near_reach`](super::near_reach), the grid is of the others, and these are tested
+/// for every ray.
 ///
 /// # Errors
 /// [`Error::Option`] when there are more references than memory should be spent on.

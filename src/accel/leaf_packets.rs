@@ -1,8 +1,10 @@
-//! Packets of eight triangles, so that vectors hold one coordinate of each (`cl/packets/triangles.cl`, `cl/intersect/filter.cl`): what the
-//! leaves of wide hierarchies are made of, and those of kd-trees whose rays are traced in packets.
+//! Packets of eight triangles, so that vectors hold one coordinate of each (`cl/packets/triangles.cl`,
+//! `cl/intersect/filter.cl`): what the leaves of wide hierarchies are made of, and those of kd-trees whose rays are
+//! traced in packets.
 //!
-//! Packet number i has the triangles of the references from 8 i on. It takes [`BVH8_PACKET_RECORDS`] records of `bounds`: for each vertex
-//! and axis the coordinates of the eight, two records. Where a leaf has fewer, its last triangle is repeated, and nobody looks at it.
+//! Packet number i has the triangles of the references from 8 i on. It takes [`BVH8_PACKET_RECORDS`] records of
+//! `bounds`: for each vertex and axis the coordinates of the eight, two records. Where a leaf has fewer, its last
+//! triangle is repeated, and nobody looks at it.
 
 use super::KdTree;
 use crate::layout::Float4;
@@ -13,8 +15,8 @@ use rayon::prelude::*;
 /// Triangles of a packet.
 pub(super) const WIDTH: usize = 8;
 
-/// Appends a leaf's triangles to `references`, of which there are whole packets, and what fills up its last packet. Returns its first
-/// reference.
+/// Appends a leaf's triangles to `references`, of which there are whole packets, and what fills up its last packet.
+/// Returns its first reference.
 pub(super) fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> usize {
     let first = references.len();
     references.extend_from_slice(triangles);

@@ -1,4 +1,5 @@
-//! Links of packed hierarchies of boxes to their leaves, the same for two and for eight children a node, and to instances; the bits are in `bvh2.rs`.
+//! Links of packed hierarchies of boxes to their leaves, the same for two and for eight children a node, and to
+//! instances; the bits are in `bvh2.rs`.
 
 use crate::options::BvhOptions;
 use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF};
@@ -19,13 +20,15 @@ pub(crate) const fn instance_link(number: u32) -> u32 {
     BVH_LEAF | (number + 1)
 }
 
-/// The instance that `link` leads to; `None` for the link of a node or of a leaf, [`NO_CHILD`] among them, which rays from very far away meet.
+/// The instance that `link` leads to; `None` for the link of a node or of a leaf, [`NO_CHILD`] among them, which rays
+/// from very far away meet.
 pub(crate) fn instance_of(link: u32) -> Option<u32> {
     let is_empty_leaf = link & BVH_LEAF != 0 && link & !BVH_LEAF & !BVH_FIRST_MASK == 0;
     (link & BVH_FIRST_MASK).checked_sub(1).filter(|_| is_empty_leaf)
 }
 
-/// The references of the leaf that `link` leads to, none of them for [`NO_CHILD`]; `None` for the number of an inner node.
+/// The references of the leaf that `link` leads to, none of them for [`NO_CHILD`]; `None` for the number of an inner
+/// node.
 pub(crate) fn leaf_range(link: u32) -> Option<Range<usize>> {
     let (first, count) = (link & BVH_FIRST_MASK, (link & !BVH_LEAF) >> BVH_COUNT_SHIFT);
     (link & BVH_LEAF != 0).then(|| first as usize..(first + count) as usize)

@@ -1,5 +1,5 @@
-//! kd-tree by the object median, as the thesis builds it (section 5.5.1): axes x, y, z in turn, plane midway between the
-//! two middle centroids, and a triangle on every side that owns one of its vertices ([`super::divide`]).
+//! kd-tree by the object median, as the thesis builds it (section 5.5.1): axes x, y, z in turn, plane midway between
+//! the two middle centroids, and a triangle on every side that owns one of its vertices ([`super::divide`]).
 //!
 //! Bad at: everything but building fast. Planes go where many triangles are, not where empty space can be cut off, and
 //! triangles are not clipped. Both make rays visit more leaves than the surface area heuristic does ([`super::sah`]).

@@ -84,7 +84,8 @@ impl Aabb {
     }
 }
 
-/// Half of the surface of a box with sides of these lengths; in f64, where products of float32 lengths neither over- nor underflow.
+/// Half of the surface of a box with sides of these lengths; in f64, where products of float32 lengths neither over-
+/// nor underflow.
 #[inline(always)]
 fn half_area([x, y, z]: [f64; 3]) -> f64 {
     x * y + (x + y) * z
@@ -118,7 +119,8 @@ pub struct BuildOptions {
 }
 
 impl BuildOptions {
-    /// What `options` ask for in their structure of `triangle_count` triangles, and the defaults of its build for the rest.
+    /// What `options` ask for in their structure of `triangle_count` triangles, and the defaults of its build for the
+    /// rest.
     pub fn of(options: &TraceOptions, triangle_count: usize) -> Self {
         match options.structure {
             Structure::Octree(octree) => Self::octree(triangle_count, octree.leaf_size, octree.max_depth),
@@ -137,7 +139,8 @@ impl BuildOptions {
         let depth = 8.0 + 1.3 * (triangle_count.max(1) as f32).log2();
         let kd = options.kd();
         let (build, stop) = (kd.build, kd.stop());
-        // By size: within 3 % of the least expected cost of 1, 2, 4, 8, 12, 16, 24 and 32 on bunny, sponza, teapot and gears.
+        // By size: within 3 % of the least expected cost of 1, 2, 4, 8, 12, 16, 24 and 32 on bunny, sponza, teapot and
+        // gears.
         let default_leaf = match (stop, build) {
             (Stop::Cost, _) => 1, // the cost decides
             (Stop::Size, Build::Median | Build::SampledMedian) => 12,
@@ -167,8 +170,8 @@ impl BuildOptions {
 /// A kd-tree over triangles.
 ///
 /// Every point of every triangle lies in a leaf that refers to that triangle: a point on a split plane belongs to both
-/// sides, so a triangle that touches a plane from one side only may be listed on that side only, and one that lies in the
-/// plane is listed on at least one side. Traversals therefore must visit both sides of a plane that is hit exactly.
+/// sides, so a triangle that touches a plane from one side only may be listed on that side only, and one that lies in
+/// the plane is listed on at least one side. Traversals therefore must visit both sides of a plane that is hit exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KdTree {
     /// Nodes in left pre-order; the root is node 0.
@@ -181,9 +184,10 @@ pub struct KdTree {
 
 /// Builds a kd-tree over the triangles `primitives` (indices into `vertices`; each finite and not of zero area).
 ///
-/// An empty list gives a tree of one empty leaf. A primitive that is listed twice counts once. The tree does not depend on the
-/// order of `primitives` or on the number of threads (rayon's current pool). No leaf is deeper than
-/// [`crate::options::TraceOptions::MAX_DEPTH`], whatever the options say, and there are at most 32 references per triangle.
+/// An empty list gives a tree of one empty leaf. A primitive that is listed twice counts once. The tree does not depend
+/// on the order of `primitives` or on the number of threads (rayon's current pool). No leaf is deeper than
+/// [`crate::options::TraceOptions::MAX_DEPTH`], whatever the options say, and there are at most 32 references per
+/// triangle.
 ///
 /// # Panics
 /// When there are more than 2^30 primitives, or more nodes or references than 32 bits can number.

@@ -1,11 +1,14 @@
-//! Scenes of which a few triangles lie very much farther out than most: a vertex at -1e38 by mistake, a backdrop among buttons.
+//! Scenes of which a few triangles lie very much farther out than most: a vertex at -1e38 by mistake, a backdrop among
+//! buttons.
 //!
-//! Structures are larger than what they hold by what rounding may be off, and that grows with the distance of the farthest corner: so one
-//! far vertex makes all boxes alike, and a grid's or an octree's cells hold everything else at once. Here it is told how far most triangles
-//! reach. Hierarchies and lists of boxes make only those boxes larger that reach beyond, by what these need (`pad_distance` in
-//! `cl/shared/slab.cl`), and others test the few triangles that reach beyond for every ray.
+//! Structures are larger than what they hold by what rounding may be off, and that grows with the distance of the
+//! farthest corner: so one far vertex makes all boxes alike, and a grid's or an octree's cells hold everything else at
+//! once. Here it is told how far most triangles reach. Hierarchies and lists of boxes make only those boxes larger that
+//! reach beyond, by what these need (`pad_distance` in `cl/shared/slab.cl`), and others test the few triangles that
+//! reach beyond for every ray.
 //!
-//! Bad at: rays that start farther out, for which all is as large as before; scenes whose scales are many, of which it sees one.
+//! Bad at: rays that start farther out, for which all is as large as before; scenes whose scales are many, of which it
+//! sees one.
 
 use super::Aabb;
 use crate::bounds::SLACK;
@@ -18,8 +21,8 @@ const FEWEST: usize = 64;
 /// What most triangles reach is so many times what half of them do: cameras and lights are about as far away.
 const REACH_OF_MOST: f32 = 16.0;
 
-/// How much farther the farthest one must reach: there the pads of its distance are a hundredth of what most triangles reach, and less cost
-/// less than it would to tell them apart.
+/// How much farther the farthest one must reach: there the pads of its distance are a hundredth of what most triangles
+/// reach, and less cost less than it would to tell them apart.
 const MUCH_FARTHER: f32 = 4096.0;
 
 /// A structure tests this part of its triangles for every ray, at most.
@@ -31,7 +34,8 @@ fn reach_of(triangle: &[Vec3; 3]) -> f32 {
     low.abs().max(high.abs()).max_element()
 }
 
-/// The least reach with the exact test and slabs: their pads are still normal numbers, and larger than what underflows (`LEAST_PAD`).
+/// The least reach with the exact test and slabs: their pads are still normal numbers, and larger than what underflows
+/// (`LEAST_PAD`).
 const LEAST: f32 = 1.0 / (1u128 << 100) as f32;
 
 /// That with a rounded test, whose products of two differences must not underflow.
@@ -40,11 +44,12 @@ const LEAST_ROUNDED: f32 = 1.0 / (1u64 << 40) as f32;
 /// That of spheres, the squares of whose slack, 2^-16 of the reach, must not underflow.
 const LEAST_SPHERES: f32 = 1.0 / (1u64 << 32) as f32;
 
-/// How far from 0 most of the triangles `primitives` reach, where the farthest one reaches very much farther and the structure of `options`
-/// can make use of that; else 0.
+/// How far from 0 most of the triangles `primitives` reach, where the farthest one reaches very much farther and the
+/// structure of `options` can make use of that; else 0.
 pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32], options: &TraceOptions) -> f32 {
     let least = match (options.kind(), options.intersector) {
-        // A kd-tree's planes are as sure as they are near; the others are of all triangles, or of objects in places of their own.
+        // A kd-tree's planes are as sure as they are near; the others are of all triangles, or of objects in places of
+        // their own.
         (StructureKind::Brute | StructureKind::Kd | StructureKind::Instances, _) => return 0.0,
         (StructureKind::Spheres, _) => LEAST_SPHERES,
         (_, Intersector::Exact) => LEAST,
@@ -61,8 +66,8 @@ pub fn near_reach(vertices: &[[Vec3; 3]], primitives: &[u32], options: &TraceOpt
     if reach >= least && farthest > MUCH_FARTHER * reach { reach } else { 0.0 }
 }
 
-/// The triangles that reach beyond `near_reach`, the others, and the box around these, where the first are few; `None` where they are many,
-/// or there is no such reach.
+/// The triangles that reach beyond `near_reach`, the others, and the box around these, where the first are few; `None`
+/// where they are many, or there is no such reach.
 pub(super) fn few_outside(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],

@@ -1,15 +1,15 @@
 //! The order of a kd-tree's nodes in memory: the same tree, so the same hits.
 //!
-//! Pre-order puts a lower child next to its parent and an upper child anywhere. Level by level suits what all rays share, the top
-//! of the tree. The order of van Emde Boas (Prokop, "Cache-Oblivious Algorithms", MIT 1999) divides the tree at half its height,
-//! puts the upper part first and the subtrees below it one after the other, each divided in the same way: whatever the size of
-//! a cache line, a way down of length h meets about h / log2(nodes a line) lines.
+//! Pre-order puts a lower child next to its parent and an upper child anywhere. Level by level suits what all rays
+//! share, the top of the tree. The order of van Emde Boas (Prokop, "Cache-Oblivious Algorithms", MIT 1999) divides the
+//! tree at half its height, puts the upper part first and the subtrees below it one after the other, each divided in
+//! the same way: whatever the size of a cache line, a way down of length h meets about h / log2(nodes a line) lines.
 
 use crate::options::NodeOrder;
 use crate::shared::{KD_LEAF, KdNode};
 
-/// The nodes of the tree in another order; the root stays node 0. The first `top` nodes are the topmost ones, level by level,
-/// whatever the order of the others.
+/// The nodes of the tree in another order; the root stays node 0. The first `top` nodes are the topmost ones, level by
+/// level, whatever the order of the others.
 ///
 /// # Panics
 /// When the nodes are no tree with its root in front.

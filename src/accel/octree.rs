@@ -1,8 +1,9 @@
-//! Octree: every cell is divided at its centre into eight, as long as it is worth it. Glassner, "Space Subdivision for Fast Ray
-//! Tracing", IEEE Computer Graphics and Applications 4(10), 1984; thesis, section 2.2.3.
+//! Octree: every cell is divided at its centre into eight, as long as it is worth it. Glassner, "Space Subdivision for
+//! Fast Ray Tracing", IEEE Computer Graphics and Applications 4(10), 1984; thesis, section 2.2.3.
 //!
-//! A triangle goes to the children in which clipping (`clip.rs`) finds a part of it. Each division is three cuts one after the
-//! other, so that the cuts of the kd-tree serve here, too. The root is a cube, so all cells are cubes, up to rounding.
+//! A triangle goes to the children in which clipping (`clip.rs`) finds a part of it. Each division is three cuts one
+//! after the other, so that the cuts of the kd-tree serve here, too. The root is a cube, so all cells are cubes, up to
+//! rounding.
 //!
 //! Bad at: triangles around one point or through one line, which no division separates; the limits below end that.
 
@@ -16,14 +17,15 @@ use crate::options::TraceOptions;
 use crate::shared::KdNode;
 use glam::Vec3;
 
-/// Triangles that are not worth a division: it costs some eight plane and four child tests of a ray that meets the cell.
+/// Triangles that are not worth a division: it costs some eight plane and four child tests of a ray that meets the
+/// cell.
 const LEAF_SIZE: u32 = 8;
 
 impl BuildOptions {
     /// The defaults of an octree of `triangle_count` triangles; `leaf_size` and `max_depth` override them.
     ///
-    /// A level quarters the triangles of a cell that a surface runs through: after log4(n) levels there is about one in each.
-    /// Four more are for details smaller than that.
+    /// A level quarters the triangles of a cell that a surface runs through: after log4(n) levels there is about one in
+    /// each. Four more are for details smaller than that.
     pub fn octree(triangle_count: usize, leaf_size: Option<u32>, max_depth: Option<u32>) -> Self {
         let depth = 4.0 + 0.5 * (triangle_count.max(1) as f32).log2();
         BuildOptions {
@@ -46,8 +48,9 @@ struct Open {
     growth: f64,
 }
 
-/// Builds an octree over the triangles `primitives` (indices into `vertices`) in `bounds`, the box around them all. Where few reach beyond
-/// `near_reach`, which is that of [`near_reach`](super::near_reach), they are listed for every ray instead.
+/// Builds an octree over the triangles `primitives` (indices into `vertices`) in `bounds`, the box around them all.
+/// Where few reach beyond `near_reach`, which is that of [`near_reach`](super::near_reach), they are listed for every
+/// ray instead.
 ///
 /// No leaf is deeper than the options say, and there are at most 32 references for each triangle.
 ///
@@ -115,8 +118,8 @@ pub(crate) fn build_octree_within(
     structure
 }
 
-/// The centre of a cell and its eight parts in the order of the children, or `None` when float32 has no number between the
-/// cell's faces on any axis. An axis of which that is true is cut at its upper face, with everything below.
+/// The centre of a cell and its eight parts in the order of the children, or `None` when float32 has no number between
+/// the cell's faces on any axis. An axis of which that is true is cut at its upper face, with everything below.
 fn divide(vertices: &[[Vec3; 3]], cell: &Cell, references: &[Reference]) -> Option<(Vec3, Vec<Part>)> {
     let mut centre = Vec3::from_array(cell.high);
     let mut parts = vec![(*cell, references.to_vec())];

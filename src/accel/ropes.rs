@@ -1,9 +1,10 @@
-//! Ropes: links from every face of a kd-tree's leaf to what lies behind it.
-//! Popov, Günther, Seidel and Slusallek, "Stackless KD-Tree Traversal for High Performance GPU Ray Tracing", Computer Graphics
-//! Forum 26(3), 2007, sections 3.1 and 3.2.
+//! Ropes: links from every face of a kd-tree's leaf to what lies behind it. Popov, Günther, Seidel and Slusallek,
+//! "Stackless KD-Tree Traversal for High Performance GPU Ray Tracing", Computer Graphics Forum 26(3), 2007, sections
+//! 3.1 and 3.2.
 //!
-//! A rope leads to the deepest node whose cell still has all neighbours behind the face in it, so that it needs no further choice
-//! until the ray's own place decides. Ropes that end at the sibling instead would cost a descent at each crossing.
+//! A rope leads to the deepest node whose cell still has all neighbours behind the face in it, so that it needs no
+//! further choice until the ray's own place decides. Ropes that end at the sibling instead would cost a descent at each
+//! crossing.
 //!
 //! Bad at: memory. Leaf number l, in pre-order, has three records of 16 bytes, one an axis:
 //!
@@ -12,8 +13,8 @@
 //!                        | f32        | f32        | u32 bits      | u32 bits      |
 //! ```
 //!
-//! low and high are the leaf's box, tracing space; a rope is a node index, [`NO_ROPE`] where the scene's box ends. The leaf's node
-//! has l in the bits of its `split`.
+//! low and high are the leaf's box, tracing space; a rope is a node index, [`NO_ROPE`] where the scene's box ends. The
+//! leaf's node has l in the bits of its `split`.
 
 use super::Aabb;
 use crate::layout::Float4;

@@ -1,14 +1,14 @@
 //! kd-tree by the surface area heuristic in O(N log N), or by the thesis's heuristic of volumes.
 //!
 //! Wald and Havran, "On building fast kd-trees for ray tracing, and on doing that in O(N log N)", IEEE Symposium on
-//! Interactive Ray Tracing 2006. Every bound of a clipped triangle is a candidate plane ([`super::cost`]); a node is split
-//! while that is cheaper than a leaf ([`super::stop`]). Large nodes sweep sorted event lists ([`super::events`]), small ones count
-//! ([`super::small`]); triangles are clipped to the cells they straddle ([`super::clip`]).
+//! Interactive Ray Tracing 2006. Every bound of a clipped triangle is a candidate plane ([`super::cost`]); a node is
+//! split while that is cheaper than a leaf ([`super::stop`]). Large nodes sweep sorted event lists ([`super::events`]),
+//! small ones count ([`super::small`]); triangles are clipped to the cells they straddle ([`super::clip`]).
 //!
-//! Bad at: scenes that change with every frame (the median build is faster), and gains that need two splits, none of which
-//! pays alone: the choice is greedy. By volumes P_L + P_R is 1 for every plane, as if no ray met both sides, so it splits where
-//! that does not pay, and cuts off too little of what is flat: on seven models 7 to 164 % more nodes, and 3 to 204 % more expected
-//! cost (by areas).
+//! Bad at: scenes that change with every frame (the median build is faster), and gains that need two splits, none of
+//! which pays alone: the choice is greedy. By volumes P_L + P_R is 1 for every plane, as if no ray met both sides, so
+//! it splits where that does not pay, and cuts off too little of what is flat: on seven models 7 to 164 % more nodes,
+//! and 3 to 204 % more expected cost (by areas).
 
 use super::clip::Reference;
 use super::cost::{Costs, Measure, Split};
@@ -21,7 +21,8 @@ use super::{BuildOptions, KdTree};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Nodes of at least this many references build their children side by side; smaller ones cost less than handing them over.
+/// Nodes of at least this many references build their children side by side; smaller ones cost less than handing them
+/// over.
 const PARALLEL_REFERENCES: usize = 1024;
 
 /// Builds the tree; see [`super::build_kd_tree`].

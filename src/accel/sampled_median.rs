@@ -1,8 +1,9 @@
-//! kd-tree by the median of a random sample: [`super::median`], but for a node of many triangles the median is that of a fixed
-//! number of them, drawn at random (thesis, section 5.5).
+//! kd-tree by the median of a random sample: [`super::median`], but for a node of many triangles the median is that of
+//! a fixed number of them, drawn at random (thesis, section 5.5).
 //!
-//! Of n triangles drawn, the median stands at a rank whose share of all is off 1/2 by 1/(2 sqrt n) (the standard deviation), however
-//! many there are, so the plane takes constant time instead of linear time; handing the triangles down stays linear.
+//! Of n triangles drawn, the median stands at a rank whose share of all is off 1/2 by 1/(2 sqrt n) (the standard
+//! deviation), however many there are, so the plane takes constant time instead of linear time; handing the triangles
+//! down stays linear.
 //!
 //! Bad at: what the median is bad at. Small samples make uneven children, hence deeper trees.
 

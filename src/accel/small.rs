@@ -1,8 +1,8 @@
 //! Small nodes of the surface area heuristic: every candidate plane is counted against every triangle.
 //!
 //! For up to [`CAPACITY`] triangles the n² comparisons, which compilers turn into vector instructions, are faster than
-//! keeping event lists sorted, and most nodes of a tree are that small. Candidates, costs and the choice among equals are those of
-//! [`super::events`]; the tree is the same whichever of the two builds a node.
+//! keeping event lists sorted, and most nodes of a tree are that small. Candidates, costs and the choice among equals
+//! are those of [`super::events`]; the tree is the same whichever of the two builds a node.
 
 use super::clip::Reference;
 use super::cost::{Costs, Side, Split};

@@ -1,8 +1,9 @@
 //! What a kd-tree looks like in numbers.
 //!
 //! The expected cost is that of MacDonald and Booth, "Heuristics for ray tracing using space subdivision", The Visual
-//! Computer 1990: a ray that meets the root's box meets a node's with the ratio of their surface areas as probability. It knows
-//! neither that rays end at their first hit nor where they start, so it compares trees of one scene and is no prediction of time.
+//! Computer 1990: a ray that meets the root's box meets a node's with the ratio of their surface areas as probability.
+//! It knows neither that rays end at their first hit nor where they start, so it compares trees of one scene and is no
+//! prediction of time.
 
 use super::cost::Measure;
 use super::subtree::Cell;
@@ -74,8 +75,8 @@ impl TreeStats {
     }
 }
 
-/// Expected cost of a ray through the root's box if rays meet cells by `measure`; `options` gives the two costs. That rays meet them
-/// by volume is not so: what the thesis's law expects is here to be compared with what happens.
+/// Expected cost of a ray through the root's box if rays meet cells by `measure`; `options` gives the two costs. That
+/// rays meet them by volume is not so: what the thesis's law expects is here to be compared with what happens.
 ///
 /// # Panics
 /// When the tree is not one that [`super::check_tree`] accepts.

@@ -4,8 +4,8 @@
 //! 5.5.2: children that are nearly alike. [`super::subtree::MAX_GROWTH`] limits what is left, and so does memory
 //! ([`GrowthLimit`]).
 //!
-//! The two limits are bad at scenes of uneven detail. The cost looks one split ahead and misses gains that take two. Children that
-//! are alike may still be worth it further down.
+//! The two limits are bad at scenes of uneven detail. The cost looks one split ahead and misses gains that take two.
+//! Children that are alike may still be worth it further down.
 
 use super::BuildOptions;
 use super::cost::{Costs, Split};

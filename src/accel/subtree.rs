@@ -1,7 +1,7 @@
 //! A growing tree in left pre-order, and the cell and reference types that the builders share.
 //!
-//! A subtree numbers its nodes and references from 0, so that threads can build subtrees apart and [`Subtree::append`] can
-//! shift one behind the other: the result does not depend on the number of threads.
+//! A subtree numbers its nodes and references from 0, so that threads can build subtrees apart and [`Subtree::append`]
+//! can shift one behind the other: the result does not depend on the number of threads.
 
 use super::{Aabb, KdTree};
 use crate::shared::{KD_LEAF, KdNode};
@@ -9,10 +9,10 @@ use glam::Vec3;
 
 /// The most references that a tree may have per triangle.
 ///
-/// Meshes took 3 to 5 by surface areas, and 9 to 43 by medians in leaves of 8, where the limit lowers the expected cost.
-/// It bounds time and memory where neither builder's own rule does: 1000 triangles around one centroid in one plane got
-/// 12.8 million references by surface areas, and by medians 10,000 triangles as large as the scene, 88 % of them on both
-/// sides of every plane, would get 10^10.
+/// Meshes took 3 to 5 by surface areas, and 9 to 43 by medians in leaves of 8, where the limit lowers the expected
+/// cost. It bounds time and memory where neither builder's own rule does: 1000 triangles around one centroid in one
+/// plane got 12.8 million references by surface areas, and by medians 10,000 triangles as large as the scene, 88 % of
+/// them on both sides of every plane, would get 10^10.
 ///
 /// Each split multiplies the growth of the path from the root by (left + right) / count; none may lift it above this.
 pub(super) const MAX_GROWTH: f64 = 32.0;

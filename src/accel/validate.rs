@@ -1,7 +1,7 @@
 //! Whether a kd-tree is one: every promise of [`KdTree`] and of the node format as a check, for tests and debugging.
 //!
-//! Coverage is checked by walking every triangle down the tree, cut by every plane on its way, in f64 and apart from the
-//! builders' own clipping: wherever a part of it reaches into a leaf, that leaf must refer to it.
+//! Coverage is checked by walking every triangle down the tree, cut by every plane on its way, in f64 and apart from
+//! the builders' own clipping: wherever a part of it reaches into a leaf, that leaf must refer to it.
 //!
 //! Bad at: speed; it costs several times what building does.
 
@@ -10,8 +10,8 @@ use super::{Aabb, BuildOptions, KdTree};
 use crate::shared::{KD_LEAF, KdNode};
 use glam::{DVec3, Vec3};
 
-/// How far a part must reach over a plane to count there, relative to the triangle's largest coordinate. Cuts are off by
-/// 12 · 2^-53 each, and there are at most 60 of them: 2^-43.5. float32 resolves 2^-24.
+/// How far a part must reach over a plane to count there, relative to the triangle's largest coordinate. Cuts are off
+/// by 12 · 2^-53 each, and there are at most 60 of them: 2^-43.5. float32 resolves 2^-24.
 const REACH: f64 = 1.0 / (1u64 << 42) as f64;
 
 /// A triangle has 3 corners, and every cut of a convex polygon adds one at most.
@@ -45,8 +45,8 @@ fn check_bounds(tree: &KdTree, vertices: &[[Vec3; 3]], primitives: &[u32]) -> Re
     ensure(tree.bounds == around, || format!("the box is {:?}, not {around:?}", tree.bounds))
 }
 
-/// Nodes are in left pre-order without gaps, planes lie within their nodes, leaf ranges follow each other without gaps, and
-/// no leaf is too deep.
+/// Nodes are in left pre-order without gaps, planes lie within their nodes, leaf ranges follow each other without gaps,
+/// and no leaf is too deep.
 fn check_nodes(tree: &KdTree, options: &BuildOptions) -> Result<(), String> {
     let root = Cell { low: tree.bounds.low.to_array(), high: tree.bounds.high.to_array() };
     // The right children that are still to come, the next one last, with the index that their parent gives.

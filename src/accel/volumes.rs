@@ -1,9 +1,9 @@
 //! Bounding volumes: a flat list of clusters of triangles, each in a box or a sphere (thesis, section 2.2.2).
 //!
-//! Clusters come from halving the triangles at the median of their centroids along the axis on which these spread widest, until
-//! no half is larger than asked for: by default the square root of the number of triangles, where the tests of the volumes cost
-//! about as much as those of the triangles in one of them. The scene's own objects would be as good a choice, but a file need
-//! not have any.
+//! Clusters come from halving the triangles at the median of their centroids along the axis on which these spread
+//! widest, until no half is larger than asked for: by default the square root of the number of triangles, where the
+//! tests of the volumes cost about as much as those of the triangles in one of them. The scene's own objects would be
+//! as good a choice, but a file need not have any.
 //!
 //! Bad at: large scenes; every ray meets the whole list.
 
@@ -16,13 +16,15 @@ use glam::{DVec3, Vec3};
 /// The least default: a volume around fewer triangles costs more than it saves.
 const SMALLEST_CLUSTER: f64 = 4.0;
 
-/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's padding. The slack of spheres is 2.4 times that
-/// of boxes; it is for the radius and again for the times of entry and exit, which move by no less than the radius grows by over the length
-/// of a direction, of up to 3.5: 2.4 (1 + 3.5) = 10.8, and some for roundings.
+/// By how much a sphere that reaches far out is larger than what it holds, in units of a box's padding. The slack of
+/// spheres is 2.4 times that of boxes; it is for the radius and again for the times of entry and exit, which move by no
+/// less than the radius grows by over the length of a direction, of up to 3.5: 2.4 (1 + 3.5) = 10.8, and some for
+/// roundings.
 const SPHERE_PADDING: f32 = 16.0;
 
-/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`. Boxes that reach beyond
-/// `near_reach`, which is that of [`near_reach`](super::near_reach), are larger by what the slack of rays from within leaves out.
+/// Boxes around clusters of at most `cluster_size` triangles; `primitives` are indices into `vertices`. Boxes that
+/// reach beyond `near_reach`, which is that of [`near_reach`](super::near_reach), are larger by what the slack of rays
+/// from within leaves out.
 pub fn build_boxes(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],
@@ -36,8 +38,8 @@ pub fn build_boxes(
     })
 }
 
-/// Spheres around clusters of at most `cluster_size` triangles. A sphere's centre is that of the box, its radius the distance of
-/// the farthest vertex, rounded up. `near_reach` as for [`build_boxes`].
+/// Spheres around clusters of at most `cluster_size` triangles. A sphere's centre is that of the box, its radius the
+/// distance of the farthest vertex, rounded up. `near_reach` as for [`build_boxes`].
 pub fn build_spheres(
     vertices: &[[Vec3; 3]],
     primitives: &[u32],

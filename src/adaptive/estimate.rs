@@ -6,22 +6,25 @@ use crate::tracer::{LAST_LEVEL, LEVEL_SAMPLES};
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
-/// Squared error of an interpolated pixel for each squared second difference of the lattice around it: 0.030 to 0.046 of five scenes and
-/// lattices of 2 and 4 pixels.
+/// Squared error of an interpolated pixel for each squared second difference of the lattice around it: 0.030 to 0.046
+/// of five scenes and lattices of 2 and 4 pixels.
 const LATTICE_ERROR: f32 = 0.045;
 
-/// The squared error of a pixel is the largest of three, by level: a part of the variance that its quarters show, of the contrast around
-/// it, and of the mean error that one sample has of the pixels around it. The last two count for n^-1.5, which is what a mean of n samples
-/// in such a net has of the squared error of one where an edge runs through the pixel.
+/// The squared error of a pixel is the largest of three, by level: a part of the variance that its quarters show, of
+/// the contrast around it, and of the mean error that one sample has of the pixels around it. The last two count for
+/// n^-1.5, which is what a mean of n samples in such a net has of the squared error of one where an edge runs through
+/// the pixel.
 ///
-/// Against 256 samples, all 147,456 pixels of a scene at that level: one sample has 0.033 to 0.054 of the contrast (seven scenes). Four have
-/// 0.23 to 0.35 of the variance where that is large, and 0.02 to 0.16 of the contrast / 8 where it is nothing, because a feature passed
-/// between the samples (the same). Sixteen have 0.24 to 0.41 of a large variance, else 0.07 to 0.15 of what is around / 64 (two scenes). The
-/// last levels are guessed from how the errors of whole pictures turned out.
+/// Against 256 samples, all 147,456 pixels of a scene at that level: one sample has 0.033 to 0.054 of the contrast
+/// (seven scenes). Four have 0.23 to 0.35 of the variance where that is large, and 0.02 to 0.16 of the contrast / 8
+/// where it is nothing, because a feature passed between the samples (the same). Sixteen have 0.24 to 0.41 of a large
+/// variance, else 0.07 to 0.15 of what is around / 64 (two scenes). The last levels are guessed from how the errors of
+/// whole pictures turned out.
 const PARTS: [[f32; 3]; LEVEL_SAMPLES.len()] =
     [[0.0; 3], [0.0, 0.05, 0.1], [0.25, 0.1, 0.1], [0.35, 0.0125, 0.1], [0.4, 0.0125, 0.1], [0.4, 0.0125, 0.1]];
 
-/// Values of a screen by the root of the radiance, of which they are nearly a multiple: straight lines between these are right to 0.001 steps.
+/// Values of a screen by the root of the radiance, of which they are nearly a multiple: straight lines between these
+/// are right to 0.001 steps.
 pub static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let root = |i: usize| i as f64 / CURVE_INTERVALS as f64;
     (0..=CURVE_INTERVALS + 1).map(|i| (255.0 * srgb_from_linear(root(i).powi(2))) as f32).collect()
@@ -38,8 +41,8 @@ pub fn display_steps(linear: [f32; 3]) -> [f32; 3] {
     })
 }
 
-/// The variance of the mean of four values, if they have nothing to do with each other. Of parts of one net they have: together they cover
-/// the pixel better, and the error is smaller ([`PARTS`]).
+/// The variance of the mean of four values, if they have nothing to do with each other. Of parts of one net they have:
+/// together they cover the pixel better, and the error is smaller ([`PARTS`]).
 pub fn variance_of_mean(quarters: &[[f32; 3]; 4]) -> f32 {
     let [a, b, c, d] = quarters;
     let mean: [f32; 3] = std::array::from_fn(|i| (a[i] + b[i] + c[i] + d[i]) * 0.25);
@@ -57,7 +60,8 @@ fn squared([r, g, b]: [f32; 3]) -> f32 {
 pub struct Estimate {
     /// As [`display_steps`].
     shown: [f32; 3],
-    /// Squared error: of a mean of samples by what parts of them differ; of an interpolated pixel by what its neighbours turned out to be.
+    /// Squared error: of a mean of samples by what parts of them differ; of an interpolated pixel by what its
+    /// neighbours turned out to be.
     own: f32,
     level: u8,
     /// Whether it has new samples since the last estimate of errors.
@@ -65,8 +69,8 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Takes note of the samples that raised the pixel by a level: what it shows now, and the variance of that. Returns the square of how
-    /// much these are not what was there, if they are the first.
+    /// Takes note of the samples that raised the pixel by a level: what it shows now, and the variance of that. Returns
+    /// the square of how much these are not what was there, if they are the first.
     pub fn raise(&mut self, shown: [f32; 3], variance: f32) -> Option<f32> {
         let before = std::mem::replace(self, Estimate { shown, own: variance, level: self.level + 1, is_new: true });
         (before.level == 0).then(|| squared(std::array::from_fn(|c| shown[c] - before.shown[c])))
@@ -125,8 +129,8 @@ impl Estimates {
         pixels.filter(|pixel| on_lattice(pixel % width, width) && on_lattice(pixel / width, height)).collect()
     }
 
-    /// Interpolated pixels that have their first samples, and what [`Estimate::raise`] said of them: where one was wrong, those beside it may
-    /// be.
+    /// Interpolated pixels that have their first samples, and what [`Estimate::raise`] said of them: where one was
+    /// wrong, those beside it may be.
     pub fn tell_neighbours(&mut self, news: impl Iterator<Item = (usize, f32)>) {
         for (pixel, change) in news {
             for neighbour in neighbours(pixel, self.size) {
@@ -290,8 +294,8 @@ impl Estimates {
     }
 }
 
-/// What each new sample of a pixel promises to take away of the squared error: classes, four to a factor of 2. None where there are no
-/// more samples, or nothing to take away.
+/// What each new sample of a pixel promises to take away of the squared error: classes, four to a factor of 2. None
+/// where there are no more samples, or nothing to take away.
 fn class(level: u8, error: f32) -> Option<usize> {
     let worth = NEW_SAMPLES_RECIPROCALS.get(usize::from(level))?;
     (error > 0.0).then(|| (error * worth).to_bits() as usize >> CLASS_SHIFT)
@@ -300,8 +304,8 @@ fn class(level: u8, error: f32) -> Option<usize> {
 /// What is left of the squared error of a picture, and where samples would take how much of it away.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Promises {
-    /// The sum of the squared errors of all pixels in units of 1 / [`ERROR_UNITS`], each cut off to these: whole numbers have the same sum
-    /// in any order.
+    /// The sum of the squared errors of all pixels in units of 1 / [`ERROR_UNITS`], each cut off to these: whole
+    /// numbers have the same sum in any order.
     pub error: u64,
     /// Pixels by level, then by class.
     pub pixels: Vec<u32>,
@@ -341,8 +345,9 @@ impl Promises {
         })
     }
 
-    /// The pixels that are to have more samples, by what they promise for each: so many that the squared error comes down to `target`, if
-    /// they keep their promises. After many `rounds` more than that: each is a list of its own, and the last ones would be short.
+    /// The pixels that are to have more samples, by what they promise for each: so many that the squared error comes
+    /// down to `target`, if they keep their promises. After many `rounds` more than that: each is a list of its own,
+    /// and the last ones would be short.
     ///
     /// While many of them are interpolated, none but these: next to them the contrast of the others means little.
     pub fn choose(&self, target: f64, rounds: u32) -> Choice {
@@ -406,14 +411,16 @@ const NEW_SAMPLES_RECIPROCALS: [f32; LAST_LEVEL as usize] = {
 
 /// The part of a squared error that four times the samples take away, where it is a part of n^-1.5.
 const NEXT_LEVEL: f64 = 0.875;
-/// Rounds in which no more is taken than what is needed, as estimated. Pictures without a lattice are done by then; behind a lattice new
-/// contrast shows beside every pixel that is traced, so that lists would follow edges pixel by pixel.
+/// Rounds in which no more is taken than what is needed, as estimated. Pictures without a lattice are done by then;
+/// behind a lattice new contrast shows beside every pixel that is traced, so that lists would follow edges pixel by
+/// pixel.
 const EARLY_ROUNDS: u32 = 6;
 /// Each round after them takes at least one part in so many more of the squared error than the round before.
 const LATE_ROUNDS: u32 = 16;
 /// The part of the squared error that late rounds need not exceed.
 const MOST_AT_A_TIME: f64 = 0.5;
-/// Interpolated pixels are traced by themselves while they are more than one in so many of those that are worth samples.
+/// Interpolated pixels are traced by themselves while they are more than one in so many of those that are worth
+/// samples.
 const FEW_INTERPOLATED: u64 = 8;
 /// What an interpolated pixel's squared error may be, as a part of the square of what was wrong with one beside it.
 const SURPRISE: f32 = 0.25;
@@ -421,7 +428,8 @@ const SURPRISE: f32 = 0.25;
 const ERROR_UNITS: f32 = (1 << 20) as f32;
 /// Bits of a float below those that name its class.
 const CLASS_SHIFT: u32 = 21;
-/// From one level to the next a squared error goes down to an eighth, and each of four times the samples takes a part of that away.
+/// From one level to the next a squared error goes down to an eighth, and each of four times the samples takes a part
+/// of that away.
 const CLASSES_OF_LEVEL: usize = 4 * 5;
 const CLASSES: usize = 1 << (31 - CLASS_SHIFT);
 /// Levels and classes of pixels that can have more samples.

@@ -25,7 +25,8 @@ struct Place {
 impl Place {
     fn new(i: usize, random: &mut Random) -> Place {
         let origin = random.signed() * random.size(-4, 8);
-        // As of a ray that leaves a triangle: the second part is what a rounding left out, and is off by 2 EPSILON of itself.
+        // As of a ray that leaves a triangle: the second part is what a rounding left out, and is off by 2 EPSILON of
+        // itself.
         let rounding = EPSILON * f32::from_bits(origin.to_bits() & 0x7f80_0000);
         let origin_low = [0.0, random.signed() * rounding][i % 2];
         let true_low = f64::from(origin_low) * (1.0 + 2.0 * UNIT * f64::from(random.signed()));
@@ -50,8 +51,8 @@ fn one_rounding_is_off_by_epsilon_and_not_by_less() {
     assert!(error(1.0 + UNIT) > 0.99 * UNIT);
 }
 
-/// The bound is proved for a distance that is off by 5, a reciprocal and two products. It holds for reciprocals that devices round as badly
-/// as they may, too, and for these half of it would be too little.
+/// The bound is proved for a distance that is off by 5, a reciprocal and two products. It holds for reciprocals that
+/// devices round as badly as they may, too, and for these half of it would be too little.
 #[test]
 fn widened_times_of_planes_are_on_the_right_side_of_the_true_ones() {
     let mut random = Random::new(SEED + 1);
@@ -81,7 +82,8 @@ fn integer(x: f32) -> BigInt {
     (BigInt::from(significand) << shift) * if x < 0.0 { -1 } else { 1 }
 }
 
-/// In units of 2^-298: a point of a triangle is off from its two floats by 5 EPSILON of a plane's distance from it, and by PLANE_ERROR.
+/// In units of 2^-298: a point of a triangle is off from its two floats by 5 EPSILON of a plane's distance from it, and
+/// by PLANE_ERROR.
 #[test]
 fn distances_from_points_of_triangles_are_off_by_no_more_than_the_two_errors() {
     let mut random = Random::new(SEED + 2);
@@ -124,8 +126,8 @@ fn outside(ray: &Ray, triangle: [Vec3; 3], hit: Intersection) -> f64 {
     (low - at).max(at - high).max_element() / (UNIT * distance)
 }
 
-/// The bound adds up the worst of eight errors, which do not come together: what is seen is less than half of it. It was not lowered,
-/// because it is proved, and what is seen is not.
+/// The bound adds up the worst of eight errors, which do not come together: what is seen is less than half of it. It
+/// was not lowered, because it is proved, and what is seen is not.
 #[test]
 fn hits_lie_no_farther_outside_of_boxes_than_the_hit_error() {
     let mut random = Random::new(SEED + 3);
@@ -148,8 +150,9 @@ fn hits_lie_no_farther_outside_of_boxes_than_the_hit_error() {
     assert!(most[0] <= f64::from(HIT_ERROR) && most[0] > 0.1 * f64::from(HIT_ERROR), "{most:?}");
 }
 
-/// Of the 8 that the slack has beyond the hit error: the distance of the plane, of which 5 EPSILON are proved, the difference, and what is
-/// multiplied. Less than half of them is seen, because a distance is not off by so much where it is large: the proof takes the sum.
+/// Of the 8 that the slack has beyond the hit error: the distance of the plane, of which 5 EPSILON are proved, the
+/// difference, and what is multiplied. Less than half of them is seen, because a distance is not off by so much where
+/// it is large: the proof takes the sum.
 #[test]
 fn the_slack_of_thick_boxes_covers_the_hit_error_and_the_rounding_of_its_own_test() {
     let mut random = Random::new(SEED + 4);
@@ -186,11 +189,11 @@ fn the_origin_error_covers_the_roundings_of_a_slabs_offset() {
     assert!(most > 0.5, "{most}");
 }
 
-/// Half a dozen numbers below the least normal one may be lost, on devices that have no smaller ones; the bound is ten times as much,
-/// because it costs nothing.
+/// Half a dozen numbers below the least normal one may be lost, on devices that have no smaller ones; the bound is ten
+/// times as much, because it costs nothing.
 #[test]
 fn the_least_pad_is_more_than_underflow_takes_and_nothing_to_a_scene() {
-    assert!(LEAST_PAD >= 6.0 * f32::MIN_POSITIVE && LEAST_PAD < f32::MIN_POSITIVE * 1e3);
+    const { assert!(LEAST_PAD >= 6.0 * f32::MIN_POSITIVE && LEAST_PAD < f32::MIN_POSITIVE * 1e3) };
     // Pads stay normal numbers where they are multiplied with the least reciprocals, those of components below 2.
     assert!((LEAST_PAD * 0.5).is_normal());
     // And all offsets stay floats: those of the farthest starts times the largest reciprocals.

@@ -1,5 +1,5 @@
-//! What is taken where nobody asks for anything, and why: what was given, else what measuring on the device found ([`tune`]), else what a
-//! model takes.
+//! What is taken where nobody asks for anything, and why: what was given, else what measuring on the device found
+//! ([`tune`]), else what a model takes.
 
 mod model;
 mod request;

@@ -1,5 +1,5 @@
-//! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the choice together
-//! with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
+//! The model that chooses where the user leaves the choice and nothing was measured. Each of its functions returns the
+//! choice together with the reason, so that no second list of reasons can go out of step; `request.rs` asks them.
 
 use super::SceneSize;
 use crate::device_info::{DeviceInfo, DeviceKind};
@@ -21,10 +21,11 @@ pub struct Workload<'a> {
     pub shared_triangles: usize,
 }
 
-/// Triangles from which on it takes longer to make those of instances, and to build over them, than most pictures gain by it. Two cores
-/// took 44 s for the 29,280,000 triangles of 7,381 instances instead of 3, and PoCL then traced rays 2.2 times as fast in packets, one at a
-/// time at the same speed. Sixteen cores took 12 s instead of 0.9, and an H200 traced 1.3 times as fast; with 100 and 1,000 instances of
-/// 2,048 triangles 1.2 times and at the same speed, for builds of ten times as long.
+/// Triangles from which on it takes longer to make those of instances, and to build over them, than most pictures gain
+/// by it. Two cores took 44 s for the 29,280,000 triangles of 7,381 instances instead of 3, and PoCL then traced rays
+/// 2.2 times as fast in packets, one at a time at the same speed. Sixteen cores took 12 s instead of 0.9, and an H200
+/// traced 1.3 times as fast; with 100 and 1,000 instances of 2,048 triangles 1.2 times and at the same speed, for
+/// builds of ten times as long.
 const WORTH_SHARING: usize = 1 << 20;
 const WORTH_SHARING_ON_GPU: usize = 1 << 16;
 
@@ -46,14 +47,16 @@ impl Workload<'_> {
     /// [`StructureKind::Bvh2`]. Measured in `docs/record/2026-11-21-pocl-boxes-and-kd-tree.md` and
     /// `docs/record/2026-11-22-h200-boxes-and-kd-tree.md`.
     ///
-    /// There is no number of triangles up to which brute force is the fastest on a CPU: by `raybrook tune` on PoCL (2 cores, loose
-    /// triangles and cubes on a floor) it had 0.14 to 0.26 of the speed of `bvh8` in packets with 2 triangles, 0.04 to 0.12 with 4 to
-    /// 16, 0.01 to 0.03 with 24 to 98. Beside `bvh8` one ray at a time it was 0.8 to 1.1 times as fast with 2 triangles, half as fast
-    /// and less from 8 on. On an H200 it had 0.37 of the speed of `bvh2` with 38 triangles.
+    /// There is no number of triangles up to which brute force is the fastest on a CPU: by `raybrook tune` on PoCL (2
+    /// cores, loose triangles and cubes on a floor) it had 0.14 to 0.26 of the speed of `bvh8` in packets with 2
+    /// triangles, 0.04 to 0.12 with 4 to 16, 0.01 to 0.03 with 24 to 98. Beside `bvh8` one ray at a time it was 0.8 to
+    /// 1.1 times as fast with 2 triangles, half as fast and less from 8 on. On an H200 it had 0.37 of the speed of
+    /// `bvh2` with 38 triangles.
     ///
-    /// The reference is scalar code, to which a kd-tree's one plane is less work than two boxes: `kd` had 1.4 to 2 times the speed of
-    /// `bvh2` in scenes of 948 to 99,202 triangles, the same in chess.toml. With 2 to 98 triangles it was 0.8 to 2.5 times as fast by
-    /// turns; with 990,002 it was 1.3 times as fast, but the second that its build takes longer is more than a picture wins back.
+    /// The reference is scalar code, to which a kd-tree's one plane is less work than two boxes: `kd` had 1.4 to 2
+    /// times the speed of `bvh2` in scenes of 948 to 99,202 triangles, the same in chess.toml. With 2 to 98 triangles
+    /// it was 0.8 to 2.5 times as fast by turns; with 990,002 it was 1.3 times as fast, but the second that its build
+    /// takes longer is more than a picture wins back.
     pub(super) fn structure(&self) -> (StructureKind, String) {
         let with_count = |reason: &str| match self.triangle_count {
             Some(count) => format!("{reason} ({count} triangles)"),
@@ -88,9 +91,9 @@ impl Workload<'_> {
 
     /// The fastest size of packets that goes together with `options`.
     ///
-    /// A CPU's vectors hold sixteen rays, and even rays of all directions are 1.5 to 2.9 times as fast that way; a GPU makes such
-    /// vectors of its work-items by itself. Pictures with glass, which sends rays different ways, run at 0.95 (nothing but glass) to 1.4
-    /// times the speed.
+    /// A CPU's vectors hold sixteen rays, and even rays of all directions are 1.5 to 2.9 times as fast that way; a GPU
+    /// makes such vectors of its work-items by itself. Pictures with glass, which sends rays different ways, run at
+    /// 0.95 (nothing but glass) to 1.4 times the speed.
     pub(super) fn packet_size(&self, options: &TraceOptions) -> (PacketSize, String) {
         let sixteen = TraceOptions { packet_size: PacketSize::Sixteen, ..*options };
         match (self.kind(), sixteen.validate()) {
@@ -109,8 +112,8 @@ impl Workload<'_> {
 }
 
 impl Workload<'_> {
-    /// That another triangle test than the exact one makes rays slower here, where it does: with it they do not go in packets. On two cores
-    /// with PoCL `moller-trumbore` took 3 to 4 times as long as `exact`.
+    /// That another triangle test than the exact one makes rays slower here, where it does: with it they do not go in
+    /// packets. On two cores with PoCL `moller-trumbore` took 3 to 4 times as long as `exact`.
     pub fn slower_than_exact(&self, options: &TraceOptions) -> Option<String> {
         let exact = TraceOptions { intersector: Intersector::Exact, packet_size: PacketSize::Sixteen, ..*options };
         let is_slower = self.kind() == Some(DeviceKind::Cpu)
@@ -129,9 +132,10 @@ impl Workload<'_> {
 }
 
 impl TraceOptions {
-    /// Whether [`RayOrder::Auto`] sorts shuffled batches on a kind of device (`None`: the reference). Packets on
-    /// a CPU take up to eleven times as long when their rays are no neighbours, single rays up to 1.7 times, most of which sorting would
-    /// take. An H200 takes 1.3 to 2.7 times as long, 0.1 to 0.5 ns a ray, and sixteen cores beside it sort one in 20 to 30.
+    /// Whether [`RayOrder::Auto`](crate::options::RayOrder::Auto) sorts shuffled batches on a kind of device (`None`: the reference). Packets on a CPU
+    /// take up to eleven times as long when their rays are no neighbours, single rays up to 1.7 times, most of which
+    /// sorting would take. An H200 takes 1.3 to 2.7 times as long, 0.1 to 0.5 ns a ray, and sixteen cores beside it
+    /// sort one in 20 to 30.
     pub fn gains_by_sorted_rays(&self, device: Option<DeviceKind>) -> bool {
         device == Some(DeviceKind::Cpu) && self.packet_size == PacketSize::Sixteen
     }

@@ -218,8 +218,8 @@ impl Request {
         self.valid_in(self.structure().unwrap_or_else(|| self.structure_for(preferred)))
     }
 
-    /// `preferred`, or, if that does not read everything that is set here, the first structure that does: a grid's size is for grids, a
-    /// build for kd-trees. `preferred` as well if there is none.
+    /// `preferred`, or, if that does not read everything that is set here, the first structure that does: a grid's size
+    /// is for grids, a build for kd-trees. `preferred` as well if there is none.
     fn structure_for(&self, preferred: StructureKind) -> StructureKind {
         let candidates = || [preferred, StructureKind::Kd].into_iter().chain(StructureKind::ALL.iter().copied());
         // A number beyond all limits is for the check of the options to name.
@@ -227,8 +227,8 @@ impl Request {
         valid.or_else(|| candidates().find(|&kind| self.in_structure(kind).is_ok())).unwrap_or(preferred)
     }
 
-    /// Which limit keeps [`Request::structure_for`] from `preferred`, where that reads everything that is set here; `None` where
-    /// nothing does, and where other structures are what the options are for.
+    /// Which limit keeps [`Request::structure_for`] from `preferred`, where that reads everything that is set here;
+    /// `None` where nothing does, and where other structures are what the options are for.
     fn limit_against(&self, preferred: StructureKind) -> Option<String> {
         match self.in_structure(preferred).ok()?.validate() {
             Err(Error::Option { option, message }) => Some(format!("`{option}` {message}")),
@@ -246,8 +246,8 @@ impl Request {
         format!("{} means nothing to {fastest}, which would be faster", names.join(", "))
     }
 
-    /// Chooses what is left open for `workload`: as `tuned`, what measuring found to be fastest on the device for scenes of this size,
-    /// has it where that goes together with what is set, else by the model.
+    /// Chooses what is left open for `workload`: as `tuned`, what measuring found to be fastest on the device for
+    /// scenes of this size, has it where that goes together with what is set, else by the model.
     ///
     /// # Errors
     /// [`Error::Option`] as [`TraceOptions::validate`].

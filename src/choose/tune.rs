@@ -1,12 +1,13 @@
 //! Which methods are the fastest on a device, by measuring, and a file that remembers it for
 //! [`Request::choose`](super::Request::choose).
 //!
-//! Candidates are structures with every size of packets that goes together with exact hits. They trace the same rays by turns, round
-//! by round, so that a machine that grows slower or faster meanwhile does so for all; the median of each counts. All of them must
-//! give the same answers to the bit ([`SceneTuning::differing`]): tuning changes times, never hits.
+//! Candidates are structures with every size of packets that goes together with exact hits. They trace the same rays by
+//! turns, round by round, so that a machine that grows slower or faster meanwhile does so for all; the median of each
+//! counts. All of them must give the same answers to the bit ([`SceneTuning::differing`]): tuning changes times, never
+//! hits.
 //!
-//! Bad at: what is not measured. The best for camera, shadow and diffuse rays together need not be the best for each, nor for
-//! pictures with glass, which [`Request::choose`](super::Request::choose) therefore leaves to its model.
+//! Bad at: what is not measured. The best for camera, shadow and diffuse rays together need not be the best for each,
+//! nor for pictures with glass, which [`Request::choose`](super::Request::choose) therefore leaves to its model.
 
 mod rays;
 mod scenes;
@@ -22,12 +23,12 @@ use crate::budget::MemoryBudget;
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
 use crate::io::compare::compare_hits;
+use crate::math::median;
 use crate::options::{PacketSize, StructureKind, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::renderer::open_tracer;
 use crate::scene::Scene;
 use crate::shared::Hit;
-use crate::stats::median;
 use crate::tracer::{Backend, TraceJob, is_hit, require_clock};
 use serde::{Serialize, Serializer};
 use std::borrow::Cow;
@@ -84,8 +85,8 @@ impl Serialize for Candidate {
 /// What is measured, and how thoroughly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// The structures; that of the model is measured beside them in any case. Those whose time is in proportion to the triangles are
-    /// left out of scenes of more than [`Plan::MOST_FOR_LISTS`].
+    /// The structures; that of the model is measured beside them in any case. Those whose time is in proportion to the
+    /// triangles are left out of scenes of more than [`Plan::MOST_FOR_LISTS`].
     pub structures: Vec<StructureKind>,
     /// Camera rays, from [`Plan::LEAST_RAYS`] on; rounded down to the next square of a power of two.
     pub rays: u32,
@@ -197,7 +198,8 @@ fn moderate(scene: &Scene) -> Result<Cow<'_, Scene>> {
 /// Far from both ends of float32.
 const LARGE: f32 = (1u64 << 60) as f32;
 
-/// Measures the candidates of `plan` on `device` (`None`: the reference) in a scene named `name`. `progress` is told what is being done.
+/// Measures the candidates of `plan` on `device` (`None`: the reference) in a scene named `name`. `progress` is told
+/// what is being done.
 ///
 /// # Errors
 /// [`Error::Option`] when `plan` asks for too few or too many rays; else as [`open_tracer`], [`SceneBuffers::new`] and
@@ -322,12 +324,13 @@ fn geometric_mean(numbers: impl Iterator<Item = f64>) -> f64 {
     if count == 0 { 1.0 } else { (sum / f64::from(count)).exp() }
 }
 
-/// How many times as fast as the model's choice another one must be to be taken: what differs by less is noise of the measurement, and
-/// the next one might find the opposite.
+/// How many times as fast as the model's choice another one must be to be taken: what differs by less is noise of the
+/// measurement, and the next one might find the opposite.
 const LEAST_GAIN: f64 = 1.05;
 
-/// The fastest candidate of scenes of one size, of those that were measured in all of them, and how many times as fast as the model's
-/// choice it is; the latter itself, and 1, where nothing is clearly faster. `None` for no scenes, and where answers differ.
+/// The fastest candidate of scenes of one size, of those that were measured in all of them, and how many times as fast
+/// as the model's choice it is; the latter itself, and 1, where nothing is clearly faster. `None` for no scenes, and
+/// where answers differ.
 pub fn fastest(scenes: &[&SceneTuning]) -> Option<(Candidate, f64)> {
     let (first, others) = scenes.split_first()?;
     if scenes.iter().any(|scene| scene.differing() > 0) {

@@ -1,6 +1,7 @@
-//! Pictures of bounded error whose pixels the device keeps: between lists of rays the host reads how many pixels promise how much and how
-//! many of each tile are chosen, and says where the tiles' parts of the list begin. The kernels are in `cl/kernels/adaptive.cl`; what
-//! they do and why, and the host's way to the same bits, is in [`crate::adaptive`].
+//! Pictures of bounded error whose pixels the device keeps: between lists of rays the host reads how many pixels
+//! promise how much and how many of each tile are chosen, and says where the tiles' parts of the list begin. The
+//! kernels are in `cl/kernels/adaptive.cl`; what they do and why, and the host's way to the same bits, is in
+//! [`crate::adaptive`].
 
 use super::launch::Arguments;
 use super::passes::Passes;
@@ -236,8 +237,8 @@ impl<'a> DevicePixels<'a> {
         Ok(done)
     }
 
-    /// Counts the pixels of a choice, and puts them into lists: the tiles of each, the tiles before which its pixels and samples begin,
-    /// and how many of both it has.
+    /// Counts the pixels of a choice, and puts them into lists: the tiles of each, the tiles before which its pixels
+    /// and samples begin, and how many of both it has.
     fn divide(&mut self, lowest: u32, only_interpolated: u32) -> Result<Vec<Part>> {
         let (tiles, kernel) = (self.pixels.tiles(), &mut self.kernels.count);
         self.pixels.arguments(kernel)?.set(&self.tiles)?.set(lowest)?.set(only_interpolated)?;
@@ -326,8 +327,8 @@ struct Part {
     count: [u32; 2],
 }
 
-/// Divides tiles into lists of at most so many rays, or of one tile. `tiles`, which are pixels and samples of each, become those of all the
-/// tiles before in the same round, modulo 2^32.
+/// Divides tiles into lists of at most so many rays, or of one tile. `tiles`, which are pixels and samples of each,
+/// become those of all the tiles before in the same round, modulo 2^32.
 fn divide(tiles: &mut [[u32; 2]], most_rays: u64) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
     let mut before = [0_u32; 2];

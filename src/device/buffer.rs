@@ -17,8 +17,8 @@ use std::sync::atomic::Ordering;
 /// OpenCL has no empty buffers: one without elements still takes this much, the widest element a kernel may point to.
 const MIN_BYTES: usize = 16;
 
-/// How much is read at a time. From an H200 1 MiB takes 1.0 to 1.7 times as long for 16 to 64 MiB, 4 MiB 0.8 to 1.3 times, all at once and
-/// then converted on one core two to five times.
+/// How much is read at a time. From an H200 1 MiB takes 1.0 to 1.7 times as long for 16 to 64 MiB, 4 MiB 0.8 to 1.3
+/// times, all at once and then converted on one core two to five times.
 const READ_BYTES: usize = 2 << 20;
 
 /// So many elements are no work for several cores.
@@ -26,7 +26,8 @@ const LEAST_CONVERTED: usize = 4096;
 
 /// `len` elements of `T` in the device's memory.
 ///
-/// Dropping it while a kernel that has it as an argument is alive or running is fine: the memory goes when the last user does.
+/// Dropping it while a kernel that has it as an argument is alive or running is fine: the memory goes when the last
+/// user does.
 #[derive(Debug)]
 pub struct Buffer<T: Pod> {
     memory: Arc<Memory>,
@@ -81,7 +82,8 @@ fn too_large(context: &DeviceContext, what: &str, needed_bytes: u64) -> Error {
     }
 }
 
-/// Drivers accept too much and fail at the first use, or swap: refuse what the device says it cannot hold. A limit of 0 is unknown.
+/// Drivers accept too much and fail at the first use, or swap: refuse what the device says it cannot hold. A limit of 0
+/// is unknown.
 fn check_limits(context: &DeviceContext, what: &str, bytes: u64) -> Result<()> {
     let info = context.info();
     if bytes > info.max_alloc_bytes && info.max_alloc_bytes > 0 {
@@ -193,8 +195,8 @@ impl<T: Pod> Buffer<T> {
 
     /// What `convert` makes of each element, after every command before this one is done.
     ///
-    /// Part by part through a small array, and from there on all cores: where the memory of the result is new, most of the time goes into
-    /// getting it from the operating system, and a transfer alone does that on one core.
+    /// Part by part through a small array, and from there on all cores: where the memory of the result is new, most of
+    /// the time goes into getting it from the operating system, and a transfer alone does that on one core.
     ///
     /// # Errors
     /// See [`Buffer::read`].
@@ -228,7 +230,8 @@ impl<T: Pod> Buffer<T> {
         let Memory { raw, context, .. } = &*self.memory;
         let offset = first * size_of::<T>();
         let watched = context.watch_transfer("clEnqueueReadBuffer");
-        // SAFETY: the call blocks, so `data` outlives the transfer, and the range is inside the buffer (asserted above).
+        // SAFETY: the call blocks, so `data` outlives the transfer, and the range is inside the buffer (asserted
+        // above).
         let event =
             unsafe { context.0.queue.enqueue_read_buffer(raw, CL_TRUE, offset, bytemuck::cast_slice_mut(data), &[]) };
         drop(watched);

@@ -1,10 +1,10 @@
 //! Built programs on disk, so that a second run starts in milliseconds.
 //!
-//! One file for each combination of source, options, driver, device and raybrook version. A file is checked before the driver
-//! sees it, because PoCL 3.1 crashes on a truncated binary, and it is replaced as a whole, because several processes may share
-//! the folder. For the same reason a file may vanish at any time, which is no more than a miss: whoever writes one removes those
-//! that were not used for longest where all together are more than the limit. A file's time of modification is that of its last
-//! use, because many systems do not keep the time of access.
+//! One file for each combination of source, options, driver, device and raybrook version. A file is checked before the
+//! driver sees it, because PoCL 3.1 crashes on a truncated binary, and it is replaced as a whole, because several
+//! processes may share the folder. For the same reason a file may vanish at any time, which is no more than a miss:
+//! whoever writes one removes those that were not used for longest where all together are more than the limit. A file's
+//! time of modification is that of its last use, because many systems do not keep the time of access.
 //!
 //! ```text
 //! bytes  0..16  "raybrook program"
@@ -37,8 +37,8 @@ const UNFINISHED_AT_MOST: Duration = Duration::from_secs(3600);
 const LIMIT_VARIABLE: &str = "RAYBROOK_CACHE_MB";
 const BYTES_PER_MEGABYTE: u64 = 1_000_000;
 
-/// Where built programs are kept unless the user says otherwise: `$RAYBROOK_CACHE_DIR`, else `$XDG_CACHE_HOME/raybrook`, else
-/// `~/.cache/raybrook`. `None` when none of these variables is set.
+/// Where built programs are kept unless the user says otherwise: `$RAYBROOK_CACHE_DIR`, else
+/// `$XDG_CACHE_HOME/raybrook`, else `~/.cache/raybrook`. `None` when none of these variables is set.
 pub fn cache_folder() -> Option<PathBuf> {
     folder_of(|name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from))
 }
@@ -121,8 +121,8 @@ impl Cache {
     /// The most bytes of all files together unless something else is asked for; a program took 0.4 MB on PoCL.
     pub const LIMIT_BYTES: u64 = 512 * BYTES_PER_MEGABYTE;
 
-    /// The cache in [`cache_folder`], if there is such a folder, of at most `$RAYBROOK_CACHE_MB` megabytes; `None` as well where
-    /// these are 0.
+    /// The cache in [`cache_folder`], if there is such a folder, of at most `$RAYBROOK_CACHE_MB` megabytes; `None` as
+    /// well where these are 0.
     ///
     /// # Errors
     /// [`Error::Option`] when the variable is not a number.
@@ -153,7 +153,8 @@ impl Cache {
         self.folder.join(key.file_name())
     }
 
-    /// The binary for `key`; `None` if there is none or the folder cannot be read. The error says how a file is damaged.
+    /// The binary for `key`; `None` if there is none or the folder cannot be read. The error says how a file is
+    /// damaged.
     pub(super) fn load(&self, key: &CacheKey) -> std::result::Result<Option<Vec<u8>>, String> {
         let path = self.path(key);
         // A pipe would block.
@@ -176,8 +177,8 @@ impl Cache {
         format!("cached kernels in '{}' were not used: {why}", path.display())
     }
 
-    /// Writes the binary for `key`, and removes others beyond the limit. The error is for people, not for the program: a run without
-    /// a cache is as good.
+    /// Writes the binary for `key`, and removes others beyond the limit. The error is for people, not for the program:
+    /// a run without a cache is as good.
     pub(super) fn store(&self, key: &CacheKey, binary: &[u8]) -> std::result::Result<(), String> {
         let path = self.path(key);
         let bytes = (HEADER_BYTES + binary.len()) as u64;
@@ -200,8 +201,8 @@ impl Cache {
         Ok(())
     }
 
-    /// Removes files, that which was not used for longest first, until those that are left keep the limit; never `newest`. What cannot
-    /// be listed or removed stays: the limit is no reason to fail.
+    /// Removes files, that which was not used for longest first, until those that are left keep the limit; never
+    /// `newest`. What cannot be listed or removed stays: the limit is no reason to fail.
     fn remove_oldest(&self, newest: &Path) {
         let Ok(folder) = std::fs::read_dir(&self.folder) else { return };
         let mut entries: Vec<Entry> = folder.flatten().filter_map(|found| Entry::of(&found)).collect();

@@ -8,11 +8,11 @@ use crate::error::{Error, Result};
 const OPTION: &str = "compiler_options";
 
 impl DeviceHandle {
-    /// The same device, whose compiler gets `options`, separated by white space, beside those of raybrook and behind them. They are
-    /// part of what a cached program is known by.
+    /// The same device, whose compiler gets `options`, separated by white space, beside those of raybrook and behind
+    /// them. They are part of what a cached program is known by.
     ///
-    /// The kernels protect their arithmetic against options that relax it (`cl/shared/compiler.cl`). What an option does to a
-    /// driver beyond that is the driver's business.
+    /// The kernels protect their arithmetic against options that relax it (`cl/shared/compiler.cl`). What an option
+    /// does to a driver beyond that is the driver's business.
     ///
     /// # Errors
     /// [`Error::Option`] names what is no option. Whether the compiler knows an option turns out when it builds.
@@ -46,7 +46,8 @@ fn split_options(options: &str) -> Vec<String> {
     split
 }
 
-/// After a build that failed: the first of the user's options that the compiler refuses even for a program that does nothing.
+/// After a build that failed: the first of the user's options that the compiler refuses even for a program that does
+/// nothing.
 pub(super) fn find_refused(context: &DeviceContext) -> Option<Error> {
     let refused = |option: &String| Some((option.clone(), try_option(context, option).err()?));
     let (option, said) = split_options(&context.0.compiler_options).iter().find_map(refused)?;

@@ -5,7 +5,8 @@ use crate::options::Decisions;
 
 /// The rays of a work-group on `device`, and why.
 ///
-/// CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in cache.
+/// CPU runtimes run a work-group as a loop on one thread and keep its private arrays at once: small groups stay in
+/// cache.
 pub(crate) fn work_group_size(device: &DeviceInfo) -> (usize, String) {
     let (size, reason) = match device.kind {
         DeviceKind::Gpu => (64, "the device is a GPU, which fills its lanes from one work-group".to_owned()),

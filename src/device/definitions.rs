@@ -1,4 +1,5 @@
-//! What kernels are compiled with: the definitions that choose the parts of a program, and leave out of it what the scene does not need.
+//! What kernels are compiled with: the definitions that choose the parts of a program, and leave out of it what the
+//! scene does not need.
 
 use super::CompileOptions;
 use super::entry::{Pass, TRACE_FILE, is_shading};
@@ -9,14 +10,14 @@ use crate::options::{
 };
 use crate::pack::SceneBuffers;
 
-/// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the more
-/// work-items run at once the more memory's latency is hidden.
+/// Registers of kernels with exact hits on NVIDIA's GPUs. What traces needs no more than this in its loops, and the
+/// more work-items run at once the more memory's latency is hidden.
 const TRACE_REGISTERS: u32 = 56;
 /// Of those that shade, and of the second pass: without a limit the calls that decide what double leaves open take 252.
 const MOST_REGISTERS: u32 = 168;
 
-/// Rays by which the stack of pending ones grows where it has more than one: it costs memory on every work-item, a recompilation for
-/// every depth costs seconds.
+/// Rays by which the stack of pending ones grows where it has more than one: it costs memory on every work-item, a
+/// recompilation for every depth costs seconds.
 const PENDING_STEP: u32 = 8;
 
 /// The definitions of all kernels of a tracer.
@@ -81,8 +82,9 @@ impl Definitions {
     }
 }
 
-/// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is known. A hierarchy of
-/// eight children a node fills up to seven entries a level. Those that are not used cost nothing but room.
+/// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is
+/// known. A hierarchy of eight children a node fills up to seven entries a level. Those that are not used cost nothing
+/// but room.
 fn stack_step(accel: StructureKind) -> u32 {
     if accel == StructureKind::Bvh8 { 128 } else { 64 }
 }

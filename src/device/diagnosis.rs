@@ -1,8 +1,9 @@
 //! Why there is no OpenCL device, or no GPU, and what to do about it.
 //!
-//! A program reaches a device through a chain: the loader library finds `.icd` files, each names a driver's library, the driver
-//! finds devices, and a GPU's driver opens a node under `/dev`. Each link can be missing, and the drivers' own errors
-//! (`CL_PLATFORM_NOT_FOUND_KHR`) do not say which. The looks at files are for Linux; elsewhere only the loader's answer counts.
+//! A program reaches a device through a chain: the loader library finds `.icd` files, each names a driver's library,
+//! the driver finds devices, and a GPU's driver opens a node under `/dev`. Each link can be missing, and the drivers'
+//! own errors (`CL_PLATFORM_NOT_FOUND_KHR`) do not say which. The looks at files are for Linux; elsewhere only the
+//! loader's answer counts.
 
 use super::errors::code_name;
 use super::list::{DeviceKind, DeviceList};

@@ -75,8 +75,8 @@ macro_rules! release {
             const CALL: &'static str = $call;
 
             fn release(&mut self) {
-                // SAFETY: `Owned` holds the only reference, its ManuallyDrop keeps opencl3 from releasing it a second time, and
-                // it calls this once, when it is dropped itself.
+                // SAFETY: `Owned` holds the only reference, its ManuallyDrop keeps opencl3 from releasing it a second
+                // time, and it calls this once, when it is dropped itself.
                 let _ = unsafe { $function(self.get()) };
             }
         }

@@ -1,7 +1,7 @@
 //! Arrays of 16-byte records or of 32-bit numbers as images, which GPUs read through their texture caches.
 //!
-//! Texels are integers (`read_imagei`, `read_imageui`) whatever the records hold: conversions of floats might flush denormals,
-//! which index bits look like.
+//! Texels are integers (`read_imagei`, `read_imageui`) whatever the records hold: conversions of floats might flush
+//! denormals, which index bits look like.
 
 use super::handle::Owned;
 use super::{Buffer, DeviceContext, Event};
@@ -39,8 +39,8 @@ pub(super) struct ImageMemory {
     _buffer: Option<Buffer<u8>>,
 }
 
-// SAFETY: OpenCL's calls on memory objects may come from any thread (OpenCL 1.2, appendix A.2); opencl3 says so of its buffers
-// and forgot its images.
+// SAFETY: OpenCL's calls on memory objects may come from any thread (OpenCL 1.2, appendix A.2); opencl3 says so of its
+// buffers and forgot its images.
 unsafe impl Sync for ImageMemory {}
 
 impl Image {
@@ -164,7 +164,8 @@ fn write_rows(
 ) -> Result<()> {
     let (origin, region) = ([0usize; 3], [IMAGE_WIDTH, rows, 1]);
     let watched = context.watch_transfer("clEnqueueWriteImage");
-    // SAFETY: the call blocks, so `bytes` outlives the transfer; they are exactly the region's texels, rows without gaps.
+    // SAFETY: the call blocks, so `bytes` outlives the transfer; they are exactly the region's texels, rows without
+    // gaps.
     let event: std::result::Result<_, ClError> = unsafe {
         let (origin, region) = (origin.as_ptr(), region.as_ptr());
         context.0.queue.enqueue_write_image(image, CL_TRUE, origin, region, 0, 0, bytes.as_mut_ptr().cast(), &[])

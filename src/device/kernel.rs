@@ -38,7 +38,8 @@ enum Slot {
     Image { _memory: Arc<ImageMemory> },
 }
 
-/// What can be passed to a kernel: a `&Buffer`, `&Image`, `u32`, `i32`, `f32`, or [`KernelArg::NULL`] for a buffer that is not there.
+/// What can be passed to a kernel: a `&Buffer`, `&Image`, `u32`, `i32`, `f32`, or [`KernelArg::NULL`] for a buffer that
+/// is not there.
 #[derive(Debug)]
 pub struct KernelArg<'a>(Passed<'a>);
 
@@ -131,8 +132,8 @@ impl Kernel {
             Passed::Null => (&0_usize.to_ne_bytes(), Slot::Value),
         };
         let _watched = self.context.watch("clSetKernelArg");
-        // SAFETY: the driver copies `bytes` before it returns and checks index and size against the kernel's signature; a
-        // buffer's memory lives as long as the slot that is filled below.
+        // SAFETY: the driver copies `bytes` before it returns and checks index and size against the kernel's signature;
+        // a buffer's memory lives as long as the slot that is filled below.
         let result =
             unsafe { set_kernel_arg(self.raw.get(), index as u32, bytes.len(), bytes.as_ptr().cast::<c_void>()) };
         result.map_err(|code| self.context.error(&call(), ClError(code)))?;

@@ -8,12 +8,13 @@ use bytemuck::Pod;
 const LAUNCH_S: f64 = 0.1;
 /// CPUs have no watchdog, and at the end of each launch their threads wait for the last one.
 const LAUNCH_S_CPU: f64 = 1.0;
-/// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a second, which
-/// is slower than any device that was seen.
+/// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a
+/// second, which is slower than any device that was seen.
 pub(super) const FIRST_ITEMS: usize = 4096;
 /// GPUs are not full with that; 16 times as much is still a moment on the smallest.
 pub(super) const FIRST_ITEMS_GPU: usize = 1 << 16;
-/// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower than another.
+/// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower
+/// than another.
 const GROWTH: usize = 2;
 
 /// How many work-items a launch may have, learnt from the launches before.
@@ -26,7 +27,8 @@ pub(super) struct LaunchPlan {
     caution: f64,
 }
 
-/// Items of another kind may be so many times dearer: a launch is still far from what watchdogs allow if they are even more so.
+/// Items of another kind may be so many times dearer: a launch is still far from what watchdogs allow if they are even
+/// more so.
 const OTHER_ITEMS: f64 = 8.0;
 
 impl LaunchPlan {
@@ -59,7 +61,8 @@ impl LaunchPlan {
         self.learn_from_several(items, items, seconds);
     }
 
-    /// Learns from several launches: the largest number of items in one, how many items of all had work, and the seconds of all.
+    /// Learns from several launches: the largest number of items in one, how many items of all had work, and the
+    /// seconds of all.
     pub fn learn_from_several(&mut self, largest: usize, busy: usize, seconds: f64) {
         if busy > 0 {
             self.seconds_per_item = seconds / busy as f64;
@@ -104,12 +107,13 @@ pub(super) struct Shape {
     pub work_group: usize,
     /// Rays or pixels that a work-item takes at a time.
     pub items_of_one: usize,
-    /// How many work-items a launch has, if each goes on as long as it finds items that no other has taken; `None`: as many as the items fill.
+    /// How many work-items a launch has, if each goes on as long as it finds items that no other has taken; `None`: as
+    /// many as the items fill.
     pub workers: Option<usize>,
 }
 
-/// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part. Returns
-/// seconds of device time.
+/// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part.
+/// Returns seconds of device time.
 pub(super) fn launch(
     kernel: &mut Kernel,
     plan: &mut LaunchPlan,

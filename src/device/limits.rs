@@ -8,7 +8,8 @@ use crate::layout::Float4;
 /// (`cl/kernels/limits.cl`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Products and sums of floats a second, none of them fused: kernels that have the same bits everywhere may not fuse.
+    /// Products and sums of floats a second, none of them fused: kernels that have the same bits everywhere may not
+    /// fuse.
     pub flops: f64,
     /// Bytes a second that work-items read from a small array that all of them read.
     pub cached_bytes: f64,

@@ -120,8 +120,8 @@ struct Answers {
 }
 
 impl Answers {
-    /// An answer that must not fail. A device that does not tell is none to trust: which instructions it gets, and so which bits come
-    /// out, hangs on some answers, and the cache knows it by others.
+    /// An answer that must not fail. A device that does not tell is none to trust: which instructions it gets, and so
+    /// which bits come out, hangs on some answers, and the cache knows it by others.
     fn must<T: Default>(&mut self, call: &str, answer: opencl3::Result<T>) -> T {
         answer.unwrap_or_else(|error| {
             self.failure.get_or_insert_with(|| format!("{call} failed: {}", code_name(error.0)));

@@ -1,8 +1,8 @@
 //! Everything that touches OpenCL: which devices there are, opening one, building programs, buffers and kernels.
 //!
-//! No other module calls OpenCL. The wrappers turn every failure into an [`Error`] that names the device and the call; none of
-//! them panics, also not while it is dropped (see `handle.rs`). What a kernel
-//! does inside its buffers is beyond them: a kernel that writes past the end of one is as wild as any C program.
+//! No other module calls OpenCL. The wrappers turn every failure into an [`Error`] that names the device and the call;
+//! none of them panics, also not while it is dropped (see `handle.rs`). What a kernel does inside its buffers is beyond
+//! them: a kernel that writes past the end of one is as wild as any C program.
 //!
 //! ```no_run
 //! use raybrook::device::{self, Buffer, CompileOptions, DeviceContext, ProgramSource, Selection};

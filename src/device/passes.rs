@@ -1,5 +1,5 @@
-//! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that the first one
-//! defers (`cl/memory/deferral.cl`) are traced again by kernels that can decide everything.
+//! The kernels of a tracer, which are compiled when they are first needed, and the second pass: rays and pixels that
+//! the first one defers (`cl/memory/deferral.cl`) are traced again by kernels that can decide everything.
 
 use super::deferred::Deferred;
 use super::definitions::Definitions;
@@ -20,17 +20,19 @@ pub(super) struct Passes {
     pub notes: Vec<String>,
 }
 
-/// Work-groups of the second pass that a compute unit is to have before any has more than one item. An H200, Mrays/s of gears' camera
-/// rays with 3,836 items in groups of 1, 2, 8, 64: 4,122, 3,745, 3,018, 2,193; with 30,688 items 6,093, 7,136, 8,639, 8,349.
+/// Work-groups of the second pass that a compute unit is to have before any has more than one item. An H200, Mrays/s of
+/// gears' camera rays with 3,836 items in groups of 1, 2, 8, 64: 4,122, 3,745, 3,018, 2,193; with 30,688 items 6,093,
+/// 7,136, 8,639, 8,349.
 const SECOND_GROUPS_OF_UNIT: usize = 16;
 
-/// Work-items of a compute unit where they take items from a queue. On CPUs, where these are work-groups of their own, PoCL gives a thread at
-/// least 32 of them at once, which it runs one after the other: all threads are to have some.
+/// Work-items of a compute unit where they take items from a queue. On CPUs, where these are work-groups of their own,
+/// PoCL gives a thread at least 32 of them at once, which it runs one after the other: all threads are to have some.
 const WORKERS_OF_UNIT: usize = 64;
 
 impl Passes {
-    /// `notes`: those that there are before anything is compiled. A driver that keeps compiled kernels is left to it: asked for a
-    /// binary, PoCL compiles every kernel once more, for work-groups of any size, a quarter of all the time that compiling takes.
+    /// `notes`: those that there are before anything is compiled. A driver that keeps compiled kernels is left to it:
+    /// asked for a binary, PoCL compiles every kernel once more, for work-groups of any size, a quarter of all the time
+    /// that compiling takes.
     pub fn new(definitions: Definitions, cache: Option<&Cache>, info: &DeviceInfo, notes: Vec<String>) -> Self {
         let cache = cache.filter(|_| !info.keeps_kernels());
         Passes { kernels: Vec::new(), definitions, cache: cache.cloned(), compile_s: 0.0, notes }
@@ -82,8 +84,8 @@ impl Passes {
         Ok(&mut known.expect("it was just added").2)
     }
 
-    /// Runs a kernel over `total` items in work-groups of `work_group`, and again over those that it defers; `set` sets all
-    /// arguments but the last two. Returns seconds of device time.
+    /// Runs a kernel over `total` items in work-groups of `work_group`, and again over those that it defers; `set` sets
+    /// all arguments but the last two. Returns seconds of device time.
     #[allow(clippy::too_many_arguments)] // of which a struct would only be made to be taken apart
     pub fn run(
         &mut self,
@@ -98,7 +100,8 @@ impl Passes {
         let kernel = self.kernel(context, Pass::First, entry)?;
         set(kernel)?;
         let units = (context.info().compute_units as usize).max(1);
-        // A work-group has as many items whatever a work-item has of them, if it has not more: what these keep shall stay in cache.
+        // A work-group has as many items whatever a work-item has of them, if it has not more: what these keep shall
+        // stay in cache.
         let shape = |total, entry: Entry| {
             let items_of_one = entry.items_of_one();
             let workers = entry.has_queue().then_some(WORKERS_OF_UNIT * units);
@@ -112,9 +115,9 @@ impl Passes {
         if count > 0 {
             let kernel = self.kernel(context, Pass::Second, entry.second())?;
             set(kernel)?;
-            // How long such items take is not known from the others. The first launch takes most lists whole: a small one would
-            // leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group while units are free: each
-            // would wait for whatever exact integers the others compute.
+            // How long such items take is not known from the others. The first launch takes most lists whole: a small
+            // one would leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group
+            // while units are free: each would wait for whatever exact integers the others compute.
             let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, context.info().kind);
             let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, work_group);
             let shape = Shape { work_group, ..shape(count, entry.second()) };

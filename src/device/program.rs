@@ -1,8 +1,8 @@
 //! Builds programs, from source or from a cached binary.
 //!
-//! Arithmetic must be the same on every device, so nothing here ever asks for relaxed mathematics; who does it nevertheless
-//! ([`DeviceHandle::with_compiler_options`](super::DeviceHandle::with_compiler_options)) finds the kernels protected
-//! (`cl/shared/compiler.cl`).
+//! Arithmetic must be the same on every device, so nothing here ever asks for relaxed mathematics; who does it
+//! nevertheless ([`DeviceHandle::with_compiler_options`](super::DeviceHandle::with_compiler_options)) finds the kernels
+//! protected (`cl/shared/compiler.cl`).
 
 use super::cache::{Cache, CacheKey};
 use super::compiler_options::find_refused;
@@ -53,8 +53,8 @@ impl CompileOptions {
         CompileOptions { verbose: true, ..self }
     }
 
-    /// Lets a kernel take at most so many registers, on devices whose compiler can be told. What its rare calls need beyond that lies in
-    /// memory; without a limit they set the number for all, and fewer work-items run at once.
+    /// Lets a kernel take at most so many registers, on devices whose compiler can be told. What its rare calls need
+    /// beyond that lies in memory; without a limit they set the number for all, and fewer work-items run at once.
     #[must_use]
     pub fn most_registers(self, count: u32) -> Self {
         CompileOptions { most_registers: Some(count), ..self }

@@ -1,5 +1,5 @@
-//! What NVIDIA's compiler tells of a program with `-cl-nv-verbose`: registers, stack frames and spills, in the words of its
-//! assembler ptxas (CUDA Compiler Driver NVCC, section "Verbose output of ptxas").
+//! What NVIDIA's compiler tells of a program with `-cl-nv-verbose`: registers, stack frames and spills, in the words of
+//! its assembler ptxas (CUDA Compiler Driver NVCC, section "Verbose output of ptxas").
 //!
 //! ```text
 //! ptxas info    : Compiling entry function 'render' for 'sm_90'
@@ -23,7 +23,8 @@ pub struct PtxasInfo {
     pub spill_load_bytes: Option<u64>,
 }
 
-/// What the log tells of each kernel. Functions that were not inlined are left out: their frames are not the kernel's own.
+/// What the log tells of each kernel. Functions that were not inlined are left out: their frames are not the kernel's
+/// own.
 pub fn parse(log: &str) -> HashMap<&str, PtxasInfo> {
     let mut kernels: HashMap<&str, PtxasInfo> = HashMap::new();
     let mut entry = None;

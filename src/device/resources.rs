@@ -47,8 +47,9 @@ pub struct ProgramResources {
     pub kernels: Vec<KernelResources>,
 }
 
-/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they take: a
-/// program for batches and one for pictures, and where decisions are left to a second pass, the same two for that.
+/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they
+/// take: a program for batches and one for pictures, and where decisions are left to a second pass, the same two for
+/// that.
 ///
 /// # Errors
 /// The device cannot be opened or its compiler refuses the kernels.
@@ -66,8 +67,8 @@ pub fn kernel_resources(
 }
 
 fn program_resources(context: &DeviceContext, file: &str, options: &CompileOptions) -> Result<ProgramResources> {
-    // Without our cache and with a definition that no build had before: a program from a cache, the driver's own included, comes
-    // without the compiler's log.
+    // Without our cache and with a definition that no build had before: a program from a cache, the driver's own
+    // included, comes without the compiler's log.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_nanos());
     let unique = options.clone().define("BUILD_TIME", format!("{now}ul"));
     let built = build(context, &ProgramSource::kernels(&[file]), &unique, None)?;

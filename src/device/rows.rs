@@ -1,6 +1,7 @@
-//! Rows of an image among the rays of a batch. Camera rays mostly come row by row; sixteen that are traced together are better a square
-//! than a piece of a row: packets trace bunny's at 1.4 times the speed. So kernels take whole bands of [`TILE_SIDE`] rows tile by tile
-//! (`cl/traverse/batch.cl`). Every ray is traced as it is, and its hit goes where the caller's ray was: only the order changes.
+//! Rows of an image among the rays of a batch. Camera rays mostly come row by row; sixteen that are traced together are
+//! better a square than a piece of a row: packets trace bunny's at 1.4 times the speed. So kernels take whole bands of
+//! [`TILE_SIDE`] rows tile by tile (`cl/traverse/batch.cl`). Every ray is traced as it is, and its hit goes where the
+//! caller's ray was: only the order changes.
 
 use crate::shared::{TILE_SIDE, TraceRay};
 
@@ -8,9 +9,11 @@ use crate::shared::{TILE_SIDE, TraceRay};
 const LENGTHS: std::ops::RangeInclusive<usize> = 32..=1 << 14;
 /// How many rays are asked where the row below them is.
 const ASKED: usize = 8;
-/// So many of them must say the same: rays may be those of an image that hit something, of which only some rows are whole.
+/// So many of them must say the same: rays may be those of an image that hit something, of which only some rows are
+/// whole.
 const AGREE: usize = 7;
-/// Two rays are neighbours if they are at most so many times as far from each other as two in a row: pixels need not be squares.
+/// Two rays are neighbours if they are at most so many times as far from each other as two in a row: pixels need not be
+/// squares.
 const NEIGHBOURS: f32 = 3.0;
 
 /// The rows of a batch, as kernels take them.
@@ -44,7 +47,8 @@ fn distances(a: &TraceRay, b: &TraceRay) -> [f32; 2] {
     [a.origin_t_min.xyz().distance_squared(b.origin_t_min.xyz()), direction(a).distance_squared(direction(b))]
 }
 
-/// After how many rays there is one beside ray `from` that is no neighbour in its row, if the row is even there: the row's length.
+/// After how many rays there is one beside ray `from` that is no neighbour in its row, if the row is even there: the
+/// row's length.
 fn length_below(rays: &[TraceRay], from: usize) -> Option<usize> {
     let ray = rays.get(from)?;
     let to = |offset: usize| rays.get(from + offset).map(|other| distances(ray, other));

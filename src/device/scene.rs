@@ -1,5 +1,5 @@
-//! The scene's arrays on the device, in the kind of memory that was asked for, and the definitions that tell the kernels
-//! (`cl/memory/geometry.cl`) where they are.
+//! The scene's arrays on the device, in the kind of memory that was asked for, and the definitions that tell the
+//! kernels (`cl/memory/geometry.cl`) where they are.
 
 use super::launch::Arguments;
 use super::{Buffer, CompileOptions, DeviceContext, IMAGE_WIDTH, Image, ImageShape, Kernel, KernelArg};

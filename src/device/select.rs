@@ -23,9 +23,11 @@ pub enum Selection {
     },
 }
 
-/// The device that `spec` means: a number of the list, part of a device's or driver's name, `cpu`, `gpu` or `reference`.
+/// The device that `spec` means: a number of the list, part of a device's or driver's name, `cpu`, `gpu` or
+/// `reference`.
 ///
-/// `None` takes the GPU with the most compute units x clock, else the CPU with the most compute units, else the reference.
+/// `None` takes the GPU with the most compute units x clock, else the CPU with the most compute units, else the
+/// reference.
 ///
 /// # Errors
 /// [`Error::NoDevice`] names what was asked for and what there is; [`Error::OpenCl`] when the loader fails.

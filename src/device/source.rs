@@ -1,16 +1,16 @@
 //! Assembles the kernel files into one source, and finds the file and line behind a line of a build log.
 //!
-//! The files are concatenated, each behind `#line 1 "cl/…"`. PoCL's logs then name the file by themselves; NVIDIA's compiler
-//! ignores the directive and counts through the whole source (`<kernel>:94:34`), as Oclgrind's does (`input.cl:94:34`): the host
-//! maps such places back.
+//! The files are concatenated, each behind `#line 1 "cl/…"`. PoCL's logs then name the file by themselves; NVIDIA's
+//! compiler ignores the directive and counts through the whole source (`<kernel>:94:34`), as Oclgrind's does
+//! (`input.cl:94:34`): the host maps such places back.
 
 /// A table of kernel files: path from the crate root, text.
 macro_rules! kernel_files {
     ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../", $path)))),*] };
 }
 
-/// The kernel files of every program, one path a line such as `"cl/shared/types.cl"`, in the order in which they are compiled: a file
-/// uses only what stands above it.
+/// The kernel files of every program, one path a line such as `"cl/shared/types.cl"`, in the order in which they are
+/// compiled: a file uses only what stands above it.
 pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/internal_begin.cl",
     "cl/shared/types.cl",
@@ -91,7 +91,8 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/shared/internal_end.cl",
 ];
 
-/// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation of the others.
+/// What comes behind them: entry points, of which a program has those that it needs. Nobody waits for the compilation
+/// of the others.
 const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace.cl",
     "cl/kernels/trace_packets.cl",
@@ -113,8 +114,8 @@ const ADAPTIVE_FILES: &[(&str, &str)] =
 /// A program that measures the device.
 const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];
 
-/// How compilers that ignore `#line` (NVIDIA's, Oclgrind's) name the source in their logs; the line is then counted through the
-/// whole source.
+/// How compilers that ignore `#line` (NVIDIA's, Oclgrind's) name the source in their logs; the line is then counted
+/// through the whole source.
 const WHOLE_SOURCE_NAMES: [&str; 3] = ["<kernel>", "<source>", "input.cl"];
 
 /// The source of a program, and where its lines come from.

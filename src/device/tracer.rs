@@ -27,10 +27,11 @@ use bytemuck::Pod;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How many samples of each pixel one launch traces. A pixel that is deferred is traced again with all samples of its launch, of which
-/// more than one is seldom deferred, and a GPU waits for the slowest pixel with all its samples; but the next launch finds less in caches.
-/// Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314;
-/// showcase.toml 2257, 426, 389. PoCL, two cores, 512 x 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
+/// How many samples of each pixel one launch traces. A pixel that is deferred is traced again with all samples of its
+/// launch, of which more than one is seldom deferred, and a GPU waits for the slowest pixel with all its samples; but
+/// the next launch finds less in caches. Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x 1024: bunny
+/// 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314; showcase.toml 2257, 426, 389. PoCL, two cores, 512 x
+/// 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
 fn samples_of_launch(kind: DeviceKind) -> u32 {
     if kind == DeviceKind::Gpu { 4 } else { 16 }
 }
@@ -59,7 +60,8 @@ pub(crate) struct CompiledAhead {
 }
 
 impl CompiledAhead {
-    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such `features`.
+    /// Opens `device` and compiles what a tracer with `options` takes for `tasks` in nearly all scenes of such
+    /// `features`.
     ///
     /// # Errors
     /// As [`OpenClBackend::new`] and [`Backend::prepare`].
@@ -114,14 +116,15 @@ fn notes_on(info: &DeviceInfo) -> Vec<String> {
 }
 
 impl OpenClBackend {
-    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by [`Backend::prepare`]; the
-    /// `cache` is not used where the driver [keeps kernels](DeviceInfo::keeps_kernels) by itself.
+    /// Sends the scene to the device. The kernels for `options` are compiled, or loaded from `cache`, by
+    /// [`Backend::prepare`]; the `cache` is not used where the driver [keeps kernels](DeviceInfo::keeps_kernels) by
+    /// itself.
     ///
     /// `max_depth` is the longest chain of rays that [`Backend::render`] will be asked for.
     ///
     /// # Errors
-    /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its memory, or was built
-    /// for another structure.
+    /// The device cannot be opened, its driver is known to get the options wrong, or the scene does not fit into its
+    /// memory, or was built for another structure.
     pub fn new(
         device: &DeviceHandle,
         buffers: &Arc<SceneBuffers>,

@@ -41,7 +41,8 @@ const LOOK: Duration = Duration::from_secs(1);
 /// The thread prints a sentence at most. Address space may be what is short.
 const STACK_BYTES: usize = 256 << 10;
 
-/// Memory that is set aside for telling of a driver that ran out of memory. Nothing writes to it, so that it takes address space alone.
+/// Memory that is set aside for telling of a driver that ran out of memory. Nothing writes to it, so that it takes
+/// address space alone.
 const RESERVE_BYTES: usize = 4 << 20;
 
 /// How long a call may take.

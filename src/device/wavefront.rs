@@ -1,5 +1,5 @@
-//! Rendering with several kernels (`cl/kernels/wavefront.cl`): the host's part of a wave, which is to launch each kernel over the right number
-//! of slots and, where it is asked to, to evaluate textures.
+//! Rendering with several kernels (`cl/kernels/wavefront.cl`): the host's part of a wave, which is to launch each
+//! kernel over the right number of slots and, where it is asked to, to evaluate textures.
 
 mod state;
 mod step;
@@ -160,7 +160,8 @@ impl WavefrontPipeline {
         Ok(run.rendered)
     }
 
-    /// Follows all paths of a batch to their ends. `progress` is told how many were given to slots, and how many are in flight.
+    /// Follows all paths of a batch to their ends. `progress` is told how many were given to slots, and how many are in
+    /// flight.
     fn follow_paths(&mut self, run: &mut Run, slots: usize, progress: impl Fn(usize, usize)) -> Result<()> {
         let state = run.state;
         state.begin_batch()?;
@@ -225,8 +226,8 @@ impl WavefrontPipeline {
         Ok(tracing_s)
     }
 
-    /// The host's pass between tracing and shading (thesis, section 5.2.2), where there is one: fetches the hits on textured surfaces,
-    /// evaluates the textures as the twin does, and sends the colours.
+    /// The host's pass between tracing and shading (thesis, section 5.2.2), where there is one: fetches the hits on
+    /// textured surfaces, evaluates the textures as the twin does, and sends the colours.
     fn evaluate_textures(&mut self, run: &mut Run, active: usize) -> Result<()> {
         let Some((buffers, options)) = &self.host_textures else { return Ok(()) };
         self.request.launch(&run.plan, active, run.work_group)?;

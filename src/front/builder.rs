@@ -17,10 +17,11 @@ use std::path::PathBuf;
 /// How right hits are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Precision {
-    /// Exact: hit or miss, and which triangle is the closest, as exact arithmetic has it; t, u and v are the exact ones rounded once.
+    /// Exact: hit or miss, and which triangle is the closest, as exact arithmetic has it; t, u and v are the exact ones
+    /// rounded once.
     Exact,
-    /// The fastest test in float32 (Möller and Trumbore 1997), which loses some hits at edges. On a CPU it is the slower one: only exact
-    /// hits are traced in packets of rays there.
+    /// The fastest test in float32 (Möller and Trumbore 1997), which loses some hits at edges. On a CPU it is the
+    /// slower one: only exact hits are traced in packets of rays there.
     Fast,
 }
 
@@ -70,16 +71,17 @@ impl<'a> TracerBuilder<'a> {
         }
     }
 
-    /// Where to trace: `gpu`, `cpu`, `reference` (scalar code, without OpenCL), a device's number in [`devices`](crate::devices) or a part of
-    /// its name. Default: the GPU, CPU or other device that is likely to be the fastest, else the reference.
+    /// Where to trace: `gpu`, `cpu`, `reference` (scalar code, without OpenCL), a device's number in
+    /// [`devices`](crate::devices) or a part of its name. Default: the GPU, CPU or other device that is likely to be
+    /// the fastest, else the reference.
     pub fn device(mut self, device: &str) -> Self {
         self.device = Some(device.to_owned());
         self
     }
 
-    /// What to trace with: names of a structure, a build, a traversal and a triangle test, joined by `+`, such as `bvh8`, `kd+ropes` or
-    /// `grid+watertight`; `raybrook methods` lists them. Default: the fastest, for parts that are not named, too. With an exact triangle test
-    /// the hits are the same whatever the method.
+    /// What to trace with: names of a structure, a build, a traversal and a triangle test, joined by `+`, such as
+    /// `bvh8`, `kd+ropes` or `grid+watertight`; `raybrook methods` lists them. Default: the fastest, for parts that are
+    /// not named, too. With an exact triangle test the hits are the same whatever the method.
     pub fn method(mut self, method: &str) -> Self {
         self.method = Some(method.to_owned());
         self
@@ -91,21 +93,22 @@ impl<'a> TracerBuilder<'a> {
         self
     }
 
-    /// Called from time to time, while rays are traced, with the part of them that is done, 0 to 1. Default: nothing is called.
+    /// Called from time to time, while rays are traced, with the part of them that is done, 0 to 1. Default: nothing is
+    /// called.
     pub fn progress(mut self, progress: impl Fn(f64) + Send + Sync + 'static) -> Self {
         self.progress = Some(Box::new(progress));
         self
     }
 
-    /// The most memory that the process may take, bytes: what would take more is an error before it is taken. Default: what the process
-    /// has, and nine tenths of what it can still get.
+    /// The most memory that the process may take, bytes: what would take more is an error before it is taken. Default:
+    /// what the process has, and nine tenths of what it can still get.
     pub fn memory_limit(mut self, bytes: u64) -> Self {
         self.memory_limit = Some(bytes);
         self
     }
 
-    /// Whether compiled kernels are kept on disk, and what `raybrook tune` found is used. Default: yes, in `$RAYBROOK_CACHE_DIR`, else
-    /// `$XDG_CACHE_HOME/raybrook`, else `~/.cache/raybrook`.
+    /// Whether compiled kernels are kept on disk, and what `raybrook tune` found is used. Default: yes, in
+    /// `$RAYBROOK_CACHE_DIR`, else `$XDG_CACHE_HOME/raybrook`, else `~/.cache/raybrook`.
     pub fn cache(mut self, is_used: bool) -> Self {
         self.place = if is_used { Place::Usual } else { Place::Nowhere };
         self
@@ -117,12 +120,14 @@ impl<'a> TracerBuilder<'a> {
         self
     }
 
-    /// Chooses, opens the device, and builds the structure. Kernels are compiled by the first batch and by the first picture.
+    /// Chooses, opens the device, and builds the structure. Kernels are compiled by the first batch and by the first
+    /// picture.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] when there is no such device; [`Error::Option`] for an unknown method, or parts that do not go together;
-    /// [`Error::Scene`] when a value of the scene is out of range; [`Error::OutOfMemory`] and [`Error::TooLarge`] when the scene takes too
-    /// much memory; [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
+    /// [`Error::NoDevice`] when there is no such device; [`Error::Option`] for an unknown method, or parts that do not
+    /// go together; [`Error::Scene`] when a value of the scene is out of range; [`Error::OutOfMemory`] and
+    /// [`Error::TooLarge`] when the scene takes too much memory; [`Error::OpenCl`] and [`Error::Hang`] when the driver
+    /// fails.
     pub fn build(self) -> Result<Tracer> {
         let request = self.request()?;
         // What is wrong on any device comes before what takes time.

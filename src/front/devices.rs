@@ -17,7 +17,8 @@ pub struct Device {
     pub unusable: Option<String>,
 }
 
-/// The OpenCL devices of this computer; the place of a device is its number for [`TracerBuilder::device`](crate::TracerBuilder::device).
+/// The OpenCL devices of this computer; the place of a device is its number for
+/// [`TracerBuilder::device`](crate::TracerBuilder::device).
 ///
 /// Without any the list is empty, and rays are traced by the scalar reference.
 ///

@@ -1,4 +1,5 @@
-//! A camera and a key light for scenes that have none: before the structure is built, and after the scene itself is gone.
+//! A camera and a key light for scenes that have none: before the structure is built, and after the scene itself is
+//! gone.
 
 use crate::pack::SceneBuffers;
 use crate::renderer::complete;
@@ -30,7 +31,8 @@ impl LitScene<'_> {
     }
 }
 
-/// The camera that shows all triangles of `buffers` in a picture of `aspect` = width / height: the one that [`complete`] gives the scene.
+/// The camera that shows all triangles of `buffers` in a picture of `aspect` = width / height: the one that
+/// [`complete`] gives the scene.
 pub(super) fn framing_camera(buffers: &SceneBuffers, aspect: f32) -> Camera {
     let triangles = (0..buffers.triangle_count() as u32).map(|i| buffers.given_triangle(i));
     let hittable = triangles.filter(|&triangle| DropReason::of(triangle).is_none());

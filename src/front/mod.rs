@@ -1,7 +1,7 @@
 //! The front door: from a file to a picture, and from arrays to hits, in world units.
 //!
-//! It chooses the device and the method as the command line does, says what it chose and why, and prints nothing. It adds no arithmetic of
-//! its own: hits and pictures are those of [`crate::low_level`], bit for bit.
+//! It chooses the device and the method as the command line does, says what it chose and why, and prints nothing. It
+//! adds no arithmetic of its own: hits and pictures are those of [`crate::low_level`], bit for bit.
 
 mod builder;
 mod devices;

@@ -33,17 +33,18 @@ impl Picture {
         &self.film.pixels
     }
 
-    /// 3 x `width` x `height` bytes, R, G and B of the top left pixel first, as 8-bit sRGB (IEC 61966-2-1). There is no tone mapping: what is
-    /// above 1 becomes 255; NaN, infinite and negative values become 0.
+    /// 3 x `width` x `height` bytes, R, G and B of the top left pixel first, as 8-bit sRGB (IEC 61966-2-1). There is no
+    /// tone mapping: what is above 1 becomes 255; NaN, infinite and negative values become 0.
     pub fn to_srgb8(&self) -> Vec<u8> {
         self.film.to_srgb8().into_flattened()
     }
 
-    /// Writes the picture to `path`, in the format that the ending names: `.png` (8-bit sRGB), `.exr` (OpenEXR, 32-bit linear) or `.pfm`
-    /// (portable float map, 32-bit linear). The file appears when it is complete.
+    /// Writes the picture to `path`, in the format that the ending names: `.png` (8-bit sRGB), `.exr` (OpenEXR, 32-bit
+    /// linear) or `.pfm` (portable float map, 32-bit linear). The file appears when it is complete.
     ///
     /// # Errors
-    /// [`Error::Option`](crate::Error::Option) for another ending; [`Error::Io`](crate::Error::Io) when the file cannot be written.
+    /// [`Error::Option`](crate::Error::Option) for another ending; [`Error::Io`](crate::Error::Io) when the file cannot
+    /// be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         self.film.write(path, None)
     }

@@ -2,8 +2,8 @@
 
 /// A ray with an interval of t: its points are `origin + t * direction`.
 ///
-/// Every float32 number is taken as it is given, however large or small; see [`Tracer::closest_hits`](crate::Tracer::closest_hits) for NaN,
-/// infinities and zero.
+/// Every float32 number is taken as it is given, however large or small; see
+/// [`Tracer::closest_hits`](crate::Tracer::closest_hits) for NaN, infinities and zero.
 ///
 /// ```
 /// use raybrook::Ray;
@@ -40,7 +40,8 @@ impl Ray {
 
 /// The closest triangle on a ray.
 ///
-/// The point is `origin + t * direction`, or more exactly `(1 - u - v) * p0 + u * p1 + v * p2` of the triangle's vertices.
+/// The point is `origin + t * direction`, or more exactly `(1 - u - v) * p0 + u * p1 + v * p2` of the triangle's
+/// vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance in units of |direction|.
@@ -49,7 +50,7 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric weight of vertex 2.
     pub v: f32,
-    /// Number of the triangle: of [`Scene::from_mesh`](crate::Scene::from_mesh) its place in the slice; of a file its place there, after
-    /// polygons are cut into triangles.
+    /// Number of the triangle: of [`Scene::from_mesh`](crate::Scene::from_mesh) its place in the slice; of a file its
+    /// place there, after polygons are cut into triangles.
     pub triangle: u32,
 }

@@ -7,20 +7,22 @@ use rayon::prelude::*;
 use std::path::Path;
 
 impl Scene {
-    /// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or a Haines `.nff`.
-    /// What was repaired or left out is in [`Scene::warnings`]. A file without a triangle is a scene that every ray misses.
+    /// Loads the scene in `path`: a `.toml` scene file (see `scenes/README.md`), a Wavefront `.obj`, a `.ply`, a `.stl`
+    /// or a Haines `.nff`. What was repaired or left out is in [`Scene::warnings`]. A file without a triangle is a
+    /// scene that every ray misses.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is of no known kind or what it holds is not usable, with file and
-    /// line; [`Error::OutOfMemory`] when it takes more than nine tenths of the memory that is left.
+    /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is of no known kind or what it holds is not
+    /// usable, with file and line; [`Error::OutOfMemory`] when it takes more than nine tenths of the memory that is
+    /// left.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         load(path)
     }
 
     /// A scene of one mesh, matt grey, without light or camera: [`Tracer::render`](crate::Tracer::render) adds both.
     ///
-    /// `positions`: world units. `triangles`: three indices into `positions` each; `triangles[i]` is [`Hit::triangle`](crate::Hit) number
-    /// `i`. A triangle without area keeps its number and is never hit.
+    /// `positions`: world units. `triangles`: three indices into `positions` each; `triangles[i]` is
+    /// [`Hit::triangle`](crate::Hit) number `i`. A triangle without area keeps its number and is never hit.
     ///
     /// ```
     /// use raybrook::Scene;
@@ -33,8 +35,8 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Scene`] names the first position that is not finite or the first triangle with an index that is out of range, or says that
-    /// there are no triangles.
+    /// [`Error::Scene`] names the first position that is not finite or the first triangle with an index that is out of
+    /// range, or says that there are no triangles.
     pub fn from_mesh(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Result<Scene> {
         if triangles.is_empty() {
             return Err(Error::Scene("the mesh has no triangles".to_owned()));

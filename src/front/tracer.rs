@@ -39,8 +39,8 @@ impl Chosen {
 
 /// A scene on a device, ready for rays and pictures.
 ///
-/// It keeps all that it needs of the scene, and may be sent to another thread; as a device does one thing at a time, tracing takes `&mut`.
-/// The first batch and the first picture compile kernels, unless they are in the cache.
+/// It keeps all that it needs of the scene, and may be sent to another thread; as a device does one thing at a time,
+/// tracing takes `&mut`. The first batch and the first picture compile kernels, unless they are in the cache.
 ///
 /// ```
 /// use raybrook::{Ray, Scene, Tracer};
@@ -70,7 +70,8 @@ pub struct Tracer {
     has_key_light: bool,
 }
 
-/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the caller has them.
+/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the
+/// caller has them.
 const RAY_BYTES: usize =
     3 * (size_of::<shared::TraceRay>() + size_of::<shared::Hit>()) + size_of::<Ray>() + size_of::<Option<Hit>>();
 
@@ -109,16 +110,18 @@ impl Tracer {
 
     /// The closest hit of each ray, `None` for a miss; in the order of `rays`, which are in world units.
     ///
-    /// With [`Precision::Exact`](crate::Precision::Exact), the default, hit or miss and the triangle are those of exact arithmetic on the
-    /// float32 numbers of ray and vertices, and t, u and v are the exact ones rounded once, whatever the device, the method and the size of
-    /// the numbers. Triangles are hit from both sides, and edges and vertices belong to them; of two at the same t the lower number wins.
+    /// With [`Precision::Exact`](crate::Precision::Exact), the default, hit or miss and the triangle are those of exact
+    /// arithmetic on the float32 numbers of ray and vertices, and t, u and v are the exact ones rounded once, whatever
+    /// the device, the method and the size of the numbers. Triangles are hit from both sides, and edges and vertices
+    /// belong to them; of two at the same t the lower number wins.
     ///
-    /// A ray hits nothing when a number of its origin or direction is NaN or infinite, when its direction is zero, when `t_min` or `t_max` is
-    /// NaN, and when `t_min` is greater than `t_max`. A hit whose t is beyond the largest float is a miss.
+    /// A ray hits nothing when a number of its origin or direction is NaN or infinite, when its direction is zero, when
+    /// `t_min` or `t_max` is NaN, and when `t_min` is greater than `t_max`. A hit whose t is beyond the largest float
+    /// is a miss.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] and [`Error::TooLarge`] when the batch takes too much memory; [`Error::Build`], [`Error::OpenCl`] and
-    /// [`Error::Hang`] when the driver fails.
+    /// [`Error::OutOfMemory`] and [`Error::TooLarge`] when the batch takes too much memory; [`Error::Build`],
+    /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
     pub fn closest_hits(&mut self, rays: &[Ray]) -> Result<Vec<Option<Hit>>> {
         let front = |hit: shared::Hit| Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive };
         Ok(self.trace(rays, false)?.into_iter().map(|hit| is_hit(&hit).then(|| front(hit))).collect())
@@ -148,16 +151,16 @@ impl Tracer {
         Ok(backend.trace(&batch.job(any_hit, 1), progress)?.hits)
     }
 
-    /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved Illumination Model for
-    /// Shaded Display", CACM 1980).
+    /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved
+    /// Illumination Model for Shaded Display", CACM 1980).
     ///
-    /// A scene without lights has one from above the left shoulder of its camera, or of the camera that frames it; that light stays where it
-    /// is when the view has a camera of its own.
+    /// A scene without lights has one from above the left shoulder of its camera, or of the camera that frames it; that
+    /// light stays where it is when the view has a camera of its own.
     ///
     /// # Errors
-    /// [`Error::Option`] for a size, samples or depth out of range; [`Error::Scene`] for a camera that looks nowhere, and for a scene so large
-    /// that no camera shows it; [`Error::OutOfMemory`] and [`Error::TooLarge`] when the picture takes too much memory; [`Error::Build`],
-    /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
+    /// [`Error::Option`] for a size, samples or depth out of range; [`Error::Scene`] for a camera that looks nowhere,
+    /// and for a scene so large that no camera shows it; [`Error::OutOfMemory`] and [`Error::TooLarge`] when the
+    /// picture takes too much memory; [`Error::Build`], [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
     pub fn render(&mut self, view: &View) -> Result<Picture> {
         let frame = view.over(&self.defaults)?;
         let Frame { size, samples, depth, .. } = frame;
@@ -244,13 +247,14 @@ impl Tracer {
         }
     }
 
-    /// What was chosen and why, a line each: structure, packet size, triangle test, numbers of the build, features of the kernels.
+    /// What was chosen and why, a line each: structure, packet size, triangle test, numbers of the build, features of
+    /// the kernels.
     pub fn choices(&self) -> &[String] {
         &self.chosen.choices
     }
 
-    /// What a curious user should know, a sentence each: why a device was passed over, that there is no OpenCL, that a cache cannot be used.
-    /// What a scene's file has that is not usable is in [`Scene::warnings`] instead.
+    /// What a curious user should know, a sentence each: why a device was passed over, that there is no OpenCL, that a
+    /// cache cannot be used. What a scene's file has that is not usable is in [`Scene::warnings`] instead.
     pub fn notes(&self) -> Vec<String> {
         let of_backend = self.backend.iter().flat_map(|backend| backend.notes());
         self.chosen.notes.iter().chain(of_backend).cloned().collect()

@@ -9,8 +9,8 @@ const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
 /// A picture to render: its size, and what is left to the scene unless it is set.
 ///
-/// What neither the view nor the scene's file says: 1024 x 768 pixels, a camera that frames the scene, an error of one step of 8-bit sRGB,
-/// and chains of at most 8 rays.
+/// What neither the view nor the scene's file says: 1024 x 768 pixels, a camera that frames the scene, an error of one
+/// step of 8-bit sRGB, and chains of at most 8 rays.
 ///
 /// ```
 /// use raybrook::{Camera, View};
@@ -36,7 +36,8 @@ pub(super) struct Frame {
 }
 
 impl View {
-    /// A picture of `width` x `height` pixels, each 1 to 65535. [`View::default`] has the size that the scene's file says.
+    /// A picture of `width` x `height` pixels, each 1 to 65535. [`View::default`] has the size that the scene's file
+    /// says.
     pub fn new(width: u32, height: u32) -> View {
         View { size: Some((width, height)), ..View::default() }
     }
@@ -53,7 +54,8 @@ impl View {
         View { samples: Some(Samples::PerPixel(per_pixel)), ..self }
     }
 
-    /// As many rays as the picture needs for this error: the root of its mean square, in steps of 8-bit sRGB, 0 to 255. A pixel has at most
+    /// As many rays as the picture needs for this error: the root of its mean square, in steps of 8-bit sRGB, 0 to 255.
+    /// A pixel has at most
     /// 256. Takes the place of [`View::samples`].
     #[must_use]
     pub fn error(self, steps: f32) -> View {

@@ -1,18 +1,20 @@
-//! Pictures of counted work ("arbitrary output variables"): one counter a picture, as false colours to look at or as numbers.
+//! Pictures of counted work ("arbitrary output variables"): one counter a picture, as false colours to look at or as
+//! numbers.
 //!
-//! The colours are those of Inferno (van der Walt and Smith, matplotlib 2015), which is perceptually uniform: equal differences of
-//! work look alike, black is none, and lightness alone tells the order, also in print and to the colour-blind.
+//! The colours are those of Inferno (van der Walt and Smith, matplotlib 2015), which is perceptually uniform: equal
+//! differences of work look alike, black is none, and lightness alone tells the order, also in print and to the
+//! colour-blind.
 //!
-//! Bad at: showing few pixels of very much work beside many of little. The brightest colour stands for what only one in a
-//! thousand pixels exceeds; what is above has that colour, too, and [`AovRange::maximum`] tells how much that is.
+//! Bad at: showing few pixels of very much work beside many of little. The brightest colour stands for what only one in
+//! a thousand pixels exceeds; what is above has that colour, too, and [`AovRange::maximum`] tells how much that is.
 
 use crate::io::film::{Film, linear_from_srgb};
 use crate::shared::WorkCounter;
 use crate::work::PixelWork;
 use serde::Serialize;
 
-/// One in so many pixels may be brighter than the brightest colour: the edges of objects, or a few pixels of a mirror or
-/// glass, would else leave the rest in the dark.
+/// One in so many pixels may be brighter than the brightest colour: the edges of objects, or a few pixels of a mirror
+/// or glass, would else leave the rest in the dark.
 const PIXELS_PER_OUTLIER: usize = 1000;
 
 /// What the colours of a picture mean; black is always 0.

@@ -1,7 +1,7 @@
 //! How far two results are apart: pictures by their pixels and by eye, hits bit by bit.
 //!
-//! By eye is FLIP (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for
-//! Alternating Images", HPG 2020), on 8-bit sRGB at its default of 67 pixels per degree.
+//! By eye is FLIP (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator
+//! for Alternating Images", HPG 2020), on 8-bit sRGB at its default of 67 pixels per degree.
 //!
 //! Bad at: differences above white or below black, which no 8-bit picture shows; `rms` and `unequal_pixels` see them.
 
@@ -87,11 +87,11 @@ const BACKDROP: f32 = 0.1;
 /// The darkest mark's place on the Magma scale, 0..=255: a colour that no grey backdrop has.
 const FIRST_MARK: f64 = 110.0;
 
-/// A picture of where `b` differs from the reference `a`: the reference in dark grey, and each pixel that differs as 8-bit
-/// sRGB in a colour from purple (one step) over red and orange to pale yellow (255 steps).
+/// A picture of where `b` differs from the reference `a`: the reference in dark grey, and each pixel that differs as
+/// 8-bit sRGB in a colour from purple (one step) over red and orange to pale yellow (255 steps).
 ///
-/// The scale is logarithmic and starts bright, because the differences worth finding are mostly single pixels off by a step
-/// or two, which a plain difference or a FLIP map shows as black.
+/// The scale is logarithmic and starts bright, because the differences worth finding are mostly single pixels off by a
+/// step or two, which a plain difference or a FLIP map shows as black.
 ///
 /// # Panics
 /// As [`compare_films`].
@@ -211,7 +211,8 @@ mod tests {
         let found = compare_films(&grey(16, 16, 0.0), &grey(16, 16, 1.0));
         assert_eq!((found.differing_pixels, found.largest_step), (256, 255));
         assert_eq!((found.rms, found.rms_8bit), (1.0, 255.0));
-        // FLIP's largest colour distance is green to blue, so that flat black to white is 0.96739 (NVIDIA's flip-evaluator 1.7).
+        // FLIP's largest colour distance is green to blue, so that flat black to white is 0.96739 (NVIDIA's
+        // flip-evaluator 1.7).
         let mean = found.flip_mean.unwrap();
         assert!((mean - 0.967_391).abs() < 1e-5, "{mean}");
         assert!((found.flip_max.unwrap() - mean).abs() < 1e-6);

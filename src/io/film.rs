@@ -1,8 +1,8 @@
 //! The picture: linear radiance in memory, PNG, OpenEXR or PFM on disk.
 //!
-//! PNG holds display values by the sRGB transfer curve (IEC 61966-2-1, amendment 1, 2003: the exact two-piece curve, in f64,
-//! rounded to nearest) and says so in an `sRGB` chunk; there is no tone mapping: radiance 1 is white and what is above it
-//! clips. OpenEXR and PFM hold the radiance itself, every bit of it.
+//! PNG holds display values by the sRGB transfer curve (IEC 61966-2-1, amendment 1, 2003: the exact two-piece curve, in
+//! f64, rounded to nearest) and says so in an `sRGB` chunk; there is no tone mapping: radiance 1 is white and what is
+//! above it clips. OpenEXR and PFM hold the radiance itself, every bit of it.
 
 use std::io;
 use std::path::Path;
@@ -23,7 +23,8 @@ pub struct Film {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// `width` x `height` pixels, linear RGB radiance, top row first. Nothing keeps a value from being negative or not finite.
+    /// `width` x `height` pixels, linear RGB radiance, top row first. Nothing keeps a value from being negative or not
+    /// finite.
     pub pixels: Vec<[f32; 3]>,
 }
 
@@ -155,8 +156,8 @@ impl Film {
 
     /// Writes the picture in `format`, or in the one that the extension of `path` stands for.
     ///
-    /// PNG shows negative and non-finite channels as 0 and clips at 1; ask [`Film::non_finite`] and tell the user. OpenEXR
-    /// and PFM keep every value as it is. The file appears when it is complete (see [`crate::io::output`]).
+    /// PNG shows negative and non-finite channels as 0 and clips at 1; ask [`Film::non_finite`] and tell the user.
+    /// OpenEXR and PFM keep every value as it is. The file appears when it is complete (see [`crate::low_level::output`]).
     ///
     /// # Errors
     /// As [`check_output`]; [`Error::Io`] with action "write" when writing fails or the film has no pixels or not
@@ -207,7 +208,8 @@ impl Film {
         })
     }
 
-    /// Paul Debevec's portable float map: a text header, then the rows from the bottom up; a negative scale means little-endian.
+    /// Paul Debevec's portable float map: a text header, then the rows from the bottom up; a negative scale means
+    /// little-endian.
     fn write_pfm(&self, out: &mut dyn Output) -> io::Result<()> {
         write!(out, "PF\n{} {}\n-1.0\n", self.width, self.height)?;
         for row in self.pixels.chunks_exact(self.width as usize).rev() {

@@ -1,8 +1,8 @@
 //! NumPy's `.npz` container: a ZIP archive of `.npy` arrays, as far as ray batches need it.
 //!
-//! Format: NumPy Enhancement Proposal 1 (Kern 2007) and the documentation of `numpy.lib.format`. Stored and deflated members
-//! and ZIP64 are read. float32, little-endian, C order is read straight into place; float64, big-endian numbers and Fortran
-//! order are converted on the way. Memory follows what a file holds, not what its headers claim.
+//! Format: NumPy Enhancement Proposal 1 (Kern 2007) and the documentation of `numpy.lib.format`. Stored and deflated
+//! members and ZIP64 are read. float32, little-endian, C order is read straight into place; float64, big-endian numbers
+//! and Fortran order are converted on the way. Memory follows what a file holds, not what its headers claim.
 //!
 //! Bad at: anything but float arrays of one shape; parallel decompression.
 
@@ -78,7 +78,8 @@ impl NpzFile {
         &self.names
     }
 
-    /// The array `name` as rows of `N` numbers, or `None` if there is none. Its shape is [n] for `N` = 1, [n, `N`] otherwise.
+    /// The array `name` as rows of `N` numbers, or `None` if there is none. Its shape is [n] for `N` = 1, [n, `N`]
+    /// otherwise.
     ///
     /// # Errors
     /// [`Error::Input`] for another shape or type, or damaged data; [`Error::Io`] when the system cannot read;
@@ -112,7 +113,8 @@ impl NpzFile {
         let row_bytes = (N * size_of::<f32>()) as u128 * if layout.fortran { 2 } else { 1 };
         let bytes = u64::try_from(layout.rows as u128 * row_bytes).unwrap_or(u64::MAX);
         self.budget.check(&need(bytes))?;
-        // A claim within the size of the file costs no more memory than the file; beyond it, memory grows with the data.
+        // A claim within the size of the file costs no more memory than the file; beyond it, memory grows with the
+        // data.
         let chunk_rows = if data_bytes <= u128::from(self.file_bytes) { layout.rows.max(1) } else { CHUNK_ROWS };
         let rows = layout.read::<N>(&mut member, chunk_rows).map_err(to_error)?;
         // The checksum is compared when the end is met, which reading an exact number of bytes does not do.

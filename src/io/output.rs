@@ -36,8 +36,8 @@ enum Target {
 /// Checks that `path` can be written, without changing it: call it before long work whose result goes there.
 ///
 /// # Errors
-/// [`Error::Io`] with action "create": there is no such folder, the path is a folder, the file is write-protected, or the
-/// folder does not let files be made.
+/// [`Error::Io`] with action "create": there is no such folder, the path is a folder, the file is write-protected, or
+/// the folder does not let files be made.
 pub fn check_writable(path: &Path) -> Result<()> {
     match find_target(path)? {
         Target::File { folder, permissions, .. } => Temporary::create(&folder, permissions).map(drop),

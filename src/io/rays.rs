@@ -7,8 +7,9 @@
 //! | `t_min`, `t_max` | `[n]` | optional interval of t |
 //! | `next_direction` | `[n, 3]` | optional: a second ray from each hit |
 //!
-//! The arrays are float32. float64, big-endian numbers and Fortran order are converted: a double rounds to the nearest float,
-//! and one beyond the floats' range becomes an infinity. Values are not judged here; tracing says what NaN or zero means.
+//! The arrays are float32. float64, big-endian numbers and Fortran order are converted: a double rounds to the nearest
+//! float, and one beyond the floats' range becomes an infinity. Values are not judged here; tracing says what NaN or
+//! zero means.
 //!
 //! Bad at: batches that do not fit in memory, which are read and written whole.
 
@@ -44,8 +45,8 @@ impl RayBatch {
     /// Reads an `.npz` file as `numpy.savez` and `numpy.savez_compressed` write it. No rays at all are fine.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is no `.npz` file, is damaged, lacks `origin` or
-    /// `direction`, or has an array of another type, shape or length than described above.
+    /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is no `.npz` file, is damaged, lacks
+    /// `origin` or `direction`, or has an array of another type, shape or length than described above.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         Self::read_within(path, &MemoryBudget::available())
     }
@@ -87,7 +88,8 @@ impl RayBatch {
         Ok(batch)
     }
 
-    /// Writes an `.npz` file that [`RayBatch::read`] reads; absent arrays are left out. The file appears when it is complete.
+    /// Writes an `.npz` file that [`RayBatch::read`] reads; absent arrays are left out. The file appears when it is
+    /// complete.
     ///
     /// # Errors
     /// As [`crate::io::output::write_atomically`].
@@ -135,8 +137,8 @@ pub struct HitBatch {
 
 impl HitBatch {
     /// Writes an `.npz` file with arrays named like the fields: `t`, `u`, `v`, `next_t` float32, `primitive`,
-    /// `next_primitive` int32, `hit` uint8, and for each [`WorkCounter`] `work_…` and `next_work_…` uint32; absent ones are left
-    /// out. The file appears when it is complete.
+    /// `next_primitive` int32, `hit` uint8, and for each [`WorkCounter`] `work_…` and `next_work_…` uint32; absent ones
+    /// are left out. The file appears when it is complete.
     ///
     /// # Errors
     /// As [`crate::io::output::write_atomically`].

@@ -3,8 +3,8 @@
 use super::{Choice, OPTIONS, StructureKind, TraceOptions, choices};
 use crate::error::{Error, Result};
 
-/// Other options that are changed, at most, in the search for a combination that holds two given values. The test that tries every
-/// combination of all options would fail if more were ever needed.
+/// Other options that are changed, at most, in the search for a combination that holds two given values. The test that
+/// tries every combination of all options would fail if more were ever needed.
 const MOST_CHANGES: usize = 2;
 
 /// Two values that no combination holds.
@@ -69,7 +69,8 @@ pub fn fewest_changes(fixed: &[Choice]) -> Option<Vec<Choice>> {
     })
 }
 
-/// Adds `count` values of the options from number `from` on to `changes` so that all is valid; whether that is possible.
+/// Adds `count` values of the options from number `from` on to `changes` so that all is valid; whether that is
+/// possible.
 fn search(fixed: &[Choice], from: usize, count: usize, changes: &mut Vec<Choice>) -> bool {
     if count == 0 {
         let all: Vec<_> = changes.iter().chain(fixed).copied().collect();

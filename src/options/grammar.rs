@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 /// What a part of a method may name.
 const PARTS: [&str; 4] = [StructureKind::OPTION, Build::OPTION, Traversal::OPTION, Intersector::OPTION];
 
-/// The choices of a method: structure, build, traversal and triangle test, joined by `+` in any order, each at most once. What is left out
-/// is left open: `ropes` alone is a traversal of kd-trees, whichever structure that needs.
+/// The choices of a method: structure, build, traversal and triangle test, joined by `+` in any order, each at most
+/// once. What is left out is left open: `ropes` alone is a traversal of kd-trees, whichever structure that needs.
 ///
 /// ```
 /// use raybrook::low_level::options::parse_method;

@@ -16,27 +16,29 @@ pub struct KdOptions {
     pub stack_size: Option<u32>,
     /// The order of its nodes in memory.
     pub node_order: NodeOrder,
-    /// A node with at most this many triangles is not split; at least 1. `None`: 1 where it stops by cost, else 12 for the median and the
-    /// sampled median, 8 for the spatial median, 4 for the others.
+    /// A node with at most this many triangles is not split; at least 1. `None`: 1 where it stops by cost, else 12 for
+    /// the median and the sampled median, 8 for the spatial median, 4 for the others.
     pub leaf_size: Option<u32>,
-    /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3 log2(triangles).
+    /// No leaf is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 8 + 1.3
+    /// log2(triangles).
     pub max_depth: Option<u32>,
     /// Which axis is split; only for builds that do not weigh costs.
     pub split_axis: SplitAxis,
-    /// Triangles that the median is taken of, at least 1; `None`: [`KdOptions::SAMPLE_SIZE`]. Only for [`Build::SampledMedian`].
+    /// Triangles that the median is taken of, at least 1; `None`: [`KdOptions::SAMPLE_SIZE`]. Only for
+    /// [`Build::SampledMedian`].
     pub sample_size: Option<u32>,
     /// What makes a leaf. `None`: the cost for builds that weigh it, the size for others.
     pub stop: Option<Stop>,
-    /// Cost of one traversal step, 0 or more; `None`: [`KdOptions::COST`], in packets [`KdOptions::PACKET_COST_TRAVERSE`]. Only where
-    /// planes or stops go by cost.
+    /// Cost of one traversal step, 0 or more; `None`: [`KdOptions::COST`], in packets
+    /// [`KdOptions::PACKET_COST_TRAVERSE`]. Only where planes or stops go by cost.
     pub cost_traverse: Option<f32>,
     /// Cost of one triangle test, above 0; `None`: [`KdOptions::COST`]. Only where planes or stops go by cost.
     pub cost_intersect: Option<f32>,
-    /// Part of its cost that a split with an empty side is spared, 0 to 1; `None`: [`KdOptions::EMPTY_BONUS`]. Only where planes or
-    /// stops go by cost.
+    /// Part of its cost that a split with an empty side is spared, 0 to 1; `None`: [`KdOptions::EMPTY_BONUS`]. Only
+    /// where planes or stops go by cost.
     pub empty_bonus: Option<f32>,
-    /// A split is refused when both children keep more than this share of the triangles, 0 to 1 (1: none is refused). `None`:
-    /// [`KdOptions::SIMILAR_CHILDREN`] for builds that do not weigh costs, 1 for others.
+    /// A split is refused when both children keep more than this share of the triangles, 0 to 1 (1: none is refused).
+    /// `None`: [`KdOptions::SIMILAR_CHILDREN`] for builds that do not weigh costs, 1 for others.
     pub similar_children: Option<f32>,
 }
 
@@ -66,25 +68,26 @@ impl KdOptions {
         self.stack_size.unwrap_or(Self::SHORT_STACK)
     }
 
-    /// Triangles that a sampled median is taken of: it stands at 50 % ± 5 % (standard deviation) of the triangles. On bunny, sponza,
-    /// teapot and gears the expected cost of the tree was 0.2, 1, 4 and -6 % above that of the median.
+    /// Triangles that a sampled median is taken of: it stands at 50 % ± 5 % (standard deviation) of the triangles. On
+    /// bunny, sponza, teapot and gears the expected cost of the tree was 0.2, 1, 4 and -6 % above that of the median.
     pub const SAMPLE_SIZE: u32 = 100;
 
-    /// Cost of a step and of a test. Wald and Havran (2006) take 15 : 20 and a bonus of 20 %. Equal costs gave the same expected
-    /// cost, even counted at 15 : 20 (bunny 959 against 962, sponza 1226 against 1229), with 25 % fewer nodes and 13 % fewer
-    /// references.
+    /// Cost of a step and of a test. Wald and Havran (2006) take 15 : 20 and a bonus of 20 %. Equal costs gave the same
+    /// expected cost, even counted at 15 : 20 (bunny 959 against 962, sponza 1226 against 1229), with 25 % fewer nodes
+    /// and 13 % fewer references.
     pub const COST: f32 = 1.0;
 
-    /// Cost of a step where rays are traced in packets, whose triangles take less than a step's intervals of sixteen rays: a frustum leaves
-    /// most of them out, eight at a time. Of 1, 2, 5, 10, 20 and 40 on PoCL (bunny, sponza and gears, camera and shadow rays) 10 gave
-    /// 1.10 times the speed of 1 and 1.03 of 5, with 5 to 9 % of the nodes of 1.
+    /// Cost of a step where rays are traced in packets, whose triangles take less than a step's intervals of sixteen
+    /// rays: a frustum leaves most of them out, eight at a time. Of 1, 2, 5, 10, 20 and 40 on PoCL (bunny, sponza and
+    /// gears, camera and shadow rays) 10 gave 1.10 times the speed of 1 and 1.03 of 5, with 5 to 9 % of the nodes of 1.
     pub const PACKET_COST_TRAVERSE: f32 = 10.0;
 
     /// See [`KdOptions::empty_bonus`] and [`KdOptions::COST`].
     pub const EMPTY_BONUS: f32 = 0.2;
 
-    /// Children that both keep more than this share are nearly alike (the thesis tells no number). On bunny, sponza, teapot and
-    /// gears refusing them saved 0.2, 3, 0.1 and 3 % of the expected cost of the median's tree: "at most ~5 %" (section 5.5.2).
+    /// Children that both keep more than this share are nearly alike (the thesis tells no number). On bunny, sponza,
+    /// teapot and gears refusing them saved 0.2, 3, 0.1 and 3 % of the expected cost of the median's tree: "at most ~5
+    /// %" (section 5.5.2).
     pub const SIMILAR_CHILDREN: f32 = 0.95;
 
     /// What makes a leaf.

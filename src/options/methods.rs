@@ -1,5 +1,5 @@
-//! The interchangeable parts, by name. This is the one list of what exists: command line, tests and benches loop over `ALL`. A new
-//! variant means one kernel file, its twin in `reference/`, and one line here.
+//! The interchangeable parts, by name. This is the one list of what exists: command line, tests and benches loop over
+//! `ALL`. A new variant means one kernel file, its twin in `reference/`, and one line here.
 
 use crate::names::names;
 
@@ -12,10 +12,11 @@ names! {
         Kd = "kd",
         /// A binary hierarchy of boxes, the two of a node's children side by side (Aila and Laine 2009).
         Bvh2 = "bvh2",
-        /// A hierarchy of boxes with eight children a node, tested at once (Dammertz, Hanika and Keller 2008); for CPUs.
+        /// A hierarchy of boxes with eight children a node, tested at once (Dammertz, Hanika and Keller 2008); for
+        /// CPUs.
         Bvh8 = "bvh8",
-        /// A binary hierarchy of boxes for each object, in its own coordinates, and one of the objects' instances (Rubin and Whitted 1980):
-        /// memory for one copy of what stands in a scene many times.
+        /// A binary hierarchy of boxes for each object, in its own coordinates, and one of the objects' instances
+        /// (Rubin and Whitted 1980): memory for one copy of what stands in a scene many times.
         Instances = "instances",
         /// A uniform grid (Amanatides and Woo 1987).
         Grid = "grid",
@@ -65,30 +66,32 @@ names! {
 names! {
     /// The ray-triangle test. On a CPU all but exact are slower: only with exact hits do rays go in packets.
     pub enum Intersector ("intersector") {
-        /// Right: exact arithmetic decides hit or miss and which of two hits is nearer, wherever rounded arithmetic cannot; t, u and v
-        /// are the exact ones rounded once.
+        /// Right: exact arithmetic decides hit or miss and which of two hits is nearer, wherever rounded arithmetic
+        /// cannot; t, u and v are the exact ones rounded once.
         Exact = "exact",
         /// Two edges and one reciprocal (Möller and Trumbore 1997), two-sided, no epsilon.
         MollerTrumbore = "moller-trumbore",
-        /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between neighbours.
+        /// Sheared edge functions (Woop, Benthin and Wald 2013), with exact signs by fma: no ray slips between
+        /// neighbours.
         Watertight = "watertight",
         /// Volumes of ray and edges (Amanatides and Choi 1997), alike to the bit for the two triangles of an edge.
         Plucker = "plucker",
         /// A transform for each triangle, computed beforehand (Baldwin and Weber 2016).
         Precomputed = "precomputed",
-        /// Listing 5.1 of the thesis with its faults: no back faces, no small triangles, a near limit that grows with 1/area.
+        /// Listing 5.1 of the thesis with its faults: no back faces, no small triangles, a near limit that grows with
+        /// 1/area.
         Thesis = "thesis",
     }
 }
 
 names! {
-    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same; of several hits of a ray, where any
-    /// will do, another one may be found. The wavefront kernels trace pictures one ray at a time.
+    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same; of several hits of a
+    /// ray, where any will do, another one may be found. The wavefront kernels trace pictures one ray at a time.
     pub enum PacketSize ("packet_size") {
         /// Each ray by itself.
         One = "1",
-        /// Sixteen rays in the lanes of vectors (Wald et al. 2001), for CPUs: pixels of a tile, and neighbours in a batch, which should
-        /// be neighbours in space.
+        /// Sixteen rays in the lanes of vectors (Wald et al. 2001), for CPUs: pixels of a tile, and neighbours in a
+        /// batch, which should be neighbours in space.
         Sixteen = "16",
     }
 }
@@ -104,10 +107,12 @@ impl PacketSize {
 }
 
 names! {
-    /// The order in which the rays of a batch are traced; hits come back in the caller's. The closest hits are the same; of several
-    /// hits of a ray, where any will do, packets may find another one. Pictures have an order of their own.
+    /// The order in which the rays of a batch are traced; hits come back in the caller's. The closest hits are the
+    /// same; of several hits of a ray, where any will do, packets may find another one. Pictures have an order of their
+    /// own.
     pub enum RayOrder ("ray_order") {
-        /// Sorted where that pays: a large batch that looks shuffled, in packets on a CPU, unless its rays leave the scene at once.
+        /// Sorted where that pays: a large batch that looks shuffled, in packets on a CPU, unless its rays leave the
+        /// scene at once.
         Auto = "auto",
         /// The caller's.
         Kept = "kept",
@@ -117,8 +122,8 @@ names! {
 }
 
 names! {
-    /// Where on the device nodes, references, vertices and the structures' other arrays lie (thesis, section 5.3). The reference
-    /// has one kind of memory: the choice changes nothing there.
+    /// Where on the device nodes, references, vertices and the structures' other arrays lie (thesis, section 5.3). The
+    /// reference has one kind of memory: the choice changes nothing there.
     pub enum Memory ("memory") {
         /// Buffers in global memory.
         Global = "global",
@@ -146,7 +151,8 @@ names! {
     pub enum NodeOrder ("node_order") {
         /// A node, all below its lower child, all below its upper child.
         Preorder = "preorder",
-        /// Subtrees of half the height together, and so on within them: few cache lines on the way down, whatever their size.
+        /// Subtrees of half the height together, and so on within them: few cache lines on the way down, whatever their
+        /// size.
         VanEmdeBoas = "van-emde-boas",
         /// Level by level.
         BreadthFirst = "breadth-first",
@@ -158,14 +164,15 @@ names! {
     pub enum TriangleOrder ("triangles") {
         /// By the triangle's number in the leaf's list.
         Indexed = "indexed",
-        /// In a copy for each reference, in the order of the leaves: no jump in memory, at 4 to 5 times the vertices in a kd-tree.
+        /// In a copy for each reference, in the order of the leaves: no jump in memory, at 4 to 5 times the vertices in
+        /// a kd-tree.
         LeafOrder = "leaf-order",
     }
 }
 
 names! {
-    /// How the work of a picture is shared out among kernels (thesis, section 5.2.1). The pixels are the same; the reference does the
-    /// work of either in one way.
+    /// How the work of a picture is shared out among kernels (thesis, section 5.2.1). The pixels are the same; the
+    /// reference does the work of either in one way.
     pub enum Kernels ("kernels") {
         /// One kernel does everything for a pixel.
         Mega = "mega",
@@ -175,8 +182,8 @@ names! {
 }
 
 names! {
-    /// What the kernels that shade can do; textures, mirrors and the like that a scene does without cost registers and time even so.
-    /// The pixels are the same; the reference has all features.
+    /// What the kernels that shade can do; textures, mirrors and the like that a scene does without cost registers and
+    /// time even so. The pixels are the same; the reference has all features.
     pub enum KernelFeatures ("features") {
         /// What the scene needs, and no more.
         Scene = "scene",
@@ -190,13 +197,15 @@ names! {
     pub enum Terminator ("terminator") {
         /// At the height that the normals claim (Hanika 2021): light ends smoothly on coarse meshes.
         Smooth = "smooth",
-        /// On the triangle: exact shadows of the mesh as it is, whose own one ends along the triangles' edges, in stairs.
+        /// On the triangle: exact shadows of the mesh as it is, whose own one ends along the triangles' edges, in
+        /// stairs.
         Hard = "hard",
     }
 }
 
 names! {
-    /// Who evaluates textures (thesis, section 5.2.2). The pixels are the same; on the reference both are the same, too.
+    /// Who evaluates textures (thesis, section 5.2.2). The pixels are the same; on the reference both are the same,
+    /// too.
     pub enum TexturePass ("textures") {
         /// The kernel that shades.
         InKernel = "in-kernel",
@@ -208,8 +217,8 @@ names! {
 names! {
     /// What colour a ray takes from a texture that is a picture. The same where texels are larger than pixels.
     pub enum TextureFilter ("texture_filter") {
-        /// The mean over what the ray stands for, from levels of the texture (Williams 1983; ray cones: Akenine-Möller et al. 2021):
-        /// keeps far textures from flickering.
+        /// The mean over what the ray stands for, from levels of the texture (Williams 1983; ray cones: Akenine-Möller
+        /// et al. 2021): keeps far textures from flickering.
         Footprint = "footprint",
         /// The colour of a point, between its four texels.
         Bilinear = "bilinear",
@@ -217,8 +226,8 @@ names! {
 }
 
 names! {
-    /// Who decides what is traced next of a picture whose error is asked for. The pixels are the same; on the reference both are the same,
-    /// too, and where the work on pixels is counted the host decides.
+    /// Who decides what is traced next of a picture whose error is asked for. The pixels are the same; on the reference
+    /// both are the same, too, and where the work on pixels is counted the host decides.
     pub enum Decisions ("decisions") {
         /// The device, if it is a GPU that divides as the host does and has the memory for it.
         Auto = "auto",
@@ -267,13 +276,13 @@ impl Intersector {
         matches!(self, Intersector::Exact | Intersector::Watertight)
     }
 
-    /// Whether t stays right when the ray lies in the triangle's plane. Then every structure gives the hits of brute force; else a
-    /// traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
+    /// Whether t stays right when the ray lies in the triangle's plane. Then every structure gives the hits of brute
+    /// force; else a traversal may stop before a leaf whose triangle has a t that is nearer than the leaf.
     ///
-    /// `watertight` weighs the vertices' own distances and `precomputed` takes u and v from the point at t: neither had such a
-    /// ray in the tests. With the others t is a quotient of two numbers that may both be rounding errors: of 160,000 hits, three
-    /// quarters of them of rays in a triangle's plane or close to it, 43 (`moller-trumbore`) and 195 (`plucker`) were others than
-    /// brute force's.
+    /// `watertight` weighs the vertices' own distances and `precomputed` takes u and v from the point at t: neither had
+    /// such a ray in the tests. With the others t is a quotient of two numbers that may both be rounding errors: of
+    /// 160,000 hits, three quarters of them of rays in a triangle's plane or close to it, 43 (`moller-trumbore`) and
+    /// 195 (`plucker`) were others than brute force's.
     pub fn is_robust(self) -> bool {
         matches!(self, Intersector::Exact | Intersector::Watertight | Intersector::Precomputed)
     }

@@ -1,5 +1,6 @@
-//! What can be chosen, as data: which parts trace the rays, and the numbers that go with them. What does not go together is refused here
-//! and nowhere else; what is taken where nobody asks for anything is chosen in [`crate::choose`].
+//! What can be chosen, as data: which parts trace the rays, and the numbers that go with them. What does not go
+//! together is refused here and nowhere else; what is taken where nobody asks for anything is chosen in
+//! [`crate::choose`].
 
 use crate::error::{Error, Result};
 use serde::ser::SerializeMap;
@@ -28,7 +29,8 @@ pub struct TraceOptions {
     pub structure: Structure,
     /// The ray-triangle test.
     pub intersector: Intersector,
-    /// How many rays are traced together; more than one only with [`Structure::Bvh8`] and [`Structure::Kd`], and [`Intersector::Exact`].
+    /// How many rays are traced together; more than one only with [`Structure::Bvh8`] and [`Structure::Kd`], and
+    /// [`Intersector::Exact`].
     pub packet_size: PacketSize,
     /// The order in which a batch's rays are traced.
     pub ray_order: RayOrder,
@@ -36,7 +38,8 @@ pub struct TraceOptions {
     pub arrays: ArrayOptions,
     /// How pictures are made; batches of rays do not read it.
     pub picture: PictureOptions,
-    /// Whether to count the work on every ray ([`crate::shared::WorkCounter`]), by kernels of their own: nothing else changes.
+    /// Whether to count the work on every ray ([`crate::shared::WorkCounter`]), by kernels of their own: nothing else
+    /// changes.
     pub counters: bool,
 }
 
@@ -72,8 +75,8 @@ pub struct PictureOptions {
     pub features: KernelFeatures,
     /// Where shadow rays start on smooth normals.
     pub terminator: Terminator,
-    /// How many paths (a sample of a pixel and all rays that come of it) the wavefront kernels follow at a time, at least 1; `None`: as
-    /// many as a device has memory for. Only with [`Kernels::Wavefront`].
+    /// How many paths (a sample of a pixel and all rays that come of it) the wavefront kernels follow at a time, at
+    /// least 1; `None`: as many as a device has memory for. Only with [`Kernels::Wavefront`].
     pub paths_in_flight: Option<u32>,
 }
 
@@ -90,7 +93,8 @@ impl PictureOptions {
     };
 }
 
-/// Flat, by the names of [`OPTIONS`]; the structure is called `accel`, as it always was. What the structure does not read is left out.
+/// Flat, by the names of [`OPTIONS`]; the structure is called `accel`, as it always was. What the structure does not
+/// read is left out.
 impl serde::Serialize for TraceOptions {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;

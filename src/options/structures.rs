@@ -33,11 +33,11 @@ pub struct BvhOptions {
     /// The most triangles of a leaf, at least 1 and at most [`BvhOptions::MAX_LEAF`], with eight children
     /// [`BvhOptions::BVH8_MAX_LEAF`]; `None`: 8.
     pub leaf_size: Option<u32>,
-    /// Passes over the finished hierarchy, each of which moves large subtrees to where they fit better, or fewer when nothing is left to
-    /// gain; `None`: 5.
+    /// Passes over the finished hierarchy, each of which moves large subtrees to where they fit better, or fewer when
+    /// nothing is left to gain; `None`: 5.
     pub reinsert: Option<u32>,
-    /// The most references that splits of space may add, as a share of the triangles: each part of a triangle that is cut has one. 0 (none)
-    /// to [`BvhOptions::MAX_SPATIAL_SPLITS`]; `None`: 0.
+    /// The most references that splits of space may add, as a share of the triangles: each part of a triangle that is
+    /// cut has one. 0 (none) to [`BvhOptions::MAX_SPATIAL_SPLITS`]; `None`: 0.
     pub spatial_splits: Option<f32>,
     /// Cost of one traversal step, 0 or more; `None`: [`KdOptions::COST`].
     pub cost_traverse: Option<f32>,
@@ -76,8 +76,8 @@ impl BvhOptions {
 /// How a uniform grid is built.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridOptions {
-    /// Cells along x, y, z; their product at most [`GridOptions::MAX_CELLS`]. An axis along which the scene has no extent gets 1. `None`:
-    /// nearly cubic ones, about 8 for each triangle.
+    /// Cells along x, y, z; their product at most [`GridOptions::MAX_CELLS`]. An axis along which the scene has no
+    /// extent gets 1. `None`: nearly cubic ones, about 8 for each triangle.
     pub size: Option<[u32; 3]>,
 }
 
@@ -104,7 +104,8 @@ impl GridOptions {
 pub struct OctreeOptions {
     /// A cell with at most this many triangles is not divided; at least 1. `None`: 8.
     pub leaf_size: Option<u32>,
-    /// No cell is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 4 + 0.5 log2(triangles).
+    /// No cell is deeper than this, the root counted as 0; at most [`TraceOptions::MAX_DEPTH`]. `None`: 4 + 0.5
+    /// log2(triangles).
     pub max_depth: Option<u32>,
 }
 

@@ -368,7 +368,8 @@ impl MethodOption {
     /// The value that `text` means.
     ///
     /// # Errors
-    /// [`Error::Option`] tells what is possible. Whether a number is within its limits [`TraceOptions::validate`] tells.
+    /// [`Error::Option`] tells what is possible. Whether a number is within its limits [`TraceOptions::validate`]
+    /// tells.
     pub fn parse(&'static self, text: &str) -> Result<Choice> {
         let wrong = |words: &str| Error::option(self.name, format!("'{text}' is not {words}"));
         let value = match &self.field {
@@ -387,7 +388,8 @@ impl MethodOption {
         Ok(Choice { option: self, value })
     }
 
-    /// The value in `options`: `None` where their structure has no such option, `Some(None)` where it is left to the build.
+    /// The value in `options`: `None` where their structure has no such option, `Some(None)` where it is left to the
+    /// build.
     pub fn value(&self, options: &TraceOptions) -> Option<Option<Value>> {
         let value = self.value_of_field(options);
         (value.is_some() || self.structures.contains(&options.kind())).then_some(value)

@@ -1,5 +1,5 @@
-//! How the arrays are laid out for a device: copies in leaf order, whole triangles, and what goes to constant memory. The twin
-//! reads the same numbers from [`SceneBuffers`] itself.
+//! How the arrays are laid out for a device: copies in leaf order, whole triangles, and what goes to constant memory.
+//! The twin reads the same numbers from [`SceneBuffers`] itself.
 
 use super::SceneBuffers;
 use crate::features::Features;
@@ -19,8 +19,8 @@ impl Features {
     }
 }
 
-/// What is put into constant memory altogether. Devices of the full profile have at least 64 KiB (OpenCL 1.2, table 4.3); the rest
-/// is left to compilers, which keep literals and arguments there.
+/// What is put into constant memory altogether. Devices of the full profile have at least 64 KiB (OpenCL 1.2, table
+/// 4.3); the rest is left to compilers, which keep literals and arguments there.
 pub const CONSTANT_BYTES: usize = 48 << 10;
 
 /// Nodes that fit into constant memory.
@@ -29,14 +29,15 @@ pub const CONSTANT_NODES: usize = CONSTANT_BYTES / size_of::<KdNode>();
 /// The arrays of a scene as [`TraceOptions`] want them on a device.
 #[derive(Debug)]
 pub struct Arrangement<'a> {
-    /// Three of each triangle or, in leaf order, of each reference; with whole triangles seven, the last four being its [`Shading`].
+    /// Three of each triangle or, in leaf order, of each reference; with whole triangles seven, the last four being its
+    /// [`Shading`].
     pub vertices: Cow<'a, [Float4]>,
     /// Three of each triangle or reference, or empty.
     pub transforms: Cow<'a, [Float4]>,
     /// In leaf order: three of each triangle, for shading; else empty.
     pub surface_vertices: &'a [Float4],
-    /// Words of one [`Shading`] of each triangle; or its material alone, where kernels read no more; or none with whole triangles, and where
-    /// there is one material.
+    /// Words of one [`Shading`] of each triangle; or its material alone, where kernels read no more; or none with whole
+    /// triangles, and where there is one material.
     pub shading: Cow<'a, [u32]>,
     /// The nodes that lie in constant memory: the first of all.
     pub constant_nodes: &'a [KdNode],

@@ -1,9 +1,10 @@
-//! Packs a scene for `cl/traverse/instances.cl`: one hierarchy of boxes for each object, in the object's coordinates, and one of the
-//! instances, in tracing space, whose leaves lead to the roots of the others. Vertices and shading data are there once for each object.
+//! Packs a scene for `cl/traverse/instances.cl`: one hierarchy of boxes for each object, in the object's coordinates,
+//! and one of the instances, in tracing space, whose leaves lead to the roots of the others. Vertices and shading data
+//! are there once for each object.
 //!
-//! Rubin and Whitted, "A 3-Dimensional Representation for Fast Rendering of Complex Scenes", SIGGRAPH 1980. Nodes are those of
-//! `accel/bvh2.rs`; a leaf of the instances' hierarchy has the link [`instance_link`]. What a kernel knows of an instance is a record in
-//! `bounds`, in the order of their primitives:
+//! Rubin and Whitted, "A 3-Dimensional Representation for Fast Rendering of Complex Scenes", SIGGRAPH 1980. Nodes are
+//! those of `accel/bvh2.rs`; a leaf of the instances' hierarchy has the link [`instance_link`]. What a kernel knows of
+//! an instance is a record in `bounds`, in the order of their primitives:
 //!
 //! ```text
 //! 0-2   rows of the transform to the world (world units, as Transform::point has it)
@@ -13,8 +14,8 @@
 //! 8-10  rows of the transform of normals; w: first primitive, how many, and what takes a primitive to its place in the arrays
 //! ```
 //!
-//! An instance that cannot be shared gets triangles of its own, placed beforehand: one whose inverse is not sure to a quarter of float32's
-//! rounding, or that does not lose the same triangles as the object when its vertices are rounded.
+//! An instance that cannot be shared gets triangles of its own, placed beforehand: one whose inverse is not sure to a
+//! quarter of float32's rounding, or that does not lose the same triangles as the object when its vertices are rounded.
 
 use super::shading::{ShadingOf, pack_shading};
 use crate::accel::{
@@ -127,7 +128,8 @@ const LEAST_REACH: f64 = 1.0 / (1u128 << 101) as f64;
 const LARGEST_REACH: f64 = (1u128 << 102) as f64;
 
 impl Inverse {
-    /// Of `transform` for a mesh of this extent; `None` where it is not sure enough. `cl/shared/slab.cl` says what reach and blur are for.
+    /// Of `transform` for a mesh of this extent; `None` where it is not sure enough. `cl/shared/slab.cl` says what
+    /// reach and blur are for.
     fn new(transform: &Transform, extent: Vec3, scale: f32) -> Option<Inverse> {
         let scale = f64::from(scale);
         let (inverse, offset) = transform.inverse();
@@ -142,7 +144,8 @@ impl Inverse {
         let summands = DVec3::from_array(transform.rows.map(|row| f64::from(row[3]).abs())) * scale;
         let magnitude = [0, 1, 2].map(|k| forward[k].abs().dot(extent) + summands[k]).into_iter().fold(0.0, f64::max);
         for k in 0..3 {
-            // inverse * forward is off from the identity by the inverse's own error, relative to the true one, and by rounding in f64.
+            // inverse * forward is off from the identity by the inverse's own error, relative to the true one, and by
+            // rounding in f64.
             let error = |j: usize| {
                 let product = inverse[k].dot(columns[j]) - if j == k { 1.0 } else { 0.0 };
                 product.abs() + 8.0 * f64::EPSILON * inverse[k].abs().dot(columns[j].abs())
@@ -168,7 +171,8 @@ impl Inverse {
 /// Packs the triangles of `scene` and its instances. `used`: [`Scene::used_materials`].
 ///
 /// # Errors
-/// [`Error::Scene`] when an object has more triangles than a hierarchy of boxes can number, or there are more instances than links can.
+/// [`Error::Scene`] when an object has more triangles than a hierarchy of boxes can number, or there are more instances
+/// than links can.
 pub(super) fn pack_instances(
     scene: &Scene,
     used: &[MaterialId],
@@ -399,7 +403,8 @@ mod tests {
             let transform = Transform::new(DAffine3::from_mat3(matrix)).unwrap();
             Inverse::new(&transform, Vec3::ONE, 1.0)
         };
-        // Scales do no harm. Consecutive Fibonacci numbers have the determinant 1, far below the rounding of their products.
+        // Scales do no harm. Consecutive Fibonacci numbers have the determinant 1, far below the rounding of their
+        // products.
         let turned = DMat3::from_axis_angle(DVec3::ONE.normalize(), 1.0);
         assert!(inverse(turned * DMat3::from_diagonal(DVec3::new(1.0, 1e-12, 1e9))).is_some());
         let [a, b, c] = [5_702_887.0, 9_227_465.0, 14_930_352.0];

@@ -1,4 +1,5 @@
-//! Packs what shading reads: of materials and textures only those that some triangle has, of lamps only those that shine.
+//! Packs what shading reads: of materials and textures only those that some triangle has, of lamps only those that
+//! shine.
 
 use super::textures::pack_textures;
 use crate::error::{Error, Result};
@@ -25,7 +26,8 @@ impl ShadingArrays {
     /// `used`: [`Scene::used_materials`].
     ///
     /// # Errors
-    /// [`Error::Scene`] when there are more texels than 32 bits can number, or when a light is too far away to be a point.
+    /// [`Error::Scene`] when there are more texels than 32 bits can number, or when a light is too far away to be a
+    /// point.
     pub fn new(scene: &Scene, used: &[MaterialId], scale: f32, filter: TextureFilter) -> Result<ShadingArrays> {
         let mut used_textures: Vec<_> =
             used.iter().filter_map(|&id| scene.materials[id as usize].diffuse_texture).collect();

@@ -5,9 +5,10 @@ use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a billion
-/// times smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away. Being relative
-/// to the scene, it also makes every result independent of the scene's unit when that changes by a power of two.
+/// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a
+/// billion times smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away.
+/// Being relative to the scene, it also makes every result independent of the scene's unit when that changes by a power
+/// of two.
 const LARGEST_COORDINATE_EXPONENT: i32 = 0;
 const LARGEST_SCALE_EXPONENT: i32 = 100;
 
@@ -18,7 +19,8 @@ fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
         return 1.0;
     }
     let exponent = f64::from(largest).log2().floor() as i32;
-    // t changes by this factor, too: the largest and smallest scenes keep some distance to 1, so that it stays a normal float.
+    // t changes by this factor, too: the largest and smallest scenes keep some distance to 1, so that it stays a normal
+    // float.
     2f32.powi((LARGEST_COORDINATE_EXPONENT - exponent).clamp(-LARGEST_SCALE_EXPONENT, LARGEST_SCALE_EXPONENT))
 }
 
@@ -28,8 +30,8 @@ pub fn scale_of(scene: &Scene) -> f32 {
     tracing_scale(low, high)
 }
 
-/// The triangles in world units where one of them loses bits on its way to tracing space; zeros for those that cannot be hit.
-/// Only numbers that become smaller can.
+/// The triangles in world units where one of them loses bits on its way to tracing space; zeros for those that cannot
+/// be hit. Only numbers that become smaller can.
 pub(super) fn vertices_that_lose_bits(scene: &Scene, scale: f32) -> Option<Vec<[Vec3; 3]>> {
     if scale >= 1.0 {
         return None;

@@ -1,8 +1,8 @@
-//! Levels of a texture: pictures of it that are half as wide and high, then a quarter, down to one texel, of which each texel is the
-//! mean of those that it covers (Williams, "Pyramidal Parametrics", SIGGRAPH 1983).
+//! Levels of a texture: pictures of it that are half as wide and high, then a quarter, down to one texel, of which each
+//! texel is the mean of those that it covers (Williams, "Pyramidal Parametrics", SIGGRAPH 1983).
 //!
-//! Means are those of linear light, weighted by area where a side is odd; each level is made from the one before as it was before it was
-//! rounded to 8 bits. They are the host's business alone: device and twin read the same texels.
+//! Means are those of linear light, weighted by area where a side is odd; each level is made from the one before as it
+//! was before it was rounded to 8 bits. They are the host's business alone: device and twin read the same texels.
 
 use crate::io::film::{SRGB_TO_LINEAR, linear_from_srgb, srgb_from_linear};
 use crate::scene::Image;

@@ -1,7 +1,7 @@
 //! The triangles' transforms for `cl/intersect/precomputed.cl`, where the layout is described.
 //!
-//! Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate Transformation", JCGT 5(3), 2016. Computed in f64, whose
-//! products of float32 differences are almost always exact, and rounded once.
+//! Baldwin and Weber, "Fast Ray-Triangle Intersections by Coordinate Transformation", JCGT 5(3), 2016. Computed in f64,
+//! whose products of float32 differences are almost always exact, and rounded once.
 
 use crate::layout::Float4;
 use glam::{DVec3, Vec3};

@@ -1,13 +1,16 @@
-//! Rays whose numbers tracing space cannot hold: they are answered on the host, exactly as all others, whatever the device and the method.
+//! Rays whose numbers tracing space cannot hold: they are answered on the host, exactly as all others, whatever the
+//! device and the method.
 //!
-//! Scenes are brought to tracing space by a power of two ([`crate::pack`]), which is exact until a number gets lost below 2^-149 or grows
-//! beyond 2^128: the origin 1.4e-45 in a scene of size 4, the origin 1e20 in one of size 1e-20, a vertex of 1e-38 in a scene of size 1000.
-//! The kernels see of such a ray that it is none, and miss; here each is traced through the scene as it was given, in f64, whose range
-//! holds every product of floats, and what that leaves open is decided in exact integers.
+//! Scenes are brought to tracing space by a power of two ([`crate::low_level::pack`]), which is exact until a number gets lost
+//! below 2^-149 or grows beyond 2^128: the origin 1.4e-45 in a scene of size 4, the origin 1e20 in one of size 1e-20, a
+//! vertex of 1e-38 in a scene of size 1000. The kernels see of such a ray that it is none, and miss; here each is
+//! traced through the scene as it was given, in f64, whose range holds every product of floats, and what that leaves
+//! open is decided in exact integers.
 //!
-//! Filter after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational
-//! Geometry 18, 1997. Bad at speed: a scalar search with a plain hierarchy for what is rare. A scene whose own vertices cannot be brought
-//! to tracing space has all its batches traced here; its pictures have vertices without their lowest bits.
+//! Filter after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete
+//! & Computational Geometry 18, 1997. Bad at speed: a scalar search with a plain hierarchy for what is rare. A scene
+//! whose own vertices cannot be brought to tracing space has all its batches traced here; its pictures have vertices
+//! without their lowest bits.
 
 use crate::layout::Float4;
 use crate::options::{Intersector, TraceOptions};
@@ -45,13 +48,15 @@ impl TracingBatch {
 
 /// The largest coordinate of an origin in tracing space: sums and differences with such numbers are floats.
 const LARGEST_ORIGIN: f32 = f32::from_bits((127 + 126) << 23);
-/// A ray's largest component is in [1, 2), or in [2^60, 2^61) where others would lose bits below 2^-149 (`aim_ray` in `cl/shared/ray.cl`).
+/// A ray's largest component is in [1, 2), or in [2^60, 2^61) where others would lose bits below 2^-149 (`aim_ray` in
+/// `cl/shared/ray.cl`).
 const LOWEST_DIRECTION_BIT: i32 = -149 - 60;
 
 /// Whether an origin times `scale` is exactly what it was.
 fn has_room(origin: Vec3, scale: f32) -> bool {
     let scaled = origin * scale;
-    // Most numbers stay normal; the others are looked at one by one, by a division that undoes a product of powers of two exactly.
+    // Most numbers stay normal; the others are looked at one by one, by a division that undoes a product of powers of
+    // two exactly.
     scaled.to_array().iter().zip(origin.to_array()).all(|(&scaled, given)| {
         scaled.abs() <= LARGEST_ORIGIN && (scaled.abs() >= f32::MIN_POSITIVE || scaled / scale == given)
     })
@@ -83,8 +88,8 @@ impl SceneBuffers {
         }
     }
 
-    /// `count` rays in world units as the tracers take them: `ray` makes number i of them (origin, direction, t_min, t_max), `next` the
-    /// direction of its second ray.
+    /// `count` rays in world units as the tracers take them: `ray` makes number i of them (origin, direction, t_min,
+    /// t_max), `next` the direction of its second ray.
     pub fn batch(
         &self,
         count: usize,
@@ -117,7 +122,8 @@ impl SceneBuffers {
     }
 }
 
-/// From this number of extreme rays on a hierarchy is built for them: before, it takes longer than testing every triangle.
+/// From this number of extreme rays on a hierarchy is built for them: before, it takes longer than testing every
+/// triangle.
 const RAYS_FOR_HIERARCHY: usize = 64;
 
 /// The triangles of a scene in world units.
@@ -217,8 +223,9 @@ struct FilterRay {
     direction: DVec3,
 }
 
-/// With u = 2^-53 none of the numbers below is off by more than 9 u P, W by 12 u P, as `cl/intersect/exact_filter.cl` derives, P the same
-/// expression of magnitudes; half as much again is for the rounding of the bounds. Products of four floats are within f64's range.
+/// With u = 2^-53 none of the numbers below is off by more than 9 u P, W by 12 u P, as `cl/intersect/exact_filter.cl`
+/// derives, P the same expression of magnitudes; half as much again is for the rounding of the bounds. Products of four
+/// floats are within f64's range.
 const FILTER_ERROR: f64 = 9.0 * f64::EPSILON;
 
 impl FilterRay {

@@ -1,8 +1,8 @@
 //! The scalar reference tracer: the same algorithms as the kernels, file for file, in plain Rust.
 //!
-//! The f32 twin repeats every operation of the kernels in their order (`mul_add` for `fma`), so that hits and pictures agree bit
-//! for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which accuracy is
-//! measured.
+//! The f32 twin repeats every operation of the kernels in their order (`mul_add` for `fma`), so that hits and pictures
+//! agree bit for bit with a device of IEEE arithmetic. The [`oracle`] is another matter: hits in f64, against which
+//! accuracy is measured.
 
 pub mod extreme;
 pub mod intersect;
@@ -21,7 +21,7 @@ use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
 use crate::tracer::{Backend, Progress, RenderResult, TraceJob, TraceResult};
 use extreme::answer_extreme;
-use kernels::render::render_row;
+use kernels::render::{PixelRow, render_row};
 use kernels::trace::{trace_chunk, trace_next_chunk};
 use rayon::prelude::*;
 use shade::local_light::requested_colour;
@@ -116,7 +116,8 @@ impl Backend for ReferenceBackend {
             .enumerate()
             .map(|(y, (row, work))| {
                 let mut counts = [0; COUNTERS];
-                render_row(&self.buffers, &self.options, params, samples, y, row, &mut counts, work);
+                let row = PixelRow { y, pixels: row, counts: &mut counts };
+                render_row(&self.buffers, &self.options, params, samples, row, work);
                 progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
                 counts
             })

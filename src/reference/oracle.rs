@@ -49,7 +49,8 @@ impl Oracle {
         Oracle::over(scene.hittable().into_iter().map(|i| (i, vertices(i))).collect())
     }
 
-    /// An oracle for triangles whose vertices float32 may not hold, each finite; their numbers are their places in the list.
+    /// An oracle for triangles whose vertices float32 may not hold, each finite; their numbers are their places in the
+    /// list.
     pub fn of_triangles(triangles: &[[DVec3; 3]]) -> Oracle {
         Oracle::over((0..).zip(triangles.iter().copied()).collect())
     }
@@ -70,8 +71,8 @@ impl Oracle {
         })
     }
 
-    /// The closest hit with t in `t_min..=t_max`; of hits at the same t the lowest triangle number. Triangles are closed and
-    /// two-sided; a ray with NaN or infinite parts, or of length zero, misses.
+    /// The closest hit with t in `t_min..=t_max`; of hits at the same t the lowest triangle number. Triangles are
+    /// closed and two-sided; a ray with NaN or infinite parts, or of length zero, misses.
     pub fn closest(&self, ray: &OracleRay) -> Option<OracleHit> {
         self.search(ray, false)
     }
@@ -113,11 +114,13 @@ fn nearer(best: Option<OracleHit>, hit: Option<OracleHit>) -> Option<OracleHit> 
 
 /// The hit of `ray`, whose line is `line`, with one triangle.
 ///
-/// The edge functions d·(a×b) of vertices relative to the origin are the same number, but for the sign, in the two triangles
-/// of an edge, so that no ray passes between neighbours (Plücker; Davidovič et al. 2012; see `cl/intersect/plucker.cl`).
+/// The edge functions d·(a×b) of vertices relative to the origin are the same number, but for the sign, in the two
+/// triangles of an edge, so that no ray passes between neighbours (Plücker; Davidovič et al. 2012; see
+/// `cl/intersect/plucker.cl`).
 ///
-/// t is a quotient of two numbers that are both mostly rounding error for a triangle seen edge-on. It is therefore held between
-/// the line's entrance into the triangle's box and its exit; where the line passes the box by, the signs were wrong.
+/// t is a quotient of two numbers that are both mostly rounding error for a triangle seen edge-on. It is therefore held
+/// between the line's entrance into the triangle's box and its exit; where the line passes the box by, the signs were
+/// wrong.
 fn hit(ray: &OracleRay, line: &Line, primitive: u32, vertices: &[DVec3; 3]) -> Option<OracleHit> {
     if primitive == ray.skip {
         return None;
@@ -140,9 +143,9 @@ fn hit(ray: &OracleRay, line: &Line, primitive: u32, vertices: &[DVec3; 3]) -> O
     (t >= ray.t_min && t <= ray.t_max).then(|| OracleHit { t, u: edges[1] / sum, v: edges[2] / sum, primitive })
 }
 
-/// d·(a×b), with the opposite sign to the bit when a and b are exchanged. What is too small to be sure of its sign is measured
-/// from the vertex nearer to the ray, so that all edges of a vertex agree on which side of it the ray passes: without this the
-/// oracle lost 17 of 40,000 rays aimed at the vertices of a sphere.
+/// d·(a×b), with the opposite sign to the bit when a and b are exchanged. What is too small to be sure of its sign is
+/// measured from the vertex nearer to the ray, so that all edges of a vertex agree on which side of it the ray passes:
+/// without this the oracle lost 17 of 40,000 rays aimed at the vertices of a sphere.
 fn edge_volume(d: DVec3, a: DVec3, b: DVec3) -> f64 {
     const ROUNDING: f64 = 4.0 * f64::EPSILON; // 8 roundings, of f64::EPSILON / 2 each, more than the longest chain has
     let volume = d.dot(a.cross(b));
@@ -187,8 +190,8 @@ mod tests {
             .fold(None, |best, (primitive, vertices)| nearer(best, hit(ray, &line, *primitive, vertices)))
     }
 
-    /// SplitMix64 (Steele, Lea and Flood 2014), in -1..1; every third number is a multiple of 1/4, so that rays run in planes and
-    /// along axes.
+    /// SplitMix64 (Steele, Lea and Flood 2014), in -1..1; every third number is a multiple of 1/4, so that rays run in
+    /// planes and along axes.
     fn random(state: &mut u64) -> f64 {
         *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -19,7 +19,8 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
 pub enum Primitive {
     /// Every three vertices are a triangle.
     Triangles,
-    /// Every vertex from the third on makes a triangle with the two before it; every second one is turned, as in OpenGL.
+    /// Every vertex from the third on makes a triangle with the two before it; every second one is turned, as in
+    /// OpenGL.
     Strip,
     /// Every vertex from the third on makes a triangle with the first and the one before it: convex polygons.
     Fan,
@@ -126,7 +127,8 @@ impl Builder {
         if self.faults.is_empty() { None } else { Some(self.faults.remove(0)) }
     }
 
-    // ---- current material --------------------------------------------------------------------------------------------
+    // ---- current material
+    // --------------------------------------------------------------------------------------------
 
     /// Makes `material` the current one, and adds it unless the scene has an equal one.
     pub fn material(&mut self, material: Material) -> &mut Self {
@@ -142,7 +144,8 @@ impl Builder {
         }
     }
 
-    /// As [`Builder::add_material`], for a caller that knows that the scene has no equal one: looking takes time with many.
+    /// As [`Builder::add_material`], for a caller that knows that the scene has no equal one: looking takes time with
+    /// many.
     pub(super) fn push_material(&mut self, material: Material) -> MaterialId {
         self.scene.materials.push(material);
         (self.scene.materials.len() - 1) as MaterialId
@@ -173,8 +176,8 @@ impl Builder {
         })
     }
 
-    /// Multiplies the texture coordinates of everything that follows: 4 repeats a texture four times. Persists, and is not
-    /// part of what [`Builder::push`] keeps.
+    /// Multiplies the texture coordinates of everything that follows: 4 repeats a texture four times. Persists, and is
+    /// not part of what [`Builder::push`] keeps.
     pub fn uv_scale(&mut self, scale: Vec2) -> &mut Self {
         if !scale.is_finite() {
             return self.fail(format!("uv_scale: {scale} is not finite"));
@@ -183,7 +186,8 @@ impl Builder {
         self
     }
 
-    // ---- current transform -------------------------------------------------------------------------------------------
+    // ---- current transform
+    // -------------------------------------------------------------------------------------------
 
     /// Keeps the current transform for [`Builder::pop`].
     pub fn push(&mut self) -> &mut Self {
@@ -206,8 +210,8 @@ impl Builder {
         self
     }
 
-    /// Multiplies the current transform by `transform`, which acts first on what follows; a fault when it is singular or
-    /// not finite. A mirroring transform is fine: triangles are turned so that the outside stays outside.
+    /// Multiplies the current transform by `transform`, which acts first on what follows; a fault when it is singular
+    /// or not finite. A mirroring transform is fine: triangles are turned so that the outside stays outside.
     pub fn transform(&mut self, transform: Affine3A) -> &mut Self {
         self.multiply("transform", transform.as_daffine3())
     }
@@ -217,7 +221,8 @@ impl Builder {
         self.multiply("translate", DAffine3::from_translation(offset.as_dvec3()))
     }
 
-    /// Turns what follows about `axis` (any length but zero) through the origin, counter-clockwise seen against the axis.
+    /// Turns what follows about `axis` (any length but zero) through the origin, counter-clockwise seen against the
+    /// axis.
     pub fn rotate(&mut self, axis: Vec3, degrees: f32) -> &mut Self {
         let Some(a) = axis.as_dvec3().try_normalize() else {
             return self.fail(format!("rotate: the axis {axis} has no direction"));
@@ -252,7 +257,8 @@ impl Builder {
         self
     }
 
-    // ---- geometry ----------------------------------------------------------------------------------------------------
+    // ---- geometry
+    // ----------------------------------------------------------------------------------------------------
 
     /// Starts a list of vertices, to be closed by [`Builder::end`].
     pub fn begin(&mut self, primitive: Primitive) -> &mut Self {
@@ -264,8 +270,8 @@ impl Builder {
         self
     }
 
-    /// Sets the normal of the vertices that follow, up to [`Builder::end`]; without one, or with a zero one, a vertex has the
-    /// normal of its triangle.
+    /// Sets the normal of the vertices that follow, up to [`Builder::end`]; without one, or with a zero one, a vertex
+    /// has the normal of its triangle.
     pub fn normal(&mut self, normal: Vec3) -> &mut Self {
         match &mut self.pending {
             Some(pending) => pending.normal = pending.mesh.add_normal(normal.as_dvec3()),
@@ -369,9 +375,9 @@ impl Builder {
         self.add_geometry(mesh, |_| material)
     }
 
-    /// Adds the triangles of `other` with the current transform and with `material`, or their own materials without one.
-    /// Materials, textures, warnings and names of files come along; lights, camera, background and ambient light do
-    /// not. Instances become triangles.
+    /// Adds the triangles of `other` with the current transform and with `material`, or their own materials without
+    /// one. Materials, textures, warnings and names of files come along; lights, camera, background and ambient light
+    /// do not. Instances become triangles.
     pub fn add_scene(&mut self, other: &Scene, material: Option<MaterialId>) -> &mut Self {
         if let Some(id) = material.filter(|&id| id as usize >= self.scene.materials.len()) {
             return self.fail(format!("add_scene: there is no material number {id}"));
@@ -407,8 +413,8 @@ impl Builder {
         self.add_geometry(&mesh, |i| material.unwrap_or_else(|| own_material[other.triangles[i].material as usize]))
     }
 
-    /// Starts an object: what is added up to [`Builder::end_object`] is in its coordinates, and nowhere in the scene before
-    /// [`Builder::instance`] puts it there. Lights that are added meanwhile are the scene's.
+    /// Starts an object: what is added up to [`Builder::end_object`] is in its coordinates, and nowhere in the scene
+    /// before [`Builder::instance`] puts it there. Lights that are added meanwhile are the scene's.
     pub fn begin_object(&mut self) -> &mut Self {
         if self.outside.is_some() {
             return self.fail("begin_object: the last one was not ended");
@@ -451,8 +457,8 @@ impl Builder {
         })
     }
 
-    /// Puts an object where the current transform says, of one material or, without, of its own ones. The transform is rounded to
-    /// float32 there, and so is every vertex: see [`Transform::point`].
+    /// Puts an object where the current transform says, of one material or, without, of its own ones. The transform is
+    /// rounded to float32 there, and so is every vertex: see [`Transform::point`].
     pub fn instance(&mut self, object: ObjectId, material: Option<MaterialId>) -> &mut Self {
         if self.outside.is_some() {
             return self.fail("instance: an object has no instances");
@@ -487,8 +493,8 @@ impl Builder {
         }
         let m = self.transform.matrix3;
         let sign = m.determinant().signum();
-        // Normals go with the inverse transpose. The matrix of cofactors is that times the determinant, and the length does
-        // not matter; only the sign does, for mirrors.
+        // Normals go with the inverse transpose. The matrix of cofactors is that times the determinant, and the length
+        // does not matter; only the sign does, for mirrors.
         let normal_matrix =
             DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * sign;
         for &p in &mesh.positions {
@@ -516,7 +522,8 @@ impl Builder {
         self
     }
 
-    // ---- everything else ---------------------------------------------------------------------------------------------
+    // ---- everything else
+    // ---------------------------------------------------------------------------------------------
 
     /// Adds a light; the current transform moves and turns it. Intensity and angles stay as they are.
     pub fn light(&mut self, light: Light) -> &mut Self {
@@ -564,8 +571,8 @@ impl Builder {
     /// The scene.
     ///
     /// # Errors
-    /// [`Error::Scene`](crate::Error::Scene) tells the first faults of the calls so far, or what is out of range in camera, lights,
-    /// materials, ambient light and background.
+    /// [`Error::Scene`](crate::Error::Scene) tells the first faults of the calls so far, or what is out of range in
+    /// camera, lights, materials, ambient light and background.
     pub fn finish(mut self) -> Result<Scene> {
         if self.pending.is_some() {
             self.fail("begin: not ended");

@@ -16,8 +16,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera that shows all `points` from the front, a little from the right and above, in a picture of `aspect` = width /
-    /// height. Without points it looks at the origin.
+    /// A camera that shows all `points` from the front, a little from the right and above, in a picture of `aspect` =
+    /// width / height. Without points it looks at the origin.
     pub fn framing(points: impl Iterator<Item = Vec3> + Clone, aspect: f32) -> Camera {
         const FOV_DEGREES: f32 = 40.0;
         const MARGIN: f64 = 1.06; // a little air around the model

@@ -1,4 +1,5 @@
-//! The rules that cameras, lights, materials and procedural textures obey, in one place: the builder and the scene files both ask here.
+//! The rules that cameras, lights, materials and procedural textures obey, in one place: the builder and the scene
+//! files both ask here.
 //!
 //! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
 

@@ -1,7 +1,8 @@
-//! TOML scene files: picture, camera, lights, materials and objects in one text. `docs/book/src/scenes.md` documents every key.
+//! TOML scene files: picture, camera, lights, materials and objects in one text. `docs/book/src/scenes.md` documents
+//! every key.
 //!
-//! A scene file is as untrusted as any input: it can name only files in its own folder and below, its size and the fineness
-//! of its solids are bounded, and every fault is an error that names file, line and key.
+//! A scene file is as untrusted as any input: it can name only files in its own folder and below, its size and the
+//! fineness of its solids are bounded, and every fault is an error that names file, line and key.
 
 mod object;
 mod table;

@@ -29,8 +29,9 @@ pub(super) fn formula(formula: usize, amplitude: f32, frequency: f32, seed: u32)
     }
 }
 
-/// The height between 0 and `height` at (x, z), both -1/2..1/2, from the red of `picture`: 0 is black and `height` white,
-/// proportional to the stored 8-bit value (heights are no colours), bilinear between texels; the top row lies at z = -1/2.
+/// The height between 0 and `height` at (x, z), both -1/2..1/2, from the red of `picture`: 0 is black and `height`
+/// white, proportional to the stored 8-bit value (heights are no colours), bilinear between texels; the top row lies at
+/// z = -1/2.
 pub(super) fn from_picture(picture: &Image, height: f32) -> impl Fn(f32, f32) -> f32 {
     let (last_column, last_row) = (picture.width - 1, picture.height - 1);
     move |x, z| {

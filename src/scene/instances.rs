@@ -1,7 +1,8 @@
 //! Objects that stand in a scene many times: one copy of the geometry, many transforms.
 //!
-//! Where a vertex of an instance lies is defined by [`Transform::point`], in float32 and operation by operation, so that whoever places it,
-//! the host beforehand ([`Scene::flattened`]) or a kernel when a ray comes near, gets the same bits.
+//! Where a vertex of an instance lies is defined by [`Transform::point`], in float32 and operation by operation, so
+//! that whoever places it, the host beforehand ([`Scene::flattened`]) or a kernel when a ray comes near, gets the same
+//! bits.
 
 use super::{DropReason, MaterialId, NO_INDEX, Scene, Triangle};
 use crate::error::{Error, Result};
@@ -88,7 +89,8 @@ impl Transform {
         linear_rows(&self.rows)
     }
 
-    /// From the world back to the object, in f64: the factors, as a matrix of rows, and the summands. Not finite where `self` is singular.
+    /// From the world back to the object, in f64: the factors, as a matrix of rows, and the summands. Not finite where
+    /// `self` is singular.
     pub(crate) fn inverse(&self) -> ([DVec3; 3], DVec3) {
         let [x, y, z] = self.linear();
         let inverse = DMat3::from_cols(x, y, z).transpose().inverse();
@@ -125,8 +127,8 @@ pub struct Instance {
     pub material: Option<MaterialId>,
 }
 
-/// The objects of a scene that stand in it any number of times. Their triangles are the primitives behind [`Scene::triangles`], instance
-/// after instance.
+/// The objects of a scene that stand in it any number of times. Their triangles are the primitives behind
+/// [`Scene::triangles`], instance after instance.
 #[derive(Debug, Clone, Default)]
 pub struct Instances {
     objects: Vec<Arc<Object>>,
@@ -169,8 +171,8 @@ impl Instances {
     /// Puts an object somewhere.
     ///
     /// # Errors
-    /// [`Error::Scene`] when there is no such object, when it would reach out of float32's range, or when there are more triangles than 32
-    /// bits can number.
+    /// [`Error::Scene`] when there is no such object, when it would reach out of float32's range, or when there are
+    /// more triangles than 32 bits can number.
     pub fn add(&mut self, instance: Instance) -> Result<()> {
         let Some(object) = self.objects.get(instance.object as usize) else {
             return Err(Error::Scene(format!("instance: there is no object number {}", instance.object)));

@@ -1,7 +1,7 @@
 //! Finds the equal one among many materials or textures, in a time that does not grow with their number.
 //!
-//! By hash: floats make neither of them a key of a map, because -0 equals 0 and NaN nothing. So equal ones must have equal hashes here, and
-//! those of one hash are compared.
+//! By hash: floats make neither of them a key of a map, because -0 equals 0 and NaN nothing. So equal ones must have
+//! equal hashes here, and those of one hash are compared.
 
 use super::{Image, Material, Procedural, Texture};
 use glam::{DVec3, Vec3};
@@ -17,8 +17,8 @@ pub(super) trait Known: PartialEq {
     fn hash_for_search(&self, state: &mut impl Hasher);
 }
 
-/// The numbers of the items of a list, by their hashes. It learns of new ones when it is asked, however they came into the list, which must
-/// only grow.
+/// The numbers of the items of a list, by their hashes. It learns of new ones when it is asked, however they came into
+/// the list, which must only grow.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Numbers {
     by_hash: HashMap<u64, Vec<u32>>,

@@ -9,8 +9,8 @@ use std::path::Path;
 /// The files that hold a model: what an object of a scene file can name.
 const MODELS: &Loaders = &[("obj", obj::load), ("ply", ply::load), ("stl", stl::load), ("nff", nff::load)];
 
-/// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a `.stl` or
-/// an `.nff`; in what memory there is ([`MemoryBudget::available`]).
+/// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a
+/// `.stl` or an `.nff`; in what memory there is ([`MemoryBudget::available`]).
 ///
 /// # Errors
 /// As [`load_within`].

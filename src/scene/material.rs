@@ -9,7 +9,8 @@ pub type MaterialId = u32;
 /// How a surface answers light. All colours are linear RGB; 0..1 keeps energy.
 ///
 /// A surface with `transmission` above zero is a dielectric: what it reflects and transmits is shared by Fresnel's
-/// equations, `mirror` is not used, and the local (ambient, diffuse, specular) light is what its `transmission` leaves over.
+/// equations, `mirror` is not used, and the local (ambient, diffuse, specular) light is what its `transmission` leaves
+/// over.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
     /// Name as the file gives it.
@@ -36,9 +37,9 @@ pub struct Material {
     pub toon: Option<Toon>,
 }
 
-/// Threshold ("cartoon") shading (thesis, section 3.3.2): in place of the cosine of Lambert's law there are a few tones, each from
-/// a threshold of the cosine on, and a highlight has full strength or none. It applies to each light by itself; shadows, the
-/// lights' falloff, textures and ambient light are what they are without it.
+/// Threshold ("cartoon") shading (thesis, section 3.3.2): in place of the cosine of Lambert's law there are a few
+/// tones, each from a threshold of the cosine on, and a highlight has full strength or none. It applies to each light
+/// by itself; shadows, the lights' falloff, textures and ambient light are what they are without it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Toon {
     /// Tones above dark, 1..=[`Toon::MAX_STEPS`], of 1 / `steps`, 2 / `steps`, ..., 1.

@@ -87,9 +87,9 @@ impl Mesh {
         self.triangles.push([a, c, d]);
     }
 
-    /// Adds a grid of `columns` x `rows` quadrilaterals. `point(i, j)` gives the position of a grid point and its normal; the
-    /// columns run along u and the rows along v, and the outside is where both turn counter-clockwise. A grid that `wraps`
-    /// in columns or rows shares the last line of points with the first.
+    /// Adds a grid of `columns` x `rows` quadrilaterals. `point(i, j)` gives the position of a grid point and its
+    /// normal; the columns run along u and the rows along v, and the outside is where both turn counter-clockwise. A
+    /// grid that `wraps` in columns or rows shares the last line of points with the first.
     pub fn add_grid(
         &mut self,
         columns: u32,
@@ -123,9 +123,10 @@ impl Mesh {
         }
     }
 
-    /// Gives every corner the smooth normal of its position: the mean of the triangles around it, each weighted by its angle
-    /// there (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", JGT 1998), so that the result does not
-    /// depend on how faces are split. A position without any proper triangle gets a zero normal: the geometric one.
+    /// Gives every corner the smooth normal of its position: the mean of the triangles around it, each weighted by its
+    /// angle there (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", JGT 1998), so that the
+    /// result does not depend on how faces are split. A position without any proper triangle gets a zero normal: the
+    /// geometric one.
     pub fn smooth(&mut self) {
         let mut normals = vec![DVec3::ZERO; self.positions.len()];
         for triangle in &self.triangles {

@@ -109,9 +109,9 @@ pub struct SourceFile {
 
 /// A scene in world units.
 ///
-/// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated; those of `instances` come behind
-/// them. Triangles that cannot be hit (NaN, infinite, zero area) stay in the list and keep their number; [`Scene::drop_reason`] tells
-/// them.
+/// `triangles[i]` is primitive number `i` of every hit: file order after polygons are triangulated; those of
+/// `instances` come behind them. Triangles that cannot be hit (NaN, infinite, zero area) stay in the list and keep
+/// their number; [`Scene::drop_reason`] tells them.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     /// Vertex positions, world units.
@@ -181,14 +181,14 @@ impl Scene {
 
     /// Why primitive `primitive` can never be hit, or `None` for a proper triangle.
     ///
-    /// Whether there is an area is decided exactly, so that no thin but proper triangle is lost, however far apart its coordinates are
-    /// in magnitude: without it rays would slip through a closed solid.
+    /// Whether there is an area is decided exactly, so that no thin but proper triangle is lost, however far apart its
+    /// coordinates are in magnitude: without it rays would slip through a closed solid.
     pub fn drop_reason(&self, primitive: usize) -> Option<DropReason> {
         DropReason::of(self.vertices(primitive))
     }
 
-    /// Checks what a scene may hold: camera, lights, materials, textures, ambient light and background. Loaders and [`Builder`] have
-    /// done it; a scene that was put together or changed by hand is checked before it is traced.
+    /// Checks what a scene may hold: camera, lights, materials, textures, ambient light and background. Loaders and
+    /// [`Builder`] have done it; a scene that was put together or changed by hand is checked before it is traced.
     ///
     /// # Errors
     /// [`Error::Scene`](crate::Error::Scene) tells the first faults.

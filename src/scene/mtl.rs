@@ -1,7 +1,7 @@
 //! Material libraries (MTL) and their textures, turned into the scene's materials as an OBJ file uses them.
 //!
-//! Format: Wavefront, "MTL material format", 1995 (Paul Bourke's copy). Read here and not by `tobj`, whose MTL parser panics
-//! on a colour of one number, which the format allows. The mapping to [`Material`], colours taken as linear RGB:
+//! Format: Wavefront, "MTL material format", 1995 (Paul Bourke's copy). Read here and not by `tobj`, whose MTL parser
+//! panics on a colour of one number, which the format allows. The mapping to [`Material`], colours taken as linear RGB:
 //!
 //! | MTL | material |
 //! |---|---|
@@ -19,9 +19,9 @@
 //! | `illum 3`, `5`, `8` | and mirror = Ks |
 //! | `illum 4`, `6`, `7`, `9` | glass: as 2, but with d = 1 (or missing) transmission = Tf |
 //!
-//! Light that passes is not scattered: ambient and diffuse are scaled by d, or for glass with d = 1 by 1 - Tf. A statement
-//! that makes no sense (NaN, negative, too few numbers) is left out with a warning. Materials, and so textures, are loaded
-//! when a face first needs them; an unused one costs nothing.
+//! Light that passes is not scattered: ambient and diffuse are scaled by d, or for glass with d = 1 by 1 - Tf. A
+//! statement that makes no sense (NaN, negative, too few numbers) is left out with a warning. Materials, and so
+//! textures, are loaded when a face first needs them; an unused one costs nothing.
 
 use super::text::{Ignored, Lines, Warnings, quote, split_keyword, words};
 use super::texture::{Texture, TextureId, decode, find_inside};
@@ -248,7 +248,8 @@ impl Library {
         let specular = definition.specular.unwrap_or_default();
         let mut material = Material {
             name: definition.name.clone(),
-            // Exporters write `Ka 0 0 0` where they mean nothing by it; the scene decides whether there is ambient light.
+            // Exporters write `Ka 0 0 0` where they mean nothing by it; the scene decides whether there is ambient
+            // light.
             ambient: definition.ambient.filter(|&ka| ka != Vec3::ZERO).unwrap_or(diffuse),
             diffuse,
             diffuse_texture: texture,

@@ -1,7 +1,8 @@
 //! Loads Neutral File Format files (NFF), the format of the Standard Procedural Databases.
 //!
-//! E. Haines, "A Proposal for Standard Graphics Environments", IEEE Computer Graphics and Applications 7(11), 1987; format: the
-//! SPD's NFF document, version 3.1, 1992. Entities may be broken into lines as one likes; the view has its own words.
+//! E. Haines, "A Proposal for Standard Graphics Environments", IEEE Computer Graphics and Applications 7(11), 1987;
+//! format: the SPD's NFF document, version 3.1, 1992. Entities may be broken into lines as one likes; the view has its
+//! own words.
 //!
 //! | NFF | scene |
 //! |---|---|
@@ -13,8 +14,8 @@
 //! | `p`, `pp` | triangles, from both sides; concave polygons are split by [`super::triangulate`] |
 //! | `s`, `c` | solids of as many segments as [`solids::MAX_TRIANGLES`] allows; cones and cylinders are open, as the format has them |
 //!
-//! Bad at: scenes of many spheres, which become coarse; sharing vertices, which the format does not know. A file is read whole, and
-//! while it is turned into a scene takes up to nine times its size, but for the triangles of solids.
+//! Bad at: scenes of many spheres, which become coarse; sharing vertices, which the format does not know. A file is
+//! read whole, and while it is turned into a scene takes up to nine times its size, but for the triangles of solids.
 
 mod looks;
 mod solids;
@@ -234,7 +235,8 @@ impl<'a> Reader<'a> {
     /// The scene, once all words are read.
     fn finish(mut self) -> Result<Scene> {
         self.finish_view()?;
-        // The format leaves their strength open. With this one a scene neither darkens nor burns out when lights are added.
+        // The format leaves their strength open. With this one a scene neither darkens nor burns out when lights are
+        // added.
         let strength = Vec3::splat((self.lights.len() as f32).sqrt().recip());
         for (position, colour) in std::mem::take(&mut self.lights) {
             self.builder.light(Light::point(position, colour.unwrap_or(strength)));

@@ -1,15 +1,17 @@
 //! Loads Wavefront OBJ files.
 //!
-//! Format: Wavefront, "Advanced Visualizer" manual, appendix B1 (Object Files), as written in practice. The text is cut into parts
-//! that all processors read at the same time, three times over: `survey.rs` counts statements, so that each part knows the numbers
-//! of its first line, vertex and triangle; `vertices.rs` reads what faces refer to; `faces.rs` reads these, so that every index can
-//! be checked and negative ones and faces before their vertices mean what they should. Each part writes to its own piece of the
-//! scene's arrays. Polygons are split by [`super::triangulate`]; materials come from [`super::mtl`], beside the vertices.
+//! Format: Wavefront, "Advanced Visualizer" manual, appendix B1 (Object Files), as written in practice. The text is cut
+//! into parts that all processors read at the same time, three times over: `survey.rs` counts statements, so that each
+//! part knows the numbers of its first line, vertex and triangle; `vertices.rs` reads what faces refer to; `faces.rs`
+//! reads these, so that every index can be checked and negative ones and faces before their vertices mean what they
+//! should. Each part writes to its own piece of the scene's arrays. Polygons are split by [`super::triangulate`];
+//! materials come from [`super::mtl`], beside the vertices.
 //!
-//! The `tobj` crate is what tests compare with. It read the files until it was too slow: alone and without any of the checks 37 to
-//! 47 MB/s for files of 1 and 5 million triangles, as it gives every corner to hash maps, and it can neither read from parts nor
-//! give vertices without faces. It also fails on byte order marks, on continued lines, on old Mac line ends and on comments that
-//! are not UTF-8, gives a corner without a normal that of the corner before it, and has no line numbers in its errors.
+//! The `tobj` crate is what tests compare with. It read the files until it was too slow: alone and without any of the
+//! checks 37 to 47 MB/s for files of 1 and 5 million triangles, as it gives every corner to hash maps, and it can
+//! neither read from parts nor give vertices without faces. It also fails on byte order marks, on continued lines, on
+//! old Mac line ends and on comments that are not UTF-8, gives a corner without a normal that of the corner before it,
+//! and has no line numbers in its errors.
 //!
 //! Bad at: memory. A file is read whole, and stays until the scene is complete.
 
@@ -35,8 +37,8 @@ use std::path::Path;
 use survey::{PART_BYTES, Survey};
 use vertices::Vertices;
 
-/// The largest OBJ or NFF file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex takes at least
-/// 8 bytes of text, a triangle of a polygon 2.
+/// The largest OBJ or NFF file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex
+/// takes at least 8 bytes of text, a triangle of a polygon 2.
 const MAX_FILE_BYTES: u64 = 1 << 30;
 
 /// How much of a file is searched for NUL bytes before all of it is read.

@@ -1,8 +1,9 @@
 //! Loads PLY files, text and binary of both byte orders.
 //!
 //! Format: G. Turk, "The PLY Polygon File Format", 1994, and what writers have added to it since. The header is parsed
-//! by the `serde-ply` crate. Rows are read by `whole.rs`, by all processors at the same time, or where something is wrong with them
-//! streamed by `serde-ply`, from bytes that `source.rs` prepares; polygons are split by [`super::triangulate`].
+//! by the `serde-ply` crate. Rows are read by `whole.rs`, by all processors at the same time, or where something is
+//! wrong with them streamed by `serde-ply`, from bytes that `source.rs` prepares; polygons are split by
+//! [`super::triangulate`].
 //!
 //! | element | property | becomes |
 //! |---|---|---|
@@ -15,9 +16,9 @@
 //! | | `red` `green` `blue` | its colour, where vertices have none |
 //! | | `texnumber` | which `comment TextureFile` is its texture; the first when missing |
 //!
-//! Colours are values as displayed (sRGB): 0 to 255, 0 to 65535 for integers of 16 bits, 0 to 1 for floats; kept in 8 bits. The
-//! material model has no colours of vertices, so each colour becomes a matt material (`paint.rs`), and where a texture could be
-//! loaded colours are not used. What else a file has is read over and told in a warning.
+//! Colours are values as displayed (sRGB): 0 to 255, 0 to 65535 for integers of 16 bits, 0 to 1 for floats; kept in 8
+//! bits. The material model has no colours of vertices, so each colour becomes a matt material (`paint.rs`), and where
+//! a texture could be loaded colours are not used. What else a file has is read over and told in a warning.
 //!
 //! Bad at: smooth colours on large triangles. Triangle strips and point clouds are refused.
 
@@ -119,8 +120,8 @@ impl Mesh {
         text + self.vertices.row_bytes() * rows(self.vertex) + 2 * size_of::<Triangle>() as u64 * rows(self.face)
     }
 
-    /// Reads the file into memory and all of it at the same time: whether there is more after its rows, and in lines beside them.
-    /// None if that cannot be done, and nothing is read.
+    /// Reads the file into memory and all of it at the same time: whether there is more after its rows, and in lines
+    /// beside them. None if that cannot be done, and nothing is read.
     fn read_whole(&mut self, path: &Path, source: &mut Source, header: &PlyHeader) -> Result<Option<(bool, bool)>> {
         let data = source.data().map_err(|e| match e.kind() {
             ErrorKind::OutOfMemory => refused(path, MAX_WHOLE_BYTES),

@@ -1,5 +1,5 @@
-//! Procedural textures: patterns in space that are computed, not stored (Peachey 1985, Perlin 1985). What they look like is
-//! defined by `cl/shade/procedural.cl`.
+//! Procedural textures: patterns in space that are computed, not stored (Peachey 1985, Perlin 1985). What they look
+//! like is defined by `cl/shade/procedural.cl`.
 
 use glam::{DAffine3, Vec3};
 
@@ -52,9 +52,11 @@ pub struct Procedural {
     pub transform: DAffine3,
     /// Where the pattern lies.
     pub space: TextureSpace,
-    /// How far noise moves marble's veins and wood's rings, in units of their distance; checker and noise do not use it.
+    /// How far noise moves marble's veins and wood's rings, in units of their distance; checker and noise do not use
+    /// it.
     pub turbulence: f32,
-    /// Octaves of the noise, 1..=[`Procedural::MAX_OCTAVES`]: each has twice the frequency and half the strength of the last.
+    /// Octaves of the noise, 1..=[`Procedural::MAX_OCTAVES`]: each has twice the frequency and half the strength of the
+    /// last.
     pub octaves: u32,
     /// Which noise.
     pub seed: u32,

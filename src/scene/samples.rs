@@ -6,14 +6,14 @@ use crate::error::{Error, Result};
 /// Where the camera rays of a picture pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Samples {
-    /// As many as the picture needs ([`crate::low_level::adaptive`]) for this root of its mean squared error, in steps of 8-bit sRGB, 0 to
-    /// [`Samples::MOST_ERROR`].
+    /// As many as the picture needs ([`crate::low_level::adaptive`]) for this root of its mean squared error, in steps
+    /// of 8-bit sRGB, 0 to [`Samples::MOST_ERROR`].
     Error(f32),
     /// So many through each pixel, in a fixed pattern, 1 to [`PictureDefaults::MAX_SAMPLES`].
     PerPixel(u32),
-    /// One through each corner: the first and last rays of a row and of a column pass exactly through the rim of the picture, so
-    /// that 513 x 513 rays lie around 512 x 512 pixels. So NFF defines its angle of view, and so the rays of Haines' Standard
-    /// Procedural Databases are counted.
+    /// One through each corner: the first and last rays of a row and of a column pass exactly through the rim of the
+    /// picture, so that 513 x 513 rays lie around 512 x 512 pixels. So NFF defines its angle of view, and so the rays
+    /// of Haines' Standard Procedural Databases are counted.
     Corners,
 }
 

@@ -1,23 +1,25 @@
 //! Solids, broken into triangles of chosen fineness (thesis, section 6.2.1).
 //!
-//! The y axis is up and the axis of everything round. Triangles are counter-clockwise seen from outside. Solids that have an
-//! inside are closed: each edge belongs to two triangles that share its two positions, also along the seam of the texture.
-//! Round surfaces have the smooth normals of the ideal solid, flat ones none (the geometric normal serves).
-//! They are inscribed: their vertices lie on the ideal surface, so that a coarse solid is smaller than its ideal.
+//! The y axis is up and the axis of everything round. Triangles are counter-clockwise seen from outside. Solids that
+//! have an inside are closed: each edge belongs to two triangles that share its two positions, also along the seam of
+//! the texture. Round surfaces have the smooth normals of the ideal solid, flat ones none (the geometric normal
+//! serves). They are inscribed: their vertices lie on the ideal surface, so that a coarse solid is smaller than its
+//! ideal.
 
 use super::NO_INDEX;
 use super::builder::Builder;
 use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
 use glam::{DVec3, Vec3};
 
-/// The most segments that a solid is broken into along one direction: a sphere then has 16.8 million triangles, and a slip of
-/// the keyboard does not fill the memory.
+/// The most segments that a solid is broken into along one direction: a sphere then has 16.8 million triangles, and a
+/// slip of the keyboard does not fill the memory.
 pub const MAX_SEGMENTS: u32 = 4096;
 
 /// Segments around a solid of a file that does not tell: at this many a sphere of 500 pixels shows no corners.
 pub(super) const DEFAULT_SEGMENTS: u32 = 64;
 
-/// The axes of a box's faces as (normal, u, v) with u x v = normal; u runs to the right and v upwards seen from outside.
+/// The axes of a box's faces as (normal, u, v) with u x v = normal; u runs to the right and v upwards seen from
+/// outside.
 const BOX_FACES: [[DVec3; 3]; 6] = [
     [DVec3::X, DVec3::NEG_Z, DVec3::Y],
     [DVec3::NEG_X, DVec3::Z, DVec3::Y],
@@ -34,8 +36,8 @@ fn around(i: u32, n: u32) -> DVec3 {
 }
 
 impl Builder {
-    /// A sphere around the origin: `segments` around (3 or more), half as many from pole to pole, 2 `segments` (`segments`/2 - 1)
-    /// triangles. u runs around from +z over +x, v from the south pole to the north pole.
+    /// A sphere around the origin: `segments` around (3 or more), half as many from pole to pole, 2 `segments`
+    /// (`segments`/2 - 1) triangles. u runs around from +z over +x, v from the south pole to the north pole.
     pub fn sphere(&mut self, radius: f32, segments: u32) -> &mut Self {
         if !(self.positive("sphere: radius", radius) & self.fine("sphere: segments", segments, 3)) {
             return self;
@@ -70,7 +72,8 @@ impl Builder {
         for j in 0..rings {
             for i in 0..segments {
                 let (left, right) = (f64::from(i), f64::from(i + 1));
-                // A pole is one position with as many texture coordinates as there are triangles, each in its triangle's middle.
+                // A pole is one position with as many texture coordinates as there are triangles, each in its
+                // triangle's middle.
                 let [u0, u1] = if j == 0 { [left + 0.5; 2] } else { [left, right] };
                 let [u2, u3] = if j + 1 == rings { [left + 0.5; 2] } else { [right, left] };
                 let bottom_left = corner(&mut mesh, i, j, u0);
@@ -88,8 +91,8 @@ impl Builder {
         self.add_mesh(&mesh)
     }
 
-    /// A box of the given size (all above 0) around the origin, 12 triangles. Every face has the whole texture, upright on the
-    /// sides.
+    /// A box of the given size (all above 0) around the origin, 12 triangles. Every face has the whole texture, upright
+    /// on the sides.
     pub fn cuboid(&mut self, size: Vec3) -> &mut Self {
         if !(self.positive("box: size", size.x)
             & self.positive("box: size", size.y)
@@ -122,8 +125,8 @@ impl Builder {
         self.frustum(radius, 0.0, height, segments, true)
     }
 
-    /// A cylinder or cone, whole or cut off, that stands on the origin: one of the radii may be 0. With `caps` it is closed.
-    /// The side has the texture once around it; a cap has the disc that fits into the texture.
+    /// A cylinder or cone, whole or cut off, that stands on the origin: one of the radii may be 0. With `caps` it is
+    /// closed. The side has the texture once around it; a cap has the disc that fits into the texture.
     pub fn frustum(
         &mut self,
         bottom_radius: f32,
@@ -160,8 +163,8 @@ impl Builder {
         self.add_mesh(&mesh)
     }
 
-    /// A flat disc around the origin that faces +y, or a ring when `inner_radius` is above 0; `segments` triangles, twice as
-    /// many for a ring. The texture lies on it as on the square around it.
+    /// A flat disc around the origin that faces +y, or a ring when `inner_radius` is above 0; `segments` triangles,
+    /// twice as many for a ring. The texture lies on it as on the square around it.
     pub fn disc(&mut self, inner_radius: f32, radius: f32, segments: u32) -> &mut Self {
         if !(self.not_negative("disc: inner radius", inner_radius)
             & self.positive("disc: radius", radius)
@@ -200,8 +203,8 @@ impl Builder {
         self.add_mesh(&mesh)
     }
 
-    /// The flat parallelogram `origin` + a `edge_u` + b `edge_v` (a, b in 0..1) in `segments`² x 2 triangles; its outside is
-    /// where `edge_u` x `edge_v` points, its texture coordinates are (a, b).
+    /// The flat parallelogram `origin` + a `edge_u` + b `edge_v` (a, b in 0..1) in `segments`² x 2 triangles; its
+    /// outside is where `edge_u` x `edge_v` points, its texture coordinates are (a, b).
     pub fn quad(&mut self, origin: Vec3, edge_u: Vec3, edge_v: Vec3, segments: u32) -> &mut Self {
         if !self.fine("quad: segments", segments, 1) {
             return self;
@@ -219,8 +222,8 @@ impl Builder {
         self.add_mesh(&mesh)
     }
 
-    /// A ring torus around the y axis: the middle of its tube, of radius `minor_radius`, is `major_radius` away from the axis.
-    /// `segments` around the axis times `sides` around the tube times 2 triangles.
+    /// A ring torus around the y axis: the middle of its tube, of radius `minor_radius`, is `major_radius` away from
+    /// the axis. `segments` around the axis times `sides` around the tube times 2 triangles.
     pub fn torus(&mut self, major_radius: f32, minor_radius: f32, segments: u32, sides: u32) -> &mut Self {
         let radii_fit =
             self.positive("torus: major radius", major_radius) & self.positive("torus: minor radius", minor_radius);
@@ -244,8 +247,9 @@ impl Builder {
         self.add_mesh(&mesh)
     }
 
-    /// The surface y = `height(x, z)` over the square -1/2..1/2 in x and z, seen from above, with smooth normals: `columns` along
-    /// x times `rows` along z times 2 triangles. u runs along x and v against z. Not closed; scale it to the size it should have.
+    /// The surface y = `height(x, z)` over the square -1/2..1/2 in x and z, seen from above, with smooth normals:
+    /// `columns` along x times `rows` along z times 2 triangles. u runs along x and v against z. Not closed; scale it
+    /// to the size it should have.
     pub fn height_field(&mut self, columns: u32, rows: u32, height: impl Fn(f32, f32) -> f32) -> &mut Self {
         if !(self.fine("height field: columns", columns, 1) & self.fine("height field: rows", rows, 1)) {
             return self;
@@ -290,8 +294,8 @@ impl Builder {
     }
 }
 
-/// Adds the side between two rings of positions, the radius shrinking by `shrink` over `height`. A ring of radius 0 holds the
-/// same position at every index: its triangles, of which one edge has no length, are left out.
+/// Adds the side between two rings of positions, the radius shrinking by `shrink` over `height`. A ring of radius 0
+/// holds the same position at every index: its triangles, of which one edge has no length, are left out.
 fn add_side(mesh: &mut Mesh, low: &[u32], high: &[u32], shrink: f64, height: f64) {
     let n = low.len() as u32;
     let has_no_radius = |ring: &[u32]| ring[0] == ring[1];

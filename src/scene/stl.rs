@@ -1,12 +1,12 @@
 //! Loads STL files, binary and text.
 //!
-//! Format: 3D Systems, "StereoLithography Interface Specification", 1988, as written in practice. Parsed by the `stl_io` crate,
-//! whose reading of text is stricter than its writers: keywords in lower case, a blank after `solid`, finite normals, and one solid
-//! a file. [`clean`] therefore hands it a canonical text of as many lines.
+//! Format: 3D Systems, "StereoLithography Interface Specification", 1988, as written in practice. Parsed by the
+//! `stl_io` crate, whose reading of text is stricter than its writers: keywords in lower case, a blank after `solid`,
+//! finite normals, and one solid a file. [`clean`] therefore hands it a canonical text of as many lines.
 //!
-//! Corners at exactly equal positions become one vertex. Facet normals are not used: which side is outside follows from the order
-//! of the corners, which is what the format asks for when the two disagree. Attribute bytes, which some programs use for colours,
-//! are not used either.
+//! Corners at exactly equal positions become one vertex. Facet normals are not used: which side is outside follows from
+//! the order of the corners, which is what the format asks for when the two disagree. Attribute bytes, which some
+//! programs use for colours, are not used either.
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
@@ -112,8 +112,8 @@ fn wrong_size(data: &[u8]) -> String {
 
 /// A text of the one form that `stl_io` reads; line n of `text`, counted from 1, is line n, counted from 0.
 ///
-/// Facet normals become zeros: they are not used, and those of facets without area are often not numbers. A text whose last
-/// solid has no end gets none, so that a file that was cut between two facets is found out.
+/// Facet normals become zeros: they are not used, and those of facets without area are often not numbers. A text whose
+/// last solid has no end gets none, so that a file that was cut between two facets is found out.
 fn clean(text: &[u8]) -> Vec<u8> {
     let line_end = if text.contains(&b'\n') { b'\n' } else { b'\r' };
     let mut clean = b"solid \n".to_vec();

@@ -1,7 +1,7 @@
 //! What loaders of texts share: the statements of OBJ and MTL files, and the warnings of all formats.
 //!
-//! Statements follow Wavefront, "Advanced Visualizer" manual, appendix B1 (Object Files), as written in practice: with a byte order
-//! mark, `\` continuation, any line ends and comments in any encoding.
+//! Statements follow Wavefront, "Advanced Visualizer" manual, appendix B1 (Object Files), as written in practice: with
+//! a byte order mark, `\` continuation, any line ends and comments in any encoding.
 
 use fast_float2::FastFloat;
 use memchr::memchr2;
@@ -106,8 +106,8 @@ impl Ignored {
         }
     }
 
-    /// Adds what was counted in a part that begins `offset` lines further on. False when that part has so many keywords that it
-    /// did not tell all apart: then a count of one keyword may be wrong.
+    /// Adds what was counted in a part that begins `offset` lines further on. False when that part has so many keywords
+    /// that it did not tell all apart: then a count of one keyword may be wrong.
     pub(super) fn append(&mut self, later: &Ignored, offset: usize) -> bool {
         for (keyword, tally) in &later.kinds {
             if let Some((_, known)) = self.kinds.iter_mut().find(|(k, _)| k == keyword) {

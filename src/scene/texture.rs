@@ -1,7 +1,7 @@
 //! Textures: 8-bit sRGB pictures, or procedural ones. Decoding is bounded in size, memory and kind.
 //!
-//! PNG, JPEG, BMP and TGA, decoded by the `image` crate. Samples of 16 bits keep the upper 8, which is what a picture of 8
-//! bits shows. Colour profiles and EXIF orientation are not read.
+//! PNG, JPEG, BMP and TGA, decoded by the `image` crate. Samples of 16 bits keep the upper 8, which is what a picture
+//! of 8 bits shows. Colour profiles and EXIF orientation are not read.
 
 use super::Procedural;
 use crate::budget::{DecidedBy, MemoryBudget, Need};
@@ -62,8 +62,8 @@ impl Image {
     pub const MAX_SIDE: u32 = 16_384;
 }
 
-/// The most memory that one texture takes while it is loaded: the file (JPEG and TGA are read whole), the decoded samples
-/// and the texels. 4096 x 4096 RGBA takes 128 MiB; no file may take more than 200 MB.
+/// The most memory that one texture takes while it is loaded: the file (JPEG and TGA are read whole), the decoded
+/// samples and the texels. 4096 x 4096 RGBA takes 128 MiB; no file may take more than 200 MB.
 const MAX_BYTES: u64 = 160 << 20;
 
 /// Loads the texture `name`, relative to `folder`; nothing outside `folder` is opened.

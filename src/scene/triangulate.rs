@@ -1,12 +1,12 @@
 //! Splits polygons, concave ones too, into triangles: n corners always give n-2.
 //!
-//! Quads by the right diagonal; convex polygons as fans; others by ear clipping (Meisters, "Polygons have ears", American Mathematical
-//! Monthly 1975) with the `earcut` crate, on the plane of the two axes that the polygon's normal is least along. The normal
-//! is Newell's (Sutherland, Sproull & Schumacker, "A Characterization of Ten Hidden-Surface Algorithms", ACM Computing
-//! Surveys 1974, appendix), in f64.
+//! Quads by the right diagonal; convex polygons as fans; others by ear clipping (Meisters, "Polygons have ears",
+//! American Mathematical Monthly 1975) with the `earcut` crate, on the plane of the two axes that the polygon's normal
+//! is least along. The normal is Newell's (Sutherland, Sproull & Schumacker, "A Characterization of Ten Hidden-Surface
+//! Algorithms", ACM Computing Surveys 1974, appendix), in f64.
 //!
-//! `earcut` leaves out corners on a straight edge; the neighbour's corner there would then touch the middle of an edge, and
-//! rays could pass between. Those corners are put back by splitting the triangle at that edge.
+//! `earcut` leaves out corners on a straight edge; the neighbour's corner there would then touch the middle of an edge,
+//! and rays could pass between. Those corners are put back by splitting the triangle at that edge.
 //!
 //! Bad at: polygons that cross themselves or have no plane: they get n-2 triangles, but which is anybody's guess.
 
@@ -31,8 +31,8 @@ pub(super) struct Triangulator {
 pub(super) const MAX_CORNERS: usize = 65_536;
 
 /// The most pairs of corners (squares of corner counts) that ear clipping is given in one file. Star polygons, which
-/// cross themselves everywhere, reach the quadratic worst case of 33 ns a pair (16,000 corners: 8.3 s); this bounds a file
-/// to some 3 s. It is one polygon of 10,000 corners, or 10,000 of 100; convex ones are free.
+/// cross themselves everywhere, reach the quadratic worst case of 33 ns a pair (16,000 corners: 8.3 s); this bounds a
+/// file to some 3 s. It is one polygon of 10,000 corners, or 10,000 of 100; convex ones are free.
 pub(super) const MAX_PAIRS: u64 = 100_000_000;
 
 impl Triangulator {

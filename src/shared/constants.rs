@@ -1,7 +1,7 @@
 //! Constants of the arithmetic that kernels (`cl/`) and twin (`src/reference/`) do alike: typed here, and nowhere else.
 //!
-//! `cl/shared/constants.cl` is generated from this file. Why a constant has its value is said where it is used: in the file
-//! of `cl/` that its group names.
+//! `cl/shared/constants.cl` is generated from this file. Why a constant has its value is said where it is used: in the
+//! file of `cl/` that its group names.
 
 #![allow(clippy::excessive_precision)] // decimals as their sources have them
 

@@ -1,4 +1,5 @@
-//! What the wavefront kernels (`cl/kernels/wavefront.cl`) and the host share beyond what the mega-kernel needs: queues and the state of slots.
+//! What the wavefront kernels (`cl/kernels/wavefront.cl`) and the host share beyond what the mega-kernel needs: queues
+//! and the state of slots.
 
 use crate::layout::{Float4, Int4, device_const, device_struct};
 

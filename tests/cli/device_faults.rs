@@ -42,7 +42,11 @@ impl Case {
         vec![
             Case::new("render", "render one.obj -o a.pfm --size 9x7 --samples 1", &["a.pfm"]),
             Case::new("render, by error", "render one.obj -o a.pfm --size 16x16 --error 2", &["a.pfm"]),
-            Case::new("render, split", "render one.obj -o a.pfm --size 9x7 --samples 1 --kernels split", &["a.pfm"]),
+            Case::new(
+                "render, wavefront",
+                "render one.obj -o a.pfm --size 9x7 --samples 1 --kernels wavefront",
+                &["a.pfm"],
+            ),
             Case::new("trace", "trace one.obj rays.npz -o h.npz", &["h.npz"]),
             Case::new("check", "check one.obj -o d.png --size 9x7 --samples 1", &["d.png"]),
             Case::new("tune", "tune one.obj --rays 16 --structure bvh2", &[]),

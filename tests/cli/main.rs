@@ -111,9 +111,17 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["devices", "--kernels", "--device", "reference"], 4, &["reference", "no kernels"]),
         (&["devices", "--kernels", "--scene", "missing.obj", "--device", "no such device"], 4, &["no such device"]),
         (&["methods", "one.obj"], 2, &["one.obj"]),
-        (&["trace", "one.obj", "missing.npz", "--kernels", "split"], 2, &["--kernels", "split", "one kernel, mega"]),
-        (&["render", "one.obj", "--textures", "host-pass"], 2, &["--textures", "--kernels split --textures host-pass"]),
-        (&["render", "one.obj", "--paths-in-flight", "8"], 2, &["--kernels split --paths-in-flight 8"]),
+        (
+            &["trace", "one.obj", "missing.npz", "--kernels", "wavefront"],
+            2,
+            &["--kernels", "wavefront", "one kernel, mega"],
+        ),
+        (
+            &["render", "one.obj", "--textures", "host-pass"],
+            2,
+            &["--textures", "--kernels wavefront --textures host-pass"],
+        ),
+        (&["render", "one.obj", "--paths-in-flight", "8"], 2, &["--kernels wavefront --paths-in-flight 8"]),
         (&["tune", "missing.obj", "--device", "reference"], 3, &["missing.obj"]),
         (&["tune", "--device", "no such device"], 4, &["no such device"]),
         (&["tune", "one.obj", "--rays", "15"], 2, &["--rays", "16"]),
@@ -412,7 +420,8 @@ fn counted_work_is_written_as_numbers_and_colours() {
             (&work["camera"]["rays"], &work["camera"]["sum"]["leaves"]),
             (&200.into(), &work["camera"]["sum"]["tests"])
         );
-        // The scene's box is flat: shadow rays start in its one leaf, test nothing there but what they leave, and are out of it.
+        // The scene's box is flat: shadow rays start in its one leaf, test nothing there but what they leave, and are
+        // out of it.
         let [all, camera] = ["all", "camera"].map(|rays| &work[rays]);
         let of = |rays: &serde_json::Value, what: &str| rays["sum"][what].as_u64().unwrap();
         let shadow_rays = all["rays"].as_u64().unwrap() - camera["rays"].as_u64().unwrap();

@@ -1,4 +1,5 @@
-//! Studies: what the report shows is what was measured, it goes on where it was stopped, and scenes of every size end sensibly.
+//! Studies: what the report shows is what was measured, it goes on where it was stopped, and scenes of every size end
+//! sensibly.
 
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::scene::Scene;

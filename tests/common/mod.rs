@@ -38,8 +38,8 @@ pub fn root() -> PathBuf {
     package.ancestors().find(is_root).expect("a package of the project").to_path_buf()
 }
 
-/// A path under the shared models, which lie in `RAYBROOK_SHARED` or else beside the project; `None`, with the reason printed, where
-/// they are not.
+/// A path under the shared models, which lie in `RAYBROOK_SHARED` or else beside the project; `None`, with the reason
+/// printed, where they are not.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let beside = || root().join("../shared");
     let path = std::env::var_os("RAYBROOK_SHARED").map_or_else(beside, PathBuf::from).join(path);

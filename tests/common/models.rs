@@ -69,7 +69,8 @@ pub fn assert_warned(scene: &Scene, part: &str) {
     assert!(scene.warnings.iter().any(|w| w.contains(part)), "no warning has {part:?}: {:#?}", scene.warnings);
 }
 
-/// Loads every file of the shared `malformed/` with `ending` and holds it against the table there; returns how many there are.
+/// Loads every file of the shared `malformed/` with `ending` and holds it against the table there; returns how many
+/// there are.
 pub fn check_malformed(table: &Path, ending: &str) -> usize {
     let rows = rows(table).into_iter().filter(|(name, _)| name.ends_with(ending));
     rows.map(|(name, expected)| {
@@ -100,8 +101,8 @@ pub fn check_malformed(table: &Path, ending: &str) -> usize {
     .count()
 }
 
-/// Loads `file`, under its own name's ending, cut after each byte and with each byte changed in several ways: whatever comes of
-/// it, nothing panics, errors name the file, and scenes are whole.
+/// Loads `file`, under its own name's ending, cut after each byte and with each byte changed in several ways: whatever
+/// comes of it, nothing panics, errors name the file, and scenes are whole.
 pub fn damage(ending: &str, file: &[u8]) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("damaged.{ending}"));

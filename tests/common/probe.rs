@@ -1,4 +1,5 @@
-//! Runs a few OpenCL statements on a device with all functions of `cl/` at hand, and compares what they write with a twin's results.
+//! Runs a few OpenCL statements on a device with all functions of `cl/` at hand, and compares what they write with a
+//! twin's results.
 
 use super::SEED;
 use glam::Vec3;
@@ -8,7 +9,8 @@ use raybrook::low_level::device::{Buffer, CompileOptions, DeviceContext, KERNEL_
 const CANARY: f32 = -12345.0;
 const CANARIES: usize = 16;
 
-/// Runs `body`, OpenCL statements that read `in[0..inputs]` and write `out[0..outputs]`, once for each group of `inputs` numbers.
+/// Runs `body`, OpenCL statements that read `in[0..inputs]` and write `out[0..outputs]`, once for each group of
+/// `inputs` numbers.
 pub fn run(
     device: &raybrook::low_level::device::DeviceHandle,
     body: &str,

@@ -97,7 +97,8 @@ fn hits_keep_their_bits() {
         let expected = reference.trace(&job, &|_| ()).unwrap().hits;
         let expected_any = reference.trace(&any_hit, &|_| ()).unwrap().hits;
         assert!(expected.iter().filter(|hit| hit.t.is_finite()).count() > 500);
-        // All options for the default; what stands for the most of them for the others, because each is a program to compile.
+        // All options for the default; what stands for the most of them for the others, because each is a program to
+        // compile.
         let relaxed_by = match (options.intersector, options.kind()) {
             (Intersector::Exact, StructureKind::Bvh2) => &GPU[..],
             (Intersector::Exact, _) => &RELAXED[..],

@@ -1,5 +1,5 @@
-//! The device layer on the device of this computer: `RAYBROOK_DEVICE`, or the default. Without OpenCL the tests say that they are
-//! skipped. Tests of an environment (no driver, no loader) run this binary again with other variables.
+//! The device layer on the device of this computer: `RAYBROOK_DEVICE`, or the default. Without OpenCL the tests say
+//! that they are skipped. Tests of an environment (no driver, no loader) run this binary again with other variables.
 
 use raybrook::Error;
 use raybrook::low_level::device::{

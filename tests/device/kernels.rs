@@ -1,5 +1,5 @@
-//! Every function of `cl/` on a device against its twin in Rust, bit for bit, each reached through a small test kernel; and the
-//! shared structs' layout as the device sees it. Run a second time under Oclgrind by `./test`.
+//! Every function of `cl/` on a device against its twin in Rust, bit for bit, each reached through a small test kernel;
+//! and the shared structs' layout as the device sees it. Run a second time under Oclgrind by `./test`.
 
 use crate::common::probe::{assert_same_bits, flag, run, run_with, v3};
 use crate::common::{Random, SEED, device, scene_of, soup};
@@ -58,7 +58,8 @@ fn mixed(random: &mut Random) -> f32 {
     }
 }
 
-/// A coordinate for textures: mostly ordinary, many on the borders of cells and just beside them, some beyond all whole numbers.
+/// A coordinate for textures: mostly ordinary, many on the borders of cells and just beside them, some beyond all whole
+/// numbers.
 fn place(random: &mut Random) -> f32 {
     let whole = (random.bits() % 17) as f32 - 8.0;
     match random.bits() % 16 {
@@ -425,8 +426,8 @@ fn intersector_equals_its_twin(intersector: Intersector) {
     }
 }
 
-/// Every kind of procedural texture, in the world and in texture coordinates, placed by rows that keep borders where they are, by
-/// random ones, and by nonsense.
+/// Every kind of procedural texture, in the world and in texture coordinates, placed by rows that keep borders where
+/// they are, by random ones, and by nonsense.
 #[test]
 fn procedural_textures_equal_their_twins() {
     let Some(device) = device() else { return };
@@ -464,8 +465,8 @@ fn procedural_textures_equal_their_twins() {
     assert_same_bits("procedural_colour", INPUTS, &data, &run(&device, body, INPUTS, 3, &data), &expected);
 }
 
-/// With counted work and without. Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on many rays are the business of
-/// `tests/methods/traverse.rs`.
+/// With counted work and without. Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on
+/// many rays are the business of `tests/methods/traverse.rs`.
 #[test]
 fn traversals_equal_their_twins() {
     let Some(device) = device() else { return };
@@ -505,8 +506,9 @@ fn traversals_equal_their_twins() {
     }
 }
 
-/// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture, a second pass and more paths than are in flight: that the
-/// wavefront kernels stay within their arrays and do not meet in them. Larger ones are the business of `tests/pictures/wavefront.rs`.
+/// A tiny picture, for Oclgrind's sake, with rays of every kind, a texture, a second pass and more paths than are in
+/// flight: that the wavefront kernels stay within their arrays and do not meet in them. Larger ones are the business of
+/// `tests/pictures/wavefront.rs`.
 #[test]
 fn wavefront_kernels_equal_the_twin() {
     let Some(device) = device() else { return };

@@ -1,5 +1,5 @@
-//! The generated headers are fresh, and no constant is typed twice. That host and device agree on every offset is tested in
-//! `kernels.rs`.
+//! The generated headers are fresh, and no constant is typed twice. That host and device agree on every offset is
+//! tested in `kernels.rs`.
 
 use raybrook::low_level::shared::{constants_cl, types_cl};
 use std::collections::HashSet;

@@ -9,4 +9,5 @@ mod kernels;
 mod layout;
 mod memory;
 mod mirror;
+mod rooms;
 mod tune;

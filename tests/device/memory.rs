@@ -49,7 +49,8 @@ fn ray_count() -> usize {
 }
 
 fn trace(device: Option<&DeviceHandle>, scene: &Scene, options: &TraceOptions) -> Vec<Hit> {
-    // What is in constant memory is known only once the structure is built: kernels that were compiled ahead are not used then.
+    // What is in constant memory is known only once the structure is built: kernels that were compiled ahead are not
+    // used then.
     let opened = build_and_open(device, scene, options, 1, None, &[Task::Batch]);
     let (buffers, mut tracer) = opened.unwrap_or_else(|error| panic!("{options:?}: {error}"));
     let rays = rays(&buffers, ray_count());

@@ -1,13 +1,14 @@
-//! An OpenCL library that hands every call to the real one, but for those that it is told to spoil. `tests/cli/device_faults.rs`
-//! compiles it by itself (`rustc --crate-type cdylib`), and raybrook loads it in place of the loader
-//! (`OPENCL_DYLIB_PATH`). Nothing but the standard library.
+//! An OpenCL library that hands every call to the real one, but for those that it is told to spoil.
+//! `tests/cli/device_faults.rs` compiles it by itself (`rustc --crate-type cdylib`), and raybrook loads it in place of
+//! the loader (`OPENCL_DYLIB_PATH`). Nothing but the standard library.
 //!
 //! `OPENCL_FAULT` says what to spoil, one of:
 //! - `only:N:CODE`: call number N, counted from 1, fails with that code;
 //! - `from:N:CODE`: it and all later ones do;
 //! - `hang:N`: it never returns, nor do later ones;
 //! - `throw:N`: it is left by an exception, as C++ throws them;
-//! - `only:NAME:CODE`, `from:NAME:CODE`, `hang:NAME`, `throw:NAME`: the same of the calls of that name, the first or all;
+//! - `only:NAME:CODE`, `from:NAME:CODE`, `hang:NAME`, `throw:NAME`: the same of the calls of that name, the first or
+//!   all;
 //! - `no-images`, `no-profiling`: the device lacks these.
 //!
 //! `OPENCL_FAULT_LOG` names a file that gets a line for each call, with a word behind the name of those that were

@@ -1,5 +1,5 @@
-//! Every build × many inputs: the trees keep all promises of `check_tree`, and building twice gives the same tree, whatever
-//! the number of threads.
+//! Every build × many inputs: the trees keep all promises of `check_tree`, and building twice gives the same tree,
+//! whatever the number of threads.
 
 use crate::common::Random;
 use glam::Vec3;
@@ -37,7 +37,8 @@ fn slivers(seed: u64, count: usize, width: f32) -> Triangles {
         .collect()
 }
 
-/// Axis-aligned squares at whole coordinates, two triangles each, in planes across all axes: everything lies in some plane.
+/// Axis-aligned squares at whole coordinates, two triangles each, in planes across all axes: everything lies in some
+/// plane.
 fn boxes(side: usize) -> Triangles {
     let mut triangles = Vec::new();
     for i in 0..side * side * side {
@@ -259,8 +260,8 @@ fn the_numbers_of_a_known_tree_are_right() {
     assert!((stats.sah_cost - expected).abs() < 1e-12, "{}", stats.sah_cost);
 }
 
-/// The triangles of an OBJ file of the shared test scenes (`v` and `f` lines, polygons as fans), or `None` without the file.
-/// Triangles without area are left out, as they are before a tree is built.
+/// The triangles of an OBJ file of the shared test scenes (`v` and `f` lines, polygons as fans), or `None` without the
+/// file. Triangles without area are left out, as they are before a tree is built.
 fn model(path: &str) -> Option<Triangles> {
     let root = crate::common::root();
     let text = std::fs::read_to_string(root.join("../shared/scenes").join(path)).ok()?;

@@ -1,5 +1,5 @@
-//! What tells the builds of the kd-tree apart, and what their stops and costs do. That their trees are right is the business of
-//! `tests/methods/accel.rs`, that rays find their hits in them that of `tests/methods/traverse.rs`.
+//! What tells the builds of the kd-tree apart, and what their stops and costs do. That their trees are right is the
+//! business of `tests/methods/accel.rs`, that rays find their hits in them that of `tests/methods/traverse.rs`.
 
 use crate::common::{Random, SEED, sheet, soup};
 use glam::{DVec3, Vec3};
@@ -90,7 +90,8 @@ impl Node {
     }
 }
 
-/// The measured law behind `sah` and against `volume`: lines of all directions and positions, and what they cost on average.
+/// The measured law behind `sah` and against `volume`: lines of all directions and positions, and what they cost on
+/// average.
 #[test]
 fn lines_meet_cells_by_their_area_and_not_by_their_volume() {
     let triangles = scene("knot.obj");
@@ -143,7 +144,8 @@ fn volumes_promise_less_and_cost_more() {
 fn a_sampled_median_is_as_close_as_its_size_allows() {
     let mut random = Random::new(SEED);
     for size in [10, 100, 1000] {
-        // How far off the rank of the root's plane is, in standard deviations, 1/(2 sqrt n); its square has mean 1, variance 2.
+        // How far off the rank of the root's plane is, in standard deviations, 1/(2 sqrt n); its square has mean 1,
+        // variance 2.
         let deviations: Vec<f64> = (0..50)
             .map(|_| {
                 let triangles = soup(5000, 0.01, &mut random);

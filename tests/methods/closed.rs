@@ -1,4 +1,5 @@
-//! Rays at edges and vertices of closed meshes: that they must hit, that exact methods hit, and that others are found out.
+//! Rays at edges and vertices of closed meshes: that they must hit, that exact methods hit, and that others are found
+//! out.
 
 use crate::common::{SEED, device, shared};
 use glam::Vec3;
@@ -8,8 +9,8 @@ use raybrook::low_level::scene::{Builder, Material, load};
 use raybrook_lab::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
 use raybrook_lab::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Replay, StressRay};
 
-/// Closed meshes of several shapes: smooth, with sharp edges in the axes' planes, with a hole, with slivers and a vertex of 64 triangles,
-/// of four triangles, far from the origin, and of two surfaces.
+/// Closed meshes of several shapes: smooth, with sharp edges in the axes' planes, with a hole, with slivers and a
+/// vertex of 64 triangles, of four triangles, far from the origin, and of two surfaces.
 fn meshes() -> Vec<(&'static str, ClosedMesh)> {
     let mut torus = Builder::new();
     torus.material(Material::matt(Vec3::ONE)).torus(1.0, 0.4, 24, 12);
@@ -37,8 +38,8 @@ fn meshes() -> Vec<(&'static str, ClosedMesh)> {
 /// What a CAD program makes of the cosine of 90 degrees.
 const NOISE: f32 = 6.123234e-17;
 
-/// A pyramid upside down whose base has a corner that is off by noise; the first triangle closes the gap, which is narrower than any
-/// coordinate's last bit.
+/// A pyramid upside down whose base has a corner that is off by noise; the first triangle closes the gap, which is
+/// narrower than any coordinate's last bit.
 fn thin() -> Mesh {
     let corners =
         [[NOISE, 0.0, 0.0], [8.0, 0.0, 0.0], [8.0, 8.0, 0.0], [0.0, 8.0, 0.0], [4.0, 4.0, 0.0], [4.0, 4.0, -4.0]];
@@ -132,13 +133,15 @@ fn exact_lets_no_ray_through_on_a_device() {
                 (20_000, 0, 0, 0),
                 "{name} {options:?}"
             );
-            // The rays are as hard as they should be: some pass so exactly through an edge that only exact integers tell.
+            // The rays are as hard as they should be: some pass so exactly through an edge that only exact integers
+            // tell.
             assert!(leaks.second_pass.unwrap() > 0, "{name}: {:?}", leaks.second_pass);
         }
     }
 }
 
-/// Triangles of areas down to 2^-120 above a floor, and rays that hit them within and on their edges, some at sums that no float holds.
+/// Triangles of areas down to 2^-120 above a floor, and rays that hit them within and on their edges, some at sums that
+/// no float holds.
 fn thin_triangles() -> Case {
     let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
     let mut mesh = Mesh::default();

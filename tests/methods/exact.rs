@@ -1,4 +1,5 @@
-//! The exact triangle test against exact integers of any length from a library: every decision, every rounding, every order.
+//! The exact triangle test against exact integers of any length from a library: every decision, every rounding, every
+//! order.
 
 use crate::common::{Random, SEED, device, scene_of};
 use glam::Vec3;
@@ -345,7 +346,8 @@ fn the_smallest_turns_count() {
 
 #[test]
 fn numbers_of_the_most_bits_fit() {
-    // The positions of this ray and these triangles take 255 bits; two hits at the same t are compared as numbers of 1280 bits.
+    // The positions of this ray and these triangles take 255 bits; two hits at the same t are compared as numbers of
+    // 1280 bits.
     let smallest = f32::from_bits(1);
     let triangle = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(smallest, 1.0, 0.0)];
     // Another one in its plane, so that neither the same points nor pairs of doubles decide (cl/intersect/ties.cl).
@@ -564,9 +566,10 @@ fn rays_at_the_ends_of_float32_are_answered_exactly() {
         }
     }
 }
-/// Many triangles in one place, their corners in every order, and many in one oblique plane: all that a ray hits of one kind are at the
-/// same t. The hit is the first of them, rays that leave it meet none of the others, and that takes 5 to 35 times as long as the test that
-/// decides nothing exactly: it was 330 times when each tie was decided anew in exact integers.
+/// Many triangles in one place, their corners in every order, and many in one oblique plane: all that a ray hits of one
+/// kind are at the same t. The hit is the first of them, rays that leave it meet none of the others, and that takes 5
+/// to 35 times as long as the test that decides nothing exactly: it was 330 times when each tie was decided anew in
+/// exact integers.
 #[test]
 fn ties_are_decided_by_number() {
     const COUNT: usize = 1500;

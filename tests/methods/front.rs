@@ -1,4 +1,5 @@
-//! The front door: its hits and pictures are those of what lies below, bit for bit, on every device, and its errors name the culprit.
+//! The front door: its hits and pictures are those of what lies below, bit for bit, on every device, and its errors
+//! name the culprit.
 
 use crate::common::{SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
@@ -50,7 +51,7 @@ fn rays(random: &mut Random) -> Vec<Ray> {
     });
     let mut rays: Vec<Ray> = usual.collect();
     let aimed = |origin| Ray::new(origin, [0.01, 0.02, -1.0]);
-    rays.extend(nonsense.map(|x| Ray::new([0.0, 0.0, 3.0], [x, 0.0, x * -1.0])));
+    rays.extend(nonsense.map(|x| Ray::new([0.0, 0.0, 3.0], [x, 0.0, -x])));
     rays.extend(nonsense.map(|x| aimed([0.0, x, 3.0])));
     rays.extend([aimed([0.0, 0.0, 3.0]).between(f32::NAN, 9.0), aimed([0.0, 0.0, 3.0]).between(9.0, 1.0)]);
     for tiny_or_large in [1e-45, 1e-38, 1e30, 3e38] {

@@ -1,5 +1,5 @@
-//! What each triangle test gets wrong, against the f64 oracle: rays through the edges and vertices of a closed mesh, and the
-//! documented faults of the thesis's listing. A known failure is asserted to fail.
+//! What each triangle test gets wrong, against the f64 oracle: rays through the edges and vertices of a closed mesh,
+//! and the documented faults of the thesis's listing. A known failure is asserted to fail.
 
 use crate::common::{Random, SEED, scene_of};
 use glam::Vec3;
@@ -25,8 +25,8 @@ fn trace(scene: &Scene, intersector: Intersector, queries: &[Query]) -> Vec<Hit>
     ReferenceBackend::new(buffers, options).trace(&job, &|_| ()).unwrap().hits
 }
 
-/// A sphere of radius 1 about `center`, wound outwards: an icosahedron split `levels` times. Neighbours share the very same
-/// vertices.
+/// A sphere of radius 1 about `center`, wound outwards: an icosahedron split `levels` times. Neighbours share the very
+/// same vertices.
 fn icosphere(center: Vec3, levels: usize) -> Vec<[Vec3; 3]> {
     let golden = (1.0 + 5f32.sqrt()) / 2.0;
     let corner = |a: f32, b: f32| [Vec3::new(0.0, a, b), Vec3::new(a, b, 0.0), Vec3::new(b, 0.0, a)];
@@ -62,9 +62,9 @@ enum Aim {
     Vertices,
 }
 
-/// Rays at edges and vertices of a sphere, from inside and from outside, there only at places whose neighbours all face the
-/// origin: at the outline hit or miss is a matter of the last bit. Directions have length 1: as target - origin they would often
-/// be exact, and so would the test's arithmetic.
+/// Rays at edges and vertices of a sphere, from inside and from outside, there only at places whose neighbours all face
+/// the origin: at the outline hit or miss is a matter of the last bit. Directions have length 1: as target - origin
+/// they would often be exact, and so would the test's arithmetic.
 fn aimed(
     triangles: &[[Vec3; 3]],
     center: Vec3,
@@ -94,7 +94,8 @@ fn aimed(
     (inside, outside)
 }
 
-/// Hits that are no hits, or at another distance than the oracle's: a ray that slipped through an edge meets the far side.
+/// Hits that are no hits, or at another distance than the oracle's: a ray that slipped through an edge meets the far
+/// side.
 fn wrong(hits: &[Hit], truth: &[f64]) -> usize {
     let right = |hit: &Hit, t: f64| is_hit(hit) && (f64::from(hit.t) - t).abs() <= 1e-3 * t;
     hits.iter().zip(truth).filter(|&(hit, &t)| !right(hit, t)).count()
@@ -154,7 +155,8 @@ fn edges_and_vertices_of_a_closed_mesh_let_no_ray_through() {
     }
 }
 
-/// A right triangle with legs of `leg` at height 0, wound upwards, and how far `intersector` sees it from `height` above.
+/// A right triangle with legs of `leg` at height 0, wound upwards, and how far `intersector` sees it from `height`
+/// above.
 fn seen(intersector: Intersector, leg: f32, height: f32, speed: f32, others: &[[Vec3; 3]]) -> bool {
     let triangle = [Vec3::ZERO, Vec3::X * leg, Vec3::Y * leg];
     let scene = scene_of(&[&[triangle], others].concat());

@@ -1,5 +1,5 @@
-//! The stated errors of the elementary functions, against f64: the bounds are those of the comments in `cl/shared/math.cl`. That
-//! devices return the same bits is the business of `tests/device/kernels.rs`.
+//! The stated errors of the elementary functions, against f64: the bounds are those of the comments in
+//! `cl/shared/math.cl`. That devices return the same bits is the business of `tests/device/kernels.rs`.
 
 use raybrook::low_level::reference::shared::math::{exp2_fixed, log2_fixed, power_fixed, sin_turns};
 use rayon::prelude::*;
@@ -35,8 +35,8 @@ fn worst(stride: u32, low: f32, high: f32, error: impl Fn(f32) -> f64 + Sync) ->
     (0..=steps).into_par_iter().map(of).max_by(|a, b| a.error.total_cmp(&b.error)).expect("at least one argument")
 }
 
-/// Every `stride`-th argument. Sine and exponential are those of arguments that are reduced without rounding; so larger arguments of the
-/// sine lead to the same errors, and only their reduction needs a test.
+/// Every `stride`-th argument. Sine and exponential are those of arguments that are reduced without rounding; so larger
+/// arguments of the sine lead to the same errors, and only their reduction needs a test.
 fn functions_keep_their_bounds(stride: u32) {
     let sine = worst(stride, 1e-30, 1.0, |x| ulps(sin_turns(x), sine_of_turns(x)));
     println!("sin_turns: {:.3} ulp at {:e}", sine.error, sine.at);

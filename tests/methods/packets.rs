@@ -1,4 +1,5 @@
-//! Packets of rays: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one that is there.
+//! Packets of rays: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one
+//! that is there.
 
 use crate::common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
@@ -33,7 +34,8 @@ fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
     TraceRay { origin_t_min: Float4::new(origin, t_min), direction_t_max: Float4::new(direction, t_max) }
 }
 
-/// Rays that go much the same way, from one point or from several, `of` rays at a time along another axis: what frusta are made of.
+/// Rays that go much the same way, from one point or from several, `of` rays at a time along another axis: what frusta
+/// are made of.
 fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
     let bundle = |random: &mut Random| {
         let from = random.vec3() * if random.bits() & 1 == 0 { 0.3 } else { 3.0 };
@@ -50,7 +52,8 @@ fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
     (0..count / of).flat_map(|_| bundle(random)).collect()
 }
 
-/// Rays of all directions, with limits of t, along axes, through vertices and edges of `triangles`, and with numbers that no packet takes.
+/// Rays of all directions, with limits of t, along axes, through vertices and edges of `triangles`, and with numbers
+/// that no packet takes.
 fn scattered(count: usize, triangles: &[[Vec3; 3]], random: &mut Random) -> Vec<TraceRay> {
     let inf = f32::INFINITY;
     (0..count)
@@ -85,7 +88,8 @@ fn trace(tracer: &mut dyn Backend, rays: &[TraceRay], any_hit: bool) -> TraceRes
     tracer.trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit, repeat: 1 }, &|_| ()).unwrap()
 }
 
-/// Asserts that packets give the twin's closest hits, and some hit where there is one: how many rays hit, and how many took the second pass.
+/// Asserts that packets give the twin's closest hits, and some hit where there is one: how many rays hit, and how many
+/// took the second pass.
 fn assert_answers(
     device: &DeviceHandle,
     options: &TraceOptions,
@@ -123,7 +127,8 @@ fn packets_find_the_hits_of_single_rays() {
     let Some(device) = device() else { return };
     let mut random = Random::new(SEED);
     let mut hits = 0;
-    // Triangles of all sizes, some without area, so many that the hierarchy is several levels deep; shared edges; one triangle; none.
+    // Triangles of all sizes, some without area, so many that the hierarchy is several levels deep; shared edges; one
+    // triangle; none.
     let mut mixed = soup(300, 0.2, &mut random);
     mixed.extend(soup(5, 2.0, &mut random));
     mixed.extend(soup(300, 1e-4, &mut random));

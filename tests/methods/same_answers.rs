@@ -1,31 +1,34 @@
-//! The same answers whatever the method: every structure, build, traversal, kind of memory, layout, order and kind of kernels that go
-//! together, for every robust triangle test, on a device and in the twin, against brute force in the twin, bit for bit: t, u, v and
-//! primitive of camera rays and of the rays that leave their hits to a light, mirrored and anywhere; hit or miss where any hit will do;
-//! every pixel of a small picture and its numbers of rays. Wavefront kernels are asked for pictures, which is what they are for.
+//! The same answers whatever the method: every structure, build, traversal, kind of memory, layout, order and kind of
+//! kernels that go together, for every robust triangle test, on a device and in the twin, against brute force in the
+//! twin, bit for bit: t, u, v and primitive of camera rays and of the rays that leave their hits to a light, mirrored
+//! and anywhere; hit or miss where any hit will do; every pixel of a small picture and its numbers of rays. Wavefront
+//! kernels are asked for pictures, which is what they are for.
 //!
 //! What there is and what goes together is looked up in the code's table of options.
 //!
 //! # Robust tests
 //!
-//! `exact`, because it promises as much for every ray; those of which [`Intersector::is_robust`] says that t stays right in a triangle's
-//! plane; and `plucker`, whose t does not, but no ray here lies in a triangle's plane, and no ray slips between its neighbours.
-//! Measured in the twin with 112 x 84 pixels, in 30 structures, builds and traversals on the 5 models: none of 51 million answers to
-//! batches was another than brute force's, with `moller-trumbore` and `thesis` neither. Those two are left out all the same: one lets
-//! rays slip between neighbours, the other sees no back faces. Which rays break a kd-tree with `watertight` tests/methods/traverse.rs tells.
+//! `exact`, because it promises as much for every ray; those of which [`Intersector::is_robust`] says that t stays
+//! right in a triangle's plane; and `plucker`, whose t does not, but no ray here lies in a triangle's plane, and no ray
+//! slips between its neighbours. Measured in the twin with 112 x 84 pixels, in 30 structures, builds and traversals on
+//! the 5 models: none of 51 million answers to batches was another than brute force's, with `moller-trumbore` and
+//! `thesis` neither. Those two are left out all the same: one lets rays slip between neighbours, the other sees no back
+//! faces. Which rays break a kd-tree with `watertight` tests/methods/traverse.rs tells.
 //!
-//! Answers are compared with those of the same triangle test. Others round t otherwise in about half of the hits; where two triangles
-//! lie in one place (twins in the bunny, footprints in the floor of the box) only `exact` sees that t is the same.
+//! Answers are compared with those of the same triangle test. Others round t otherwise in about half of the hits; where
+//! two triangles lie in one place (twins in the bunny, footprints in the floor of the box) only `exact` sees that t is
+//! the same.
 //!
 //! # Two sizes
 //!
-//! As a rule a spread: each two values of any two options that go together in at least one combination, on one model; those of the
-//! mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
+//! As a rule a spread: each two values of any two options that go together in at least one combination, on one model;
+//! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
-//! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run many
-//! parts, each with a `POCL_CACHE_DIR` of its own ([a record](../docs/record/2026-11-21-pocl-all-combinations.md)). The
-//! test program needs nothing of the project then but the models: `RAYBROOK_SHARED` is the folder in which `scenes` and
-//! `spd` are; `RAYBROOK_DEVICE` the device.
+//! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run
+//! many parts, each with a `POCL_CACHE_DIR` of its own ([a
+//! record](../docs/record/2026-11-21-pocl-all-combinations.md)). The test program needs nothing of the project then but
+//! the models: `RAYBROOK_SHARED` is the folder in which `scenes` and `spd` are; `RAYBROOK_DEVICE` the device.
 //!
 //! ```text
 //! RAYBROOK_ALL_COMBINATIONS=1 cargo test --release --test same_answers -- --nocapture
@@ -147,8 +150,8 @@ impl Comparison {
         std::thread::scope(|scope| (0..threads.min(lists.len())).for_each(|_| drop(scope.spawn(work))));
     }
 
-    /// Every structure, build and traversal with every triangle test, in the twin: on all models, or in the spread, but with the exact
-    /// test, each on one.
+    /// Every structure, build and traversal with every triangle test, in the twin: on all models, or in the spread, but
+    /// with the exact test, each on one.
     fn run_in_the_twin(&self, on_all: bool) {
         let is_read_by_the_twin = |options: &TraceOptions| {
             let plain = TraceOptions { intersector: options.intersector, ..TraceOptions::of(options.kind()) };
@@ -188,9 +191,9 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
     lists.into_iter().map(|(_, list)| list).collect()
 }
 
-/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all. Wavefront kernels are
-/// asked for pictures; of the mega-kernel's combinations one in [`PICTURES`], and none with the exact test, because compiling is what
-/// takes long. Other tests render with it.
+/// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all.
+/// Wavefront kernels are asked for pictures; of the mega-kernel's combinations one in [`PICTURES`], and none with the
+/// exact test, because compiling is what takes long. Other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
         let own = i % models;

@@ -16,7 +16,8 @@ const RAYS: usize = 200;
 const EVERYWHERE: Interval = Interval { near: 0.0, far: f32::INFINITY, is_open: false };
 const EXACT: TraceOptions = TraceOptions { intersector: Intersector::Exact, ..TraceOptions::DEFAULT };
 
-// ---- the exact tracer ------------------------------------------------------------------------------------------------
+// ---- the exact tracer
+// ------------------------------------------------------------------------------------------------
 
 fn closest(mesh: &Mesh, origin: Vec3, direction: Vec3, interval: Interval) -> Option<Closest> {
     let tracer = ExactTracer::new(mesh);
@@ -93,8 +94,8 @@ fn second_lines_start_at_the_hit() {
     let mut mesh = square();
     mesh.append(&square().mapped(|p| p + Vec3::Z));
     let tracer = ExactTracer::new(&mesh);
-    // The hit at x = 1/3 is no float, and the start only as near as weights can be; back from there to x = 1/3 + 1/5 on the other square,
-    // and straight to the edge at x = 1.
+    // The hit at x = 1/3 is no float, and the start only as near as weights can be; back from there to x = 1/3 + 1/5 on
+    // the other square, and straight to the edge at x = 1.
     let line = tracer.line(DVec3::new(0.0, 0.125, 1.0), DVec3::new(1.0, 0.0, -3.0)).unwrap();
     let first = tracer.closest(&line, Interval { near: 0.25, ..EVERYWHERE }, &[], |_| true).unwrap();
     let next = |direction: Vec3| {
@@ -132,7 +133,8 @@ fn the_filter_loses_no_hit() {
     }
 }
 
-// ---- the judge -------------------------------------------------------------------------------------------------------
+// ---- the judge
+// -------------------------------------------------------------------------------------------------------
 
 const MISS: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
 
@@ -266,7 +268,8 @@ fn tolerance_does_not_let_rays_slip_through() {
     }
 }
 
-// ---- kinds -----------------------------------------------------------------------------------------------------------
+// ---- kinds
+// -----------------------------------------------------------------------------------------------------------
 
 /// A number for all bits of a case.
 fn fingerprint(case: &Case) -> u32 {
@@ -305,7 +308,8 @@ fn a_seed_makes_the_same_rays_everywhere() {
     assert!(Kind::find("edgse").err().unwrap().to_string().contains("nearest: edges"));
 }
 
-// ---- methods ---------------------------------------------------------------------------------------------------------
+// ---- methods
+// ---------------------------------------------------------------------------------------------------------
 
 #[test]
 fn exact_is_right_in_every_kind_and_structure() {

@@ -1,5 +1,5 @@
-//! Grid, octree, boxes, spheres and hierarchies of boxes: rays and scenes made to break them, against brute force bit for bit; what each structure
-//! promises of its lists; and the options that go with them.
+//! Grid, octree, boxes, spheres and hierarchies of boxes: rays and scenes made to break them, against brute force bit
+//! for bit; what each structure promises of its lists; and the options that go with them.
 
 use crate::common::{Random, SEED, asked, device, scene_of, sheet, soup, try_asked};
 use glam::{DVec3, Vec3};
@@ -51,7 +51,8 @@ fn a_scene_is_traced_with_what_it_was_packed_for() {
     }
 }
 
-/// Squares at whole coordinates, in planes across all axes: with as many cells as squares everything lies in some plane.
+/// Squares at whole coordinates, in planes across all axes: with as many cells as squares everything lies in some
+/// plane.
 fn lattice(side: usize) -> Triangles {
     let cells = (0..side * side * side).map(|i| (i % side, i / side % side, i / side / side));
     cells
@@ -263,8 +264,7 @@ fn packed(buffers: &SceneBuffers) -> Triangles {
 fn a_grid_lists_each_triangle_in_every_cell_that_its_box_touches() {
     for (name, triangles) in scenes() {
         for size in [None, Some([1, 1, 1]), Some([5, 6, 7])] {
-            let options =
-                TraceOptions { structure: Structure::Grid(GridOptions { size: size }), ..TraceOptions::default() };
+            let options = TraceOptions { structure: Structure::Grid(GridOptions { size }), ..TraceOptions::default() };
             let buffers = SceneBuffers::new(&scene_of(&triangles), &options).unwrap();
             let (low, cell) = (buffers.bounds[0].xyz(), buffers.bounds[1].xyz());
             let count = [0, 1, 2].map(|axis| buffers.bounds[axis].w.to_bits());
@@ -454,8 +454,8 @@ fn rays_among(buffers: &SceneBuffers, random: &mut Random) -> Vec<TraceRay> {
     (0..300).map(&mut ray).collect()
 }
 
-/// One vertex very far out, or many, change neither what structures find nor, for rays that start where most triangles are, how many
-/// triangles they test for it.
+/// One vertex very far out, or many, change neither what structures find nor, for rays that start where most triangles
+/// are, how many triangles they test for it.
 #[test]
 fn what_lies_very_far_out_does_not_make_structures_test_everything() {
     let mut random = Random::new(SEED + 11);

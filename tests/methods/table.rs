@@ -1,4 +1,5 @@
-//! The table of methods: complete, true for every combination of options that depend on each other, and each value of it traces.
+//! The table of methods: complete, true for every combination of options that depend on each other, and each value of
+//! it traces.
 
 use crate::common::{Random, SEED, scene_of, sheet};
 use raybrook::low_level::options::{
@@ -71,7 +72,8 @@ impl Possible {
     }
 }
 
-/// The options that take names: those of which a value is in the table, and those whose values go together with everything.
+/// The options that take names: those of which a value is in the table, and those whose values go together with
+/// everything.
 fn bound_and_free(never: &[NeverTogether]) -> [Vec<Vec<Option<Choice>>>; 2] {
     let is_bound = |choice: Choice| never.iter().any(|n| n.values.contains(&choice));
     let names = OPTIONS.iter().filter(|option| !option.is_number());
@@ -79,8 +81,8 @@ fn bound_and_free(never: &[NeverTogether]) -> [Vec<Vec<Option<Choice>>>; 2] {
     [bound, free].map(|options| options.into_iter().map(values_or_none).collect())
 }
 
-/// Every combination of the names that are in the table, with names of the options beside it, whose values go together with everything,
-/// drawn at random.
+/// Every combination of the names that are in the table, with names of the options beside it, whose values go together
+/// with everything, drawn at random.
 #[test]
 fn names_go_together_as_the_table_says() {
     let never = never_together();
@@ -107,7 +109,8 @@ fn names_go_together_as_the_table_says() {
 #[test]
 fn numbers_go_together_as_the_table_says() {
     let never = never_together();
-    // An option whose values go together with everything stays out of the product: the names' test has shown that of names.
+    // An option whose values go together with everything stays out of the product: the names' test has shown that of
+    // names.
     let [names, _] = bound_and_free(&never);
     let numbers: Vec<_> = choices().filter(|choice| choice.name().is_none()).collect();
     let mut possible = Possible::new();

@@ -1,5 +1,5 @@
-//! Every structure, build, traversal and triangle test, on the device and in the twin: the same hits bit for bit, and right
-//! by the f64 oracle.
+//! Every structure, build, traversal and triangle test, on the device and in the twin: the same hits bit for bit, and
+//! right by the f64 oracle.
 
 use crate::common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
@@ -63,8 +63,8 @@ fn other_stops() -> Vec<TraceOptions> {
     all
 }
 
-/// Every part, but not every combination: a device compiles each of them. Nor, but in the soup, every build with every traversal: the
-/// kernels are the same.
+/// Every part, but not every combination: a device compiles each of them. Nor, but in the soup, every build with every
+/// traversal: the kernels are the same.
 fn is_tried_on_devices(options: &TraceOptions, scene: &str) -> bool {
     let plain = TraceOptions { intersector: options.intersector, ..TraceOptions::default() };
     let is_known = options.kd().build != plain.kd().build && options.kd().traversal != plain.kd().traversal;
@@ -80,8 +80,8 @@ fn all_traversals() -> Vec<(Traversal, Option<u32>)> {
     exact.chain([1, 2, 3, 8].map(|size| (Traversal::ShortStack, Some(size)))).collect()
 }
 
-/// Rays through a scene about the origin: from outside and inside, along axes and in planes of the scene, short ones, and some
-/// that are nonsense.
+/// Rays through a scene about the origin: from outside and inside, along axes and in planes of the scene, short ones,
+/// and some that are nonsense.
 fn queries(count: usize, random: &mut Random) -> Vec<Query> {
     (0..count)
         .map(|i| {
@@ -250,8 +250,9 @@ fn trace(
     open_tracer(device, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap().hits
 }
 
-/// With the watertight test only: Möller and Trumbore's reports hits that lie a rounding outside of their triangle, where its
-/// leaf need not be met. On these rays that is up to 2 % of all hits, in the whole scenes' boxes as in their leaves.
+/// With the watertight test only: Möller and Trumbore's reports hits that lie a rounding outside of their triangle,
+/// where its leaf need not be met. On these rays that is up to 2 % of all hits, in the whole scenes' boxes as in their
+/// leaves.
 #[test]
 fn ties_give_the_hits_of_brute_force() {
     for (name, scene) in scenes() {
@@ -282,9 +283,10 @@ fn ties_give_the_hits_of_brute_force() {
     }
 }
 
-/// A known failure of every kd-tree: its cells are as wide as the rounding of their planes' t, not as that of the hit's t, which is
-/// larger and grows with the triangle. Here the true t is 0.993, before the ray's start, but the watertight test computes 1.007. The
-/// octree's and the others' cells are wide enough (HIT_ERROR in `cl/shared/ray.cl`), and the exact test computes the true t.
+/// A known failure of every kd-tree: its cells are as wide as the rounding of their planes' t, not as that of the hit's
+/// t, which is larger and grows with the triangle. Here the true t is 0.993, before the ray's start, but the watertight
+/// test computes 1.007. The octree's and the others' cells are wide enough (HIT_ERROR in `cl/shared/ray.cl`), and the
+/// exact test computes the true t.
 #[test]
 fn kd_trees_lose_a_hit_that_rounding_moves_past_the_start_of_the_ray() {
     let scene = scene_of(&sheet(8).into_iter().map(|t| t.map(|p| p.with_z(0.25))).collect::<Vec<_>>());
@@ -325,7 +327,8 @@ fn device_and_twin_agree_on_ties() {
     }
 }
 
-/// Whether some plane of the tree is behind the ray's origin, or the ray runs in it: where the thesis's listing goes wrong.
+/// Whether some plane of the tree is behind the ray's origin, or the ray runs in it: where the thesis's listing goes
+/// wrong.
 fn has_plane_behind(buffers: &SceneBuffers, ray: &TraceRay) -> bool {
     let (origin, direction) = (ray.origin_t_min.xyz(), ray.direction_t_max.xyz());
     buffers.nodes.iter().filter(|node| node.flags != KD_LEAF).any(|node| {
@@ -403,8 +406,8 @@ fn the_thesis_restart_fails_as_documented() {
     }
 }
 
-/// Rays in the planes of triangles, or nearly: there t is hard to compute, and a wrong one takes a traversal to another hit than
-/// brute force. The tests that are robust have no such case; for Möller-Trumbore it is a known failure.
+/// Rays in the planes of triangles, or nearly: there t is hard to compute, and a wrong one takes a traversal to another
+/// hit than brute force. The tests that are robust have no such case; for Möller-Trumbore it is a known failure.
 #[test]
 fn robust_tests_give_the_hits_of_brute_force_in_the_planes_of_triangles() {
     let mut random = Random::new(SEED + 4);

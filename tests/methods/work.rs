@@ -1,5 +1,5 @@
-//! Counted work: the device counts what the twin counts, ray by ray; counting changes no hit and no pixel; what is counted is what
-//! the words say; and the methods' work relates as their papers found.
+//! Counted work: the device counts what the twin counts, ray by ray; counting changes no hit and no pixel; what is
+//! counted is what the words say; and the methods' work relates as their papers found.
 
 use crate::common::{Random, SEED, device, scene_of, shared, sheet, soup};
 use glam::Vec3;
@@ -31,8 +31,8 @@ fn short_stack(size: u32) -> TraceOptions {
     }
 }
 
-/// Every structure and traversal, the one that loses hits among them; triangle tests that read vertices, again in ties, or none; each of
-/// the macros that read arrays.
+/// Every structure and traversal, the one that loses hits among them; triangle tests that read vertices, again in ties,
+/// or none; each of the macros that read arrays.
 fn all_options() -> Vec<TraceOptions> {
     let deep = |o: TraceOptions| TraceOptions {
         structure: Structure::Kd(KdOptions { leaf_size: Some(1), max_depth: Some(20), ..o.kd() }),
@@ -59,7 +59,8 @@ fn all_options() -> Vec<TraceOptions> {
     kd.chain(others).chain(more).collect()
 }
 
-/// Rays about the origin: from outside and inside, along axes, in planes of the sheet, too far for a grid, and some nonsense.
+/// Rays about the origin: from outside and inside, along axes, in planes of the sheet, too far for a grid, and some
+/// nonsense.
 fn rays(buffers: &SceneBuffers, count: usize, random: &mut Random) -> Vec<TraceRay> {
     let ray = |i: usize| {
         let from = 3.0 * random.vec3();
@@ -215,12 +216,13 @@ fn camera_rays_count_apart_from_all_others() {
     assert!(all.rays > camera.rays);
 }
 
-/// One triangle, one ray that hits it, one that misses it inside of its box and one that misses the box: counted by hand.
+/// One triangle, one ray that hits it, one that misses it inside of its box and one that misses the box: counted by
+/// hand.
 #[test]
 fn one_triangle_costs_what_can_be_counted_by_hand() {
     let scene = scene_of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]]);
-    // Steps, leaves, tests, bytes of nodes and deepest stack where the ray enters the box, and bytes of nodes where it does not. A
-    // test reads a reference and three float4.
+    // Steps, leaves, tests, bytes of nodes and deepest stack where the ray enters the box, and bytes of nodes where it
+    // does not. A test reads a reference and three float4.
     for (options, [steps, leaves, tests, node_bytes, deepest], outside_bytes) in [
         (COUNTED, [0, 1, 1, 16, 0], 0),
         (
@@ -320,8 +322,9 @@ fn counters_agree_with_each_other() {
         let seen = WorkSum::new(rays.len() as u64, all.iter().copied());
         for work in all {
             let count = |counter| work.get(counter);
-            // These rays start on no triangle, so every reference that is read is tested. `exact` reads a triangle again where t ties
-            // and where t is wanted in the end, and does not where the nearest one so far is met again.
+            // These rays start on no triangle, so every reference that is read is tested. `exact` reads a triangle
+            // again where t ties and where t is wanted in the end, and does not where the nearest one so far is met
+            // again.
             let (bytes, tests) = (count(WorkCounter::TriangleBytes), count(WorkCounter::Tests));
             match options.intersector {
                 _ if options.kind() == StructureKind::Bvh8 => {
@@ -381,7 +384,8 @@ fn counters_agree_with_each_other() {
     }
 }
 
-/// The work on camera rays, on one random ray from each of their hits, and on shadow rays (any hit) from there to a light.
+/// The work on camera rays, on one random ray from each of their hits, and on shadow rays (any hit) from there to a
+/// light.
 fn camera_bounce_shadow(scene: &Scene, options: TraceOptions) -> [WorkSum; 3] {
     const SIDE: u32 = 128;
     let buffers = Arc::new(SceneBuffers::new(scene, &options).unwrap());
@@ -420,10 +424,11 @@ fn camera_bounce_shadow(scene: &Scene, options: TraceOptions) -> [WorkSum; 3] {
     ]
 }
 
-/// How the traversals' inner steps relate in a SAH tree. Foley and Sugerman (2005) and Horn et al. (2007) give 2 to 4 times the
-/// stack's for restarts; Horn et al. at most 7 % more than the stack's for a short stack of 3 and 1 % for one of 8; Popov et al.
-/// (2007) fewer for ropes. All of that holds here, but for one thing: bounce and shadow rays, which start inside of our deep
-/// trees with their many empty leaves, overflow a short stack of 3 more often, and cost up to 20 % more.
+/// How the traversals' inner steps relate in a SAH tree. Foley and Sugerman (2005) and Horn et al. (2007) give 2 to 4
+/// times the stack's for restarts; Horn et al. at most 7 % more than the stack's for a short stack of 3 and 1 % for one
+/// of 8; Popov et al. (2007) fewer for ropes. All of that holds here, but for one thing: bounce and shadow rays, which
+/// start inside of our deep trees with their many empty leaves, overflow a short stack of 3 more often, and cost up to
+/// 20 % more.
 fn assert_work_is_as_published(name: &str, scene: &Scene) {
     let steps = |options| camera_bounce_shadow(scene, options).map(|sum| sum.mean(WorkCounter::Steps));
     let stack = steps(COUNTED);
@@ -470,8 +475,8 @@ fn work_on_the_bunny_is_as_published() {
     assert_work_is_as_published("bunny", &scene);
 }
 
-/// Published (Havran 1999): a grid of 35 x 35 x 35 on the rays of SPD tetra at depth 5 visits about 16.0 cells and makes about 10.0
-/// tests a ray.
+/// Published (Havran 1999): a grid of 35 x 35 x 35 on the rays of SPD tetra at depth 5 visits about 16.0 cells and
+/// makes about 10.0 tests a ray.
 #[test]
 fn a_grid_on_tetra_costs_what_was_published() {
     let Some(path) = shared("spd/tetra.nff") else { return };

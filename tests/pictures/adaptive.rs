@@ -195,7 +195,8 @@ fn the_device_decides_of_pictures_of_any_shape_and_lattice_what_the_host_decides
     }
 }
 
-/// Of as many rays as a tile may have, and of fewer: tiles are not divided. Small, because `tests/runtimes.sh` has it checked for races.
+/// Of as many rays as a tile may have, and of fewer: tiles are not divided. Small, because `tests/runtimes.sh` has it
+/// checked for races.
 #[test]
 fn short_lists_make_the_same_picture() {
     let Some(device) = device() else { return };
@@ -250,8 +251,9 @@ fn no_error_means_the_full_picture_where_there_is_anything_to_see() {
     assert!(error_in_steps(&full, &result.film) < 0.1, "{stats:?}");
 }
 
-/// What is asked for is kept, and what is estimated is near what is: on every scene, for three errors. On a device, if there is one, which
-/// renders the twin's pixels in less time: those of the largest error are compared. One kernel for all scenes.
+/// What is asked for is kept, and what is estimated is near what is: on every scene, for three errors. On a device, if
+/// there is one, which renders the twin's pixels in less time: those of the largest error are compared. One kernel for
+/// all scenes.
 fn assert_bound_is_kept(path: &Path, side: u32) {
     let device = device();
     let options = TraceOptions {
@@ -286,7 +288,8 @@ fn assert_bound_is_kept(path: &Path, side: u32) {
     }
 }
 
-/// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 28 scenes and three errors the most was 1.04.
+/// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 28 scenes and three errors the
+/// most was 1.04.
 const BOUND: f64 = 1.05;
 
 #[test]

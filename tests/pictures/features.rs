@@ -1,5 +1,5 @@
-//! Kernels that have only what the scene needs, beside those that have everything and the reference, which has no less: bit for bit, on
-//! scenes that need one feature, all but one, and all.
+//! Kernels that have only what the scene needs, beside those that have everything and the reference, which has no less:
+//! bit for bit, on scenes that need one feature, all but one, and all.
 
 use crate::common::device;
 use glam::{DVec3, Vec3};

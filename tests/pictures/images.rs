@@ -143,9 +143,9 @@ fn device_and_twin_render_the_same_bits() {
     }
 }
 
-/// Walls that lie in borders of the checker's cells show the cells of their inside, whichever side is seen, without a single
-/// pixel of the neighbours: the hits' rounding errors must not choose. The last walls lie near the border of a place that
-/// float32 does not have.
+/// Walls that lie in borders of the checker's cells show the cells of their inside, whichever side is seen, without a
+/// single pixel of the neighbours: the hits' rounding errors must not choose. The last walls lie near the border of a
+/// place that float32 does not have.
 #[test]
 fn walls_in_borders_of_the_checker_are_clean() {
     for (size, wall) in [(1.0, 3.0), (1.0, 0.0), (1.0, -7.0), (0.25, 100.0), (0.1, 0.3), (0.3, -2.1), (0.7, 4.9)] {
@@ -238,7 +238,8 @@ fn every_kind_of_ray_is_cast_and_counted() {
     }
 }
 
-/// A light over a quad with a smaller one between: lit outside, dark inside the shadow, tinted when the blocker is glass.
+/// A light over a quad with a smaller one between: lit outside, dark inside the shadow, tinted when the blocker is
+/// glass.
 fn shadow_scene(blocker: Material) -> Scene {
     let mut builder = Builder::new();
     builder.rotate(Vec3::X, -90.0);
@@ -285,8 +286,8 @@ fn mirrors_reflect_and_glass_keeps_energy() {
     let sky = Vec3::new(0.4, 0.6, 0.8);
     let mirror = ball(Material { mirror: Vec3::splat(0.5), ..Material::matt(Vec3::ZERO) }, sky);
     assert!((mirror - 0.5 * sky).abs().max_element() < 1e-6, "{mirror}");
-    // White all round: a clear ball is invisible, whatever it reflects and refracts. What the depth limit of 6 cuts off is seen
-    // after 5 inner reflections, 0.04^5 = 1e-7; the kill weight cuts 2e-4 at most, a few times.
+    // White all round: a clear ball is invisible, whatever it reflects and refracts. What the depth limit of 6 cuts off
+    // is seen after 5 inner reflections, 0.04^5 = 1e-7; the kill weight cuts 2e-4 at most, a few times.
     let clear = ball(Material { transmission: Vec3::ONE, ior: 1.5, ..Material::matt(Vec3::ZERO) }, Vec3::ONE);
     assert!((clear - Vec3::ONE).abs().max_element() < 1e-3, "{clear}");
     // Without a change of index the ray goes straight through both sides.

@@ -1,6 +1,6 @@
-//! What shading computes where arguments are at their limits, on a device and on its twin: total reflection, smooth normals against
-//! their triangle, needles, lamps that touch a surface, texture coordinates without sense. Run a second time under Oclgrind by
-//! `./test`. Whole pictures of such scenes are the business of `tests/scene/hostile.rs`.
+//! What shading computes where arguments are at their limits, on a device and on its twin: total reflection, smooth
+//! normals against their triangle, needles, lamps that touch a surface, texture coordinates without sense. Run a second
+//! time under Oclgrind by `./test`. Whole pictures of such scenes are the business of `tests/scene/hostile.rs`.
 
 use crate::common::probe::{assert_same_bits, run, v3};
 use crate::common::{Random, SEED, device};
@@ -60,7 +60,8 @@ fn compare(name: &str, body: &str, inputs: usize, data: &[f32], twin: impl Fn(&[
     assert_same_bits(name, inputs, data, &run(&device, body, inputs, outputs, data), &expected);
 }
 
-// ---- reflection and refraction -----------------------------------------------------------------------------------------------
+// ---- reflection and refraction
+// -----------------------------------------------------------------------------------------------
 
 const DIRECTIONS: &str = "Surface surface; surface.geometric_normal = vload3(0, in); surface.normal = vload3(1, in);\
      float3 d = vload3(2, in); Refraction r = refract_direction(&surface, d, in[9]);\
@@ -193,7 +194,8 @@ fn reflections_change_smoothly_where_they_meet_the_triangle() {
     assert!((100..1400).contains(&mirrored), "{mirrored}");
 }
 
-// ---- normals -----------------------------------------------------------------------------------------------------------------
+// ---- normals
+// -----------------------------------------------------------------------------------------------------------------
 
 /// The normal in f64; differences of coordinates within 2^29 of each other are exact there.
 fn exact_normal([p0, p1, p2]: [Vec3; 3]) -> (DVec3, f64) {
@@ -297,10 +299,11 @@ fn normals_without_direction_are_the_geometric_one() {
     });
 }
 
-// ---- light -------------------------------------------------------------------------------------------------------------------
+// ---- light
+// -------------------------------------------------------------------------------------------------------------------
 
-/// The height of the smooth surface: nothing where normals are flat, at the vertices and where the mesh is hollow; that of the ideal
-/// sphere, to second order, on a triangle of it.
+/// The height of the smooth surface: nothing where normals are flat, at the vertices and where the mesh is hollow; that
+/// of the ideal sphere, to second order, on a triangle of it.
 #[test]
 fn shadow_rays_start_where_the_normals_claim_the_surface() {
     let lift = |x: &[f32]| {
@@ -352,8 +355,8 @@ fn shadow_rays_start_where_the_normals_claim_the_surface() {
     compare("smooth_lift", body, 21, &data, |x| lift(x).to_array().to_vec());
 }
 
-/// The dark steps that light ends in on a coarse ball under a light from the side: every pixel that is dark though its smooth normal
-/// faces the light.
+/// The dark steps that light ends in on a coarse ball under a light from the side: every pixel that is dark though its
+/// smooth normal faces the light.
 #[test]
 fn light_ends_smoothly_on_coarse_balls() {
     let dark = |terminator: Terminator| {
@@ -472,7 +475,8 @@ fn light_is_a_number_whatever_lamp_and_material_are() {
     });
 }
 
-// ---- textures ----------------------------------------------------------------------------------------------------------------
+// ---- textures
+// ----------------------------------------------------------------------------------------------------------------
 
 /// Any bits as texture coordinate: two texels that exist, next to each other, and a weight between them.
 #[test]

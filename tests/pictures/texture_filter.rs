@@ -1,6 +1,6 @@
-//! What colours rays take from textures: the mean over what a ray stands for is near the converged picture where the colour of a point
-//! flickers; the same bits on device and twin, in every kind of kernel; nothing changes where texels are large; and nothing is lost where
-//! texture coordinates make no sense.
+//! What colours rays take from textures: the mean over what a ray stands for is near the converged picture where the
+//! colour of a point flickers; the same bits on device and twin, in every kind of kernel; nothing changes where texels
+//! are large; and nothing is lost where texture coordinates make no sense.
 
 use crate::common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
@@ -74,8 +74,8 @@ fn difference(a: &Film, b: &Film) -> f64 {
 
 #[test]
 fn a_sample_of_a_footprint_is_near_the_mean_of_many_of_points() {
-    // Texels from a tenth of a pixel to twenty of them. Measured: one sample errs by 0.18 and 0.27 of what it did, 16 by 0.51 and 0.58. What is
-    // left are outlines, and what the balls show, behind which cones are too narrow.
+    // Texels from a tenth of a pixel to twenty of them. Measured: one sample errs by 0.18 and 0.27 of what it did, 16
+    // by 0.51 and 0.58. What is left are outlines, and what the balls show, behind which cones are too narrow.
     for (tile, tiles) in [(dots(64, 64), 20.0), (dots(37, 21), 30.0)] {
         let scene = floor(tile, tiles);
         let truth = picture(&scene, &BILINEAR, false, Samples::PerPixel(256));

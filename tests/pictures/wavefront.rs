@@ -1,5 +1,5 @@
-//! `--kernels split` against the mega-kernel and the twin: the same bits in every pixel and the same rays, whatever the scene, the
-//! number of paths in flight, the memory and who evaluates the textures.
+//! `--kernels split` against the mega-kernel and the twin: the same bits in every pixel and the same rays, whatever the
+//! scene, the number of paths in flight, the memory and who evaluates the textures.
 
 use crate::common::{Random, SEED, device};
 use glam::Vec3;
@@ -20,7 +20,8 @@ use std::sync::Arc;
 /// The longest chain of rays of these tests; what tracers are opened for.
 const DEPTH: u32 = 8;
 
-/// With all features, so that all scenes have the same kernels: what is left out of others is the business of `tests/pictures/features.rs`.
+/// With all features, so that all scenes have the same kernels: what is left out of others is the business of
+/// `tests/pictures/features.rs`.
 const SPLIT: TraceOptions = TraceOptions {
     picture: PictureOptions { kernels: Kernels::Wavefront, features: KernelFeatures::All, ..PictureOptions::DEFAULT },
     ..TraceOptions::DEFAULT
@@ -336,8 +337,8 @@ fn a_made_ray_is_made_again_to_the_same_bits() {
         let bits = |ray: &Ray| {
             let vectors = [ray.origin, ray.direction, ray.inv_direction];
             let mut bits: Vec<_> = vectors.iter().flat_map(|v| v.to_array()).map(f32::to_bits).collect();
-            // Where it ends differs: made anew, t counts in another unit, of which the largest float is another one. Nothing in a picture
-            // is that far away.
+            // Where it ends differs: made anew, t counts in another unit, of which the largest float is another one.
+            // Nothing in a picture is that far away.
             bits.extend([ray.t_near.to_bits(), u32::from(ray.t_far > 0.0), ray.skip]);
             bits
         };

@@ -87,8 +87,9 @@ fn sphere_volume(n: u32) -> f64 {
     (0..rings).map(|j| frustum_volume(section(j), section(j + 1), angle(j).cos() - angle(j + 1).cos())).sum()
 }
 
-/// The exact volume of `torus(2, 0.5, n, sides)`: each of the n wedges between two copies of the tube's section (an m-gon of
-/// area A, at distance rho from the axis) holds the integral of sin(2 pi/n) rho over A, and rho's mean is the major radius.
+/// The exact volume of `torus(2, 0.5, n, sides)`: each of the n wedges between two copies of the tube's section (an
+/// m-gon of area A, at distance rho from the axis) holds the integral of sin(2 pi/n) rho over A, and rho's mean is the
+/// major radius.
 fn torus_volume(n: u32, sides: u32) -> f64 {
     f64::from(n) * (2.0 * PI / f64::from(n)).sin() * 2.0 * 0.25 * polygon(sides)
 }
@@ -120,8 +121,8 @@ fn solids_are_closed_and_face_outwards() {
             assert_eq!(scene.triangles.len(), triangles(n) as usize, "{what}");
             assert_closed(&scene, &what);
             assert_normals(&scene, &what);
-            // Each coordinate is rounded once: the volume moves by less than area times the largest coordinate's half ulp
-            // in each of three directions; coordinates are below 4, whose half ulp is 2^-23.
+            // Each coordinate is rounded once: the volume moves by less than area times the largest coordinate's half
+            // ulp in each of three directions; coordinates are below 4, whose half ulp is 2^-23.
             let tolerance = 3.0 * area(&scene) * 2.0f64.powi(-23);
             let found = signed_volume(&scene);
             assert!(
@@ -129,8 +130,8 @@ fn solids_are_closed_and_face_outwards() {
                 "{what}: volume {found}, expected {} +- {tolerance}",
                 volume(n)
             );
-            // An inscribed n-gon lacks 1 - sin(x)/x < x²/6 of its circle, x = 2 pi/n; a solid at most two such in a row, and for
-            // the sphere's halved number of rings four times as much in the other direction.
+            // An inscribed n-gon lacks 1 - sin(x)/x < x²/6 of its circle, x = 2 pi/n; a solid at most two such in a
+            // row, and for the sphere's halved number of rings four times as much in the other direction.
             let lacking = 5.0 * (2.0 * PI / f64::from(n)).powi(2) / 6.0;
             assert!(
                 found <= ideal + tolerance && found >= ideal * (1.0 - lacking) - tolerance,

@@ -1,5 +1,5 @@
-//! Values at the ends of their ranges: whatever a scene may hold, every pixel of its picture is a number, the same on a device
-//! and on the twin; what it may not hold is refused by name.
+//! Values at the ends of their ranges: whatever a scene may hold, every pixel of its picture is a number, the same on a
+//! device and on the twin; what it may not hold is refused by name.
 
 use crate::common::{Random, SEED, device};
 use glam::{Vec2, Vec3};
@@ -123,7 +123,8 @@ fn coordinate(random: &mut Random) -> f32 {
     }
 }
 
-/// Balls and a crumpled sheet with normals and texture coordinates of all kinds, among needles and specks, in all sizes.
+/// Balls and a crumpled sheet with normals and texture coordinates of all kinds, among needles and specks, in all
+/// sizes.
 fn scene(random: &mut Random) -> Scene {
     let mut builder = Builder::new();
     let rgba = (0..6u8).map(|i| [40 * i, 255 - 40 * i, 20 * i, 255]).collect();

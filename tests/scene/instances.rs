@@ -1,4 +1,5 @@
-//! Instances against the flattened scene, bit for bit: hits and pictures, on the reference and on the device, whatever the transforms.
+//! Instances against the flattened scene, bit for bit: hits and pictures, on the reference and on the device, whatever
+//! the transforms.
 
 use crate::common::{Random, SEED, device, sheet, soup};
 use glam::{Affine3A, Vec2, Vec3};
@@ -22,8 +23,8 @@ fn positions(triangles: &[[Vec3; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (corners, (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
 }
 
-/// Objects that are open, closed, smooth and textured, and transforms of every kind: rotated, mirrored, sheared, flat, small, large and far
-/// away, and some that cannot be shared because their inverse is not sure.
+/// Objects that are open, closed, smooth and textured, and transforms of every kind: rotated, mirrored, sheared, flat,
+/// small, large and far away, and some that cannot be shared because their inverse is not sure.
 fn scene(random: &mut Random) -> Scene {
     let mut builder = Builder::new();
     let dots = (0..16 * 8).map(|_| [(); 4].map(|()| (random.bits() % 256) as u8)).collect();
@@ -79,7 +80,8 @@ fn scene(random: &mut Random) -> Scene {
     builder.finish().unwrap()
 }
 
-/// Rays of all kinds, world units: into the heap, along axes, at vertices and middles of edges, from far away, from inside.
+/// Rays of all kinds, world units: into the heap, along axes, at vertices and middles of edges, from far away, from
+/// inside.
 fn rays(scene: &Scene, buffers: &SceneBuffers, count: usize, random: &mut Random) -> Vec<TraceRay> {
     (0..count)
         .map(|i| {

@@ -1,7 +1,7 @@
 //! OBJ, MTL and texture files: the quirks of real writers, hostile files, and real models.
 //!
-//! The large tables are those of `../shared/scenes`, a collection beside the repository; where it is absent those tests say
-//! so and pass. All other tests write their own files.
+//! The large tables are those of `../shared/scenes`, a collection beside the repository; where it is absent those tests
+//! say so and pass. All other tests write their own files.
 
 use crate::common::models::{
     assert_consistent, assert_warned, check_malformed, image_of, rows, shared_scenes as shared, size_of_picture,

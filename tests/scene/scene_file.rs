@@ -68,7 +68,8 @@ fn corners(scene: &Scene) -> (Vec3, Vec3) {
     scene.bounds().expect("triangles")
 }
 
-// ---- what is read ----------------------------------------------------------------------------------------------------
+// ---- what is read
+// ----------------------------------------------------------------------------------------------------
 
 #[test]
 fn an_empty_file_is_an_empty_scene() {
@@ -405,7 +406,8 @@ fn warnings_of_a_file_are_told_once() {
     assert_eq!(scene.warnings.iter().filter(|w| w.contains("missing.mtl")).count(), 1, "{:?}", scene.warnings);
 }
 
-// ---- what is refused -------------------------------------------------------------------------------------------------
+// ---- what is refused
+// -------------------------------------------------------------------------------------------------
 
 #[test]
 fn unknown_keys_name_the_nearest_and_their_line() {
@@ -634,7 +636,8 @@ fn missing_and_foreign_files_name_key_and_line() {
     assert!(line == Some(2) && message.contains("texture 'scene.toml'"), "{message}");
 }
 
-// ---- our own scenes --------------------------------------------------------------------------------------------------
+// ---- our own scenes
+// --------------------------------------------------------------------------------------------------
 
 fn scenes_folder() -> PathBuf {
     crate::common::root().join("scenes")
@@ -682,8 +685,8 @@ fn the_showcase_shows_everything() {
     }
 }
 
-/// Words that are numbers agree to one unit of their fourth decimal, others are equal: the libraries of different systems
-/// differ in the last bit of a sine, which can tip the rounding.
+/// Words that are numbers agree to one unit of their fourth decimal, others are equal: the libraries of different
+/// systems differ in the last bit of a sine, which can tip the rounding.
 fn assert_same_text(name: &str, found: &str, expected: &str) {
     assert_eq!(found.lines().count(), expected.lines().count(), "{name}");
     for (number, (found, expected)) in found.lines().zip(expected.lines()).enumerate() {

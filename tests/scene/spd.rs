@@ -1,11 +1,12 @@
 //! Haines' Standard Procedural Databases, against ray counts that others published.
 //!
-//! V. Havran, 1999: 513 x 513 rays through pixel corners, at most 5 rays in a chain; derived again in double precision in
-//! `../shared/spd/README.md`. A shadow ray is cast where N·L > 0 and anything blocks it; a surface reflects if Ks > 0 or T > 0 and
-//! refracts if T > 0.
+//! V. Havran, 1999: 513 x 513 rays through pixel corners, at most 5 rays in a chain; derived again in double precision
+//! in `../shared/spd/README.md`. A shadow ray is cast where N·L > 0 and anything blocks it; a surface reflects if Ks >
+//! 0 or T > 0 and refracts if T > 0.
 //!
-//! The renderer counts otherwise in two places, both in gears alone, and says so here by numbers: glass does not block its
-//! shadow rays but tints the light, and surfaces are lit from both sides, so that there are shadow rays inside of glass too.
+//! The renderer counts otherwise in two places, both in gears alone, and says so here by numbers: glass does not block
+//! its shadow rays but tints the light, and surfaces are lit from both sides, so that there are shadow rays inside of
+//! glass too.
 
 use crate::common::{device, shared};
 use glam::{DVec3, Vec3};
@@ -37,8 +38,8 @@ struct Database {
     eye_hits: u64,
     /// Shadow rays of what the eye sees, and how many of them something blocks. As published.
     shadow: [u64; 2],
-    /// All rays of chains of up to 5, as [`follow`] counts them. Published are 309,431 for tetra and 2,845,519 for gears, derived
-    /// again elsewhere 309,430 and 2,896,273: the chains through glass are a matter of taste.
+    /// All rays of chains of up to 5, as [`follow`] counts them. Published are 309,431 for tetra and 2,845,519 for
+    /// gears, derived again elsewhere 309,430 and 2,896,273: the chains through glass are a matter of taste.
     all_rays: u64,
 }
 
@@ -47,8 +48,9 @@ const DATABASES: [Database; 2] = [
     Database { name: "gears", eye_hits: 245_332, shadow: [1_135_866, 255_026], all_rays: 2_896_275 },
 ];
 
-/// What the renderer counted when this was written: shadow rays of chains of 1 and the blocked ones, the same with glass made
-/// opaque, and all rays of chains of up to 5. The differences from [`DATABASES`] are float32's and the two named above.
+/// What the renderer counted when this was written: shadow rays of chains of 1 and the blocked ones, the same with
+/// glass made opaque, and all rays of chains of up to 5. The differences from [`DATABASES`] are float32's and the two
+/// named above.
 const MEASURED: [([u64; 2], [u64; 2], u64); 2] =
     [([46_261, 5_557], [46_261, 5_557], 309_430), ([1_135_866, 240_532], [1_135_866, 255_026], 3_023_055)];
 
@@ -65,8 +67,8 @@ fn counts(scene: &Scene, options: &TraceOptions, device: Option<&DeviceHandle>, 
     render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().counts
 }
 
-/// Every structure and exact traversal, but brute force only where it ends in time. Devices take a structure each: that their other
-/// traversals have the twin's hits is the business of `tests/methods/traverse.rs`.
+/// Every structure and exact traversal, but brute force only where it ends in time. Devices take a structure each: that
+/// their other traversals have the twin's hits is the business of `tests/methods/traverse.rs`.
 fn structures(triangles: usize) -> Vec<TraceOptions> {
     const MOST_FOR_BRUTE_FORCE: usize = 5000;
     let base = TraceOptions::DEFAULT;
@@ -143,8 +145,9 @@ fn device_and_twin_count_the_same_rays() {
 
 #[test]
 fn a_grid_lists_what_was_published() {
-    // Havran 1999: triangles are put into the cells that their boxes touch. The margin of our grid's boxes, 3/16384 of the extent,
-    // is smaller than the distance of any vertex, at m/32, from the planes, at 2k/35 - 1, but for those in the rim.
+    // Havran 1999: triangles are put into the cells that their boxes touch. The margin of our grid's boxes, 3/16384 of
+    // the extent, is smaller than the distance of any vertex, at m/32, from the planes, at 2k/35 - 1, but for those in
+    // the rim.
     let Some(scene) = database("tetra") else { return };
     let options =
         TraceOptions { structure: Structure::Grid(GridOptions { size: Some([35; 3]) }), ..TraceOptions::DEFAULT };
@@ -167,7 +170,8 @@ struct Looks {
     ior: f64,
 }
 
-/// What a database holds, in f64: its decimals do not fit into float32, and two shadow rays of gears tell the difference.
+/// What a database holds, in f64: its decimals do not fit into float32, and two shadow rays of gears tell the
+/// difference.
 #[derive(Default)]
 struct Geometry {
     from: DVec3,
@@ -235,7 +239,8 @@ fn follow(database: &Geometry, oracle: &Oracle, ray: &OracleRay, depth: u32, cou
     let [p0, p1, p2] = database.triangles[hit.primitive as usize];
     let looks = database.looks[hit.primitive as usize];
     let point = ray.origin + ray.direction * hit.t;
-    // As `leave_surface` has it: rays leave by the triangle's number, and from those beside it by the error of the point.
+    // As `leave_surface` has it: rays leave by the triangle's number, and from those beside it by the error of the
+    // point.
     let largest = [p0, p1, p2, ray.origin].iter().fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
     let leave = |direction: DVec3, t_max: f64| {
         let t_min = 6.0 * f64::EPSILON * largest / direction.abs().max_element();

@@ -1,4 +1,5 @@
-//! The book's page of options is made of the same description as the help: this compares them, and writes the page anew with `UPDATE=1`.
+//! The book's page of options is made of the same description as the help: this compares them, and writes the page anew
+//! with `UPDATE=1`.
 
 use super::Cli;
 use clap::{Arg, Command, CommandFactory};

@@ -23,8 +23,8 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Steps of 8-bit sRGB by which a pixel may differ. The twin repeats the kernels' arithmetic, so that a device of IEEE division
-/// and square root differs nowhere; one step is left for devices whose division is only good to 2.5 ulp.
+/// Steps of 8-bit sRGB by which a pixel may differ. The twin repeats the kernels' arithmetic, so that a device of IEEE
+/// division and square root differs nowhere; one step is left for devices whose division is only good to 2.5 ulp.
 const TOLERATED_STEPS: u8 = 1;
 
 #[derive(clap::Args)]

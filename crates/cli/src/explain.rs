@@ -12,8 +12,8 @@ use raybrook::low_level::scene::Scene;
 pub struct ExplainArgs {
     /// Tell what was chosen, and why.
     ///
-    /// On standard error: structure, packet size, triangle test, numbers of the build, features of the kernels, work-group size; given on
-    /// the command line, tuned for the device by `raybrook tune`, or by the program's model.
+    /// On standard error: structure, packet size, triangle test, numbers of the build, features of the kernels,
+    /// work-group size; given on the command line, tuned for the device by `raybrook tune`, or by the program's model.
     #[arg(long, help_heading = heading::OUTPUT)]
     explain: bool,
 }

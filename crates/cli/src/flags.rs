@@ -1,5 +1,6 @@
-//! Options of the library by the names that are typed here. The library names fields (`leaf_size`), and writes them in its messages between
-//! backticks, alone or with a value (`` `leaf_size = 4` ``); here they become flags (`--leaf-size 4`).
+//! Options of the library by the names that are typed here. The library names fields (`leaf_size`), and writes them in
+//! its messages between backticks, alone or with a value (`` `leaf_size = 4` ``); here they become flags (`--leaf-size
+//! 4`).
 
 use clap::CommandFactory;
 use raybrook::Error;

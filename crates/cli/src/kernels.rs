@@ -14,8 +14,8 @@ use raybrook::{Error, Result};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Segments of the sphere that stands for a scene: 9800 triangles, so that the tree has a usual depth and is larger than constant
-/// memory.
+/// Segments of the sphere that stands for a scene: 9800 triangles, so that the tree has a usual depth and is larger
+/// than constant memory.
 const SEGMENTS: u32 = 100;
 
 /// A column of the table: its heading, and the number below it.

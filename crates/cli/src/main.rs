@@ -1,5 +1,5 @@
-//! The command line: what can be asked for, and its conversion to the library's types. Together with `main.rs` this is the only
-//! code that prints, reads arguments or decides exit codes.
+//! The command line: what can be asked for, and its conversion to the library's types. Together with `main.rs` this is
+//! the only code that prints, reads arguments or decides exit codes.
 
 #[macro_use]
 mod print;
@@ -61,7 +61,7 @@ a release, 600 and more for others; 0 waits for ever); NO_COLOR switches colours
 
 /// Fast and right ray tracing of triangle scenes on any OpenCL device, checked against a scalar reference.
 #[derive(Parser)]
-#[command(version, about, after_help = AFTER_HELP)]
+#[command(name = "raybrook", version, about, after_help = AFTER_HELP)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -96,11 +96,11 @@ enum Command {
     Methods(methods::MethodsArgs),
     /// Trace hard rays whose exact answers are known, and count the wrong ones.
     Stress(stress::StressArgs),
-    /// Measure methods against each other on a device, speed beside accuracy, and write a report of charts and tables. Goes on
-    /// where it was stopped.
+    /// Measure methods against each other on a device, speed beside accuracy, and write a report of charts and tables.
+    /// Goes on where it was stopped.
     Study(study::StudyArgs),
-    /// Measure which structure and packet size are fastest on a device, and remember that for later runs. Closest hits and
-    /// pictures stay the same, whatever is found.
+    /// Measure which structure and packet size are fastest on a device, and remember that for later runs. Closest hits
+    /// and pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
     /// Print what a shell needs to complete commands and options.
     Completions(shell::CompletionsArgs),
@@ -163,13 +163,14 @@ struct PictureArgs {
     size: Option<(u32, u32)>,
     /// Error that the picture may have, in steps of 8 bits [default: the scene's, else 1].
     ///
-    /// It is the root of the mean square, in steps of 8-bit sRGB. More samples go only where they lower it, up to 256 a pixel, and from 2
-    /// on some pixels are interpolated.
+    /// It is the root of the mean square, in steps of 8-bit sRGB. More samples go only where they lower it, up to 256 a
+    /// pixel, and from 2 on some pixels are interpolated.
     #[arg(long, value_name = "E", conflicts_with = "samples")]
     error: Option<f32>,
     /// Samples per pixel, in place of --error [default: as many as --error takes].
     ///
-    /// They lie in a fixed pattern. `corners`: one ray through each corner, so that 513x513 rays lie around 512x512 pixels.
+    /// They lie in a fixed pattern. `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
+    /// pixels.
     #[arg(long, value_name = "N|corners")]
     samples: Option<Samples>,
     /// Longest chain of mirrored and refracted rays; 1: camera rays alone [default: the scene's, else 8].
@@ -218,8 +219,8 @@ struct SceneArgs {
 struct MemoryArgs {
     /// Most memory to take, such as 8G or 512M [default: nine tenths of what is left].
     ///
-    /// What would take the program to more is refused before it is taken. The default is nine tenths of what the machine has available, its
-    /// container has left, or ulimit leaves.
+    /// What would take the program to more is refused before it is taken. The default is nine tenths of what the
+    /// machine has available, its container has left, or ulimit leaves.
     #[arg(long, help_heading = heading::DEVICE, value_name = "SIZE", value_parser = parse_bytes)]
     memory_limit: Option<u64>,
 }
@@ -250,8 +251,9 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
-/// Has PoCL keep each of its threads on a core of its own, unless the user has said how its threads are to run. Otherwise Linux often
-/// wakes two of them on one core, and leaves them there for the first 50 to 150 ms: the time of a whole picture, at half of the speed.
+/// Has PoCL keep each of its threads on a core of its own, unless the user has said how its threads are to run.
+/// Otherwise Linux often wakes two of them on one core, and leaves them there for the first 50 to 150 ms: the time of a
+/// whole picture, at half of the speed.
 fn keep_threads_on_their_cores() {
     if ["POCL_AFFINITY", "POCL_MAX_PTHREAD_COUNT"].iter().all(|name| std::env::var_os(name).is_none()) {
         // SAFETY: nothing but this thread runs yet, so nobody reads the environment meanwhile.

@@ -180,7 +180,8 @@ impl MethodArgs {
         Ok(self.choose(&without_scene(device), None, counters, talk)?.options)
     }
 
-    /// Chooses what the user leaves open. Says so where a limit of the fastest structure leads to another one, which nobody asked for.
+    /// Chooses what the user leaves open. Says so where a limit of the fastest structure leads to another one, which
+    /// nobody asked for.
     pub fn choose(
         &self,
         workload: &Workload,

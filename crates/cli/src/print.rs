@@ -92,8 +92,8 @@ pub fn error(error: &Error) -> ExitCode {
     ExitCode::from(error.exit_code())
 }
 
-/// The exit code of a run that ended with `code`, once standard output has all of its text. A reader that has seen enough (`| head`)
-/// is no failure, and a run that failed has told of something worse.
+/// The exit code of a run that ended with `code`, once standard output has all of its text. A reader that has seen
+/// enough (`| head`) is no failure, and a run that failed has told of something worse.
 pub fn finish(code: ExitCode) -> ExitCode {
     remember(io::stdout().flush());
     let has_results = code == ExitCode::SUCCESS || code == FOUND_A_DIFFERENCE.into();

@@ -20,7 +20,13 @@ use std::time::Instant;
 #[derive(clap::Args)]
 pub struct RenderArgs {
     #[command(flatten)]
+    picture: PictureArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png].
     ///
     /// The default is in this folder, and has -render.png where .png is one of the scene's files.
@@ -30,19 +36,14 @@ pub struct RenderArgs {
     #[arg(long, value_name = "BITS", hide_short_help = true, help_heading = heading::OUTPUT)]
     bit_depth: Option<u8>,
     #[command(flatten)]
-    picture: PictureArgs,
-    #[command(flatten)]
-    method: MethodArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
-    #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
     #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     counters: bool,
     #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
     aov: Vec<WorkCounter>,
-    /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has against it.
+    /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has
+    /// against it.
     #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     measure_error: bool,
     /// Write device, options, ray counts and times to a JSON file.

@@ -13,7 +13,8 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Exact answers take about a kilobyte each, and all of a kind are kept until every method is judged. More rays come from other seeds.
+/// Exact answers take about a kilobyte each, and all of a kind are kept until every method is judged. More rays come
+/// from other seeds.
 const MAX_RAYS: u64 = 1_000_000;
 /// Rays of each kind unless told otherwise.
 const DEFAULT_RAYS: u64 = 1000;
@@ -42,12 +43,12 @@ pub struct StressArgs {
     /// Rays of each kind [default: 1000]; with --closed rays of all models together [default: 1e6].
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub(super) rays: Option<u64>,
-    /// Judge every triangle test as strictly as `exact`: lowest number of equally near triangles, t the nearest float, u and v within
-    /// 2 ulp. Else others may be off by what float32 cannot do better.
+    /// Judge every triangle test as strictly as `exact`: lowest number of equally near triangles, t the nearest float,
+    /// u and v within 2 ulp. Else others may be off by what float32 cannot do better.
     #[arg(long)]
     strict: bool,
-    /// A table of several methods. Without names: every triangle test, structure, build and traversal; else names of these, joined
-    /// by + where several are meant, such as exact,grid+watertight,median+restart.
+    /// A table of several methods. Without names: every triangle test, structure, build and traversal; else names of
+    /// these, joined by + where several are meant, such as exact,grid+watertight,median+restart.
     #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, value_delimiter = ',', default_missing_value = "")]
     methods: Option<Vec<String>>,
     /// Trace these rays through this model (.obj, .ply, .stl) instead, such as --write wrote them or any others.
@@ -56,8 +57,8 @@ pub struct StressArgs {
     /// With --replay: any hit within the limits will do, as for shadows.
     #[arg(long, requires = "replay")]
     any_hit: bool,
-    /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must hit for a
-    /// reason that needs no exact answer. Models that are not closed are named and left out.
+    /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must
+    /// hit for a reason that needs no exact answer. Models that are not closed are named and left out.
     #[arg(long, num_args = 1.., value_name = "MODEL", conflicts_with_all = ["kinds", "list", "strict", "methods", "replay"])]
     closed: Option<Vec<PathBuf>>,
     /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.

@@ -24,12 +24,13 @@ use std::time::Instant;
 pub struct TraceArgs {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Rays: arrays `origin` and `direction` float32 [n,3]; optional `t_min`, `t_max` float32 [n] (in units of |direction|) and
-    /// `next_direction` float32 [n,3].
+    /// Rays: arrays `origin` and `direction` float32 [n,3]; optional `t_min`, `t_max` float32 [n] (in units of
+    /// |direction|) and `next_direction` float32 [n,3].
     #[arg(value_name = "RAYS.npz")]
     rays: PathBuf,
-    /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`; with --any-hit `hit`, and t, u, v are 0 on
-    /// a hit; with next_direction `next_t` and `next_primitive`; with --counters `work_steps` and so on, and `next_work_steps` and so on.
+    /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`; with --any-hit `hit`, and t, u, v are 0
+    /// on a hit; with next_direction `next_t` and `next_primitive`; with --counters `work_steps` and so on, and
+    /// `next_work_steps` and so on.
     #[arg(short, long, value_name = "HITS.npz")]
     output: Option<PathBuf>,
     /// Only find out whether each ray hits anything.

@@ -19,8 +19,8 @@ pub struct TuneArgs {
     /// Scenes to measure in, as for render [default: four made in code, of 38 to 990,002 triangles].
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
-    /// Camera rays; as many shadow and diffuse rays start where they hit [default: 262144, rounded down to the next square of a power
-    /// of two].
+    /// Camera rays; as many shadow and diffuse rays start where they hit [default: 262144, rounded down to the next
+    /// square of a power of two].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(i64::from(Plan::LEAST_RAYS)..=i64::from(Plan::MOST_RAYS)))]
     rays: Option<u32>,
     #[arg(long, help = format!("Structures to measure, with every packet size, beside what the program takes by itself: {} [default: all; brute, boxes and spheres only up to {} triangles]", StructureKind::names(), Plan::MOST_FOR_LISTS), alias = "accel", value_name = "NAMES", value_delimiter = ',')]

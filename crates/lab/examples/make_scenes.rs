@@ -1,7 +1,8 @@
 //! Makes what in `scenes/` is made by program: two models, two textures and the sphere flakes.
 //!
-//! `cargo run -p raybrook-lab --example make_scenes` writes them again; `tests/scene/scene_file.rs` checks that the files are what this makes.
-//! Numbers are written with few digits, so that the libraries of different systems agree on them.
+//! `cargo run -p raybrook-lab --example make_scenes` writes them again; `tests/scene/scene_file.rs` checks that the
+//! files are what this makes. Numbers are written with few digits, so that the libraries of different systems agree on
+//! them.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -46,7 +47,8 @@ pub fn pictures() -> Vec<(&'static str, Picture)> {
 
 type Point = [f64; 3];
 
-// ---- models ----------------------------------------------------------------------------------------------------------
+// ---- models
+// ----------------------------------------------------------------------------------------------------------
 
 /// A surface as an OBJ text: a grid of points with normals; texture coordinates run from 0 to 1 along both.
 /// `wraps`: the last column, or row, is the first one again.
@@ -106,8 +108,8 @@ fn knot() -> String {
         let (ring, ring_slope) =
             ([(2.0 * t).cos(), (2.0 * t).sin(), 0.0], [-2.0 * (2.0 * t).sin(), 2.0 * (2.0 * t).cos(), 0.0]);
         let (sin, cos) = (3.0 * t).sin_cos();
-        // The tube's middle is 2 ring + normal; normal and tangent are perpendicular, so that with their cross product they
-        // make a frame that closes after one turn.
+        // The tube's middle is 2 ring + normal; normal and tangent are perpendicular, so that with their cross product
+        // they make a frame that closes after one turn.
         let normal = add(scaled(ring, cos), [0.0, 0.0, sin]);
         let tangent = add(scaled(ring_slope, 2.0 + cos), add(scaled(ring, -3.0 * sin), [0.0, 0.0, 3.0 * cos]));
         let binormal = unit(cross(normal, tangent));
@@ -116,8 +118,8 @@ fn knot() -> String {
     })
 }
 
-/// A vase as a body of revolution around y, 3 high, with a wall and a round lip: the profile goes from the middle of the foot
-/// up the outside, over the lip and down the inside to the middle of the bottom.
+/// A vase as a body of revolution around y, 3 high, with a wall and a round lip: the profile goes from the middle of
+/// the foot up the outside, over the lip and down the inside to the middle of the bottom.
 fn vase() -> String {
     const ROWS: usize = 72;
     let profile = vase_profile(ROWS);
@@ -199,10 +201,12 @@ fn unit(a: Point) -> Point {
     scaled(a, 1.0 / (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt())
 }
 
-// ---- the sphere flake ------------------------------------------------------------------------------------------------
+// ---- the sphere flake
+// ------------------------------------------------------------------------------------------------
 
-/// `spheres.toml`: a sphere with nine spheres of a third of its radius on it, and nine on each of these (after E. Haines,
-/// "A Proposal for Standard Graphics Environments", IEEE CG&A 1987, whose flake it is not: arrangement and colours are ours).
+/// `spheres.toml`: a sphere with nine spheres of a third of its radius on it, and nine on each of these (after E.
+/// Haines, "A Proposal for Standard Graphics Environments", IEEE CG&A 1987, whose flake it is not: arrangement and
+/// colours are ours).
 fn sphere_flake() -> String {
     const SEGMENTS: [u32; 3] = [64, 32, 20];
     let mut text = String::from(SPHERES_HEAD);
@@ -341,7 +345,8 @@ specular = 0.4
 shininess = 60
 ";
 
-// ---- textures --------------------------------------------------------------------------------------------------------
+// ---- textures
+// --------------------------------------------------------------------------------------------------------
 
 /// A whole number, scrambled: the finaliser of MurmurHash3 (Appleby 2011), as a value in 0..1.
 fn random(x: i64, y: i64, seed: u32) -> f64 {

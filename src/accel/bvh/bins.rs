@@ -1,6 +1,7 @@
 //! Splits of large nodes: centroids are sorted into bins on each axis, and the planes between bins are candidates.
 //!
-//! Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium on Interactive Ray Tracing 2007, section 3.
+//! Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium on Interactive Ray Tracing
+//! 2007, section 3.
 
 use super::items::{Bounds, CHUNK, Extent, Item, PARALLEL_ITEMS};
 use glam::Vec4;
@@ -14,8 +15,8 @@ pub(super) fn scale(lengths: Vec4) -> Vec4 {
     lengths.to_array().map(|length| if length > 0.0 { BINS as f32 / length } else { 0.0 }).into()
 }
 
-/// The bin at so many bins from the low end. Lengths so short that their scale is infinite leave the first and the last bin: 0 times it
-/// is NaN, which converts to 0.
+/// The bin at so many bins from the low end. Lengths so short that their scale is infinite leave the first and the last
+/// bin: 0 times it is NaN, which converts to 0.
 #[inline(always)]
 pub(super) fn bin_of(place: f32) -> usize {
     (place as i32).min(BINS as i32 - 1) as usize

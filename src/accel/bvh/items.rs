@@ -149,8 +149,8 @@ fn partition_few(items: &mut [Item], before: &impl Fn(&Item) -> bool) -> usize {
     count
 }
 
-/// Brings the half with the lower centroids, along the axis on which these spread widest, to the front; of equal ones those of lower
-/// triangles.
+/// Brings the half with the lower centroids, along the axis on which these spread widest, to the front; of equal ones
+/// those of lower triangles.
 pub(super) fn halve(items: &mut [Item], extent: &Extent) -> usize {
     let spread = (extent.centroids.high - extent.centroids.low).to_array();
     let axis = (1..3).fold(0, |widest, axis| if spread[axis] > spread[widest] { axis } else { widest });

@@ -1,14 +1,14 @@
 //! Makes a finished hierarchy better: large subtrees are taken out and put back where they enlarge boxes least.
 //!
-//! Bittner, Hapala and Havran, "Fast Insertion-Based Optimization of Bounding Volume Hierarchies", Computer Graphics Forum 32(1), 2013;
-//! with all searches of a pass before all its moves, as in Meister and Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy
-//! Optimization", Computer Graphics Forum 37(2) (Eurographics), 2018. Leaves stay as they are, so that only the areas of inner nodes
-//! change the expected cost: to decide anew what is a leaf afterwards saved less than 0.5 %, and less than the moves did to grow a tree
-//! of single triangles first.
+//! Bittner, Hapala and Havran, "Fast Insertion-Based Optimization of Bounding Volume Hierarchies", Computer Graphics
+//! Forum 32(1), 2013; with all searches of a pass before all its moves, as in Meister and Bittner, "Parallel
+//! Reinsertion for Bounding Volume Hierarchy Optimization", Computer Graphics Forum 37(2) (Eurographics), 2018. Leaves
+//! stay as they are, so that only the areas of inner nodes change the expected cost: to decide anew what is a leaf
+//! afterwards saved less than 0.5 %, and less than the moves did to grow a tree of single triangles first.
 //!
-//! Searches only read and use all cores. Moves come one after the other, that which promises most first, and each is weighed again in
-//! the tree as it is by then. That takes the place of the locks of 2018: the tree is the same whatever the number of threads, and its
-//! expected cost never rises.
+//! Searches only read and use all cores. Moves come one after the other, that which promises most first, and each is
+//! weighed again in the tree as it is by then. That takes the place of the locks of 2018: the tree is the same whatever
+//! the number of threads, and its expected cost never rises.
 //!
 //! Bad at: trees of small triangles of one size, in which nothing is out of place.
 
@@ -17,18 +17,19 @@ use super::{Bvh, BvhNode};
 use crate::options::TraceOptions;
 use rayon::prelude::*;
 
-/// A pass searches for one of so many nodes, the largest ones. All of them took seven times the time or more, for steps that were 1 to
-/// 2 % more on gears, half a percent fewer on bunny, and about as many on sponza.
+/// A pass searches for one of so many nodes, the largest ones. All of them took seven times the time or more, for steps
+/// that were 1 to 2 % more on gears, half a percent fewer on bunny, and about as many on sponza.
 const NODES_PER_SEARCH: usize = 20;
 
-/// A move must save so many times the moved node's area. Less promises fewer steps than it brings: rays end at their first hit, and
-/// boxes that overlap cost more than their areas tell (Aila, Karras and Laine, "On Quality Metrics of Bounding Volume Hierarchies", High
-/// Performance Graphics 2013). With any gain bunny took up to 0.8 % more steps and gears 0.3 %, at 1 neither any more, and sponza's rays
-/// keep all (camera) to three quarters (diffuse) of what they are spared.
+/// A move must save so many times the moved node's area. Less promises fewer steps than it brings: rays end at their
+/// first hit, and boxes that overlap cost more than their areas tell (Aila, Karras and Laine, "On Quality Metrics of
+/// Bounding Volume Hierarchies", High Performance Graphics 2013). With any gain bunny took up to 0.8 % more steps and
+/// gears 0.3 %, at 1 neither any more, and sponza's rays keep all (camera) to three quarters (diffuse) of what they are
+/// spared.
 const LEAST_GAIN: f64 = 1.0;
 
-/// Inner nodes at which a search ends with what it has: where boxes are alike there is nothing to bound it. On meshes the longest of all
-/// searches took 34.
+/// Inner nodes at which a search ends with what it has: where boxes are alike there is nothing to bound it. On meshes
+/// the longest of all searches took 34.
 const MAX_VISITS: u32 = 256;
 
 /// Searches of one task.
@@ -37,8 +38,8 @@ const CHUNK: usize = 256;
 /// Areas that a move changes at most, before and after it.
 const CHANGED_AREAS: f64 = 4.0 * (TraceOptions::MAX_DEPTH + 1) as f64;
 
-/// Rounding errors of a gain in the root's area: of each area (three operations) and of their sum, in which no partial sum exceeds their
-/// number.
+/// Rounding errors of a gain in the root's area: of each area (three operations) and of their sum, in which no partial
+/// sum exceeds their number.
 const GAIN_ERROR: f64 = CHANGED_AREAS * (1.5 + 0.5 * CHANGED_AREAS) * f64::EPSILON;
 
 /// A node of the tree while it changes, in one cache line.
@@ -144,15 +145,17 @@ impl Tree {
         (LEAST_GAIN * self.node(node).half_area).max(GAIN_ERROR * self.node(self.root).half_area)
     }
 
-    /// The best place for `node`, by branch and bound through the subtrees beside the way up to the root; `open` is room for a stack.
+    /// The best place for `node`, by branch and bound through the subtrees beside the way up to the root; `open` is
+    /// room for a stack.
     ///
-    /// Its parent disappears and all above become smaller; the inner nodes from a common ancestor down to the target grow, and a node
-    /// with both takes the target's place.
+    /// Its parent disappears and all above become smaller; the inner nodes from a common ancestor down to the target
+    /// grow, and a node with both takes the target's place.
     fn best_move(&self, node: u32, open: &mut Vec<(f64, u32)>) -> Option<Move> {
         let Node { bounds, half_area, parent, .. } = *self.node(node);
         let sibling = self.sibling(node);
         let mut best = Move { node, target: NONE, gain: self.least_gain(node) };
-        // Weighs a target, when all changes but those from the target down save `saved`, and keeps it when what is below may be better.
+        // Weighs a target, when all changes but those from the target down save `saved`, and keeps it when what is
+        // below may be better.
         let weigh = |saved: f64, target: u32, best: &mut Move, open: &mut Vec<(f64, u32)>| {
             let other = self.node(target);
             let gain = saved - other.bounds.union(bounds).half_area();
@@ -229,7 +232,8 @@ impl Tree {
         std::iter::successors(above(index), move |&index| above(index))
     }
 
-    /// Takes `node` and its parent out of the tree, which then are only linked to each other; returns the area that saves.
+    /// Takes `node` and its parent out of the tree, which then are only linked to each other; returns the area that
+    /// saves.
     fn detach(&mut self, node: u32) -> f64 {
         let (parent, sibling) = (self.node(node).parent, self.sibling(node));
         self.replace(parent, sibling);
@@ -316,8 +320,8 @@ mod tests {
     use crate::accel::Aabb;
     use glam::Vec3;
 
-    /// A chain of unit cubes at x = 1 to `count`, each the sibling of all that follow; beside it one more at the end's place, whose
-    /// sibling is far away. As deep as there are cubes in the chain.
+    /// A chain of unit cubes at x = 1 to `count`, each the sibling of all that follow; beside it one more at the end's
+    /// place, whose sibling is far away. As deep as there are cubes in the chain.
     fn chain_with_a_stray(count: u32) -> Bvh {
         let node = |low: f32, high: f32, first: u32, count: u32| BvhNode {
             bounds: Aabb { low: Vec3::X * low, high: Vec3::new(high, 1.0, 1.0) },

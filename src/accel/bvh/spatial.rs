@@ -1,11 +1,12 @@
 //! Splits of space: triangles that cross a plane are cut at it, and each side of it gets the part that is there.
 //!
-//! Stich, Friedrich and Dietrich, "Spatial Splits in Bounding Volume Hierarchies", High Performance Graphics 2009, sections 4.1 to 4.4.
-//! Planes are those between bins of the node's box. A triangle that is cheaper as a whole stays whole on one side ("unsplitting").
+//! Stich, Friedrich and Dietrich, "Spatial Splits in Bounding Volume Hierarchies", High Performance Graphics 2009,
+//! sections 4.1 to 4.4. Planes are those between bins of the node's box. A triangle that is cheaper as a whole stays
+//! whole on one side ("unsplitting").
 //!
-//! What bins hold are estimates: a triangle's edges between two planes, within the box that it has in the node. Of the plane that is
-//! taken the parts are those of [`clip`](crate::accel::clip), which lose no point: every point of the triangle in the box of an item is
-//! in the box of a part.
+//! What bins hold are estimates: a triangle's edges between two planes, within the box that it has in the node. Of the
+//! plane that is taken the parts are those of [`clip`](crate::accel::clip), which lose no point: every point of the
+//! triangle in the box of an item is in the box of a part.
 //!
 //! Bad at: triangles that are small for their nodes, of which few are cut, but all are looked at.
 
@@ -66,7 +67,8 @@ enum Division {
 }
 
 impl SpatialSplit {
-    /// The cheapest plane through `bounds`, the box around `items`, that cuts at most `most_cuts` of them; `None` when there is none.
+    /// The cheapest plane through `bounds`, the box around `items`, that cuts at most `most_cuts` of them; `None` when
+    /// there is none.
     pub fn best(vertices: &[[Vec3; 3]], items: &[Item], bounds: &Bounds, most_cuts: usize) -> Option<SpatialSplit> {
         let planes = Planes::new(bounds);
         let fill = |items: &[Item]| planes.fill(vertices, items);
@@ -105,7 +107,8 @@ impl SpatialSplit {
         self.low.cost() + self.high.cost()
     }
 
-    /// Divides `items`: those of the lower side stay in front, and those of the upper one are returned. Neither side is empty.
+    /// Divides `items`: those of the lower side stay in front, and those of the upper one are returned. Neither side is
+    /// empty.
     pub fn apply(&self, vertices: &[[Vec3; 3]], items: &mut [Item]) -> (usize, Vec<Item>) {
         let crossing: Vec<_> = items.iter().filter(|item| self.crosses(item)).copied().collect();
         let parts: Vec<_> =
@@ -156,7 +159,8 @@ impl SpatialSplit {
     }
 }
 
-/// Cuts an item, or leaves it whole on one side where that costs no more: section 4.4. Keeps account of what is on the two sides.
+/// Cuts an item, or leaves it whole on one side where that costs no more: section 4.4. Keeps account of what is on the
+/// two sides.
 fn divide(item: &Item, parts: [Item; 2], low: &mut Side, high: &mut Side) -> Division {
     let whole = item.bounds();
     let whole_low = (low.with(whole, 0), Side { count: high.count - 1, ..*high });
@@ -202,7 +206,8 @@ impl Planes {
         Planes { low: bounds.low, scale: super::bins::scale(spread), at: [at(0), at(1), at(2)] }
     }
 
-    /// Whether there are any across an axis: the box is not flat there, nor so large that float32 does not know its length.
+    /// Whether there are any across an axis: the box is not flat there, nor so large that float32 does not know its
+    /// length.
     fn are_across(&self, axis: usize) -> bool {
         self.scale[axis] > 0.0
     }
@@ -235,8 +240,8 @@ impl Planes {
         bins
     }
 
-    /// The bins of an item, of which `guess` is right but for roundings: it crosses just the planes between these, and one that ends at a
-    /// plane is below it.
+    /// The bins of an item, of which `guess` is right but for roundings: it crosses just the planes between these, and
+    /// one that ends at a plane is below it.
     fn range(&self, axis: usize, bounds: &Bounds, guess: [usize; 2]) -> (usize, usize) {
         let (planes, low, high) = (&self.at[axis], bounds.low[axis], bounds.high[axis]);
         let [mut first, mut last] = guess;
@@ -272,7 +277,8 @@ impl Edges {
         Edges { axis, from, along, inverse: along.map(|along| 1.0 / along[axis]) }
     }
 
-    /// The box around what is between two planes, but for roundings. An edge in a plane is left to the other two, which end there.
+    /// The box around what is between two planes, but for roundings. An edge in a plane is left to the other two, which
+    /// end there.
     fn between(&self, low: f32, high: f32) -> Bounds {
         let mut bounds = Bounds::EMPTY;
         for ((&from, &along), &inverse) in self.from.iter().zip(&self.along).zip(&self.inverse) {

@@ -1,7 +1,7 @@
 //! Splits of small nodes: every way to cut the list of centroids, sorted along each axis.
 //!
-//! Wald, Boulos and Shirley, "Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies", ACM Transactions on Graphics
-//! 26(1), 2007, section 3.2. For so few triangles sorting costs no more than filling bins.
+//! Wald, Boulos and Shirley, "Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies", ACM
+//! Transactions on Graphics 26(1), 2007, section 3.2. For so few triangles sorting costs no more than filling bins.
 
 use super::items::{Bounds, Extent, Item};
 
@@ -64,7 +64,8 @@ impl Sweep {
     }
 }
 
-/// The numbers of the items in the order of their centroids, and of their triangles where these are alike (insertion sort).
+/// The numbers of the items in the order of their centroids, and of their triangles where these are alike (insertion
+/// sort).
 fn sorted(items: &[Item], axis: usize) -> [u8; CAPACITY] {
     let mut order = [0u8; CAPACITY];
     let mut keys = [(0f32, 0u32); CAPACITY];

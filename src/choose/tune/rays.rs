@@ -13,8 +13,8 @@ use crate::tracer::{Backend, TraceJob, is_hit};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// How far above the surface shadow and diffuse rays start, in diagonals of the scene: far enough that none of them meets the
-/// triangle that it leaves, since a batch cannot say that a ray leaves one.
+/// How far above the surface shadow and diffuse rays start, in diagonals of the scene: far enough that none of them
+/// meets the triangle that it leaves, since a batch cannot say that a ray leaves one.
 pub const LIFT: f32 = 1.0 / 4096.0;
 
 /// Rays of one kind.
@@ -28,12 +28,12 @@ pub struct Batch {
     pub any_hit: bool,
 }
 
-/// `side` x `side` camera rays of a square picture, and from what they hit one shadow ray to the first light and one ray by a cosine
-/// lobe each: the same ones for the same `seed`.
+/// `side` x `side` camera rays of a square picture, and from what they hit one shadow ray to the first light and one
+/// ray by a cosine lobe each: the same ones for the same `seed`.
 ///
-/// `side` is a power of two up to 65,536: rays lie along a Z-curve, so that neighbours in the batch, however many, are those of a tile,
-/// as in pictures. A scene without camera or light gets them as [`complete`] does it. Where the camera sees nothing, there are camera
-/// rays alone.
+/// `side` is a power of two up to 65,536: rays lie along a Z-curve, so that neighbours in the batch, however many, are
+/// those of a tile, as in pictures. A scene without camera or light gets them as [`complete`] does it. Where the camera
+/// sees nothing, there are camera rays alone.
 ///
 /// # Errors
 /// [`Error::Option`] when `side` is no such number; [`Error::Scene`] as [`SceneBuffers::new`].

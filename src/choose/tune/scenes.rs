@@ -19,8 +19,8 @@ pub fn scene_of(size: SceneSize) -> Result<Scene> {
     }
 }
 
-/// 25 balls of `segments` around on a floor: 50 `segments` (`segments`/2 - 1) + 2 triangles. Shadow rays and diffuse ones meet
-/// something, as a ball alone would not have it.
+/// 25 balls of `segments` around on a floor: 50 `segments` (`segments`/2 - 1) + 2 triangles. Shadow rays and diffuse
+/// ones meet something, as a ball alone would not have it.
 ///
 /// # Errors
 /// [`Error::Scene`](crate::Error::Scene) when `segments` are more or less than [`Builder::sphere`] knows.

@@ -1,8 +1,8 @@
 //! The file that remembers what was fastest, beside the compiled kernels.
 //!
-//! It holds one entry for each device, version of its driver and of raybrook, and size of scene; entries of other versions are kept
-//! until the same device is measured again, but not used. It is written as a whole or not at all. Two processes that write it at
-//! the same time both succeed, and the file is that of the last one.
+//! It holds one entry for each device, version of its driver and of raybrook, and size of scene; entries of other
+//! versions are kept until the same device is measured again, but not used. It is written as a whole or not at all. Two
+//! processes that write it at the same time both succeed, and the file is that of the last one.
 
 use super::{Candidate, SceneTuning, fastest};
 use crate::choose::{SceneSize, TunedChoice};
@@ -112,7 +112,8 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// What follows from `scenes`, for each size of which there is one, the smallest first; sizes with different answers are left out.
+    /// What follows from `scenes`, for each size of which there is one, the smallest first; sizes with different
+    /// answers are left out.
     pub fn of(scenes: &[SceneTuning]) -> Vec<Tuning> {
         let tuning = |size| {
             let of_size: Vec<_> = scenes.iter().filter(|scene| scene.size == size).collect();
@@ -151,8 +152,8 @@ impl TunedFile {
         }
     }
 
-    /// What is remembered for scenes of `triangle_count` triangles, if anything is. The error is a note for people, and no reason to
-    /// fail: the file is damaged, or what it says of this device holds for other versions.
+    /// What is remembered for scenes of `triangle_count` triangles, if anything is. The error is a note for people, and
+    /// no reason to fail: the file is damaged, or what it says of this device holds for other versions.
     pub fn find(&self, key: &DeviceKey, triangle_count: usize) -> std::result::Result<Option<TunedChoice>, String> {
         let ignored = |why: String| {
             format!("'{}' is ignored: {why}; `raybrook tune` makes it anew, `forget` removes it", self.path.display())
@@ -172,7 +173,8 @@ impl TunedFile {
         }
     }
 
-    /// Remembers `tunings` of a device, in place of what was known of the same sizes. Returns a note where the old file was damaged.
+    /// Remembers `tunings` of a device, in place of what was known of the same sizes. Returns a note where the old file
+    /// was damaged.
     ///
     /// # Errors
     /// [`Error::Io`]: the folder cannot be made or the file not be written.

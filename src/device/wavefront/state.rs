@@ -12,12 +12,12 @@ use crate::shared::{
     WavefrontSurface, WavefrontYield,
 };
 
-/// Memory for the paths in flight and their batch: at 970 bytes each with a depth of 8 room for 270,000, more than the largest GPUs run
-/// work-items at a time. Smaller devices give half of the memory that they have left.
+/// Memory for the paths in flight and their batch: at 970 bytes each with a depth of 8 room for 270,000, more than the
+/// largest GPUs run work-items at a time. Smaller devices give half of the memory that they have left.
 const STATE_BYTES: u64 = 256 << 20;
 
-/// A batch has this many paths for each slot, or more where a single pixel has more samples: so many of its waves are full before
-/// slots run out of work.
+/// A batch has this many paths for each slot, or more where a single pixel has more samples: so many of its waves are
+/// full before slots run out of work.
 const PATHS_PER_SLOT: usize = 16;
 
 /// What the kernels were made for.

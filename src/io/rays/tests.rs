@@ -109,7 +109,8 @@ fn other_layouts_are_converted() {
 
 #[test]
 fn chunks_join_without_a_seam() {
-    // Deflated zeros and a ramp are far larger than their file, so that they are read in many chunks; doubles always are.
+    // Deflated zeros and a ramp are far larger than their file, so that they are read in many chunks; doubles always
+    // are.
     let ramp: Vec<f32> = (0..300_000).map(|i| if i % 1000 == 999 { i as f32 } else { 0.0 }).collect();
     let doubles: Vec<u8> = ramp.iter().flat_map(|&n| f64::from(n).to_le_bytes()).collect();
     let members = [

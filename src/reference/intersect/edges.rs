@@ -75,7 +75,8 @@ mod tests {
         [c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x]
     }
 
-    /// Rays near triangles of any size, near and far, along axes and across; every other one does not start at its origin.
+    /// Rays near triangles of any size, near and far, along axes and across; every other one does not start at its
+    /// origin.
     #[test]
     fn edge_functions_are_off_by_no_more_than_their_bound_and_not_by_much_less() {
         let mut random = Random::new(SEED);

@@ -1,5 +1,6 @@
-//! Twin of `cl/intersect/exact.cl`: the ray-triangle test that is right. The reasons are there. There is no step between wide numbers and
-//! exact integers here (`cl/intersect/exact_closer.cl`), as on devices without double: the answers are the same.
+//! Twin of `cl/intersect/exact.cl`: the ray-triangle test that is right. The reasons are there. There is no step
+//! between wide numbers and exact integers here (`cl/intersect/exact_closer.cl`), as on devices without double: the
+//! answers are the same.
 
 use super::exact_filter::{Decision, decide_rounded, decide_wide, finish_wide, place_hit, weight0_wide};
 use super::exact_integers::{decide_by_integers, finish_by_integers, weight0_by_integers};

@@ -1,4 +1,5 @@
-//! Twin of `cl/intersect/filter.cl`, one triangle after the other: which triangles of a wide leaf a ray may hit. The reasons are there.
+//! Twin of `cl/intersect/filter.cl`, one triangle after the other: which triangles of a wide leaf a ray may hit. The
+//! reasons are there.
 
 use super::edges::Edges;
 use super::watertight::shear_triangle;

@@ -9,12 +9,12 @@ pub fn are_same_points(a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {
     a.iter().all(|corner| b.contains(corner))
 }
 
-/// Bits between the largest coordinate and the last one of all: differences have one more, and three products of three of them 6 more in
-/// all, which `i128` holds with a sign.
+/// Bits between the largest coordinate and the last one of all: differences have one more, and three products of three
+/// of them 6 more in all, which `i128` holds with a sign.
 const MOST_BITS: i32 = 40;
 
-/// Whether two triangles certainly lie in one plane. Not pairs of doubles as in the kernel, but exact integers, of more bits: what this
-/// leaves open is decided in longer ones, and the answer is the same.
+/// Whether two triangles certainly lie in one plane. Not pairs of doubles as in the kernel, but exact integers, of more
+/// bits: what this leaves open is decided in longer ones, and the answer is the same.
 #[inline(never)]
 pub fn are_in_one_plane(a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {
     let (mut low, mut high) = (1000, -1000);

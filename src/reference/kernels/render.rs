@@ -121,21 +121,29 @@ pub fn render_pixel<W: Work>(
     RenderedPixel { radiance: sum * params.sample_weight, ..pixel.rendered }
 }
 
+/// One row of a picture: what is written to it.
+pub struct PixelRow<'a> {
+    /// Its number, the top one's being 0.
+    pub y: usize,
+    /// Linear radiance.
+    pub pixels: &'a mut [[f32; 3]],
+    /// Rays by kind and outcome; those of the row are added.
+    pub counts: &'a mut [u64; COUNTERS],
+}
+
 #[inline(always)]
 fn render_row_counting<W: Work>(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     params: &RenderParams,
     samples: &[CameraSample],
-    y: usize,
-    row: &mut [[f32; 3]],
-    counts: &mut [u64; COUNTERS],
+    row: PixelRow,
     mut done: impl FnMut(usize, RenderedPixel<W>),
 ) {
-    for (x, out) in row.iter_mut().enumerate() {
-        let pixel = render_pixel(buffers, options, params, samples, x, y);
+    for (x, out) in row.pixels.iter_mut().enumerate() {
+        let pixel = render_pixel(buffers, options, params, samples, x, row.y);
         *out = pixel.radiance.to_array();
-        for (total, count) in counts.iter_mut().zip(pixel.counts) {
+        for (total, count) in row.counts.iter_mut().zip(pixel.counts) {
             *total += u64::from(count);
         }
         done(x, pixel);
@@ -143,20 +151,18 @@ fn render_row_counting<W: Work>(
 }
 
 with_fma! {
-    /// Renders one row of pixels and adds its rays to `counts`; counts the work if there is room for it.
+    /// Renders one row of pixels; counts the work if there is room for it.
     pub fn render_row(
         buffers: &SceneBuffers,
         options: &TraceOptions,
         params: &RenderParams,
         samples: &[CameraSample],
-        y: usize,
-        row: &mut [[f32; 3]],
-        counts: &mut [u64; COUNTERS],
+        row: PixelRow,
         work: Option<&mut [PixelWork]>,
     ) {
         match work {
-            None => render_row_counting::<NoWork>(buffers, options, params, samples, y, row, counts, |_, _| ()),
-            Some(work) => render_row_counting::<RayWork>(buffers, options, params, samples, y, row, counts, |x, pixel| {
+            None => render_row_counting::<NoWork>(buffers, options, params, samples, row, |_, _| ()),
+            Some(work) => render_row_counting::<RayWork>(buffers, options, params, samples, row, |x, pixel| {
                 work[x] = PixelWork { camera: pixel.camera_work, secondary: pixel.secondary_work };
             }),
         }

@@ -1,12 +1,12 @@
 //! Bounding volume hierarchy in f64, by the median of the triangles along the longest axis, two children a node.
 //!
-//! Rubin and Whitted, "A 3-Dimensional Representation for Fast Rendering of Complex Scenes", SIGGRAPH 1980; boxes as in Kay and
-//! Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986.
+//! Rubin and Whitted, "A 3-Dimensional Representation for Fast Rendering of Complex Scenes", SIGGRAPH 1980; boxes as in
+//! Kay and Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986.
 //!
-//! It loses no hit of the oracle, by construction and not by a tolerance: a hit's t lies in the [`Line::passage`] through the
-//! box of its own triangle, and the passage through a box that holds another one holds the passage through that, to the last
-//! bit, because every step of its computation is a monotone function of the box. So the oracle gives the same answer with and
-//! without it. Quick to write and to trust; bad at speed: the median knows no cost.
+//! It loses no hit of the oracle, by construction and not by a tolerance: a hit's t lies in the [`Line::passage`]
+//! through the box of its own triangle, and the passage through a box that holds another one holds the passage through
+//! that, to the last bit, because every step of its computation is a monotone function of the box. So the oracle gives
+//! the same answer with and without it. Quick to write and to trust; bad at speed: the median knows no cost.
 
 use glam::DVec3;
 
@@ -16,13 +16,14 @@ const LEAF_SIZE: usize = 4;
 /// Halving 2^32 triangles ends at this depth, and each step leaves one node on the stack.
 const STACK_SIZE: usize = 33;
 
-/// How far outside of its triangle's box the line of a hit may pass, in units of the farthest distance from the origin to the box
-/// on any axis. With u = EPSILON / 2 of the largest: a vertex relative to the origin is off by u; an edge function of unsure
-/// sign (see `edge_volume`) has errors of 5 u |b| |moment of a|, so that the sign is wrong only where the line passes within
-/// 5 u |b| of the edge, 9 u on the scale of an axis; the differences below round twice. 12 u; 32 are taken.
+/// How far outside of its triangle's box the line of a hit may pass, in units of the farthest distance from the origin
+/// to the box on any axis. With u = EPSILON / 2 of the largest: a vertex relative to the origin is off by u; an edge
+/// function of unsure sign (see `edge_volume`) has errors of 5 u |b| |moment of a|, so that the sign is wrong only
+/// where the line passes within 5 u |b| of the edge, 9 u on the scale of an axis; the differences below round twice. 12
+/// u; 32 are taken.
 const SLACK: f64 = 16.0 * f64::EPSILON;
-/// Factors that move a positive t up and down, and a negative one down and up, by more than the roundings of reciprocal, product
-/// and factor: 3 u; 4 are taken. Products, so that infinity stays infinity.
+/// Factors that move a positive t up and down, and a negative one down and up, by more than the roundings of
+/// reciprocal, product and factor: 3 u; 4 are taken. Products, so that infinity stays infinity.
 const UP: f64 = 1.0 + 2.0 * f64::EPSILON;
 const DOWN: f64 = 1.0 - 2.0 * f64::EPSILON;
 
@@ -67,7 +68,8 @@ impl Line {
             let inv = self.inv_direction[axis];
             let (low, high) = ((to_low[axis] - slack) * inv, (to_high[axis] + slack) * inv);
             let (first, last) = if inv >= 0.0 { (low, high) } else { (high, low) };
-            // A line in a face gives 0 * infinity = NaN, for which both comparisons are false: the slab does not narrow.
+            // A line in a face gives 0 * infinity = NaN, for which both comparisons are false: the slab does not
+            // narrow.
             let (first, last) =
                 (first * if first > 0.0 { DOWN } else { UP }, last * if last > 0.0 { UP } else { DOWN });
             if first > enter {
@@ -135,8 +137,8 @@ impl Bvh {
         self.add(boxes, right, first + middle);
     }
 
-    /// Calls `test` for the triangles whose boxes the line may pass between `t_min` and `t_max`; `test` gives the `t_max` from then
-    /// on.
+    /// Calls `test` for the triangles whose boxes the line may pass between `t_min` and `t_max`; `test` gives the
+    /// `t_max` from then on.
     pub fn visit(&self, line: &Line, t_min: f64, mut t_max: f64, mut test: impl FnMut(u32) -> f64) {
         let mut stack = [(0u32, 0.0); STACK_SIZE];
         let mut stacked = 0;

@@ -17,8 +17,8 @@ use crate::reference::traverse::traverse;
 use crate::shared::{COUNTERS, MAX_SHADOW_LAYERS, Material, NO_PRIMITIVE, SurfaceHit, TextureRequest};
 use glam::Vec3;
 
-/// The colour that the material's texture, which it must have, gives the surface to a ray along unit `direction` whose cone has this width
-/// there.
+/// The colour that the material's texture, which it must have, gives the surface to a ray along unit `direction` whose
+/// cone has this width there.
 #[inline(always)]
 pub fn texture_colour(
     buffers: &SceneBuffers,

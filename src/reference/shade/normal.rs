@@ -1,4 +1,5 @@
-//! Twin of `cl/shade/normal.cl`: normals of triangles, interpolated ones, and the height that these claim. The reasons are there.
+//! Twin of `cl/shade/normal.cl`: normals of triangles, interpolated ones, and the height that these claim. The reasons
+//! are there.
 
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x > 0)` is also true for NaN, and that is meant
 

@@ -159,8 +159,8 @@ pub fn solid_position(surface: &Surface) -> Vec3 {
 mod tests {
     use super::*;
 
-    /// A bound of the noise's slope along an axis: the corners' gradients have components of at most 1, and their values, of at
-    /// most 2 on either side, are blended by a fade whose slope is at most 15/8.
+    /// A bound of the noise's slope along an axis: the corners' gradients have components of at most 1, and their
+    /// values, of at most 2 on either side, are blended by a fade whose slope is at most 15/8.
     const SLOPE: f32 = 1.0 + 4.0 * 15.0 / 8.0;
 
     /// Points that are spread over -`extent`..`extent`.

@@ -1,4 +1,5 @@
-//! Twin of `cl/shade/scene.cl`, whose arrays are those of [`SceneBuffers`] here: what a ray sees that misses all of them.
+//! Twin of `cl/shade/scene.cl`, whose arrays are those of [`SceneBuffers`] here: what a ray sees that misses all of
+//! them.
 
 use crate::pack::SceneBuffers;
 use crate::reference::shared::math::{clamp01, fma3};

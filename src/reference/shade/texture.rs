@@ -113,8 +113,9 @@ fn sample_footprint(buffers: &SceneBuffers, info: &TextureInfo, uv: [f32; 2], fo
     fma3(sample_along(buffers, level.next(), uv, way, taps) - colour, beyond, colour)
 }
 
-/// Linear RGB of texture number `texture` on a surface: at texture coordinates `uv` for a picture, there alone or over a footprint;
-/// at `position` ([`solid_position`](super::procedural::solid_position), tracing space) for a procedural texture.
+/// Linear RGB of texture number `texture` on a surface: at texture coordinates `uv` for a picture, there alone or over
+/// a footprint; at `position` ([`solid_position`](super::procedural::solid_position), tracing space) for a procedural
+/// texture.
 #[inline(always)]
 pub fn surface_colour(
     buffers: &SceneBuffers,

@@ -1,11 +1,12 @@
 //! Twin of `cl/shared/integer.cl`: exact integers of any length that a ray-triangle test needs. The reasons are there.
 
-/// The most limbs of a number: those that `integer_units()` of `cl/intersect/exact_integers.cl` takes where positions are any floats, which
-/// rays of extreme numbers need (`src/reference/extreme.rs`). In the bits of its formula such positions have p = 277 + 149 and directions d = 277.
+/// The most limbs of a number: those that `integer_units()` of `cl/intersect/exact_integers.cl` takes where positions
+/// are any floats, which rays of extreme numbers need (`src/reference/extreme.rs`). In the bits of its formula such
+/// positions have p = 277 + 149 and directions d = 277.
 pub const MAX_LIMBS: usize = 77;
 
-/// Two's complement, least significant limb first; the first `n` limbs, which every function is told, count. There is room for `ROOM`:
-/// most numbers have a fifth of the most limbs, and copying the others took most of the time.
+/// Two's complement, least significant limb first; the first `n` limbs, which every function is told, count. There is
+/// room for `ROOM`: most numbers have a fifth of the most limbs, and copying the others took most of the time.
 #[derive(Debug, Clone, Copy)]
 pub struct Integer<const ROOM: usize> {
     limbs: [u32; ROOM],

@@ -1,5 +1,5 @@
-//! Twin of `cl/memory/`: what traversals read of the scene (`records.cl`, `shading.cl`), and how that and their work is counted
-//! (`work.cl`). The twin's arrays lie in one place, and it defers nothing.
+//! Twin of `cl/memory/`: what traversals read of the scene (`records.cl`, `shading.cl`), and how that and their work is
+//! counted (`work.cl`). The twin's arrays lie in one place, and it defers nothing.
 
 use super::instances::{instance_records, placed_shading, placed_vertices};
 use crate::layout::Float4;
@@ -48,7 +48,8 @@ pub fn load_bounds(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -
     read(&buffers.bounds, index, WorkCounter::NodeBytes, work)
 }
 
-/// The words of the wide node whose first record is `first`: its planes, which are counted, and its links, which are not.
+/// The words of the wide node whose first record is `first`: its planes, which are counted, and its links, which are
+/// not.
 #[inline(always)]
 pub fn load_wide_node<'a>(buffers: &'a SceneBuffers, first: usize, work: &mut impl Work) -> &'a [u32] {
     work.count(WorkCounter::NodeBytes, BVH8_LINKS * size_of::<KdNode>() as u32);

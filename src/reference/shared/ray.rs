@@ -1,5 +1,5 @@
-//! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there. A ray's shear is not kept
-//! here: `shear_triangle` in `watertight.rs` computes it.
+//! Twin of `cl/shared/ray.cl`: rays, their limits, and how a ray leaves a surface. The reasons are there. A ray's shear
+//! is not kept here: `shear_triangle` in `watertight.rs` computes it.
 
 use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
 use crate::bounds::{PLANE_ERROR, WIDEN_DOWN, WIDEN_UP};

@@ -42,8 +42,8 @@ pub fn is_padding_enough(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32, padd
     max_component(abs3(ray.origin)).mul_add(ORIGIN_ERROR, thickness) <= padding
 }
 
-/// How far boxes within `low..high` are from the start of the ray at most, but for what those have been made larger by that are not within
-/// `near_reach` of 0, if the ray starts there.
+/// How far boxes within `low..high` are from the start of the ray at most, but for what those have been made larger by
+/// that are not within `near_reach` of 0, if the ray starts there.
 #[inline(always)]
 pub fn pad_distance(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> f32 {
     let (farthest, nearer) = (ray.farthest_distance(low, high), 2.0 * near_reach);
@@ -139,8 +139,8 @@ impl PairSlabs {
         PairSlabs { xy: AxisPair::new(s, [0, 1]), zz: AxisPair::new(s, [2, 2]) }
     }
 
-    /// Where the ray enters and leaves two boxes, `[t_enter, -t_leave]` of each, no wider than `limits` are, of `t_near` and `t_limit`. The
-    /// boxes are `[middle.x, half_size.x, middle.y, half_size.y]` of each, and z of both.
+    /// Where the ray enters and leaves two boxes, `[t_enter, -t_leave]` of each, no wider than `limits` are, of
+    /// `t_near` and `t_limit`. The boxes are `[middle.x, half_size.x, middle.y, half_size.y]` of each, and z of both.
     #[inline(always)]
     pub fn clip(&self, [t_near, t_limit]: [f32; 2], xy0: [f32; 4], xy1: [f32; 4], zz: [f32; 4]) -> [f32; 4] {
         let (t0, t1, tz) = (self.xy.times(xy0), self.xy.times(xy1), self.zz.times(zz));
@@ -214,8 +214,8 @@ mod tests {
         Query { ray, scene: [low(&corners), high(&corners)], bounds }
     }
 
-    /// When the ray is between two planes of a box that is larger by `thickness`, in f64: the pads' room for second order is some 2^28
-    /// times its errors.
+    /// When the ray is between two planes of a box that is larger by `thickness`, in f64: the pads' room for second
+    /// order is some 2^28 times its errors.
     fn interval(ray: &Ray, axis: usize, [low, high]: [f32; 2], thickness: f64) -> [f64; 2] {
         let direction = f64::from(ray.direction[axis]);
         let from = |plane: f32| f64::from(plane) - f64::from(ray.origin[axis]) - f64::from(ray.origin_low[axis]);
@@ -235,7 +235,8 @@ mod tests {
         (distance, distance * (1.0 + f64::from(HIT_ERROR * EPSILON)))
     }
 
-    /// Asserts that no hit between the planes of the query's box is outside of the interval. False where there can be none.
+    /// Asserts that no hit between the planes of the query's box is outside of the interval. False where there can be
+    /// none.
     fn holds_hits(query: &Query, axis: usize, computed: [f32; 2]) -> bool {
         let planes = query.bounds.map(|corner| corner[axis]);
         let (distance, most) = reach(query);
@@ -290,7 +291,8 @@ mod tests {
                     f64::from(EPSILON) * (2.0 * f64::from(SLACK / EPSILON) * distance + 8.0 * origin) + 1e-30;
                 let [from, to] = interval(&query.ray, axis, planes, thickness);
                 let [t_enter, t_leave] = slab_interval(&slabs, axis, planes).map(f64::from);
-                // Where the thick slab is not met within reach, zero components among them, neither is the computed one.
+                // Where the thick slab is not met within reach, zero components among them, neither is the computed
+                // one.
                 if from.max(-most) > to.min(most) {
                     culled += 1;
                     assert!(t_enter.max(-most) > t_leave.min(most), "{i}, axis {axis}: {:?} {planes:?}", query.ray);

@@ -40,7 +40,8 @@ pub fn traverse_bvh2(
     }
 }
 
-/// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the end.
+/// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the
+/// end.
 #[inline(always)]
 pub(super) fn descend_to_leaf(
     buffers: &SceneBuffers,

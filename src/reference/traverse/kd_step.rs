@@ -43,8 +43,8 @@ pub fn kd_split(ray: &Ray, node: &KdNode) -> KdSplit {
     KdSplit { first, second, t_low, t_high }
 }
 
-/// Goes from the inner node `node` of `cell` to the child that the ray meets, the first one if it meets both; then returns the
-/// second one.
+/// Goes from the inner node `node` of `cell` to the child that the ray meets, the first one if it meets both; then
+/// returns the second one.
 #[inline(always)]
 pub fn kd_step(ray: &Ray, node: &KdNode, cell: &mut KdCell) -> Option<KdCell> {
     let split = kd_split(ray, node);

@@ -47,7 +47,8 @@ fn test_triangle(
     }
 }
 
-/// Tests the triangles of some references, whose numbers are `to_primitive` further on. True when that answers the query.
+/// Tests the triangles of some references, whose numbers are `to_primitive` further on. True when that answers the
+/// query.
 #[inline(always)]
 #[expect(clippy::too_many_arguments)]
 pub fn test_triangles(

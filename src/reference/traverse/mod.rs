@@ -42,8 +42,8 @@ pub fn finish(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, hit: &m
 }
 
 with_fma! {
-    /// The closest hit of the ray, or with `any_hit` some hit, of which only the primitive is final before [`finish`]. Adds to `work` what
-    /// that took.
+    /// The closest hit of the ray, or with `any_hit` some hit, of which only the primitive is final before [`finish`].
+    /// Adds to `work` what that took.
     pub fn traverse<W: Work>(
         buffers: &SceneBuffers,
         options: &TraceOptions,

@@ -1,7 +1,7 @@
 //! Reads values out of a TOML table so that every fault names the key and its line.
 //!
-//! Not serde's derive: with it an unknown key, a wrong type and a value out of range would each have another wording and
-//! another idea of where they are, and nobody would suggest the key that was meant.
+//! Not serde's derive: with it an unknown key, a wrong type and a value out of range would each have another wording
+//! and another idea of where they are, and nobody would suggest the key that was meant.
 
 use crate::error::{Error, Result};
 use crate::scene::check::Fault;

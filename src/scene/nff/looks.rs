@@ -8,8 +8,8 @@ use crate::scene::{Material, mtl};
 use glam::Vec3;
 
 impl<'a> Reader<'a> {
-    /// The next `N` numbers of an entity that describes looks. When they are not there, or one is NaN, infinite or negative,
-    /// none, with a warning: looks that make no sense are left out, as those of an MTL library.
+    /// The next `N` numbers of an entity that describes looks. When they are not there, or one is NaN, infinite or
+    /// negative, none, with a warning: looks that make no sense are left out, as those of an MTL library.
     pub(super) fn looks<const N: usize>(&mut self, entity: Word) -> Option<[f32; N]> {
         let mut numbers = [0.0; N];
         for (i, number) in numbers.iter_mut().enumerate() {

@@ -8,8 +8,8 @@ use crate::scene::text::Warnings;
 use glam::{DAffine3, DMat3};
 use std::path::Path;
 
-/// The most triangles that the solids of a file are broken into: a line of ten bytes stands for thousands of them, and these
-/// take 0.3 GB.
+/// The most triangles that the solids of a file are broken into: a line of ten bytes stands for thousands of them, and
+/// these take 0.3 GB.
 pub(super) const MAX_TRIANGLES: usize = 1 << 22;
 
 /// The fewest segments around a solid that still looks round when it is shaded smoothly.

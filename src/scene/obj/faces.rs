@@ -71,7 +71,8 @@ fn merged(parts: Vec<Tallies>) -> Tallies {
 
 /// Reads the faces of one part.
 struct Reader<'a> {
-    /// Numbers of `v`, `vt` and `vn` statements in the file, and those up to here, which negative indices count back from.
+    /// Numbers of `v`, `vt` and `vn` statements in the file, and those up to here, which negative indices count back
+    /// from.
     counts: [usize; 3],
     seen: [usize; 3],
     vertices: &'a Vertices,
@@ -162,7 +163,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The indices of a corner `v/vt/vn`, from 0; [`NO_INDEX`] for a texture coordinate or normal that is missing or not finite.
+    /// The indices of a corner `v/vt/vn`, from 0; [`NO_INDEX`] for a texture coordinate or normal that is missing or
+    /// not finite.
     fn corner(&mut self, word: &[u8]) -> Result<[u32; 3], String> {
         let mut parts = word.split(|&b| b == b'/');
         let mut indices = [NO_INDEX; 3];

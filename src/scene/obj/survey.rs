@@ -1,5 +1,5 @@
-//! Cuts an OBJ text into parts and counts what each holds, so that the parts can be read beside each other: each then knows the
-//! numbers of its first line, vertex and triangle and the material in force at its beginning.
+//! Cuts an OBJ text into parts and counts what each holds, so that the parts can be read beside each other: each then
+//! knows the numbers of its first line, vertex and triangle and the material in force at its beginning.
 
 use crate::scene::text::{BYTE_ORDER_MARK, Ignored, Lines, split_keyword};
 use memchr::memchr2;
@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-/// Bytes of a part: many parts for each processor, so that all end at about the same time, and each still takes a millisecond.
+/// Bytes of a part: many parts for each processor, so that all end at about the same time, and each still takes a
+/// millisecond.
 pub(super) const PART_BYTES: usize = 1 << 18;
 
 /// The name of a material.
@@ -146,8 +147,8 @@ pub(super) fn material_name(line: Cow<'_, [u8]>) -> Name<'_> {
     }
 }
 
-/// Whether statements of `keyword` are left out. Groups, objects and smoothing change nothing here: normals come from the file or
-/// the triangle.
+/// Whether statements of `keyword` are left out. Groups, objects and smoothing change nothing here: normals come from
+/// the file or the triangle.
 fn is_ignored(keyword: &[u8]) -> bool {
     !matches!(keyword, b"" | b"v" | b"vt" | b"vn" | b"f" | b"mtllib" | b"usemtl" | b"o" | b"g" | b"s" | b"mg")
 }
@@ -178,7 +179,8 @@ fn count_words(rest: &[u8]) -> usize {
     count
 }
 
-/// Cuts `text` into pieces of about `part_bytes` where a statement surely begins: after a line that does not end with a backslash.
+/// Cuts `text` into pieces of about `part_bytes` where a statement surely begins: after a line that does not end with a
+/// backslash.
 fn cut(text: &[u8], part_bytes: usize) -> Vec<&[u8]> {
     let mut pieces = Vec::with_capacity(text.len() / part_bytes + 1);
     let mut rest = text;

@@ -1,4 +1,5 @@
-//! However a text is cut into parts, it gives the same scene, warnings and errors, as `tobj` has them where it can read the text.
+//! However a text is cut into parts, it gives the same scene, warnings and errors, as `tobj` has them where it can read
+//! the text.
 
 use super::load_in_parts;
 use crate::budget::MemoryBudget;

@@ -130,7 +130,8 @@ impl Faces {
         self.triangulator.is_spent()
     }
 
-    /// Takes the values of property number `number` from `values`: false when it is not used, None when something is wrong.
+    /// Takes the values of property number `number` from `values`: false when it is not used, None when something is
+    /// wrong.
     pub fn take(
         &mut self,
         number: usize,

@@ -1,7 +1,7 @@
 //! The colours and textures of a PLY file as materials.
 //!
-//! A surface has one material, so each colour becomes a matt one, named by its code. Until all faces are known a triangle has a
-//! *paint* for a material: its colour, its texture, or neither.
+//! A surface has one material, so each colour becomes a matt one, named by its code. Until all faces are known a
+//! triangle has a *paint* for a material: its colour, its texture, or neither.
 
 use crate::budget::MemoryBudget;
 use crate::scene::file::linear;
@@ -12,8 +12,8 @@ use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// The most colours that become a material each. With more, red, green and blue are rounded to [`LEVELS`] values each, which
-/// makes at most as many.
+/// The most colours that become a material each. With more, red, green and blue are rounded to [`LEVELS`] values each,
+/// which makes at most as many.
 const MAX_COLOURS: usize = 4096;
 
 /// Values of red, green and blue after rounding: the cube root of [`MAX_COLOURS`].
@@ -94,7 +94,8 @@ fn material(paint: MaterialId, textures: &[Image]) -> Material {
     Material { name: format!("#{paint:06x}"), ..Material::matt(parts.map(linear).into()) }
 }
 
-/// Loads the textures that `comments` of the PLY file `path` name: which of them each number of a face means, and the textures.
+/// Loads the textures that `comments` of the PLY file `path` name: which of them each number of a face means, and the
+/// textures.
 pub(super) fn load_textures(
     path: &Path,
     comments: &[String],

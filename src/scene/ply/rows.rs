@@ -1,7 +1,7 @@
 //! Streams the rows of a PLY element through serde, without a copy of the element in between.
 //!
-//! `serde-ply` gives a row as a map from property to value, in the header's order. Here the name is read over and the property's
-//! number counts, so that nothing is looked up by name once the header is read.
+//! `serde-ply` gives a row as a map from property to value, in the header's order. Here the name is read over and the
+//! property's number counts, so that nothing is looked up by name once the header is read.
 
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use std::cell::Cell;

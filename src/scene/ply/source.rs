@@ -1,10 +1,10 @@
-//! The bytes of a PLY file as the `serde-ply` crate can read them: a header in UTF-8 of bounded size, then the data, in text one
-//! row a line.
+//! The bytes of a PLY file as the `serde-ply` crate can read them: a header in UTF-8 of bounded size, then the data, in
+//! text one row a line.
 //!
-//! `serde-ply` 0.2.2 alone refuses comments that are not UTF-8 and old Mac line ends, keeps a header of any size, has no line
-//! numbers, refuses a text whose last number ends with the file, and takes numbers from wherever they stand. Rows are lines:
-//! MeshLab writes face colours to text files as ten numbers where its header promises four, and a line that is too short must not
-//! borrow from the next.
+//! `serde-ply` 0.2.2 alone refuses comments that are not UTF-8 and old Mac line ends, keeps a header of any size, has
+//! no line numbers, refuses a text whose last number ends with the file, and takes numbers from wherever they stand.
+//! Rows are lines: MeshLab writes face colours to text files as ten numbers where its header promises four, and a line
+//! that is too short must not borrow from the next.
 
 use crate::error::{Error, Result};
 use std::cell::Cell;

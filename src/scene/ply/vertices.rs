@@ -7,8 +7,8 @@ use serde::de::{IgnoredAny, MapAccess};
 use serde_ply::{ElementDef, PlyProperty, PropertyType, ScalarType};
 use std::ops::Range;
 
-/// The names that writers give to what is read of a vertex, in the order of [`Vertices::row`]. Texture coordinates are called
-/// s, t by Blender, u, v by others, and texture_u, texture_v by MeshLab.
+/// The names that writers give to what is read of a vertex, in the order of [`Vertices::row`]. Texture coordinates are
+/// called s, t by Blender, u, v by others, and texture_u, texture_v by MeshLab.
 const NAMES: [&[&str]; 11] = [
     &["x"],
     &["y"],
@@ -38,7 +38,8 @@ pub(super) fn find(element: &ElementDef, names: &[&str]) -> Option<usize> {
     element.properties.iter().position(|p| names.contains(&p.name.as_str()) && is_scalar(p))
 }
 
-/// What to multiply a part of a colour with for 255 to be its largest value: integers of 16 bits have 65535 for it, floats 1.
+/// What to multiply a part of a colour with for 255 to be its largest value: integers of 16 bits have 65535 for it,
+/// floats 1.
 pub(super) fn colour_scale(property: &PlyProperty) -> f32 {
     match property.property_type {
         PropertyType::Scalar(ScalarType::F32 | ScalarType::F64) => 255.0,

@@ -1,9 +1,10 @@
 //! Reads the rows of a PLY file that has no fault, from memory and by all processors at the same time.
 //!
-//! Where rows begin is found by stepping from one to the next; blocks of rows are then read beside each other, each into vertices
-//! and faces of its own, and joined. Whatever is unusual here (a fault above all) makes it give up, and the file is streamed through
-//! `serde-ply` from its beginning, which finds the words for what is wrong. It takes no more than some nanoseconds a value; `serde-ply`
-//! asks a reader for the bytes of each, and makes a string of each number of a text.
+//! Where rows begin is found by stepping from one to the next; blocks of rows are then read beside each other, each
+//! into vertices and faces of its own, and joined. Whatever is unusual here (a fault above all) makes it give up, and
+//! the file is streamed through `serde-ply` from its beginning, which finds the words for what is wrong. It takes no
+//! more than some nanoseconds a value; `serde-ply` asks a reader for the bytes of each, and makes a string of each
+//! number of a text.
 
 use super::faces::Faces;
 use super::values::{Binary, Text, Values};
@@ -24,8 +25,8 @@ pub(super) struct Whole {
     pub left_out: bool,
 }
 
-/// Reads `data`, all that follows `header`, into elements like `vertices` and `faces`, which are number `vertex` and `face`. Lines of a
-/// text end with `line_end`. None when something is wrong with it, or not foreseen here.
+/// Reads `data`, all that follows `header`, into elements like `vertices` and `faces`, which are number `vertex` and
+/// `face`. Lines of a text end with `line_end`. None when something is wrong with it, or not foreseen here.
 pub(super) fn read(
     header: &PlyHeader,
     data: &[u8],

@@ -25,7 +25,8 @@ fn combined<'a>(choices: impl IntoIterator<Item = &'a Choice>) -> TraceOptions {
     combine(&choices.into_iter().copied().collect::<Vec<_>>()).unwrap()
 }
 
-/// Whether anything here could differ by it: pictures have fixed samples, those by their error are in `tests/pictures/adaptive.rs`.
+/// Whether anything here could differ by it: pictures have fixed samples, those by their error are in
+/// `tests/pictures/adaptive.rs`.
 pub fn is_read(choice: &Choice) -> bool {
     choice.option().name != Decisions::OPTION || choice.is_default()
 }
@@ -128,7 +129,8 @@ impl Pairs {
         self.missing.iter().filter(move |pair| pair.iter().all(has))
     }
 
-    /// Of the values of each of `axes` in turn takes that which brings most of the missing pairs; `pair`, one of them, stays.
+    /// Of the values of each of `axes` in turn takes that which brings most of the missing pairs; `pair`, one of them,
+    /// stays.
     fn climb(&self, mut row: Row, pair: &[Value; 2], axes: impl Fn(usize) -> bool) -> Row {
         for axis in (0..row.len()).filter(|&axis| axes(axis) && pair.iter().all(|value| value.0 != axis)) {
             let mut most = self.gain(&row).count();
@@ -146,17 +148,18 @@ impl Pairs {
     }
 }
 
-/// A few combinations that hold, between them, each two values of two options that go together, numbers and refinements included.
-/// Those of the same kernels are neighbours.
+/// A few combinations that hold, between them, each two values of two options that go together, numbers and refinements
+/// included. Those of the same kernels are neighbours.
 ///
-/// Greedy: each new combination holds a pair that is still missing, and of the values of all other options in turn that with which
-/// most missing pairs come in. Pairs of what kernels are compiled for come first; the others are then put into combinations whose
-/// kernels there are already, because compiling is what takes time.
+/// Greedy: each new combination holds a pair that is still missing, and of the values of all other options in turn that
+/// with which most missing pairs come in. Pairs of what kernels are compiled for come first; the others are then put
+/// into combinations whose kernels there are already, because compiling is what takes time.
 pub fn spread() -> Vec<TraceOptions> {
     let mut pairs = Pairs::new();
     let is_compiled: Vec<_> = pairs.axes.iter().map(|values| values.iter().flatten().any(is_compiled)).collect();
     let mut rows: Vec<Row> = Vec::new();
-    // Backwards, because the exact test, whose kernels take longest, is the first: little is left for it to be combined with.
+    // Backwards, because the exact test, whose kernels take longest, is the first: little is left for it to be combined
+    // with.
     let order = |pair: &[Value; 2]| (pair.iter().all(|value| is_compiled[value.0]), *pair);
     while let Some(pair) = pairs.missing.iter().copied().max_by_key(order) {
         let choices: Vec<_> = pair.iter().filter_map(|&(axis, i)| pairs.axes[axis][i]).collect();

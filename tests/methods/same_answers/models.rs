@@ -23,7 +23,8 @@ use std::sync::Arc;
 /// Longest chain of rays.
 const DEPTH: u32 = 4;
 
-/// Where the box was photographed from (Cornell University Program of Computer Graphics, "Cornell Box Data"): its open side.
+/// Where the box was photographed from (Cornell University Program of Computer Graphics, "Cornell Box Data"): its open
+/// side.
 const CORNELL_CAMERA: Camera = Camera {
     eye: Vec3::new(278.0, 273.0, -800.0),
     target: Vec3::new(278.0, 273.0, 0.0),
@@ -107,7 +108,8 @@ pub fn models(size: (u32, u32)) -> Vec<Model> {
     models
 }
 
-/// What all combinations with a triangle test, a treatment of the shadows' terminator and a filter of textures are to agree with.
+/// What all combinations with a triangle test, a treatment of the shadows' terminator and a filter of textures are to
+/// agree with.
 pub fn brute_force(intersector: Intersector, terminator: Terminator, texture_filter: TextureFilter) -> TraceOptions {
     TraceOptions {
         picture: PictureOptions { terminator, texture_filter, ..PictureOptions::DEFAULT },

@@ -1,13 +1,14 @@
-//! Numbers in doubles with a bound of their error: a static filter (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast
-//! Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997, section 4).
+//! Numbers in doubles with a bound of their error: a static filter (Shewchuk, "Adaptive Precision Floating-Point
+//! Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997, section 4).
 
 use glam::DVec3;
 
 /// The largest relative error of one rounding of a double.
 pub const ROUNDING: f64 = f64::EPSILON / 2.0;
-/// A product of three numbers that are each off by a rounding, and the sum of six such: a difference, twice, in 2; the products of a
-/// component 1, their difference 1; the products with the third vector 1, their sum 2: gamma(7) of the same expression of
-/// magnitudes, which is itself computed, and too small by gamma(7) at most: 8 leaves room for the second order of both.
+/// A product of three numbers that are each off by a rounding, and the sum of six such: a difference, twice, in 2; the
+/// products of a component 1, their difference 1; the products with the third vector 1, their sum 2: gamma(7) of the
+/// same expression of magnitudes, which is itself computed, and too small by gamma(7) at most: 8 leaves room for the
+/// second order of both.
 pub const PRODUCT_ERROR: f64 = 8.0 * ROUNDING;
 
 /// A number that is surely within `bound` of `value`.

@@ -1,10 +1,12 @@
 //! The exact tracer: hit or miss and nearer or farther decided as exact arithmetic has them.
 //!
-//! Floats are exact integers times a power of two, so that everything up to t = T / D is a quotient of exact integers ([`Ratio`]). They
-//! are slow: doubles with an error bound (a static filter; Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
-//! Geometric Predicates", Discrete & Computational Geometry 18, 1997) first discard the triangles that the ray surely misses and
-//! order the rest, most of them by the boxes around them (`boxes.rs`). It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge. Nothing in them over- or
-//! underflows: coordinates are from 2^-149 to 2^128, starts of second rays from 2^-298 on, and products have three factors.
+//! Floats are exact integers times a power of two, so that everything up to t = T / D is a quotient of exact integers
+//! ([`Ratio`]). They are slow: doubles with an error bound (a static filter; Shewchuk, "Adaptive Precision
+//! Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997) first
+//! discard the triangles that the ray surely misses and order the rest, most of them by the boxes around them
+//! (`boxes.rs`). It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge. Nothing in them
+//! over- or underflows: coordinates are from 2^-149 to 2^128, starts of second rays from 2^-298 on, and products have
+//! three factors.
 //!
 //! Bad at: rays in the plane of many triangles, all of which need exact integers.
 
@@ -17,7 +19,8 @@ use num_bigint::{BigInt, Sign};
 
 type Whole3 = [BigInt; 3];
 
-/// The sum of three products that are each off by [`PRODUCT_ERROR`]: two more roundings of numbers that are 1 / 8 of the bounds' sum in size, and room.
+/// The sum of three products that are each off by [`PRODUCT_ERROR`]: two more roundings of numbers that are 1 / 8 of
+/// the bounds' sum in size, and room.
 const SUM_ERROR: f64 = 1.5;
 
 /// A ray without limits, in doubles and, where these are rounded, in exact integers.
@@ -34,7 +37,8 @@ pub struct Line {
 }
 
 impl Line {
-    /// The line of a ray; `None` when a part of it is NaN or infinite, or the direction is zero: such a ray misses everything.
+    /// The line of a ray; `None` when a part of it is NaN or infinite, or the direction is zero: such a ray misses
+    /// everything.
     pub fn new(origin: DVec3, direction: DVec3) -> Option<Line> {
         let is_ray = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
         is_ray.then_some(Line { origin, direction, origin_error: 0.0, whole_origin: None })
@@ -58,8 +62,8 @@ impl Line {
         self.whole_origin.as_ref().map_or_else(|| smallest_unit([&self.origin]), |(_, unit)| *unit)
     }
 
-    /// Where the line crosses the triangle of these corners, exactly: t and the weights of corners 1 and 2. The edges belong to it.
-    /// `None` when it does not, and when it runs in the triangle's plane.
+    /// Where the line crosses the triangle of these corners, exactly: t and the weights of corners 1 and 2. The edges
+    /// belong to it. `None` when it does not, and when it runs in the triangle's plane.
     pub fn crossing(&self, corners: [DVec3; 3]) -> Option<[Ratio; 3]> {
         let unit = self.unit().min(smallest_unit(&corners));
         let origin = self.whole_origin(unit);
@@ -116,8 +120,8 @@ pub struct Closest {
     pub primitives: Vec<u32>,
 }
 
-/// Limits of t, which count as the numbers that they are. A t that no float tells, because the nearest one is infinite, is outside of
-/// infinite limits, too.
+/// Limits of t, which count as the numbers that they are. A t that no float tells, because the nearest one is infinite,
+/// is outside of infinite limits, too.
 #[derive(Debug, Clone, Copy)]
 pub struct Interval {
     /// No hit is nearer.
@@ -181,8 +185,8 @@ impl ExactTracer {
         Line::new(origin, direction)
     }
 
-    /// The line from where a triangle is crossed: from the point of which the two smaller weights are the floats nearest to those of the
-    /// crossing. `None` as for [`ExactTracer::line`].
+    /// The line from where a triangle is crossed: from the point of which the two smaller weights are the floats
+    /// nearest to those of the crossing. `None` as for [`ExactTracer::line`].
     pub fn line_from(&self, crossing: &Crossing, direction: Vec3) -> Option<Line> {
         let next = self.line(DVec3::ZERO, direction.as_dvec3())?;
         let [a, b, c] = self.corners(crossing.primitive)?;
@@ -214,14 +218,15 @@ impl ExactTracer {
         Some(Line { origin, origin_error, whole_origin: Some((numerator, unit)), ..next })
     }
 
-    /// Where `line` crosses triangle `primitive`, exactly; its edges belong to it. `None` when it does not, and when it runs in the
-    /// triangle's plane.
+    /// Where `line` crosses triangle `primitive`, exactly; its edges belong to it. `None` when it does not, and when it
+    /// runs in the triangle's plane.
     pub fn crossing(&self, line: &Line, primitive: u32) -> Option<Crossing> {
         let [t, u, v] = line.crossing(self.corners(primitive)?)?;
         Some(Crossing { primitive, t, u, v })
     }
 
-    /// Whether `line` runs parallel to the plane of triangle `primitive`, or the triangle has no area or does not exist.
+    /// Whether `line` runs parallel to the plane of triangle `primitive`, or the triangle has no area or does not
+    /// exist.
     pub fn is_parallel(&self, line: &Line, primitive: u32) -> bool {
         let Some(corners) = self.corners(primitive) else { return true };
         let unit = smallest_unit(&corners);
@@ -230,7 +235,8 @@ impl ExactTracer {
         dot(&direction, &cross(&minus(&b, &a), &minus(&c, &a))).sign() == Sign::NoSign
     }
 
-    /// The nearest crossing inside of `interval` with a triangle that is not `excluded`, and that `accepts` does not refuse.
+    /// The nearest crossing inside of `interval` with a triangle that is not `excluded`, and that `accepts` does not
+    /// refuse.
     pub fn closest(
         &self,
         line: &Line,

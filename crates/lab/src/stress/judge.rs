@@ -1,16 +1,19 @@
 //! What is right, and what sort of wrong the rest is.
 //!
-//! Strictly, for methods that promise exact hits: the nearest triangle, of those at exactly the same t the lowest number; the float
-//! nearest to t; u and v within [`WEIGHT_ULPS`]. Of any hits only the triangle is judged, which must be hit within the limits.
+//! Strictly, for methods that promise exact hits: the nearest triangle, of those at exactly the same t the lowest
+//! number; the float nearest to t; u and v within [`WEIGHT_ULPS`]. Of any hits only the triangle is judged, which must
+//! be hit within the limits.
 //!
-//! Tolerantly, for float32 methods: any answer that is right for a ray within the bounds of [`super::tolerance`]. A triangle counts that
-//! the ray passes within its tolerance, at a t within its tolerance, and that is not behind the exact answer. What lies behind it,
-//! or a miss, counts only where a ray displaced by the tolerance gets past the exact answer, at a silhouette or open border: a ray that
-//! slips through between two neighbours is wrong. A triangle whose plane the ray lies in never counts.
+//! Tolerantly, for float32 methods: any answer that is right for a ray within the bounds of [`super::tolerance`]. A
+//! triangle counts that the ray passes within its tolerance, at a t within its tolerance, and that is not behind the
+//! exact answer. What lies behind it, or a miss, counts only where a ray displaced by the tolerance gets past the exact
+//! answer, at a silhouette or open border: a ray that slips through between two neighbours is wrong. A triangle whose
+//! plane the ray lies in never counts.
 //!
-//! A second ray starts exactly where the first one hits; the triangle that it leaves and those that the first ray met at exactly the same
-//! t are not there for it. Strictly, because a start has to be told by numbers: at exactly the point whose smaller two weights, of three,
-//! are the floats nearest to those of the hit. It lies in the same triangle, on an edge or a vertex just when the hit does.
+//! A second ray starts exactly where the first one hits; the triangle that it leaves and those that the first ray met
+//! at exactly the same t are not there for it. Strictly, because a start has to be told by numbers: at exactly the
+//! point whose smaller two weights, of three, are the floats nearest to those of the hit. It lies in the same triangle,
+//! on an edge or a vertex just when the hit does.
 
 use super::case::Case;
 use super::exact::{Closest, ExactTracer, Interval, Line};
@@ -74,8 +77,8 @@ struct Answer {
 
 struct NextAnswer {
     line: Option<Line>,
-    /// The hit of a ray that starts at exactly the point that the first hit names, which leaves that triangle alone: others that were met at
-    /// the same t may lie ahead of it.
+    /// The hit of a ray that starts at exactly the point that the first hit names, which leaves that triangle alone:
+    /// others that were met at the same t may lie ahead of it.
     hit: Option<Closest>,
     /// That of a ray that leaves all of these, too: rounded tests may name any of them.
     tolerant: Option<Closest>,
@@ -105,7 +108,8 @@ impl<'a> Answers<'a> {
         (rounded(answer.hit.as_ref()), answer.next.as_ref().map(|next| rounded(next.hit.as_ref())))
     }
 
-    /// What is wrong with `hit`, in world units, as the answer for ray `index`, and with `next` as that of its second ray. `None`: nothing.
+    /// What is wrong with `hit`, in world units, as the answer for ray `index`, and with `next` as that of its second
+    /// ray. `None`: nothing.
     pub fn judge(&self, index: usize, hit: &Hit, next: Option<&Hit>, strictly: bool) -> Option<Fault> {
         let (ray, answer) = (&self.case.rays[index], &self.answers[index]);
         let Some(line) = &answer.line else { return (hit.primitive != NO_PRIMITIVE).then_some(Fault::False) };
@@ -251,7 +255,8 @@ impl Question<'_> {
         Some(Tolerance::new(self.line, self.tracer.corners(primitive)?, self.origin_error))
     }
 
-    /// The t at which a triangle is nearest to the ray, and how far off it may be, for one that a ray within the tolerance hits.
+    /// The t at which a triangle is nearest to the ray, and how far off it may be, for one that a ray within the
+    /// tolerance hits.
     fn passes_at(&self, primitive: u32) -> Option<(f64, f64)> {
         let corners = self.tracer.corners(primitive)?;
         if self.left.contains(&primitive) || self.tracer.is_parallel(self.line, primitive) {
@@ -264,7 +269,8 @@ impl Question<'_> {
         (is_inside && distance <= tolerance.lateral).then_some((t, off))
     }
 
-    /// Whether a hit of another triangle than the right one, or where none is due, is right for a ray within the tolerance.
+    /// Whether a hit of another triangle than the right one, or where none is due, is right for a ray within the
+    /// tolerance.
     fn is_near_answer(&self, hit: &Hit) -> bool {
         let Some((t, off)) = self.passes_at(hit.primitive) else { return false };
         if (f64::from(hit.t) - t).abs() > off {
@@ -276,8 +282,8 @@ impl Question<'_> {
         t - off <= exact_t + exact_off || self.may_pass(Some(t - off))
     }
 
-    /// Whether a ray within the tolerance meets nothing before `t`, or nothing at all. A hit within its tolerance of a limit need not be
-    /// met.
+    /// Whether a ray within the tolerance meets nothing before `t`, or nothing at all. A hit within its tolerance of a
+    /// limit need not be met.
     fn may_pass(&self, t: Option<f64>) -> bool {
         let Some(closest) = self.exact else { return true };
         let Some(tolerance) = self.tolerance(closest.crossing.primitive) else { return true };

@@ -73,7 +73,8 @@ impl Mesh {
         self
     }
 
-    // ---- shapes ------------------------------------------------------------------------------------------------------
+    // ---- shapes
+    // ------------------------------------------------------------------------------------------------------
 
     /// A closed unit sphere of 8 * 4^`levels` triangles: an octahedron whose triangles are divided.
     pub fn sphere(levels: u32) -> Mesh {
@@ -152,8 +153,8 @@ impl Mesh {
         mesh
     }
 
-    /// A ring of 2^`bits` points of radius 1 around the z axis, and triangles from each of its edges to two hubs at -`height` and
-    /// `height`, the first two vertices: closed.
+    /// A ring of 2^`bits` points of radius 1 around the z axis, and triangles from each of its edges to two hubs at
+    /// -`height` and `height`, the first two vertices: closed.
     pub fn double_fan(bits: u32, height: f32) -> Mesh {
         // By bisection, because a square root is the same everywhere, and a library's sine is not.
         let mut ring = vec![DVec3::X, DVec3::Y, -DVec3::X, -DVec3::Y];
@@ -171,7 +172,8 @@ impl Mesh {
         mesh
     }
 
-    // ---- places on a mesh --------------------------------------------------------------------------------------------
+    // ---- places on a mesh
+    // --------------------------------------------------------------------------------------------
 
     /// A vertex of a random triangle.
     pub fn random_vertex(&self, random: &mut Random) -> Vec3 {
@@ -196,7 +198,8 @@ impl Mesh {
         inside_of(self.corners(random.below(self.triangles.len())), random)
     }
 
-    // ---- other forms -------------------------------------------------------------------------------------------------
+    // ---- other forms
+    // -------------------------------------------------------------------------------------------------
 
     /// As a scene.
     pub fn scene(&self) -> Scene {

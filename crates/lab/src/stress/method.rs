@@ -14,7 +14,8 @@ pub struct Method {
 }
 
 impl Method {
-    /// The method of `options` with the parts that `name` has, joined by '+': structure, build, traversal, triangle test.
+    /// The method of `options` with the parts that `name` has, joined by '+': structure, build, traversal, triangle
+    /// test.
     ///
     /// # Errors
     /// [`raybrook::Error::Option`] when there is no such part, or the parts contradict each other.

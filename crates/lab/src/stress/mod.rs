@@ -1,8 +1,9 @@
 //! Hard cases with exact answers: which rays does a method get wrong, and how?
 //!
-//! [`Kind`]s make meshes and rays from a seed, one for each way in which a ray tracer can fail. [`Answers`] are found in
-//! exact arithmetic, and [`Answers::judge`] tells what is wrong with a tracer's. [`Found`] traces a case with any method, and [`Replay`]
-//! keeps the rays that went wrong. [`closed`] traces rays by the billion that must hit, through closed meshes of any origin.
+//! [`Kind`]s make meshes and rays from a seed, one for each way in which a ray tracer can fail. [`Answers`] are found
+//! in exact arithmetic, and [`Answers::judge`] tells what is wrong with a tracer's. [`Found`] traces a case with any
+//! method, and [`Replay`] keeps the rays that went wrong. [`closed`] traces rays by the billion that must hit, through
+//! closed meshes of any origin.
 //!
 //! ```
 //! use raybrook::low_level::options::{Intersector, TraceOptions};

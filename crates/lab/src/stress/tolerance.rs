@@ -1,18 +1,19 @@
 //! How far off a float32 method may be that is as good as float32 allows, on one ray and one triangle.
 //!
-//! The bounds are those of the watertight test (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2013; derived for
-//! `cl/intersect/watertight.cl` in `cl/intersect/exact.cl` and `cl/shared/ray.cl`). With eps = 2^-24 and M the distance of the
-//! triangle's farthest corner from the origin, to first order:
+//! The bounds are those of the watertight test (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT
+//! 2013; derived for `cl/intersect/watertight.cl` in `cl/intersect/exact.cl` and `cl/shared/ray.cl`). With eps = 2^-24
+//! and M the distance of the triangle's farthest corner from the origin, to first order:
 //!
-//! * Its edge functions have exact signs for corners that are off by 10 eps M on each of two axes: the hit or miss is the exact one of a
-//!   triangle whose corners are displaced sideways by no more than sqrt(2) 10 eps M: [`LATERAL`].
-//! * t. With the angle i between ray and normal: the sideways displacement moves the plane's crossing by 14.2 eps M tan i. The three
-//!   weights are each off by 3 eps, relative to their sum by 6, which moves the point within the triangle by up to 6 * 2 eps M, along the
-//!   ray 12 eps M sin i. The corners' distances along the ray are off by 8 eps M. The sum is largest at i = 45 degrees, where
-//!   (14.2 sin i + 12 sin i cos i + 8 cos i) eps M / cos i = 21.7 eps M / cos i: [`ALONG`]. The quotient and the conversion to the caller's
-//!   units round t itself: [`OF_T`].
-//! * u and v. The sideways displacement is one of up to 1 / cos i as much in the plane, which changes the weight of a corner by its part
-//!   of the corner's height above the opposite edge; the weights' own 6 eps double for a weight near 1: [`OF_WEIGHT`].
+//! * Its edge functions have exact signs for corners that are off by 10 eps M on each of two axes: the hit or miss is
+//!   the exact one of a triangle whose corners are displaced sideways by no more than sqrt(2) 10 eps M: [`LATERAL`].
+//! * t. With the angle i between ray and normal: the sideways displacement moves the plane's crossing by 14.2 eps M tan
+//!   i. The three weights are each off by 3 eps, relative to their sum by 6, which moves the point within the triangle
+//!   by up to 6 * 2 eps M, along the ray 12 eps M sin i. The corners' distances along the ray are off by 8 eps M. The
+//!   sum is largest at i = 45 degrees, where (14.2 sin i + 12 sin i cos i + 8 cos i) eps M / cos i = 21.7 eps M / cos
+//!   i: [`ALONG`]. The quotient and the conversion to the caller's units round t itself: [`OF_T`].
+//! * u and v. The sideways displacement is one of up to 1 / cos i as much in the plane, which changes the weight of a
+//!   corner by its part of the corner's height above the opposite edge; the weights' own 6 eps double for a weight near
+//!   1: [`OF_WEIGHT`].
 
 use super::exact::Line;
 use glam::DVec3;
@@ -42,7 +43,8 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
-    /// The bounds for `line` and a triangle; `origin_error`: how far the ray's origin may be off, for rays that start at a computed hit.
+    /// The bounds for `line` and a triangle; `origin_error`: how far the ray's origin may be off, for rays that start
+    /// at a computed hit.
     pub fn new(line: &Line, corners: [DVec3; 3], origin_error: f64) -> Tolerance {
         Tolerance::of_ray(line.origin, line.direction, corners, origin_error)
     }
@@ -95,10 +97,10 @@ pub fn distance_to(line: &Line, corners: [DVec3; 3]) -> (f64, f64) {
     (0..3).map(on_edge).min_by(|x, y| x.0.total_cmp(&y.0)).unwrap_or((f64::INFINITY, f64::INFINITY))
 }
 
-/// How far off the point of a computed hit may be, at which a second ray starts. Its coordinates are off by EPSILON of the largest one
-/// and 4 EPSILON of the triangle's size on each axis (`cl/shared/ray.cl`, point_error; 2 more for the weights' own roundings), and the
-/// weights' error moves it sideways by `tolerance`'s lateral part, within the plane by 1 / cosine as much, though never out of the
-/// triangle.
+/// How far off the point of a computed hit may be, at which a second ray starts. Its coordinates are off by EPSILON of
+/// the largest one and 4 EPSILON of the triangle's size on each axis (`cl/shared/ray.cl`, point_error; 2 more for the
+/// weights' own roundings), and the weights' error moves it sideways by `tolerance`'s lateral part, within the plane by
+/// 1 / cosine as much, though never out of the triangle.
 pub fn point_error(line: &Line, corners: [DVec3; 3], tolerance: &Tolerance) -> f64 {
     const AXES: f64 = 1.8; // above sqrt(3)
     let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);

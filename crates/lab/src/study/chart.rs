@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 pub enum ChartKind {
     /// Points joined from left to right, one line a series.
     Lines,
-    /// Points that have labels; those that nothing beats in both directions (right of them is worse, above is better) are joined.
+    /// Points that have labels; those that nothing beats in both directions (right of them is worse, above is better)
+    /// are joined.
     Front,
     /// A bar for each row, by the name in column x.
     Bars,
@@ -122,8 +123,8 @@ pub(super) struct Series {
     pub points: Vec<Point>,
 }
 
-/// The series of a chart with numbers on both axes, in the order of their first rows. Rows without a number, or with one that a
-/// logarithmic axis cannot show, are left out.
+/// The series of a chart with numbers on both axes, in the order of their first rows. Rows without a number, or with
+/// one that a logarithmic axis cannot show, are left out.
 pub(super) fn series(chart: &Chart, table: &Table) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for row in chart.rows(table) {

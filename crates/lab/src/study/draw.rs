@@ -1,7 +1,7 @@
 //! Draws charts, as SVG and as pixels, by the plotters crate.
 //!
-//! Colours are Okabe and Ito's ("Color Universal Design", 2008), which colour-blind readers tell apart; series differ in the shape of
-//! their points, too. A filled point has no wrong answer, a hollow one has some.
+//! Colours are Okabe and Ito's ("Color Universal Design", 2008), which colour-blind readers tell apart; series differ
+//! in the shape of their points, too. A filled point has no wrong answer, a hollow one has some.
 
 mod axes;
 mod bars;

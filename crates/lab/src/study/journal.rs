@@ -1,7 +1,7 @@
 //! What is measured already, so that a study that was stopped goes on where it was.
 //!
-//! One line of JSON for each group of measurements: its settings, and its rows. A line that was cut off when the program was stopped is
-//! measured again.
+//! One line of JSON for each group of measurements: its settings, and its rows. A line that was cut off when the
+//! program was stopped is measured again.
 
 use super::table::Row;
 use raybrook::low_level::input::read_regular;
@@ -27,7 +27,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// The journal in this file, which need not be there, if it belongs to these `settings`; else an empty one, which replaces it.
+    /// The journal in this file, which need not be there, if it belongs to these `settings`; else an empty one, which
+    /// replaces it.
     ///
     /// # Errors
     /// [`Error::Io`] when the file cannot be written.

@@ -143,8 +143,8 @@ impl<'a> Lab<'a> {
         Subject::new(name, scene, self.side(), self.seed)
     }
 
-    /// The scenes of studies of structures: the user's, or one that is round and even, and, unless in a hurry, one of long thin triangles
-    /// that lie askew.
+    /// The scenes of studies of structures: the user's, or one that is round and even, and, unless in a hurry, one of
+    /// long thin triangles that lie askew.
     ///
     /// # Errors
     /// As [`Subject::new`].
@@ -156,9 +156,10 @@ impl<'a> Lab<'a> {
         }
     }
 
-    /// Traces rays of `kinds` (numbers of batches) by turns with all `variants`, and tells of each what it took, what was wrong and,
-    /// counted by the reference's twin on a part of the rays, its work: one row for each variant and kind that has rays. Of large scenes
-    /// only as many structures are kept at a time as memory may hold, and take turns.
+    /// Traces rays of `kinds` (numbers of batches) by turns with all `variants`, and tells of each what it took, what
+    /// was wrong and, counted by the reference's twin on a part of the rays, its work: one row for each variant and
+    /// kind that has rays. Of large scenes only as many structures are kept at a time as memory may hold, and take
+    /// turns.
     ///
     /// # Errors
     /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::trace`].
@@ -205,7 +206,8 @@ impl<'a> Lab<'a> {
         Ok(rows)
     }
 
-    /// Builds, compiles, traces each batch once without timing it (drivers do much at a first launch), judges and counts.
+    /// Builds, compiles, traces each batch once without timing it (drivers do much at a first launch), judges and
+    /// counts.
     fn start(&self, subject: &Subject, variant: &Variant, kinds: &[usize]) -> Result<Run> {
         let options = variant.options;
         let buffers = Arc::new(self.pack(&subject.scene, &options)?);

@@ -1,11 +1,14 @@
-//! Studies: methods measured against each other on the user's device and scene, each speed with the errors of the same run, and a
-//! report of charts and tables. They redo every table and graph of the thesis, and chart speed against accuracy.
+//! Studies: methods measured against each other on the user's device and scene, each speed with the errors of the same
+//! run, and a report of charts and tables. They redo every table and graph of the thesis, and chart speed against
+//! accuracy.
 //!
-//! A [`Study`] measures in a [`Lab`], which times methods by turns, judges their answers and counts their work, and returns
-//! [`Findings`]: tables, charts of their columns, and a sentence, computed from the tables, on what the thesis claims. [`Report`] keeps
-//! them in a folder, as JSON, CSV, SVG, PNG and one HTML page, and goes on where it was stopped.
+//! A [`Study`] measures in a [`Lab`], which times methods by turns, judges their answers and counts their work, and
+//! returns [`Findings`]: tables, charts of their columns, and a sentence, computed from the tables, on what the thesis
+//! claims. [`Report`] keeps them in a folder, as JSON, CSV, SVG, PNG and one HTML page, and goes on where it was
+//! stopped.
 //!
-//! Bad at: absolute numbers. What a device does beside, its clocks and its driver change them; ratios of one table were measured by turns.
+//! Bad at: absolute numbers. What a device does beside, its clocks and its driver change them; ratios of one table were
+//! measured by turns.
 
 mod bound;
 mod cases;

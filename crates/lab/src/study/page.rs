@@ -1,5 +1,5 @@
-//! The report as one HTML page that needs nothing else: charts are drawn into it, for wide pages and for phones, in the colours of a light or
-//! a dark page.
+//! The report as one HTML page that needs nothing else: charts are drawn into it, for wide pages and for phones, in the
+//! colours of a light or a dark page.
 
 use super::draw::{Format, GRID, INK, MUTED, PAPER, svg};
 use super::report::{Entry, Header};

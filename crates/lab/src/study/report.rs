@@ -1,4 +1,5 @@
-//! A folder with what studies found: `index.html`, and for each study its data as JSON and CSV and its charts as SVG and PNG.
+//! A folder with what studies found: `index.html`, and for each study its data as JSON and CSV and its charts as SVG
+//! and PNG.
 
 use super::draw::{Format, pixels, svg};
 use super::fingerprint::fingerprint;
@@ -142,9 +143,9 @@ const DATA: &str = "data";
 const CHARTS: &str = "charts";
 
 impl Report {
-    /// The report in `folder`, which is made if it is not there. Studies with the same header that are there are part of it, and are not made
-    /// again unless `again` says so; they are judged anew from their rows, since an earlier version of the program
-    /// may have judged them otherwise. `command` is how those are made that are.
+    /// The report in `folder`, which is made if it is not there. Studies with the same header that are there are part
+    /// of it, and are not made again unless `again` says so; they are judged anew from their rows, since an earlier
+    /// version of the program may have judged them otherwise. `command` is how those are made that are.
     ///
     /// # Errors
     /// [`Error::Option`] when a file there that the report would replace is not one of a report, and [`Error::Io`] when

@@ -34,8 +34,8 @@ fn boulder_mesh(levels: u32) -> Mesh {
     })
 }
 
-/// A hall of `rows` x `rows` leaning columns of long thin triangles, floor and ceiling: 96 `rows`² + 4 triangles, about 50 times as long
-/// as wide. Its camera stands in it.
+/// A hall of `rows` x `rows` leaning columns of long thin triangles, floor and ceiling: 96 `rows`² + 4 triangles, about
+/// 50 times as long as wide. Its camera stands in it.
 ///
 /// # Errors
 /// None for `rows` up to 500.
@@ -82,8 +82,8 @@ fn add_cubes(builder: &mut Builder, count: u32) {
     }
 }
 
-/// About 700 triangles: a boulder of 512 or 17 cubes, and with `has_plane` a plane of 2 triangles that is 1,000 times as large (the
-/// thesis's two scenes with and without one, section 5.5.2).
+/// About 700 triangles: a boulder of 512 or 17 cubes, and with `has_plane` a plane of 2 triangles that is 1,000 times
+/// as large (the thesis's two scenes with and without one, section 5.5.2).
 ///
 /// # Errors
 /// None that a caller could cause.
@@ -122,7 +122,8 @@ pub fn mirror_room() -> Result<Scene> {
     builder.finish()
 }
 
-/// A still life for pictures: a boulder, a mirror ball of `detail` segments around and a floor, plain or of marble and wood.
+/// A still life for pictures: a boulder, a mirror ball of `detail` segments around and a floor, plain or of marble and
+/// wood.
 ///
 /// # Errors
 /// [`Error::Scene`](crate::Error::Scene) when the ball cannot have so many segments.
@@ -163,7 +164,8 @@ pub fn glass_still_life(detail: u32) -> Result<Scene> {
     Ok(scene)
 }
 
-/// `count` boulders of 8 * 4^`levels` triangles as instances of one on a floor, turned and between 0.5 and 1.2 of its size.
+/// `count` boulders of 8 * 4^`levels` triangles as instances of one on a floor, turned and between 0.5 and 1.2 of its
+/// size.
 ///
 /// # Errors
 /// [`Error::Scene`](crate::Error::Scene) for more triangles than a scene holds.

@@ -1,6 +1,7 @@
 //! What a study measured, as rows of named values, and what the names mean.
 //!
-//! A value has the same name wherever it is told: in the JSON, the CSV, the report's tables and, spelled out, on the axes of charts.
+//! A value has the same name wherever it is told: in the JSON, the CSV, the report's tables and, spelled out, on the
+//! axes of charts.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};

@@ -44,7 +44,8 @@ fn cutting(spatial_splits: f32, leaf_size: Option<u32>, reinsert: u32) -> BuildO
     BuildOptions { spatial_splits, reinsert, ..options(leaf_size) }
 }
 
-/// Whether the point, known up to `error`, is in the boxes of a leaf that lists the triangle and of all nodes from there up to `index`.
+/// Whether the point, known up to `error`, is in the boxes of a leaf that lists the triangle and of all nodes from
+/// there up to `index`.
 fn is_listed(tree: &Bvh, index: usize, triangle: u32, point: DVec3, error: f64) -> bool {
     let Aabb { low, high } = tree.nodes[index].bounds;
     if point.cmplt(low.as_dvec3() - error).any() || point.cmpgt(high.as_dvec3() + error).any() {
@@ -83,7 +84,8 @@ fn every_point_of_a_triangle_is_in_a_leaf_that_lists_it() {
                     };
                     let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
                     let point = corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v;
-                    // Three roundings of weights and products each, two of sums, of numbers up to the largest coordinate.
+                    // Three roundings of weights and products each, two of sums, of numbers up to the largest
+                    // coordinate.
                     let error = 8.0 * f64::EPSILON * largest;
                     assert!(is_listed(&tree, 0, i as u32, point, error), "{name}: {triangle:?}, {point}");
                 }

@@ -1,8 +1,9 @@
 //! Points that are surely inside of a closed mesh.
 //!
-//! The winding number is the sum of the triangles' solid angles (van Oosterom and Strackee, "The Solid Angle of a Plane Triangle", IEEE
-//! Transactions on Biomedical Engineering 30, 1983; Jacobson, Kavan and Sorkine-Hornung, "Robust Inside-Outside Segmentation using
-//! Generalized Winding Numbers", SIGGRAPH 2013): a whole number, and the same in a ball that no triangle reaches into.
+//! The winding number is the sum of the triangles' solid angles (van Oosterom and Strackee, "The Solid Angle of a Plane
+//! Triangle", IEEE Transactions on Biomedical Engineering 30, 1983; Jacobson, Kavan and Sorkine-Hornung, "Robust
+//! Inside-Outside Segmentation using Generalized Winding Numbers", SIGGRAPH 2013): a whole number, and the same in a
+//! ball that no triangle reaches into.
 
 use super::super::tolerance::EPSILON;
 use glam::{DVec3, Vec3};
@@ -10,11 +11,13 @@ use raybrook::low_level::random::Random;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Points that are tried, half of them anywhere in the box, half of them close to the surface. Each takes a look at every triangle.
+/// Points that are tried, half of them anywhere in the box, half of them close to the surface. Each takes a look at
+/// every triangle.
 const CANDIDATES: usize = 256;
 /// Points close to the surface are up to this power of two smaller than their triangle away.
 const CLOSEST: i32 = -10;
-/// A winding number that is farther from a whole one was spoilt by roundings, which are billions of times smaller elsewhere.
+/// A winding number that is farther from a whole one was spoilt by roundings, which are billions of times smaller
+/// elsewhere.
 const MOST_OFF: f64 = 1.0 / 1024.0;
 
 /// A ball of which every point is inside.
@@ -56,7 +59,8 @@ fn ball_at(center: DVec3, triangles: &[[DVec3; 3]]) -> Option<Ball> {
     let largest = farthest + center.abs().max_element();
     let winding = angle / (2.0 * TAU);
     let is_inside = (winding - winding.round()).abs() < MOST_OFF && winding.round() != 0.0;
-    // Doubles are off by far less than half of what float32 can tell at this distance from the origin: that half is for them.
+    // Doubles are off by far less than half of what float32 can tell at this distance from the origin: that half is for
+    // them.
     let is_large = distance > 4.0 * EPSILON * largest;
     (is_inside && is_large).then_some(Ball { center, radius: distance / 2.0 })
 }
@@ -98,7 +102,8 @@ mod tests {
             sphere.inside.iter().any(|ball| ball.radius > 0.1) && sphere.inside.iter().any(|ball| ball.radius < 1e-3)
         );
 
-        // A hollow sphere, and the same with both surfaces facing outwards, where the inner one's inside is inside twice.
+        // A hollow sphere, and the same with both surfaces facing outwards, where the inner one's inside is inside
+        // twice.
         let hollow = |inner: Mesh| {
             let mut mesh = Mesh::sphere(3);
             mesh.append(&inner.mapped(|p| p * 0.5));

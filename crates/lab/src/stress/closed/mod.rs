@@ -1,11 +1,13 @@
 //! Closed meshes, and rays at their edges and vertices that must hit: a billion of them need no exact answer each.
 //!
-//! [`ClosedMesh`] is a mesh in which every edge belongs to two triangles that run along it in opposite directions. [`ClosedMesh::ray`]
-//! makes rays aimed at an edge or a vertex, as near as float32 can, each with a t by which it hits something, which doubles with
-//! bounds of their errors have proved (`promise.rs`), or exact arithmetic where triangles are as thin as a line, into which rays are
-//! aimed, too (`thin.rs`). [`find_leaks`] traces them and counts those that come through.
+//! [`ClosedMesh`] is a mesh in which every edge belongs to two triangles that run along it in opposite directions.
+//! [`ClosedMesh::ray`] makes rays aimed at an edge or a vertex, as near as float32 can, each with a t by which it hits
+//! something, which doubles with bounds of their errors have proved (`promise.rs`), or exact arithmetic where triangles
+//! are as thin as a line, into which rays are aimed, too (`thin.rs`). [`find_leaks`] traces them and counts those that
+//! come through.
 //!
-//! Bad at: rays that may miss. What passes a silhouette from outside, by a rounding, is left to the kinds of [`super::Kind`].
+//! Bad at: rays that may miss. What passes a silhouette from outside, by a rounding, is left to the kinds of
+//! [`super::Kind`].
 
 mod aim;
 mod inside;
@@ -24,8 +26,8 @@ use std::collections::HashMap;
 use std::fmt;
 use thin::Thin;
 
-/// A mesh with an inside, and what is needed to aim at its edges and vertices. Numbers of vertices here are those of different
-/// positions; triangles with two equal corners, which are never hit, are left out.
+/// A mesh with an inside, and what is needed to aim at its edges and vertices. Numbers of vertices here are those of
+/// different positions; triangles with two equal corners, which are never hit, are left out.
 pub struct ClosedMesh {
     mesh: Mesh,
     positions: Vec<DVec3>,

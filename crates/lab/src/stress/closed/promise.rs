@@ -1,24 +1,26 @@
-//! Proofs that a ray must hit, and by which t. A triangle counts as in [`super::super::ExactTracer`]: its edges belong to it, and a ray
-//! parallel to its plane does not hit it.
+//! Proofs that a ray must hit, and by which t. A triangle counts as in [`super::super::ExactTracer`]: its edges belong
+//! to it, and a ray parallel to its plane does not hit it.
 //!
-//! **Around an edge or a vertex.** Let all triangles of an edge (two) or around a vertex face the ray from the same side, strictly. Seen
-//! along the ray they lie around the edge or vertex without folds, each with the same sense of rotation. Let the ray pass, strictly, on
-//! the inner side of each of their outer sides (those that do not lie on the edge or touch the vertex).
-//! Edge: the ray is on one side of the edge or on the other, or on it, and so within the triangle of that side, all of whose other
-//! sides are outer ones. Vertex: the segment from the vertex, which is on the inner side of all outer sides itself, to the ray crosses
-//! none of them, so that the outer sides, which are closed curves because the mesh is closed, wind around both points equally often,
-//! around the vertex at least once; as often the triangles cover the ray. Either way it hits one of them, at a t not beyond the
-//! largest at which it crosses their planes. The edge may be passed by one rounding or by many: that makes no difference.
+//! **Around an edge or a vertex.** Let all triangles of an edge (two) or around a vertex face the ray from the same
+//! side, strictly. Seen along the ray they lie around the edge or vertex without folds, each with the same sense of
+//! rotation. Let the ray pass, strictly, on the inner side of each of their outer sides (those that do not lie on the
+//! edge or touch the vertex). Edge: the ray is on one side of the edge or on the other, or on it, and so within the
+//! triangle of that side, all of whose other sides are outer ones. Vertex: the segment from the vertex, which is on the
+//! inner side of all outer sides itself, to the ray crosses none of them, so that the outer sides, which are closed
+//! curves because the mesh is closed, wind around both points equally often, around the vertex at least once; as often
+//! the triangles cover the ray. Either way it hits one of them, at a t not beyond the largest at which it crosses their
+//! planes. The edge may be passed by one rounding or by many: that makes no difference.
 //!
-//! **From inside.** Let p be a point with a winding number other than 0 that is on no triangle, and the ray start there. Move p by any
-//! vector so small that it stays clear of the surface, and such that the moved ray meets no edge and no vertex. What the moved ray
-//! crosses changes the winding number from that of p to the 0 of everything far away, so it hits a triangle, and not one parallel to it.
-//! There are finitely many triangles: one of them is hit for arbitrarily small vectors, and being closed, without any.
+//! **From inside.** Let p be a point with a winding number other than 0 that is on no triangle, and the ray start
+//! there. Move p by any vector so small that it stays clear of the surface, and such that the moved ray meets no edge
+//! and no vertex. What the moved ray crosses changes the winding number from that of p to the 0 of everything far away,
+//! so it hits a triangle, and not one parallel to it. There are finitely many triangles: one of them is hit for
+//! arbitrarily small vectors, and being closed, without any.
 //!
 //! **Beside thin triangles.** What doubles do not prove there, exact arithmetic looks up: `thin.rs`.
 //!
-//! **Through the inside.** Let the ray start outside of the mesh's box, where the winding number is 0, and pass through a ball in which
-//! it is not: the same, for the part of the ray up to any point in the ball.
+//! **Through the inside.** Let the ray start outside of the mesh's box, where the winding number is 0, and pass through
+//! a ball in which it is not: the same, for the part of the ray up to any point in the ball.
 
 use super::super::estimate::Estimate;
 use super::aim::{Start, Target};
@@ -66,8 +68,8 @@ impl ClosedMesh {
     }
 }
 
-/// The largest t at which a ray crosses the planes of `faces`, if the proof holds that it hits one of them. Side k of a face runs
-/// from its corner k to the next one; `outer`: which ones the others of the faces do not share.
+/// The largest t at which a ray crosses the planes of `faces`, if the proof holds that it hits one of them. Side k of a
+/// face runs from its corner k to the next one; `outer`: which ones the others of the faces do not share.
 fn largest_t(
     origin: DVec3,
     direction: DVec3,

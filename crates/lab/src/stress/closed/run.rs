@@ -31,7 +31,8 @@ pub struct Leaks {
     pub from_inside: u64,
     /// Of these, how many were aimed at vertices; the others at edges.
     pub at_vertices: u64,
-    /// Rays, traced ones, that only exact integers could decide; `None` where they are not counted ([`TraceResult::second_pass`]).
+    /// Rays, traced ones, that only exact integers could decide; `None` where they are not counted
+    /// ([`TraceResult::second_pass`]).
     pub second_pass: Option<u64>,
     /// Rays that hit nothing.
     pub misses: u64,
@@ -65,9 +66,9 @@ struct Batch {
     promises: Vec<Promise>,
 }
 
-/// Traces the rays 0 to `count` - 1 of `seed` through `closed`, on `device`, or on the reference when there is none, and counts those that
-/// miss or hit too late. Whatever seems to do so is judged by exact arithmetic: strictly for [`Intersector::Exact`], else as
-/// [`Answers::judge`] does it for float32 methods.
+/// Traces the rays 0 to `count` - 1 of `seed` through `closed`, on `device`, or on the reference when there is none,
+/// and counts those that miss or hit too late. Whatever seems to do so is judged by exact arithmetic: strictly for
+/// [`Intersector::Exact`], else as [`Answers::judge`] does it for float32 methods.
 ///
 /// `so_far` is called from time to time with what was found until then.
 ///

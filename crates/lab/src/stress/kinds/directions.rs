@@ -1,4 +1,5 @@
-//! Directions and origins that are hard for the structures: zero and nearly zero components, rays in the planes that divide space.
+//! Directions and origins that are hard for the structures: zero and nearly zero components, rays in the planes that
+//! divide space.
 
 use super::Kind;
 use super::seams::blob;

@@ -1,6 +1,7 @@
 //! The kinds of hard cases: one small function each, that makes a mesh and rays from random numbers.
 //!
-//! Coordinates called dyadic are small multiples of a small power of two, so that sums, and so hits, are exact in float32.
+//! Coordinates called dyadic are small multiples of a small power of two, so that sums, and so hits, are exact in
+//! float32.
 
 mod directions;
 mod far;
@@ -64,7 +65,8 @@ impl Kind {
         if is_one { 1 } else { rays.div_ceil(RAYS_OF_SCENE).clamp(1, MOST_SCENES) }
     }
 
-    /// The cases of this kind that belong to `seed`, with `rays` rays together: one, or of kinds whose scenes are small many.
+    /// The cases of this kind that belong to `seed`, with `rays` rays together: one, or of kinds whose scenes are small
+    /// many.
     pub fn cases(&self, seed: u64, rays: usize) -> impl Iterator<Item = Case> {
         let scenes = self.scene_count(rays);
         (0..scenes).map(move |i| {

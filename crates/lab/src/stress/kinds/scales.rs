@@ -19,8 +19,8 @@ pub(super) const KINDS: &[Kind] = &[
     Kind { name: "largest", about: "a scene of size 2^126: differences of coordinates overflow", make: largest },
 ];
 
-/// Seams and insides of a closed mesh from inside and outside, `factor` times as large; every second direction keeps its length of
-/// about 1.
+/// Seams and insides of a closed mesh from inside and outside, `factor` times as large; every second direction keeps
+/// its length of about 1.
 fn of_size(factor: f32, random: &mut Random, rays: usize) -> Case {
     let mesh = blob(3, random);
     let case = Case::new(mesh, rays, random, |mesh, random, i| {

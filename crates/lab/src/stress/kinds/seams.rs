@@ -114,7 +114,8 @@ fn grid(random: &mut Random, rays: usize) -> Case {
 fn t_junctions(random: &mut Random, rays: usize) -> Case {
     const ROWS: u32 = 8;
     const COLUMNS: u32 = 8;
-    // Strips between rows of vertices on straight lines: every second strip uses all vertices of a row, the others its ends alone.
+    // Strips between rows of vertices on straight lines: every second strip uses all vertices of a row, the others its
+    // ends alone.
     let mut mesh = Mesh::default();
     for row in 0..=ROWS {
         let (height, slope) = (random.whole(0, 8) as f32 / 8.0, random.whole(-2, 2) as f32 / 8.0);

@@ -14,7 +14,8 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis that shows all `values`, which are above 0 if it is logarithmic; with fewer ticks if there is little room.
+    /// An axis that shows all `values`, which are above 0 if it is logarithmic; with fewer ticks if there is little
+    /// room.
     pub fn around(values: impl Iterator<Item = f64>, is_log: bool, is_short: bool) -> Axis {
         let unit = |value: f64| if is_log { value.log10() } else { value };
         let (low, high) = values

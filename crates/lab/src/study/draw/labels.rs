@@ -1,4 +1,5 @@
-//! Puts labels beside points so that they cover neither each other nor points; a label without a free place is left out, the table has it.
+//! Puts labels beside points so that they cover neither each other nor points; a label without a free place is left
+//! out, the table has it.
 
 use plotters::style::text_anchor::HPos;
 

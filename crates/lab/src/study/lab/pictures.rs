@@ -81,8 +81,9 @@ impl Run {
 }
 
 impl Lab<'_> {
-    /// Renders square pictures of a scene by turns with all `variants`, and tells of each what it took, how many pixels differ from the
-    /// reference's (where samples are few), and how far it is from the picture of `converged` samples and depth, if that is given.
+    /// Renders square pictures of a scene by turns with all `variants`, and tells of each what it took, how many pixels
+    /// differ from the reference's (where samples are few), and how far it is from the picture of `converged` samples
+    /// and depth, if that is given.
     ///
     /// # Errors
     /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::render`].
@@ -146,7 +147,8 @@ impl Lab<'_> {
                 let next = (turn + round) % runs.len();
                 let result = runs[next].render()?;
                 require_clock(runs[next].tracer.as_ref())?;
-                // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next or starts what does.
+                // Between the rounds of a picture by its error the device waits for the host, who decides what is
+                // traced next or starts what does.
                 let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
                 // The device waits for the host's colours, too.
                 let textures_s = result.wavefront.map_or(0.0, |split| split.host_pass_s);
@@ -173,8 +175,8 @@ impl Lab<'_> {
         Ok(rows)
     }
 
-    /// Renders a closed room of mirrors from inside with all `variants` and chains of `depth` rays, and tells of each how many chains
-    /// escaped: one row each.
+    /// Renders a closed room of mirrors from inside with all `variants` and chains of `depth` rays, and tells of each
+    /// how many chains escaped: one row each.
     ///
     /// # Errors
     /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::render`].

@@ -65,7 +65,8 @@ impl Subject {
         })
     }
 
-    /// The same scene with rays that leave the camera rays' hits as off a mirror and as into glass, and the camera rays in random order.
+    /// The same scene with rays that leave the camera rays' hits as off a mirror and as into glass, and the camera rays
+    /// in random order.
     pub fn secondary(&self, seed: u64) -> Subject {
         const GLASS: f32 = 1.5;
         let camera = &self.batches[0];

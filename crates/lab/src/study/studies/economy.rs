@@ -149,8 +149,8 @@ fn fewest_rays(fixed: &Row, by_error: &[&Row]) -> Option<f64> {
     as_good.filter_map(|row| ratio_of(row, fixed, "rays")).min_by(f64::total_cmp)
 }
 
-/// What it takes to make the triangles of all instances, and to leave them shared: scenes with instances as the structure that is fastest
-/// without them, and as two levels. One sample a pixel; both have the same bits.
+/// What it takes to make the triangles of all instances, and to leave them shared: scenes with instances as the
+/// structure that is fastest without them, and as two levels. One sample a pixel; both have the same bits.
 fn instances(lab: &mut Lab, options: TraceOptions) -> Result<Vec<Row>> {
     let scenes: Vec<_> = match (lab.scenes.is_empty(), lab.quick) {
         (false, _) => lab.scenes.iter().filter(|(_, scene)| !scene.instances.is_empty()).cloned().collect(),
@@ -273,8 +273,8 @@ fn saved(
     out
 }
 
-/// Bytes of the scene's materials and textures (without smaller copies) that no triangle has, and of shading data that nothing reads, as a
-/// device would hold them.
+/// Bytes of the scene's materials and textures (without smaller copies) that no triangle has, and of shading data that
+/// nothing reads, as a device would hold them.
 fn unused_bytes(scene: &Scene, buffers: &SceneBuffers, options: &TraceOptions) -> usize {
     let material_bytes = size_of::<Material>() * (scene.materials.len() - buffers.materials.len());
     let used = scene.used_materials();

@@ -21,7 +21,8 @@ pub const STUDY: Study = Study {
     judge,
 };
 
-/// The methods: every structure with exact hits, every traversal of the kd-tree, and every triangle test in a hierarchy and in a kd-tree.
+/// The methods: every structure with exact hits, every traversal of the kd-tree, and every triangle test in a hierarchy
+/// and in a kd-tree.
 fn variants(lab: &Lab, triangle_count: usize) -> Vec<Variant> {
     let exact = |accel: StructureKind| Variant::new(format!("{accel}, exact"), with(accel));
     let tested = |accel: StructureKind, intersector: Intersector| {

@@ -147,8 +147,8 @@ fn seconds_ratio(table: &Table, a: [&str; 2], b: [&str; 2]) -> Result<Option<f64
     Ok(row(a)?.zip(row(b)?).and_then(|(a, b)| ratio_of(a, b, "seconds")))
 }
 
-/// What the kernels for pictures take. Where decisions are left to a second pass, its kernels have the same names; the first ones do nearly
-/// all of the work.
+/// What the kernels for pictures take. Where decisions are left to a second pass, its kernels have the same names; the
+/// first ones do nearly all of the work.
 fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
     let Some(device) = lab.device else { return Ok(Vec::new()) };
     let mut rows: Vec<Row> = Vec::new();

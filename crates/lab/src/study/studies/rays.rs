@@ -22,8 +22,8 @@ pub const INTERSECTION: Study = Study {
     judge: judge_intersection,
 };
 
-/// Moller and Trumbore's test: two edges 6, two cross products 18, four dot products 20, the origin's difference 3, the reciprocal 1, three
-/// products with it 3.
+/// Moller and Trumbore's test: two edges 6, two cross products 18, four dot products 20, the origin's difference 3, the
+/// reciprocal 1, three products with it 3.
 const FLOPS_A_TEST: f64 = 51.0;
 /// Three vertices of four floats.
 const BYTES_A_TEST: f64 = 48.0;

@@ -327,7 +327,8 @@ fn judge_split_rule(found: &Measured) -> Result<Findings> {
     bars_of(table, verdict, SPLIT_TITLE, "kd-tree, full stack, exact hits")
 }
 
-/// Findings with a chart of speeds for each scene, one bar for each method and kind of rays, and one of steps and of tests.
+/// Findings with a chart of speeds for each scene, one bar for each method and kind of rays, and one of steps and of
+/// tests.
 fn bars_of(table: Table, verdict: Verdict, title: &str, what: &str) -> Result<Findings> {
     let note = error_note(&table.rows);
     let charts = |file: &str, title: &str, y: &str, caption: &str| {

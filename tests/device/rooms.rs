@@ -1,0 +1,92 @@
+//! The rooms of the library, the files and folders of `src/`: what they take from each other goes one way, and none of
+//! them knows how options are typed.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// What stands above all rooms: the crate's page, and what passes rooms on.
+const ABOVE: [&str; 2] = ["lib", "low_level"];
+
+fn files(folder: &Path, all: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let is_test = path.file_stem().is_some_and(|name| name == "tests");
+        if path.is_dir() && !is_test {
+            files(&path, all);
+        } else if path.extension().is_some_and(|extension| extension == "rs") && !is_test {
+            all.push(path);
+        }
+    }
+}
+
+/// The code of the library, by file: without comments, and without the unit tests, which end each file.
+fn code() -> Vec<(PathBuf, String)> {
+    let source = crate::common::root().join("src");
+    let mut all = Vec::new();
+    files(&source, &mut all);
+    let read = |path: PathBuf| {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default().to_owned();
+        let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+        let code = code.collect::<Vec<_>>().join("\n");
+        (path.strip_prefix(&source).unwrap().to_owned(), code)
+    };
+    all.into_iter().map(read).collect()
+}
+
+fn room_of(path: &Path) -> String {
+    path.components().next().unwrap().as_os_str().to_str().unwrap().trim_end_matches(".rs").to_owned()
+}
+
+/// The names that follow `crate::` in `code`.
+fn taken_from(code: &str) -> impl Iterator<Item = String> + '_ {
+    let is_name = |c: &char| c.is_ascii_lowercase() || *c == '_';
+    code.split("crate::").skip(1).map(move |rest| rest.chars().take_while(is_name).collect())
+}
+
+#[test]
+fn arrows_between_rooms_go_one_way() {
+    let code = code();
+    let rooms: BTreeSet<String> =
+        code.iter().map(|(path, _)| room_of(path)).filter(|room| !ABOVE.contains(&room.as_str())).collect();
+    assert!(rooms.len() > 15, "{rooms:?}");
+    let mut arrows: BTreeMap<&str, BTreeSet<String>> = rooms.iter().map(|room| (&room[..], BTreeSet::new())).collect();
+    for (path, code) in &code {
+        let room = room_of(path);
+        if let Some(arrows) = arrows.get_mut(&room[..]) {
+            arrows.extend(taken_from(code).filter(|other| *other != room && rooms.contains(other)));
+        }
+    }
+    // Rooms that take from none that is left are taken away, until there are none, or all take from each other.
+    while !arrows.is_empty() {
+        let left: BTreeSet<String> = arrows.keys().map(|room| (*room).to_owned()).collect();
+        let before = arrows.len();
+        arrows.retain(|_, others| others.iter().any(|other| left.contains(other)));
+        assert!(arrows.len() < before, "these rooms take from each other in a circle: {arrows:#?}");
+    }
+}
+
+#[test]
+fn builders_take_nothing_from_the_twin_that_checks_them() {
+    for (path, code) in code() {
+        let (room, others) = (room_of(&path), taken_from(&code).collect::<BTreeSet<_>>());
+        if ["accel", "pack", "scene", "options", "bounds"].contains(&room.as_str()) {
+            assert!(!others.contains("reference") && !others.contains("device"), "{}: {others:?}", path.display());
+        }
+    }
+}
+
+/// Errors and notes name fields; only the command line knows flags.
+#[test]
+fn no_flag_is_spelled_in_the_library() {
+    for (path, code) in code() {
+        let strings = code.split('"').skip(1).step_by(2);
+        let has_flag = |text: &str| {
+            let mut rest = text.match_indices("--").map(|(at, _)| text[at + 2..].chars().next());
+            rest.any(|c| c.is_some_and(|c| c.is_ascii_lowercase()))
+        };
+        // What is written into generated files tells developers what to run.
+        let found: Vec<_> = strings.filter(|text| has_flag(text) && !text.contains("cargo test")).collect();
+        assert!(found.is_empty(), "{}: {found:?}", path.display());
+    }
+}
