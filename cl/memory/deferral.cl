@@ -5,14 +5,14 @@
 //   postpone            puts a triangle aside until the traversal is done; false in kernels that decide everything at
 //                       once
 //   DECIDE_BY_INTEGERS  what `call`, in exact integers, decides; or false, and the item is deferred
-//   NOTE_DEFERRED          puts an item on the list if it is deferred
-//   FORGET_DEFERRED       whether an item is deferred, and forgets it: for work-items with several items
-//   ADD_DEFERRED           what these put an item on the list by
+//   NOTE_DEFERRED       puts an item on the list if it is deferred
+//   FORGET_DEFERRED     whether an item is deferred, and forgets it: for work-items with several items
+//   ADD_DEFERRED        what these put an item on the list by
 //   ITEM_OF             the item of work-item number i: in the second pass that on the list
 //   RAY_OF              the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
 #define DEFERRED_ARGUMENT volatile __global uint* restrict deferred,
 #ifdef DEFER_UNDECIDED
-#define UNDECIDED                  \
+#define UNDECIDED_STATE            \
     uint postponed[MAX_POSTPONED]; \
     Undecided undecided = {0u, 0u, postponed};
 #define DECIDE_BY_INTEGERS(geometry, call) ((geometry)->undecided->is_deferred = 1u, false)
@@ -37,7 +37,7 @@ bool postpone(const Geometry* geometry, uint primitive) {
     return true;
 }
 #else
-#define UNDECIDED
+#define UNDECIDED_STATE
 #define DECIDE_BY_INTEGERS(geometry, call) call
 #define IS_DEFERRED false
 #define ADD_DEFERRED(item)

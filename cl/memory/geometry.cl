@@ -19,11 +19,11 @@
 //   LEAF_ORDER           vertices and transforms are copied for each reference,   they are there once for each triangle
 //                        in the order of the leaves
 //   WHOLE_TRIANGLES      shading data lies behind the vertices of its triangle    it lies in an array of its own
-//   DEFER_UNDECIDED         what only exact integers can decide is left to a second  every test is decided at once
+//   DEFER_UNDECIDED      what only exact integers can decide is left to a second  every test is decided at once
 //                        pass over the rays or pixels that met it: the many
 //                        registers for it are not in the kernels that all others
 //                        run (deferral.cl)
-//   RESOLVE_DEFERRED       the kernels are that second pass                         work-item i takes item i
+//   RESOLVE_DEFERRED     the kernels are that second pass                         work-item i takes item i
 //   INSTANCES            vertices and shading data are those of objects, which    triangles are in tracing space
 //                        are placed when they are read (shared/instances.cl)
 //   COUNT_WORK           what is read, and what traversals COUNT, is added up in  nothing is counted (work.cl)
@@ -133,9 +133,9 @@ typedef struct {
 #define WORK_VALUE(sums)
 #endif
 #ifdef DEFER_UNDECIDED
-#define DEFERRED_VALUE , &undecided
+#define UNDECIDED_POINTER , &undecided
 #else
-#define DEFERRED_VALUE
+#define UNDECIDED_POINTER
 #endif
 #ifdef INSTANCES
 #define PLACED Placed placed = {0u, 0u, 0u, 0u, (float4)(0.0f), (float4)(0.0f), (float4)(0.0f), 0u};
@@ -152,7 +152,7 @@ typedef struct {
 #define IMAGES IMAGE nodes, IMAGE references, IMAGE vertices, IMAGE bounds, IMAGE transforms
 #define GEOMETRY_ARGUMENTS \
     IMAGES, CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
-#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) DEFERRED_VALUE PLACED_VALUE }
+#define MAKE_GEOMETRY_COUNTING(sums) { SCENE_VALUES WORK_VALUE(sums) UNDECIDED_POINTER PLACED_VALUE }
 #define IMAGE_PARAMETERS , IMAGES
 #define IMAGE_VALUES , nodes, references, vertices, bounds, transforms
 #else
@@ -162,13 +162,13 @@ typedef struct {
         __global const float4* restrict transforms,                                          \
         CONSTANT_NODES_ARGUMENT SURFACE_VERTICES_ARGUMENT __global const SceneParams* restrict scene_params
 #define MAKE_GEOMETRY_COUNTING(sums) \
-    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) DEFERRED_VALUE PLACED_VALUE }
+    { nodes, references, vertices, bounds, transforms, SCENE_VALUES WORK_VALUE(sums) UNDECIDED_POINTER PLACED_VALUE }
 #define IMAGE_PARAMETERS
 #define IMAGE_VALUES
 #endif
 
 // What kernels declare before they make a Geometry: what traversals and readers of triangles keep in it.
-#define TRAVERSAL_STATE UNDECIDED PLACED
+#define TRAVERSAL_STATE UNDECIDED_STATE PLACED
 
 // For rare calls from kernels, which make the Geometry anew: what a call gets a pointer to lies in memory for all of
 // its life.

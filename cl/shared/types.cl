@@ -80,8 +80,8 @@ typedef struct {
     uint height; // Image: rows.
     uint octaves; // Procedural: octaves of the noise.
     uint seed; // Procedural: which noise.
-    uint in_uv; // Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
-    uint levels; // Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a ray may want it.
+    uint in_uv; // Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing
+    uint levels; // Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a
 } TextureInfo;
 
 // A place in a picture through which a camera ray passes.
@@ -94,10 +94,10 @@ typedef struct {
 // What the kernels need to know of the scene as a whole.
 typedef struct {
     float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
-    float4 high; // High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else 0.
+    float4 high; // High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther,
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.
-    uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit; with instances their number.
+    uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit; with instances their
     uint light_count; // Number of lights that shine.
     uint has_transparent; // 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.
     float scale; // Tracing space = world units times this power of two.
@@ -117,7 +117,7 @@ typedef struct {
     float pixel_width; // 2 / width; for rays through corners 2 / (width - 1).
     float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
-    uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are.
+    uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are. Number i, at `x + width * y` of the
     float pixel_size; // Side of a pixel at distance 1 in the middle of the picture.
     uint pad0; // Unused.
     uint pad1; // Unused.

@@ -37,7 +37,7 @@ fn need(what: &str, bytes: u64) -> Need<'_> {
         what,
         bytes,
         decided_by: DecidedBy::Input,
-        remedy: "take a model of fewer triangles, or raise --memory-limit",
+        remedy: "take a model of fewer triangles, or raise `memory_limit`",
     }
 }
 

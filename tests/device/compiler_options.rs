@@ -190,7 +190,7 @@ fn a_refused_option_is_named() {
     let message = error.to_string();
     assert!(matches!(error, Error::Option { .. }), "{message}");
     let expected = format!(
-        "option --compiler-options: the compiler of device '{}' refuses '-cl-no-such-option': ",
+        "option compiler_options: the compiler of device '{}' refuses '-cl-no-such-option': ",
         device.info.name
     );
     assert!(message.starts_with(&expected), "{message}");
@@ -200,8 +200,8 @@ fn a_refused_option_is_named() {
 fn what_is_no_option_is_refused() {
     let Some(device) = device() else { return };
     for (options, expected) in [
-        ("cl-mad-enable", "option --compiler-options: 'cl-mad-enable' is no option"),
-        ("-cl-mad-enable\0", "option --compiler-options: no compiler takes the character '\\0'"),
+        ("cl-mad-enable", "option compiler_options: 'cl-mad-enable' is no option"),
+        ("-cl-mad-enable\0", "option compiler_options: no compiler takes the character '\\0'"),
     ] {
         let message = device.clone().with_compiler_options(options).unwrap_err().to_string();
         assert!(message.starts_with(expected), "{message}");

@@ -229,7 +229,7 @@ fn every_method_has_the_same_hits_and_says_what_it_is() {
         assert_eq!(tracer.notes(), Vec::<String>::new());
     }
     let fast = Tracer::builder(&scene).device("reference").precision(Precision::Fast).build().unwrap();
-    assert!(fast.choices().iter().any(|choice| choice.starts_with("--intersector moller-trumbore")));
+    assert!(fast.choices().iter().any(|choice| choice.starts_with("intersector moller-trumbore")));
 }
 
 #[test]
@@ -252,7 +252,7 @@ fn errors_name_the_culprit() {
         ("no-such-scene.obj", Scene::load("no-such-scene.obj").map(|_| ())),
         ("no device is called 'voodoo'", Tracer::builder(&scene).device("voodoo").build().map(|_| ())),
         ("method: no 'best'", build(Tracer::builder(&scene).method("kd+best"))),
-        ("--traversal", build(Tracer::builder(&scene).method("grid+ropes"))),
+        ("traversal: means nothing to `structure = grid`", build(Tracer::builder(&scene).method("grid+ropes"))),
         (
             "precision: 'fast', but the method names the triangle test 'plucker'",
             build(Tracer::builder(&scene).method("plucker").precision(Precision::Fast)),

@@ -237,8 +237,8 @@ fn part() -> Option<(usize, usize)> {
 fn the_spread_has_every_value_and_every_pair() {
     let spread = spread();
     let has = |options: &TraceOptions, choice: Choice| {
-        let mut set = *options;
-        choice.set(&mut set).is_ok() && set == *options && choice.option().structures.contains(&options.kind())
+        let option = choice.option();
+        option.value(options) == Some(Some(choice.value())) && option.structures.contains(&options.kind())
     };
     let is_wanted = |choice: &Choice| {
         let needs = fewest_changes(&[*choice]).expect("every value goes together with something");

@@ -113,15 +113,14 @@ const DEVICE_VARIABLE: &str = "RAYBROOK_DEVICE";
 
 /// Where to trace.
 #[derive(Args)]
-#[command(next_help_heading = heading::DEVICE)]
 struct DeviceArgs {
     /// gpu, cpu, reference (no OpenCL), or a number or part of a name of `raybrook devices` [default: the fastest].
     ///
     /// The default is the fastest GPU, else a CPU, else the reference, which is scalar code on all cores.
-    #[arg(long, value_name = "DEVICE", env = DEVICE_VARIABLE, hide_env_values = true)]
+    #[arg(long, help_heading = heading::DEVICE, value_name = "DEVICE", env = DEVICE_VARIABLE, hide_env_values = true)]
     device: Option<String>,
     /// Compile kernels anew, ignore what `raybrook tune` found, and keep nothing.
-    #[arg(long)]
+    #[arg(long, help_heading = heading::DEVICE)]
     no_cache: bool,
     #[command(flatten)]
     compiler: CompilerArgs,
@@ -156,29 +155,28 @@ impl CompilerArgs {
 
 /// Overrides of what the scene says of its picture.
 #[derive(Args)]
-#[command(next_help_heading = heading::PICTURE)]
 struct PictureArgs {
     /// Width and height in pixels [default: the scene's, else 1024x768].
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, help_heading = heading::PICTURE, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
     /// Error that the picture may have, in steps of 8 bits [default: the scene's, else 1].
     ///
     /// It is the root of the mean square, in steps of 8-bit sRGB. More samples go only where they lower it, up to 256 a
     /// pixel, and from 2 on some pixels are interpolated.
-    #[arg(long, value_name = "E", conflicts_with = "samples")]
+    #[arg(long, help_heading = heading::PICTURE, value_name = "E", conflicts_with = "samples")]
     error: Option<f32>,
     /// Samples per pixel, in place of --error [default: as many as --error takes].
     ///
     /// They lie in a fixed pattern. `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
     /// pixels.
-    #[arg(long, value_name = "N|corners")]
+    #[arg(long, help_heading = heading::PICTURE, value_name = "N|corners")]
     samples: Option<Samples>,
     /// Longest chain of mirrored and refracted rays; 1: camera rays alone [default: the scene's, else 8].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
+    #[arg(long, help_heading = heading::PICTURE, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
     /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel,
     /// or one by half of the --error that is asked for].
-    #[arg(long, hide_short_help = true, value_name = "W", value_parser = parse_weight)]
+    #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "W", value_parser = parse_weight)]
     kill_weight: Option<f32>,
 }
 

@@ -99,7 +99,10 @@ fn argument(option: &'static MethodOption) -> Arg {
         .allow_negative_numbers(true)
         .value_parser(move |text: &str| match text {
             AUTO if is_structure => Ok(Asked::None),
-            _ => option.parse(text).map(Some).map_err(|error| what(&error)),
+            _ => option.parse(text).map(Some).map_err(|error| match is_structure {
+                true => what(&error).replace("possible: ", &format!("possible: {AUTO}, ")),
+                false => what(&error),
+            }),
         });
     let old = OLD_FLAGS.iter().filter(|(_, name)| *name == option.name);
     old.fold(argument, |argument, (old, _)| argument.alias(*old))

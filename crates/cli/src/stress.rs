@@ -138,7 +138,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
     let mut methods = match &args.methods {
         None => vec![Method { name: options.intersector.name().into(), options }],
         Some(names) if names.iter().all(String::is_empty) => Method::all(options),
-        Some(names) => names.iter().map(|name| Method::parse(name, options)).collect::<Result<_>>()?,
+        Some(names) => names.iter().map(|name| method_named(name, options)).collect::<Result<_>>()?,
     };
     let kinds = chosen_kinds(&args.kinds)?;
     claim(args, &kinds, &methods)?;
@@ -312,6 +312,14 @@ impl Run<'_> {
         say!("{} of {} rays wrong", sheet.wrong, sheet.rays);
         Ok(())
     }
+}
+
+/// One of `--methods`.
+fn method_named(name: &str, options: TraceOptions) -> Result<Method> {
+    Method::parse(name, options).map_err(|error| match error {
+        Error::Option { option, message } if option == "method" => Error::option("methods", message),
+        other => other,
+    })
 }
 
 /// What traces written rays again.

@@ -3,7 +3,7 @@
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
 use super::progress::Bar;
-use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open, work};
+use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, heading, open, work};
 use glam::Vec3;
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::low_level::extreme::TracingBatch;
@@ -28,10 +28,11 @@ pub struct TraceArgs {
     /// |direction|) and `next_direction` float32 [n,3].
     #[arg(value_name = "RAYS.npz")]
     rays: PathBuf,
-    /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`; with --any-hit `hit`, and t, u, v are 0
-    /// on a hit; with next_direction `next_t` and `next_primitive`; with --counters `work_steps` and so on, and
-    /// `next_work_steps` and so on.
-    #[arg(short, long, value_name = "HITS.npz")]
+    /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`.
+    ///
+    /// With --any-hit `hit`, and t, u, v are 0 on a hit; with next_direction `next_t` and `next_primitive`; with
+    /// --counters `work_steps` and so on, and `next_work_steps` and so on.
+    #[arg(short, long, value_name = "HITS.npz", help_heading = heading::OUTPUT)]
     output: Option<PathBuf>,
     /// Only find out whether each ray hits anything.
     #[arg(long)]
@@ -46,10 +47,10 @@ pub struct TraceArgs {
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the hits stay the same).
-    #[arg(long)]
+    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     counters: bool,
     /// Write device, options and times to a JSON file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
     stats: Option<PathBuf>,
 }
 
