@@ -101,7 +101,7 @@ tests_of() {
         oclgrind) printf '%s\n' device:--test-threads=1,kernels:: device:--test-threads=1,memory:: \
             pictures:--test-threads=1,shading:: \
             methods:--test-threads=1,packets::what_packets_leave_open,packets::a_small_picture pictures:adaptive::short_lists ;;
-        rusticl) printf '%s\n' device:kernels::the_exact_intersector,kernels::refraction_equals ;;
+        rusticl) printf '%s\n' device:kernels::the_exact_intersector pictures:shading::refraction ;;
         *) printf '%s\n' device:kernels:: methods:exact:: pictures:images:: device:memory:: device:compiler_options:: \
             methods:packets:: ;;
     esac

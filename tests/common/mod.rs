@@ -39,13 +39,14 @@ pub fn root() -> PathBuf {
 }
 
 /// A path under the shared models, which lie in `RAYBROOK_SHARED` or else beside the project; `None`, with the reason
-/// printed, where they are not.
+/// printed, where they are not. Where `RAYBROOK_REQUIRE_SHARED` is set that is a failure.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let beside = || root().join("../shared");
     let path = std::env::var_os("RAYBROOK_SHARED").map_or_else(beside, PathBuf::from).join(path);
     if path.exists() {
         return Some(path);
     }
+    assert!(std::env::var_os("RAYBROOK_REQUIRE_SHARED").is_none(), "there is no {}", path.display());
     eprintln!("SKIPPED, there is no {}", path.display());
     None
 }
