@@ -112,7 +112,7 @@ fn the_page_of_options_is_fresh() {
     if std::env::var_os("UPDATE").is_some() {
         std::fs::write(&path, format!("{before}{BEGIN}{new}{END}{after}")).unwrap();
     } else {
-        assert!(old == new, "{PAGE} is stale: run `UPDATE=1 cargo test -p raybrook-cli the_page`");
+        assert!(old == new, "{PAGE} is stale: run `UPDATE=1 cargo test --workspace --bins the_page`");
     }
 }
 
