@@ -5,7 +5,7 @@
 //! them: a kernel that writes past the end of one is as wild as any C program.
 //!
 //! ```no_run
-//! use raybrook::device::{self, Buffer, CompileOptions, DeviceContext, ProgramSource, Selection};
+//! use raybrook::low_level::device::{self, Buffer, CompileOptions, DeviceContext, ProgramSource, Selection};
 //!
 //! # fn main() -> raybrook::Result<()> {
 //! let Selection::OpenCl(handle) = device::select(None)? else { return Ok(()) };
