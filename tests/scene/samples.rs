@@ -72,7 +72,7 @@ fn pictures_without_two_corners_are_refused() {
         ((5, 5), Samples::PerPixel(65_537)),
     ] {
         let error = picture_of(&scene, false, size, samples).unwrap_err().to_string();
-        assert!(error.starts_with("option --samples: "), "{error}");
+        assert!(error.starts_with("option samples: "), "{error}");
     }
     assert!(picture_of(&scene, false, (2, 2), Samples::Corners).is_ok());
 }
