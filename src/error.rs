@@ -39,7 +39,7 @@ pub enum Error {
     /// An option has a value that cannot be used.
     #[error("option {option}: {message}")]
     Option {
-        /// The option as the user types it, such as `--max-depth`.
+        /// The option by its name in the library, such as `max_depth`.
         option: String,
         /// What is wrong and what is possible.
         message: String,

@@ -16,6 +16,8 @@ use crate::work::PixelWork;
 use glam::Vec3;
 use std::sync::Arc;
 
+/// Width and height of a picture unless something else is asked for.
+pub const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 /// Longest chain of rays unless something else is asked for, the camera ray counted as 1.
 pub const DEFAULT_DEPTH: u32 = 8;
 /// Ambient light that is added together with the key light.

@@ -77,7 +77,7 @@ impl Place {
     /// What is fastest here, with `accel` if it is given.
     pub fn options(&self, accel: Option<StructureKind>) -> TraceOptions {
         let device = self.device.as_ref().map(|device| &device.info);
-        let workload = Workload { device, triangle_count: None, features: None, shared_triangles: 0 };
+        let workload = Workload::without_scene(device);
         let request = accel.map_or_else(Request::default, |kind| Request::of(&TraceOptions::of(kind)));
         request.choose(&workload, None).expect("valid options").options
     }

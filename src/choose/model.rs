@@ -5,6 +5,7 @@ use super::SceneSize;
 use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::features::Features;
 use crate::options::{Intersector, KernelFeatures, Layout, PacketSize, StructureKind, TraceOptions};
+use crate::scene::Scene;
 use crate::shared::Feature;
 use crate::shared::Shading;
 
@@ -28,6 +29,23 @@ pub struct Workload<'a> {
 /// builds of ten times as long.
 const WORTH_SHARING: usize = 1 << 20;
 const WORTH_SHARING_ON_GPU: usize = 1 << 16;
+
+impl<'a> Workload<'a> {
+    /// Batches of rays through whatever scene, on `device` (`None`: the reference).
+    pub fn without_scene(device: Option<&'a DeviceInfo>) -> Self {
+        Workload { device, triangle_count: None, features: None, shared_triangles: 0 }
+    }
+
+    /// Rays through `scene`, or pictures of it.
+    pub fn of_scene(device: Option<&'a DeviceInfo>, scene: &Scene, pictures: bool) -> Self {
+        Workload {
+            device,
+            triangle_count: Some(scene.hittable().len()),
+            features: pictures.then(|| Features::of_scene(scene)),
+            shared_triangles: scene.instances.triangle_count() - scene.instances.shared_triangle_count(),
+        }
+    }
+}
 
 impl Workload<'_> {
     fn kind(&self) -> Option<DeviceKind> {

@@ -7,7 +7,7 @@ use crate::accel::BuildOptions;
 use crate::device::{who_decides, work_group_size};
 use crate::error::{Error, Result};
 use crate::options::{
-    Choice, Decisions, Intersector, KdOptions, KernelFeatures, MethodOption, PacketSize, Stop, Structure,
+    Choice, Decisions, Intersector, KdOptions, KernelFeatures, MethodOption, OPTIONS, PacketSize, Stop, Structure,
     StructureKind, TraceOptions, Value, parse_method,
 };
 use serde::Serialize;
@@ -115,16 +115,11 @@ fn decision<T: fmt::Display>(option: &'static str, (value, source, reason): Sour
 }
 
 impl Request {
-    /// A request for everything in `options` that is not the default of their structure, and for that structure.
+    /// A request for the structure of `options`, which comes first, and for everything that is not its default.
     pub fn of(options: &TraceOptions) -> Request {
-        let mut request = Request { given: Vec::new(), counters: options.counters };
-        for option in crate::options::OPTIONS {
-            let is_structure = option.name == StructureKind::OPTION;
-            let kind = options.kind();
-            let choice = option.choices().nth(kind as usize).filter(|_| is_structure).or_else(|| option.given(options));
-            choice.into_iter().for_each(|choice| request.give(choice));
-        }
-        request
+        let is_asked = |option: &&MethodOption| option.name == StructureKind::OPTION || option.is_set(options);
+        let given = OPTIONS.iter().filter(is_asked).filter_map(|option| option.choice_in(options));
+        Request { given: given.collect(), counters: options.counters }
     }
 
     /// Asks for a choice as well; of several of one option the last counts.

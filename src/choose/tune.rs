@@ -57,7 +57,7 @@ impl Candidate {
     /// What the model takes on `device` for a scene of so many triangles.
     fn of_model(device: Option<&DeviceHandle>, triangle_count: usize) -> Result<Candidate> {
         let device = device.map(|device| &device.info);
-        let workload = Workload { device, triangle_count: Some(triangle_count), features: None, shared_triangles: 0 };
+        let workload = Workload { triangle_count: Some(triangle_count), ..Workload::without_scene(device) };
         Ok(Candidate::of(&Request::default().choose(&workload, None)?.options))
     }
 }

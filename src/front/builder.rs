@@ -9,7 +9,6 @@ use crate::choose::tune::{DeviceKey, TunedFile};
 use crate::choose::{Request, Workload};
 use crate::device::{Cache, DeviceHandle, Selection, cache_folder, select_working};
 use crate::error::{Error, Result};
-use crate::features::Features;
 use crate::options::Intersector;
 use crate::scene::Scene;
 use std::path::PathBuf;
@@ -131,8 +130,7 @@ impl<'a> TracerBuilder<'a> {
     pub fn build(self) -> Result<Tracer> {
         let request = self.request()?;
         // What is wrong on any device comes before what takes time.
-        let anywhere = Workload { device: None, triangle_count: None, features: None, shared_triangles: 0 };
-        request.choose(&anywhere, None)?;
+        request.choose(&Workload::without_scene(None), None)?;
         check_indices(self.scene)?;
         self.scene.check_values()?;
         let Frame { size, samples, depth, .. } = View::default().over(&self.scene.picture)?;
@@ -144,21 +142,15 @@ impl<'a> TracerBuilder<'a> {
             Place::Folder(folder) => (Some(Cache::at(folder.clone())), Some(folder.clone())),
         };
         let info = device.as_ref().map(|device| &device.info);
-        let triangle_count = self.scene.hittable().len();
-        let tuned = tuned_folder.and_then(|folder| {
+        let lit = LitScene::new(self.scene, samples.aspect(size) as f32);
+        let workload = Workload::of_scene(info, &lit.scene, true);
+        let tuned = tuned_folder.zip(workload.triangle_count).and_then(|(folder, triangle_count)| {
             let found = TunedFile::in_folder(folder).find(&DeviceKey::new(info), triangle_count);
             found.unwrap_or_else(|why| {
                 notes.push(why);
                 None
             })
         });
-        let lit = LitScene::new(self.scene, samples.aspect(size) as f32);
-        let workload = Workload {
-            device: info,
-            triangle_count: Some(triangle_count),
-            features: Some(Features::of_scene(&lit.scene)),
-            shared_triangles: self.scene.instances.triangle_count() - self.scene.instances.shared_triangle_count(),
-        };
         let chosen = request.choose(&workload, tuned.as_ref())?;
         notes.extend(chosen.limit.as_ref().map(|limit| format!("the structure is {}: {limit}", chosen.options.kind())));
         notes.extend(workload.slower_than_exact(&chosen.options));

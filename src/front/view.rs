@@ -1,11 +1,8 @@
 //! What a picture shows, and how.
 
 use crate::error::{Error, Result};
-use crate::renderer::DEFAULT_DEPTH;
+use crate::renderer::{DEFAULT_DEPTH, DEFAULT_SIZE};
 use crate::scene::{Camera, PictureDefaults, Samples, Scene};
-
-/// Size of a picture that neither the scene nor the view sizes.
-const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
 /// A picture to render: its size, and what is left to the scene unless it is set.
 ///

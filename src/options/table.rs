@@ -395,10 +395,9 @@ impl MethodOption {
         (value.is_some() || self.structures.contains(&options.kind())).then_some(value)
     }
 
-    /// The choice in `options` that is not the default, if there is one.
-    pub fn given(&'static self, options: &TraceOptions) -> Option<Choice> {
-        let value = self.value_of_field(options)?;
-        self.is_set(options).then_some(Choice { option: self, value })
+    /// Its value in `options` as a choice; `None` where they have no such option, or leave it to the build.
+    pub fn choice_in(&'static self, options: &TraceOptions) -> Option<Choice> {
+        self.value_of_field(options).map(|value| Choice { option: self, value })
     }
 
     fn value_of_field(&self, options: &TraceOptions) -> Option<Value> {

@@ -10,7 +10,7 @@ const PAGE: &str = "../../docs/book/src/options.md";
 const BEGIN: &str = "<!-- generated: options -->";
 const END: &str = "<!-- end -->";
 /// Headings in the order of the page; options without one come first.
-const HEADINGS: [&str; 12] = [
+const HEADINGS: [&str; 11] = [
     "",
     "Picture",
     "Device",
@@ -22,7 +22,6 @@ const HEADINGS: [&str; 12] = [
     "Device memory",
     "Experiments",
     "Diagnosis",
-    "Options",
 ];
 
 /// `--size WxH`, `-q, --quiet`, or the name of an argument without a flag.

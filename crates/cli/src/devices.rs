@@ -1,5 +1,6 @@
 //! `raybrook devices`.
 
+use super::flags::in_flags;
 use super::{CompilerArgs, DEVICE_VARIABLE, MethodArgs, Talk, kernels, print};
 use clap::parser::ValueSource;
 use raybrook::low_level::device::{devices_json, devices_report, list_devices};
@@ -15,7 +16,8 @@ tell. The kernels of the second pass of --intersector exact come second. All opt
 
 /// Of the method options `--kernels` may stand alone here.
 fn optional_kernels(argument: clap::Arg) -> clap::Arg {
-    argument.num_args(0..=1).default_missing_value(TraceOptions::DEFAULT.picture.kernels.name()).help(KERNELS_HELP)
+    let plain = argument.num_args(0..=1).default_missing_value(TraceOptions::DEFAULT.picture.kernels.name());
+    plain.hide_short_help(false).help_heading(None::<&str>).help(KERNELS_HELP).long_help(KERNELS_HELP)
 }
 
 #[derive(clap::Args)]
@@ -80,7 +82,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
     if args.json {
         print::json_text(&devices_json(&list));
     } else {
-        say!("{}", devices_report(&list).trim_end());
+        say!("{}", in_flags(devices_report(&list).trim_end()));
     }
     Ok(())
 }

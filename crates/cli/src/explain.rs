@@ -1,11 +1,11 @@
 //! `--explain`: what was chosen for a scene, and why; and the choice itself, which asks for it.
 
+use super::flags::in_flags;
 use super::{DeviceArgs, MethodArgs, Talk, heading};
 use raybrook::Result;
 use raybrook::low_level::choose::tune::{DeviceKey, TunedFile};
 use raybrook::low_level::choose::{Chosen, Decision, Source, TunedChoice, Workload};
 use raybrook::low_level::device::{DeviceHandle, cache_folder};
-use raybrook::low_level::features::Features;
 use raybrook::low_level::scene::Scene;
 
 #[derive(clap::Args)]
@@ -48,22 +48,15 @@ pub struct Chooser<'a> {
 impl Chooser<'_> {
     /// Chooses what the user leaves open, and explains it if that is asked for.
     pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
-        let triangle_count = scene.hittable().len();
-        let device = self.device.map(|device| &device.info);
-        let workload = Workload {
-            device,
-            triangle_count: Some(triangle_count),
-            features: self.pictures.then(|| Features::of_scene(scene)),
-            shared_triangles: scene.instances.triangle_count() - scene.instances.shared_triangle_count(),
-        };
-        let tuned = self.tuned(triangle_count);
+        let workload = Workload::of_scene(self.device.map(|device| &device.info), scene, self.pictures);
+        let tuned = workload.triangle_count.and_then(|count| self.tuned(count));
         let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
         self.explain.print(&chosen.decisions, self.talk);
         if self.explain.explain
             && !self.talk.quiet
             && let Some(why) = workload.slower_than_exact(&chosen.options)
         {
-            tell!("warning: {why}");
+            tell!("warning: {}", in_flags(&why));
         }
         Ok(chosen)
     }
@@ -76,7 +69,7 @@ impl Chooser<'_> {
         let key = DeviceKey::new(self.device.map(|device| &device.info));
         TunedFile::in_folder(cache_folder()?).find(&key, triangle_count).unwrap_or_else(|why| {
             if !self.talk.quiet {
-                tell!("note: {why}");
+                tell!("note: {}", in_flags(&why));
             }
             None
         })

@@ -66,12 +66,21 @@ pub fn in_flags(text: &str) -> Cow<'_, str> {
     Cow::Owned(result + rest)
 }
 
+/// Which structures read an option, where not all do.
+pub fn only_with(structures: &[StructureKind]) -> Option<String> {
+    let names: Vec<_> = structures.iter().map(|kind| kind.name()).collect();
+    let are_all = names.len() == StructureKind::ALL.len();
+    (!are_all).then(|| format!("Only with {} {}", flag(StructureKind::OPTION), names.join(", ")))
+}
+
 /// What an error says, with flags.
 pub fn message(error: &Error) -> String {
     match error {
         Error::Option { option, message } if is_option(option) => {
             format!("option {}: {}", flag(option), in_flags(message))
         }
+        // These name files, and what stands in them; what stands between backticks there is the user's.
+        Error::Io { .. } | Error::Input { .. } => error.to_string(),
         other => in_flags(&other.to_string()).into_owned(),
     }
 }
@@ -89,10 +98,9 @@ pub fn decisions(mut decisions: Vec<Decision>) -> Vec<Decision> {
 
 /// The arguments that ask for `options`: the structure, and what differs from its defaults.
 pub fn arguments(options: &TraceOptions) -> Vec<String> {
-    let mut given = Request::of(options).given().to_vec();
-    given.sort_by_key(|choice| choice.option().name != StructureKind::OPTION);
-    let mut words: Vec<_> =
-        given.iter().flat_map(|choice| typed(choice).split(' ').map(str::to_owned).collect::<Vec<_>>()).collect();
+    let request = Request::of(options);
+    let typed: Vec<_> = request.given().iter().map(typed).collect();
+    let mut words: Vec<_> = typed.iter().flat_map(|choice| choice.split(' ')).map(str::to_owned).collect();
     words.extend(options.counters.then(|| flag("counters")));
     words
 }

@@ -68,10 +68,13 @@ fn precision() -> Arg {
              moller-trumbore. On a CPU fast is 3 to 4 times slower than exact: only with exact hits do rays go in packets there",
         )
         .conflicts_with(Intersector::OPTION)
-        .value_parser(|text: &str| match text {
-            "exact" => Ok(Intersector::Exact),
-            "fast" => Ok(Intersector::FASTEST),
-            _ => Err("possible: exact, fast"),
+        .value_parser(|text: &str| {
+            let intersector = match text {
+                "exact" => Intersector::Exact,
+                "fast" => Intersector::FASTEST,
+                _ => return Err("possible: exact, fast".to_owned()),
+            };
+            parse_method(intersector.name()).map_err(|error| what(&error))
         })
 }
 
@@ -87,7 +90,7 @@ fn argument(option: &'static MethodOption) -> Arg {
         values.insert(0, format!("{AUTO}: {AUTO_STRUCTURE}"));
     }
     let about = format!("{} [default: {}]", option.about().trim_end_matches('.'), option.default_words());
-    let only = only_with(option);
+    let only = flags::only_with(option.structures).map_or(String::new(), |only| format!(". {only}"));
     let long = [&format!("{about}{only}")[..], &values.join("\n")].join("\n");
     let argument = Arg::new(option.name)
         .long(option.name.replace('_', "-"))
@@ -97,12 +100,10 @@ fn argument(option: &'static MethodOption) -> Arg {
         .long_help(long.trim_end().to_owned())
         .hide_short_help(true)
         .allow_negative_numbers(true)
-        .value_parser(move |text: &str| match text {
-            AUTO if is_structure => Ok(Asked::None),
-            _ => option.parse(text).map(Some).map_err(|error| match is_structure {
-                true => what(&error).replace("possible: ", &format!("possible: {AUTO}, ")),
-                false => what(&error),
-            }),
+        .value_parser(move |text: &str| match option.parse(text) {
+            _ if is_structure && text == AUTO => Ok(Asked::None),
+            Err(_) if is_structure => Err(format!("no '{text}'; possible: {AUTO}, {}", StructureKind::names())),
+            choice => choice.map(Some).map_err(|error| what(&error)),
         });
     let old = OLD_FLAGS.iter().filter(|(_, name)| *name == option.name);
     old.fold(argument, |argument, (old, _)| argument.alias(*old))
@@ -112,15 +113,6 @@ fn argument(option: &'static MethodOption) -> Arg {
 const AUTO_STRUCTURE: &str = "what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU; on the reference kd for 100 to \
     299999 triangles, bvh2 for fewer or more; instances where these share a million triangles, on a GPU 65536; or what other options are \
     for, such as kd with --build (info and tables of methods prefer kd)";
-
-/// The structures that read an option, where not all do.
-pub fn only_with(option: &MethodOption) -> String {
-    let structures: Vec<_> = option.structures.iter().map(|kind| kind.name()).collect();
-    match structures.len() < StructureKind::ALL.len() {
-        true => format!(". Only with {} {}", flags::flag(StructureKind::OPTION), structures.join(", ")),
-        false => String::new(),
-    }
-}
 
 /// What is wrong with a value: its flag stands before it already.
 fn what(error: &Error) -> String {
@@ -138,10 +130,8 @@ impl FromArgMatches for MethodArgs {
                 request.give(*choice);
             }
         }
-        if let Some(&intersector) = matches.get_one::<Intersector>(PRECISION) {
-            let named = request.set(Intersector::OPTION, intersector.name());
-            named.map_err(|error| clap::Error::raw(clap::error::ErrorKind::InvalidValue, what(&error)))?;
-        }
+        let precision = matches.get_one::<Vec<Choice>>(PRECISION);
+        precision.into_iter().flatten().for_each(|choice| request.give(*choice));
         for choice in matches.get_one::<Vec<Choice>>(METHOD).into_iter().flatten() {
             if request.has(choice.option().name) {
                 let message = format!(
@@ -170,7 +160,7 @@ impl MethodArgs {
 
     /// What is wrong with the options on any device comes before what takes time.
     pub fn check(&self, counters: bool) -> Result<TraceOptions, Error> {
-        Ok(self.request(counters).choose(&without_scene(None), None)?.options)
+        Ok(self.request(counters).choose(&Workload::without_scene(None), None)?.options)
     }
 
     /// The options, with what is fastest on `device` where the user leaves the choice, for no scene in particular.
@@ -180,7 +170,8 @@ impl MethodArgs {
         counters: bool,
         talk: Talk,
     ) -> Result<TraceOptions, Error> {
-        Ok(self.choose(&without_scene(device), None, counters, talk)?.options)
+        let workload = Workload::without_scene(device.map(|device| &device.info));
+        Ok(self.choose(&workload, None, counters, talk)?.options)
     }
 
     /// Chooses what the user leaves open. Says so where a limit of the fastest structure leads to another one, which
@@ -194,7 +185,8 @@ impl MethodArgs {
     ) -> Result<Chosen, Error> {
         let mut chosen = self.request(counters).choose(workload, tuned)?;
         if let Some(limit) = chosen.limit.as_ref().filter(|_| !talk.quiet) {
-            tell!("note: {} {AUTO} takes {}: {limit}", flags::flag(StructureKind::OPTION), chosen.options.kind());
+            let (structure, limit) = (flags::flag(StructureKind::OPTION), flags::in_flags(limit));
+            tell!("note: {structure} {AUTO} takes {}: {limit}", chosen.options.kind());
         }
         chosen.decisions = flags::decisions(chosen.decisions);
         Ok(chosen)
@@ -214,11 +206,6 @@ impl MethodArgs {
     pub fn options(&self, preferred: StructureKind, counters: bool) -> Result<TraceOptions, Error> {
         self.request(counters).with_structure(preferred)
     }
-}
-
-/// Batches of rays on `device` through whatever scene.
-fn without_scene(device: Option<&DeviceHandle>) -> Workload<'_> {
-    Workload { device: device.map(|device| &device.info), triangle_count: None, features: None, shared_triangles: 0 }
 }
 
 /// Says which names of earlier versions the arguments have.

@@ -1,6 +1,6 @@
 //! `raybrook methods`: what exists, what it needs, and what never goes together, from the library's own table.
 
-use super::flags::{flag, in_flags, typed};
+use super::flags::{flag, in_flags, only_with, typed};
 use super::print;
 use super::text::wrapped;
 use raybrook::Result;
@@ -32,6 +32,8 @@ struct OptionEntry {
     option: String,
     about: String,
     structures: Vec<&'static str>,
+    #[serde(skip)]
+    only: String,
     values: Vec<ValueEntry>,
 }
 
@@ -49,6 +51,8 @@ struct NumberEntry {
     option: String,
     about: String,
     structures: Vec<&'static str>,
+    #[serde(skip)]
+    only: String,
     needs: Vec<String>,
 }
 
@@ -97,12 +101,16 @@ impl Methods {
         for option in OPTIONS {
             let structures = option.structures.iter().map(|kind| kind.name()).collect();
             let (name, about) = (flag(option.name), option.about());
+            let only = only_with(option.structures).map_or(String::new(), |only| format!(" {only}."));
             if option.is_number() {
-                let needs = option.choices().flat_map(needs).map(|choice| shown(&choice)).collect();
+                let needs: Vec<_> = option.choices().flat_map(needs).collect();
+                let needs_structure = needs.iter().any(|choice| choice.option().name == StructureKind::OPTION);
+                let only = if needs_structure { String::new() } else { only };
+                let needs = needs.iter().map(shown).collect();
                 let about = format!("{} [default: {}]", about.trim_end_matches('.'), option.default_words());
-                methods.numbers.push(NumberEntry { option: name, about, structures, needs });
+                methods.numbers.push(NumberEntry { option: name, about, structures, only, needs });
             } else {
-                methods.options.push(OptionEntry { option: name, about, structures, values: values(option) });
+                methods.options.push(OptionEntry { option: name, about, structures, only, values: values(option) });
             }
         }
         methods
@@ -121,8 +129,7 @@ impl Methods {
         );
         for option in &self.options {
             text += "\n";
-            let only = only_with(&option.structures, &[]);
-            text += &wrapped("", &format!("{}: {}{only}", option.option, option.about));
+            text += &wrapped("", &format!("{}: {}{}", option.option, option.about, option.only));
             for value in &option.values {
                 let mark = if value.default { '*' } else { ' ' };
                 text += &wrapped(&label(mark, value.name), &format!("{}{}", value.about, needed(&value.needs)));
@@ -130,8 +137,7 @@ impl Methods {
         }
         text += "\nNumbers:\n";
         for number in &self.numbers {
-            let only = only_with(&number.structures, &number.needs);
-            let about = format!("{}.{only}{}", number.about, needed(&number.needs));
+            let about = format!("{}.{}{}", number.about, number.only, needed(&number.needs));
             text += &wrapped(&label(' ', &number.option), &about);
         }
         text += "\nNever together:\n";
@@ -149,16 +155,6 @@ fn values(option: &'static MethodOption) -> Vec<ValueEntry> {
         Some(ValueEntry { name, about, default: choice.is_default(), needs: needs(choice).iter().map(shown).collect() })
     };
     option.choices().filter_map(entry).collect()
-}
-
-/// The structures that read an option, unless all do or `needs` has the one.
-fn only_with(structures: &[&str], needs: &[String]) -> String {
-    let structure = flag(StructureKind::OPTION);
-    let is_needed = needs.iter().any(|choice| choice.starts_with(&structure));
-    match structures.len() < StructureKind::ALL.len() && !is_needed {
-        true => format!(" Only with {structure} {}.", structures.join(", ")),
-        false => String::new(),
-    }
 }
 
 fn needed(needs: &[String]) -> String {

@@ -1,5 +1,6 @@
 //! What every command that traces does first: load the scene, choose the device, build, compile, upload.
 
+use super::flags::in_flags;
 use super::{DeviceArgs, PictureArgs, SceneArgs, Talk};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::low_level::choose::Chosen;
@@ -7,7 +8,7 @@ use raybrook::low_level::device::{DeviceHandle, Selection, select_working};
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::{build_and_open_within, complete, picture_bytes};
+use raybrook::low_level::renderer::{DEFAULT_SIZE, build_and_open_within, complete, picture_bytes};
 use raybrook::low_level::scene::{self, Samples, Scene};
 use raybrook::low_level::stats::RunStats;
 use raybrook::low_level::tracer::{Backend, Task};
@@ -26,9 +27,6 @@ pub struct Loaded {
     /// Seconds.
     pub load_s: f64,
 }
-
-/// Size of a picture that neither the scene nor an option sizes.
-const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 
 /// Loads the scene that is asked for, which must have objects unless it may be empty, and gives it what it needs to be
 /// rendered: a camera, light, a size and samples, which `args` override.
@@ -104,7 +102,7 @@ pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
     if !talk.quiet {
         let shown = if talk.verbose { scene.warnings.len() } else { WARNINGS_SHOWN };
         for warning in scene.warnings.iter().take(shown) {
-            tell!("warning: {warning}");
+            tell!("warning: {}", in_flags(&warning.to_string()));
         }
         if scene.warnings.len() > shown {
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
@@ -144,7 +142,7 @@ pub fn check_picture(
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
     let (selection, notes) = select_working(args.device.as_deref())?;
     for note in notes.iter().filter(|_| !talk.quiet) {
-        tell!("note: {note}");
+        tell!("note: {}", in_flags(note));
     }
     Ok(match selection {
         Selection::OpenCl(device) => Some(args.compiler.apply(device)?),
@@ -154,7 +152,7 @@ pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
         }
         Selection::Reference { notice } => {
             if let Some(notice) = notice.filter(|_| !talk.quiet) {
-                tell!("note: {notice}");
+                tell!("note: {}", in_flags(&notice));
             }
             None
         }
@@ -186,7 +184,7 @@ pub fn open(
         build_and_open_within(device, &loaded.scene, &options, depth, cache.as_ref(), tasks, budget)?;
     if talk.verbose {
         for note in tracer.notes() {
-            tell!("note: {note}");
+            tell!("note: {}", in_flags(note));
         }
         tell!(
             "{}: {} triangles in {}, load {:.3} s, build {:.3} s, compile {:.3} s, upload {:.3} s",

@@ -4,7 +4,6 @@
 //! escaped. Standard output is a result: that it cannot be written is an error in the end ([`finish`]). Standard error
 //! is a courtesy: a run whose messages nobody can read goes on.
 
-use super::flags::in_flags;
 use raybrook::Error;
 use serde::Serialize;
 use std::borrow::Cow;
@@ -54,7 +53,7 @@ fn escaped_by(text: &str, escape: impl Fn(&mut String, char) -> std::fmt::Result
 
 /// Prints a line to standard output; see [`finish`] for what happens if that fails.
 pub fn line(text: Arguments) {
-    print(&escaped(&in_flags(&text.to_string())));
+    print(&escaped(&text.to_string()));
 }
 
 /// Prints `value` as JSON to standard output.
@@ -82,7 +81,7 @@ pub fn remember(written: io::Result<()>) {
 
 /// Prints a line to standard error, if that can be written.
 pub fn message(text: Arguments) {
-    let text = format!("{}\n", escaped(&in_flags(&text.to_string())));
+    let text = format!("{}\n", escaped(&text.to_string()));
     let _ = io::stderr().write_all(text.as_bytes());
 }
 
