@@ -86,6 +86,10 @@ pub struct DeviceInfo {
     pub image2d_max_height: usize,
     /// Its compiler tells what kernels take of it (`cl_nv_compiler_options`).
     pub nvidia_options: bool,
+    /// NVIDIA's generation, major and minor (`cl_nv_device_attribute_query`).
+    pub compute_capability: [u32; 2],
+    /// Registers of a compute unit, 32 bits each (`cl_nv_device_attribute_query`).
+    pub registers: u32,
     /// It has sub-groups.
     pub subgroups: bool,
     /// `float` division and square root can be rounded correctly, so that pictures agree with the reference to the last
@@ -141,6 +145,8 @@ pub(crate) fn sample_info() -> DeviceInfo {
         image2d_max_width: 16_384,
         image2d_max_height: 16_384,
         nvidia_options: false,
+        compute_capability: [0, 0],
+        registers: 0,
         subgroups: false,
         correctly_rounded_divide_sqrt: true,
         denormals: true,

@@ -80,6 +80,11 @@ impl Features {
         self.has(Feature::SmoothNormals) || self.has(Feature::ImageTextures) || self.has(Feature::ProceduralTextures)
     }
 
+    /// Whether surfaces send secondary rays but for shadow rays.
+    pub const fn send_rays(self) -> bool {
+        self.has(Feature::Mirrors) || self.has(Feature::Transparency)
+    }
+
     /// One bit for each, see [`Feature::bit`].
     pub const fn bits(self) -> u32 {
         self.0

@@ -290,8 +290,8 @@ impl SceneBuffers {
                 let side = |half: f64, pixels| 2.0 * half / f64::from(samples.intervals(pixels));
                 (side(half_width, width) * side(half_height, height)).sqrt() as f32
             },
-            pad0: 0,
-            pad1: 0,
+            roulette_weight: 0.0,
+            pad: 0,
         }
     }
 }

@@ -178,7 +178,7 @@ impl Picture {
 }
 
 /// Renders the full picture in place of what `picture` says of samples: every pixel has [`MOST_SAMPLES`], those of a
-/// pixel of which [`Samples::Error`] needs them all.
+/// pixel of which [`Samples::Error`] needs them all. No ray is killed at random.
 ///
 /// # Errors
 /// As [`render`].
@@ -205,7 +205,8 @@ pub fn render(
     progress: Progress,
 ) -> Result<RenderResult> {
     picture.samples.check(picture.size)?;
-    let params = picture.params(buffers, picture.samples);
+    let roulette_weight = tracer.options().picture.roulette.unwrap_or(0.0);
+    let params = RenderParams { roulette_weight, ..picture.params(buffers, picture.samples) };
     match picture.samples {
         Samples::Error(error) => render_adaptive(tracer, &params, Adaptive::of_error(error), progress),
         fixed => tracer.render(&params, &sample_positions(fixed), progress),

@@ -107,11 +107,13 @@ device_const! {
     pub const MOST_TAPS: u32 = 8;
     /// The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above.
     pub const RAY_KIND_BITS: u32 = 8;
+    /// With roulette the depth takes this many of these, the ray's way the rest.
+    pub const RAY_DEPTH_BITS: u32 = 8;
     /// How many work counters there are.
     pub const WORK_COUNTERS: usize = WorkCounter::ALL.len();
     /// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no
     /// sum overflows: a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one
-    /// depth add up to at most 1, at up to 2^6 depths. An infinity would become NaN where its weight is 0. White is 1,
+    /// depth add up to at most 1 (with roulette: on average), at up to 2^6 depths. An infinity would become NaN where its weight is 0. White is 1,
     /// the sun in candela per square metre 1.6e9: 2^100 is out of reach for all but a lamp that touches the surface,
     /// whose light grows with 1 / distance^2 beyond all bounds.
     pub const MAX_RADIANCE: f32 = constants::power_of_two(100);
@@ -154,7 +156,7 @@ names! {
         /// Ray-triangle tests. The triangle that a ray starts on is not tested.
         Tests = "tests",
         /// Those of them that `exact` takes to twice the precision, because float32 bounds leave them open.
-        WideTests = "wide-tests",
+        ExtendedTests = "extended-tests",
         /// Those of these that it takes further: to pairs of doubles, where there are doubles, and to exact integers.
         CloseTests = "close-tests",
         /// Descents that began anew; with ropes rays that `push-down` traces again, and its restarts.
@@ -424,14 +426,19 @@ device_struct! {
         pub ray_count: u32,
         /// Side of a pixel at distance 1 in the middle of the picture.
         pub pixel_size: f32,
+        /// A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
+        pub roulette_weight: f32,
         /// Unused.
-        pub pad0: u32,
-        /// Unused.
-        pub pad1: u32,
+        pub pad: u32,
     }
 }
 
 impl RenderParams {
+    /// Whether rays play Russian roulette.
+    pub fn plays_roulette(&self) -> bool {
+        self.roulette_weight > 0.0
+    }
+
     /// The same camera for a list of `count` rays of their own in place of a picture. The list lies in rows as long as
     /// a tile, so that work-items take it in its order, and neighbours in it run beside each other.
     #[must_use]

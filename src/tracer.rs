@@ -5,6 +5,7 @@ use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::names::as_name;
 use crate::options::Decisions;
+use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
@@ -230,6 +231,9 @@ pub trait Backend: Send {
 
     /// Seconds that sending the scene took.
     fn upload_s(&self) -> f64;
+
+    /// What it was opened with.
+    fn options(&self) -> &TraceOptions;
 
     /// Whether the device times its commands. Where it does not, times of the device's are the host's: from a command's
     /// start to its end, those before it included. Some devices refuse only when they are asked for the first time.

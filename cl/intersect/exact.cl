@@ -4,13 +4,13 @@
 // What step 2 leaves open, as place_hit tells it; and limits of its t.
 int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
                    float* t_low, float* t_high) {
-#ifdef WIDE_IS_DOUBLE
+#ifdef EXTENDED_IS_DOUBLE
     const bool has_best = hit->primitive != NO_PRIMITIVE;
     const float3 best0 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0;
     const float3 best1 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1;
     const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
-    const WideDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near,
-                                              ray->t_far, hit->u, hit->t, best0, best1, best2);
+    const ExtendedDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near,
+                                                  ray->t_far, hit->u, hit->t, best0, best1, best2);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != UNDECIDED) return closer.decision;
@@ -37,8 +37,8 @@ int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3
         const float3 q0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
         const float3 q1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
         const float3 q2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
-        if (are_same_points(p0, p1, p2, q0, q1, q2) || (is_hit && (are_in_one_axis_plane(p0, p1, p2, q0, q1, q2) ||
-                                                                   are_in_one_plane(p0, p1, p2, q0, q1, q2))))
+        if (are_same_points(p0, p1, p2, q0, q1, q2) ||
+            (is_hit && (are_in_one_axis_plane(p0, p1, p2, q0, q1, q2) || are_in_one_plane(p0, p1, p2, q0, q1, q2))))
             return primitive < hit->primitive ? HIT : MISS;
     }
     if (starts_on_triangle(ray) && ray->t_near >= 0.0f) {
@@ -54,15 +54,15 @@ int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3
 
 // Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
 bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
-                     const Hit* hit, float* t_low, float* t_high) {
-    COUNT(geometry, WIDE_TESTS, 1);
-    const WideDecision wide = decide_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
-    *t_low = wide.t_low;
-    *t_high = wide.t_high;
-    int decision = wide.decision == HIT ? place_hit(ray, hit, wide.t_low, wide.t_high) : wide.decision;
+                      const Hit* hit, float* t_low, float* t_high) {
+    COUNT(geometry, EXTENDED_TESTS, 1);
+    const ExtendedDecision extended = decide_extended(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
+    *t_low = extended.t_low;
+    *t_high = extended.t_high;
+    int decision = extended.decision == HIT ? place_hit(ray, hit, extended.t_low, extended.t_high) : extended.decision;
     if (decision == UNDECIDED) {
         COUNT(geometry, CLOSE_TESTS, 1);
-        const int tie = decide_tie(GEOMETRY, ray, p0, p1, p2, primitive, hit, wide.decision == HIT);
+        const int tie = decide_tie(GEOMETRY, ray, p0, p1, p2, primitive, hit, extended.decision == HIT);
         if (tie == HIT) {
             *t_low = hit->u;
             *t_high = hit->t;
@@ -84,7 +84,7 @@ bool is_settled_exactly(GEOMETRY_PARAMETERS) {
 // t in the caller's units, if it is wanted, and the weights that step 2 is not sure of.
 void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, const bool wants_t, float* t,
                     SurfaceHit* hit) {
-#ifdef WIDE_IS_DOUBLE
+#ifdef EXTENDED_IS_DOUBLE
     const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2);
     const float callers = callers_t(ray, closer.t);
     if (closer.is_sure && !(wants_t && !(is_normal(closer.t) && is_normal(callers)))) {
@@ -158,7 +158,7 @@ SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
-    const FinishedHit finished = finish_wide(ray->origin, ray->origin_low, ray->direction, p0, p1, p2, wants_t);
+    const FinishedHit finished = finish_extended(ray->origin, ray->origin_low, ray->direction, p0, p1, p2, wants_t);
     SurfaceHit hit = {finished.weight0, finished.u, finished.v, primitive};
     bool is_sure = finished.is_sure;
     if (wants_t) {
@@ -181,8 +181,8 @@ void finish_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
 bool finish_mostly_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
     const uint primitive = hit->primitive;
     const FinishedHit finished =
-        finish_wide(ray->origin, ray->origin_low, ray->direction, LOAD_SURFACE_VERTEX(geometry, primitive, 0),
-                    LOAD_SURFACE_VERTEX(geometry, primitive, 1), LOAD_SURFACE_VERTEX(geometry, primitive, 2), true);
+        finish_extended(ray->origin, ray->origin_low, ray->direction, LOAD_SURFACE_VERTEX(geometry, primitive, 0),
+                        LOAD_SURFACE_VERTEX(geometry, primitive, 1), LOAD_SURFACE_VERTEX(geometry, primitive, 2), true);
     hit->t = callers_t(ray, finished.t);
     hit->u = finished.u;
     hit->v = finished.v;

@@ -2,8 +2,8 @@
 // a ray through an edge, or two triangles at the same t. Devices without double leave that to exact integers at once.
 // The Rust twin does so, too: both are certain.
 
-#ifdef WIDE_IS_DOUBLE
-// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see WIDE_ERROR): edges are exact, the start's two
+#ifdef EXTENDED_IS_DOUBLE
+// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see EXTENDED_ERROR): edges are exact, the start's two
 // products and sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three
 // products by 11; W by 9 more.
 #define CLOSER_ERROR 0x1p-100f
@@ -69,12 +69,12 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
     return low == *rounded;
 }
 
-// As decide_wide and place_hit, of a ray that starts at `start`. best0 to best2 are the
+// As decide_extended and place_hit, of a ray that starts at `start`. best0 to best2 are the
 // vertices of the nearest hit so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far.
-RARE WideDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2, float t_near,
-                                float t_far, float t_best_low, float t_best_high, float3 best0, float3 best1,
-                                float3 best2) {
-    WideDecision result = {UNDECIDED, -INFINITY, INFINITY};
+RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2,
+                                    float t_near, float t_far, float t_best_low, float t_best_high, float3 best0,
+                                    float3 best1, float3 best2) {
+    ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY};
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
     const int sign = sure_sign_closer(n.det, n.det_bound);

@@ -5,7 +5,7 @@
 // Discrete & Computational Geometry 18, 1997, with exact integers in place of his expansions, which underflow:
 //  1. float32 edge functions (watertight.cl) and bounds of their error decide nearly every triangle, hit or miss, and
 //     which of two hits is nearer: a hit is known by an interval that holds its t.
-//  2. Arithmetic of twice the precision (cl/shared/wide.cl) with bounds decides nearly all the rest.
+//  2. Arithmetic of twice the precision (cl/shared/extended.cl) with bounds decides nearly all the rest.
 //  3. Where there is double, four times the precision (exact_closer.cl).
 //  4. Exact integers (exact_integers.cl) decide what is left: rays exactly through edges and vertices, in planes, equal
 //     distances.
@@ -62,23 +62,23 @@ int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
 // direction:
 //     T = N . a,  D = N . direction,  t = T / D;
 //     U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
-// None of them is off by more than 9 WIDE_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of
+// None of them is off by more than 9 EXTENDED_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of
 // three products; W by 3 more. P, the same expression of magnitudes, is computed in float32, which the roundings of
 // src/shared/constants.rs leave room for.
-#define WIDE_ERROR (WIDE_ROUNDINGS * WIDE_EPSILON)
-#define WIDE_ERROR_W (WIDE_ROUNDINGS_W * WIDE_EPSILON)
+#define EXTENDED_ERROR (EXTENDED_ROUNDINGS * EXTENDED_EPSILON)
+#define EXTENDED_ERROR_W (EXTENDED_ROUNDINGS_W * EXTENDED_EPSILON)
 // a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this
 // times that part. And by what no float is small enough for (PLANE_ERROR in ray.cl): each of nine terms by up to
 // 2^-149, which the bounds are to cover whatever direction it is multiplied by, be it lifted to 2^61.
-#define LEAST_FROM (LEAST_START * WIDE_PRECISION)
-// 4 EPSILON / WIDE_ERROR: not every compiler divides constants.
-#define START_ERROR (START_SHARE * EPSILON * WIDE_PRECISION)
+#define LEAST_FROM (LEAST_START * EXTENDED_PRECISION)
+// 4 EPSILON / EXTENDED_ERROR: not every compiler divides constants.
+#define START_ERROR (START_SHARE * EPSILON * EXTENDED_PRECISION)
 // Below LEAST_MAGNITUDE a product of floats may have underflowed: nothing is certain.
 
 typedef struct {
-    Wide distance, det, weight0, weight1, weight2; // T, D, W, U, V
+    Extended distance, det, weight0, weight1, weight2; // T, D, W, U, V
     float distance_bound, det_bound, bound0, bound1, bound2;
-} WideNumbers;
+} ExtendedNumbers;
 
 // Sum of the products of magnitudes: the P of a scalar product.
 float magnitude_dot(float3 a, float3 b) { return dot3(abs3(a), abs3(b)); }
@@ -88,42 +88,42 @@ float3 magnitude_cross(float3 a, float3 b) {
 }
 
 // Values instead of a pointer to the ray: its address would keep the ray out of registers.
-void wide_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3 p0, float3 p1, float3 p2,
-                  WideNumbers* n) {
-    const Wide3 edge1 = wide3_difference(p1, p0);
-    const Wide3 edge2 = wide3_difference(p2, p0);
-    const Wide3 low = wide3_from(origin_low);
-    const Wide3 from_high = wide3_difference(p0, origin);
-    const Wide3 from = wide3_subtract(&from_high, &low);
-    const Wide3 direction = wide3_from(ray_direction);
-    const Wide3 normal = wide3_cross(&edge1, &edge2);
-    const Wide3 moment = wide3_cross(&from, &direction);
-    n->distance = wide3_dot(&normal, &from);
-    n->det = wide3_dot(&normal, &direction);
-    n->weight1 = wide3_dot(&edge2, &moment);
-    n->weight2 = wide_subtract(wide_from(0.0f), wide3_dot(&edge1, &moment));
-    n->weight0 = wide_subtract(wide_subtract(n->det, n->weight1), n->weight2);
+void extended_numbers(float3 origin, float3 origin_low, float3 ray_direction, float3 p0, float3 p1, float3 p2,
+                      ExtendedNumbers* n) {
+    const Extended3 edge1 = extended3_difference(p1, p0);
+    const Extended3 edge2 = extended3_difference(p2, p0);
+    const Extended3 low = extended3_from(origin_low);
+    const Extended3 from_high = extended3_difference(p0, origin);
+    const Extended3 from = extended3_subtract(&from_high, &low);
+    const Extended3 direction = extended3_from(ray_direction);
+    const Extended3 normal = extended3_cross(&edge1, &edge2);
+    const Extended3 moment = extended3_cross(&from, &direction);
+    n->distance = extended3_dot(&normal, &from);
+    n->det = extended3_dot(&normal, &direction);
+    n->weight1 = extended3_dot(&edge2, &moment);
+    n->weight2 = extended_subtract(extended_from(0.0f), extended3_dot(&edge1, &moment));
+    n->weight0 = extended_subtract(extended_subtract(n->det, n->weight1), n->weight2);
 
-    const float3 magnitude1 = p1 - p0, magnitude2 = p2 - p0; // cheaper than what wide numbers round to
+    const float3 magnitude1 = p1 - p0, magnitude2 = p2 - p0; // cheaper than what extended numbers round to
     const float3 from_magnitude = fma3(abs3(origin_low), START_ERROR, abs3((p0 - origin) - origin_low)) + LEAST_FROM;
     const float3 normal_magnitude = magnitude_cross(magnitude1, magnitude2);
     const float3 moment_magnitude = magnitude_cross(from_magnitude, ray_direction);
     const float det_magnitude = magnitude_dot(normal_magnitude, ray_direction);
     const float magnitude_1 = magnitude_dot(magnitude2, moment_magnitude);
     const float magnitude_2 = magnitude_dot(magnitude1, moment_magnitude);
-    n->distance_bound = WIDE_ERROR * magnitude_dot(normal_magnitude, from_magnitude);
-    n->det_bound = WIDE_ERROR * det_magnitude;
-    n->bound0 = WIDE_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2);
-    n->bound1 = WIDE_ERROR * magnitude_1;
-    n->bound2 = WIDE_ERROR * magnitude_2;
+    n->distance_bound = EXTENDED_ERROR * magnitude_dot(normal_magnitude, from_magnitude);
+    n->det_bound = EXTENDED_ERROR * det_magnitude;
+    n->bound0 = EXTENDED_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2);
+    n->bound1 = EXTENDED_ERROR * magnitude_1;
+    n->bound2 = EXTENDED_ERROR * magnitude_2;
 }
 
 // Whether a bound is one: not so small that what it bounds may have underflowed, and not NaN or infinite.
-bool is_bound(float bound) { return bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= FLT_MAX; }
+bool is_bound(float bound) { return bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && bound <= FLT_MAX; }
 
 // -1 or 1 where that is the number's sign for certain, else 0.
-int sure_sign(Wide number, float bound) {
-    const float value = wide_to_float(number);
+int sure_sign(Extended number, float bound) {
+    const float value = extended_to_float(number);
     if (!is_bound(bound)) return 0;
     return value > bound ? 1 : value < -bound ? -1 : 0;
 }
@@ -131,25 +131,26 @@ int sure_sign(Wide number, float bound) {
 typedef struct {
     int decision;
     float t_low, t_high; // of a hit
-} WideDecision;
+} ExtendedDecision;
 
-// Hit, miss or undecided, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the loop
-// over the triangles.
-RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2) {
-    WideNumbers n;
-    wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
-    WideDecision result = {UNDECIDED, -INFINITY, INFINITY};
+// Hit, miss or undecided, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the
+// loop over the triangles.
+RARE ExtendedDecision decide_extended(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1,
+                                      float3 p2) {
+    ExtendedNumbers n;
+    extended_numbers(origin, origin_low, direction, p0, p1, p2, &n);
+    ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY};
     const int sign = sure_sign(n.det, n.det_bound);
     const int sign0 = sure_sign(n.weight0, n.bound0);
     const int sign1 = sure_sign(n.weight1, n.bound1);
     const int sign2 = sure_sign(n.weight2, n.bound2);
     if (sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0) result.decision = MISS;
     if (sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign || !is_bound(n.distance_bound)) return result;
-    const float t = wide_to_float(wide_divide(n.distance, n.det));
+    const float t = extended_to_float(extended_divide(n.distance, n.det));
     // |D| is above its bound: by more than a rounding, as both are floats. The 4 EPSILON are for the roundings of t and
     // its limits; a smaller t loses bits, and only a comparison of T itself with zero would help.
     const float error =
-        1.01f * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(wide_to_float(n.det)) - n.det_bound);
+        1.01f * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(extended_to_float(n.det)) - n.det_bound);
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result;
     result.decision = HIT;
     result.t_low = t - fma(4.0f * EPSILON, fabs(t), error);
@@ -159,26 +160,26 @@ RARE WideDecision decide_wide(float3 origin, float3 origin_low, float3 direction
 
 // 1 / D for the quotients T / D and so on, and how far D is off relative to itself.
 typedef struct {
-    Wide inverse;
+    Extended inverse;
     float det_error;
     bool is_sure; // that it is small enough for the bounds here
-} WideInverse;
+} ExtendedInverse;
 
-WideInverse invert_det(const WideNumbers* n) {
-    const float det_error = n->det_bound / fabs(wide_to_float(n->det));
-    const WideInverse inverse = {wide_divide(wide_from(1.0f), n->det), det_error,
-                                 is_bound(n->det_bound) && det_error < 0x1p-10f};
+ExtendedInverse invert_det(const ExtendedNumbers* n) {
+    const float det_error = n->det_bound / fabs(extended_to_float(n->det));
+    const ExtendedInverse inverse = {extended_divide(extended_from(1.0f), n->det), det_error,
+                                     is_bound(n->det_bound) && det_error < 0x1p-10f};
     return inverse;
 }
 
 // Whether numerator / D, the numerator off by no more than the bound, surely rounds to the float *rounded.
-bool rounds_surely(Wide numerator, float bound, const WideInverse* det, float* rounded) {
-    const Wide quotient = wide_multiply(numerator, det->inverse);
+bool rounds_surely(Extended numerator, float bound, const ExtendedInverse* det, float* rounded) {
+    const Extended quotient = extended_multiply(numerator, det->inverse);
     // 1.01: what is left out here of the quotient of two sums; 8: roundings of inverse, product and comparison.
-    const float error = fma(1.01f * bound, fabs(wide_to_float(det->inverse)),
-                            fabs(wide_to_float(quotient)) * fma(1.01f, det->det_error, 8.0f * WIDE_EPSILON));
+    const float error = fma(1.01f * bound, fabs(extended_to_float(det->inverse)),
+                            fabs(extended_to_float(quotient)) * fma(1.01f, det->det_error, 8.0f * EXTENDED_EPSILON));
     // Of smaller quotients the error may have underflowed.
-    return is_bound(bound) && wide_rounds_surely(quotient, error, rounded) && fabs(*rounded) > LEAST_MAGNITUDE;
+    return is_bound(bound) && extended_rounds_surely(quotient, error, rounded) && fabs(*rounded) > LEAST_MAGNITUDE;
 }
 
 // t, if it is wanted, and the weights of a triangle that is hit, if that is sure: the floats nearest to them. Else 0,
@@ -188,11 +189,11 @@ typedef struct {
     float t, weight0, u, v;
 } FinishedHit;
 
-FinishedHit finish_wide(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2,
-                        const bool wants_t) {
-    WideNumbers n;
-    wide_numbers(origin, origin_low, direction, p0, p1, p2, &n);
-    const WideInverse det = invert_det(&n);
+FinishedHit finish_extended(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2,
+                            const bool wants_t) {
+    ExtendedNumbers n;
+    extended_numbers(origin, origin_low, direction, p0, p1, p2, &n);
+    const ExtendedInverse det = invert_det(&n);
     FinishedHit hit = {false, 0.0f, 0.0f, 0.0f, 0.0f};
     hit.is_sure = det.is_sure && rounds_surely(n.weight1, n.bound1, &det, &hit.u) &&
                   rounds_surely(n.weight2, n.bound2, &det, &hit.v);

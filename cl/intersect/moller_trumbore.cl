@@ -7,20 +7,29 @@
 //
 // Fast, not watertight: a ray through a shared edge can miss both triangles, because u and v of the two neighbours are
 // rounded independently. No epsilon: |det| small says nothing of the triangle's worth.
-bool intersect_moller_trumbore(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u,
-                               float* v) {
+
+// For any number of lanes. from_p0: from vertex 0 to where the ray starts. It does not end where u tells that no lane
+// hits: with that branch packets on CPUs were slower, in a kd-tree 0.7 times as fast.
+MASK LANES(moller_trumbore)(LANES(Vector) from_p0, LANES(Vector) direction, LANES(Vector) edge1, LANES(Vector) edge2,
+                            REAL* t, REAL* u, REAL* v) {
+    const LANES(Vector) p = LANES(cross_product)(direction, edge2);
+    // A parallel ray gives infinity or NaN, and so a t that is refused.
+    const REAL inv_det = 1.0f / LANES(dot_product)(edge1, p);
+
+    *u = LANES(dot_product)(from_p0, p) * inv_det;
+    const LANES(Vector) q = LANES(cross_product)(from_p0, edge1);
+    *v = LANES(dot_product)(direction, q) * inv_det;
+    *t = LANES(dot_product)(edge2, q) * inv_det;
+    return *u >= 0.0f && *v >= 0.0f && *u + *v <= 1.0f;
+}
+
+#ifdef ONE_LANE
+bool intersect_moller_trumbore(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
     const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
     const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
     const float3 p2 = LOAD_VERTEX(geometry, slot, 2);
-    const float3 edge1 = p1 - p0;
-    const float3 edge2 = p2 - p0;
-    const float3 p = cross3(ray->direction, edge2);
-    const float inv_det = 1.0f / dot3(edge1, p); // a parallel ray gives infinity or NaN: rejected below
-
-    const float3 from_p0 = -from_origin(ray, p0);
-    *u = dot3(from_p0, p) * inv_det;
-    const float3 q = cross3(from_p0, edge1);
-    *v = dot3(ray->direction, q) * inv_det;
-    *t = dot3(edge2, q) * inv_det;
-    return *u >= 0.0f && *v >= 0.0f && *u + *v <= 1.0f && is_finite(*t);
+    return moller_trumbore(vector_of(-from_origin(ray, p0)), vector_of(ray->direction), vector_of(p1 - p0),
+                           vector_of(p2 - p0), t, u, v) &&
+           is_finite(*t);
 }
+#endif

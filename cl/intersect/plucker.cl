@@ -18,36 +18,47 @@
 // volumes is better there and worse where the ray starts close to the triangle: measured, a hit behind the origin.) The
 // slowest of the tests.
 
-// d . (a x b); moment: d x vertex; distance: the square of its length, that is of the vertex's distance from the ray,
-// times |d|^2.
-float edge_volume(float3 a, float3 b, float3 moment_a, float3 moment_b, float distance_a, float distance_b) {
-    const float by_a = dot3(b, moment_a);
-    const float by_b = dot3(a, moment_b);
+// For any number of lanes. d . (a x b); moment: d x vertex; distance: the square of its length, that is of the vertex's
+// distance from the ray, times |d|^2.
+REAL LANES(edge_volume)(LANES(Vector) a, LANES(Vector) b, LANES(Vector) moment_a, LANES(Vector) moment_b,
+                        REAL distance_a, REAL distance_b) {
+    const REAL by_a = LANES(dot_product)(b, moment_a);
+    const REAL by_b = LANES(dot_product)(a, moment_b);
     return distance_a < distance_b ? by_a : distance_b < distance_a ? -by_b : 0.5f * (by_a - by_b);
 }
 
-bool intersect_plucker(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
-    const float3 a = from_origin(ray, LOAD_VERTEX(geometry, slot, 0));
-    const float3 b = from_origin(ray, LOAD_VERTEX(geometry, slot, 1));
-    const float3 c = from_origin(ray, LOAD_VERTEX(geometry, slot, 2));
-    const float3 moment_a = cross3(ray->direction, a);
-    const float3 moment_b = cross3(ray->direction, b);
-    const float3 moment_c = cross3(ray->direction, c);
-    const float distance_a = dot3(moment_a, moment_a);
-    const float distance_b = dot3(moment_b, moment_b);
-    const float distance_c = dot3(moment_c, moment_c);
+// The vertices as seen from where the ray starts.
+MASK LANES(plucker)(LANES(Vector) a, LANES(Vector) b, LANES(Vector) c, LANES(Vector) direction, REAL* t, REAL* u,
+                    REAL* v) {
+    const LANES(Vector) moment_a = LANES(cross_product)(direction, a);
+    const LANES(Vector) moment_b = LANES(cross_product)(direction, b);
+    const LANES(Vector) moment_c = LANES(cross_product)(direction, c);
+    const REAL distance_a = LANES(dot_product)(moment_a, moment_a);
+    const REAL distance_b = LANES(dot_product)(moment_b, moment_b);
+    const REAL distance_c = LANES(dot_product)(moment_c, moment_c);
 
-    const float volume0 = edge_volume(b, c, moment_b, moment_c, distance_b, distance_c);
-    const float volume1 = edge_volume(c, a, moment_c, moment_a, distance_c, distance_a);
-    const float volume2 = edge_volume(a, b, moment_a, moment_b, distance_a, distance_b);
-    const bool all_positive = volume0 >= 0.0f && volume1 >= 0.0f && volume2 >= 0.0f;
-    const bool all_negative = volume0 <= 0.0f && volume1 <= 0.0f && volume2 <= 0.0f;
-    if (!(all_positive || all_negative)) return false;
+    const REAL volume0 = LANES(edge_volume)(b, c, moment_b, moment_c, distance_b, distance_c);
+    const REAL volume1 = LANES(edge_volume)(c, a, moment_c, moment_a, distance_c, distance_a);
+    const REAL volume2 = LANES(edge_volume)(a, b, moment_a, moment_b, distance_a, distance_b);
+    const MASK all_positive = volume0 >= 0.0f && volume1 >= 0.0f && volume2 >= 0.0f;
+    const MASK all_negative = volume0 <= 0.0f && volume1 <= 0.0f && volume2 <= 0.0f;
+    const MASK is_inside = all_positive || all_negative;
+    if (!LANES(is_any)(is_inside)) return is_inside;
 
-    const float3 normal = cross3(b - a, c - a);
-    *t = dot3(normal, a) / dot3(normal, ray->direction); // a parallel ray gives infinity or NaN: rejected
-    const float sum = volume0 + volume1 + volume2;
+    const LANES(Vector) normal = LANES(cross_product)(LANES(minus)(b, a), LANES(minus)(c, a));
+    // A parallel ray gives infinity or NaN: refused.
+    *t = LANES(dot_product)(normal, a) / LANES(dot_product)(normal, direction);
+    const REAL sum = volume0 + volume1 + volume2;
     *u = volume1 / sum;
     *v = volume2 / sum;
-    return is_finite(*t) && sum != 0.0f;
+    return is_inside && sum != 0.0f;
 }
+
+#ifdef ONE_LANE
+bool intersect_plucker(GEOMETRY_PARAMETERS, const Ray* ray, uint slot, float* t, float* u, float* v) {
+    const Vector a = vector_of(from_origin(ray, LOAD_VERTEX(geometry, slot, 0)));
+    const Vector b = vector_of(from_origin(ray, LOAD_VERTEX(geometry, slot, 1)));
+    const Vector c = vector_of(from_origin(ray, LOAD_VERTEX(geometry, slot, 2)));
+    return plucker(a, b, c, vector_of(ray->direction), t, u, v) && is_finite(*t);
+}
+#endif

@@ -15,7 +15,7 @@ bool are_same_points(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1, floa
 // coordinate a multiple of 2^low, the product of the normal and a difference is one of 2^(3 low): it is zero if it is
 // surely smaller. Pairs of doubles tell that of coordinates that have up to 31 bits between the largest and the last
 // one; of more, decide_closer and decide_by_integers do.
-#ifdef WIDE_IS_DOUBLE
+#ifdef EXTENDED_IS_DOUBLE
 #define COMMON_PLANE_ERROR 0x1p-100 // as CLOSER_ERROR, of which the start's products are left out here
 RARE bool are_in_one_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1, float3 q2) {
     const DoubleDouble3 edge1 = dd3_difference(p1, p0), edge2 = dd3_difference(p2, p0);

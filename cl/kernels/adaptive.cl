@@ -272,7 +272,7 @@ float estimate_error(uint width, uint height, uint lattice, __global const float
 
 // Adds to a number of 64 bits in two words, low one first: devices without atomic operations on such numbers have it,
 // too.
-void add_wide(volatile __global uint* sum, ulong summand) {
+void add_long(volatile __global uint* sum, ulong summand) {
     const uint low = (uint)summand;
     const uint carry = atomic_add(&sum[0], low) > 0xffffffffu - low ? 1u : 0u;
     atomic_add(&sum[1], (uint)(summand >> 32) + carry);
@@ -302,7 +302,7 @@ __kernel void update_estimates(PIXEL_ARGUMENTS, __global const float* restrict c
     if (level < LAST_LEVEL && error > 0.0f)
         new_class = level * CLASSES + (as_uint(error * NEW_SAMPLES_RECIPROCALS[level]) >> CLASS_SHIFT);
     const ulong more = (ulong)(error * ERROR_UNITS) - old_error; // also if it is less: sums are modulo 2^64
-    if (more != 0ul) add_wide(promises + LAST_LEVEL * CLASSES + 2u * (pixel % SUM_SLOTS), more);
+    if (more != 0ul) add_long(promises + LAST_LEVEL * CLASSES + 2u * (pixel % SUM_SLOTS), more);
     if (new_class != old_class) {
         if (old_class != NO_CLASS) atomic_dec(&promises[old_class]);
         if (new_class != NO_CLASS) atomic_inc(&promises[new_class]);

@@ -19,8 +19,9 @@ float3 local_light(SCENE_PARAMETERS, const Surface* surface, const Material* mat
     return light.radiance;
 }
 
-// The radiance along one camera ray.
-float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, PendingRay pending, uint* counts) {
+// The radiance along one camera ray. `camera_ray`: hash_place() of it.
+float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, PendingRay pending, uint camera_ray,
+                      uint* counts) {
     const Geometry* geometry = &scene->geometry;
     WaitingRay stack[MAX_PENDING];
     uint stacked = 0;
@@ -35,9 +36,11 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Pen
             const Material material = scene->materials[surface.material];
             radiance +=
                 pending.weight * limit_radiance(local_light(SCENE, &surface, &material, &pending, direction, counts));
-            if (pending.depth < render->max_depth)
-                stacked =
-                    push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, stack, stacked);
+            if (depth_of(pending.depth) < render->max_depth) {
+                Killing killing;
+                begin_killing(render, camera_ray, &killing);
+                stacked = push_secondary_rays(&surface, &material, &pending, direction, &killing, stack, stacked);
+            }
         } else {
             radiance += pending.weight * limit_radiance(background(scene, direction));
         }
@@ -67,7 +70,8 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint place = pixel.y * render->width + pixel.x;
     float3 sum = first_sample == 0u ? (float3)(0.0f) : film[place].xyz;
     for (uint s = first_sample; s < end_sample; s++) {
-        sum += radiance_along(SCENE_AT(&scene), render, first_of_path(render, samples, pixel, s), counts);
+        const uint camera_ray = hash_place(camera_sample(render, samples, pixel, s));
+        sum += radiance_along(SCENE_AT(&scene), render, first_of_path(render, samples, pixel, s), camera_ray, counts);
     }
     NOTE_DEFERRED(item);
     if (IS_DEFERRED) return;

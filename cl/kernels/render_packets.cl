@@ -94,9 +94,9 @@ void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket*
                     ray->origin_t_near.w, INFINITY, as_uint(ray->direction_skip.w));
         } else {
             const SurfacePoint* from = kind == SHADOW_RAYS ? &path->start : &path->passed;
-            add_ray(p, lane, from->position, from->position_low,
-                    kind == SHADOW_RAYS ? path->sample.to_light : path->towards, 0.0f, path->sample.t_far,
-                    from->primitive);
+            const float3 direction = kind == SHADOW_RAYS ? path->sample.to_light : path->towards;
+            add_ray(p, lane, from->position, from->position_low, direction, leaving_t(from->error, direction),
+                    path->sample.t_far, from->primitive);
         }
     }
 }
@@ -139,12 +139,6 @@ void pack_camera_rays(const PixelGroup* group, uint item, ulong lanes, RayPacket
     p->skip = (uint16)(NO_PRIMITIVE);
 }
 
-// What became of rays: the lanes that have hit, and what; those that were traced together.
-typedef struct {
-    ulong hits, together;
-    uint primitive[16];
-} PacketAnswer;
-
 // Fewer rays are traced one after the other: what they gain by a packet is less than what it takes to make one of
 // single rays, and to take it apart again.
 #define FEWEST_TOGETHER 6u
@@ -180,14 +174,14 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
             const int16 is_settled = used[k] && !undecided_lanes[k];
             alone &= ~lanes_where16(is_settled);
             answer[k].hits = lanes_where16(is_settled && found[k].primitive != NO_PRIMITIVE);
-            vstore16(found[k].primitive, 0, answer[k].primitive);
+            keep_packet(&answer[k], &found[k]);
         }
         for (; alone != 0ul; alone = other_lanes8(alone)) {
             const uint lane = first_lane16(alone);
             Hit hit;
             take_ray_of(group, kind, 16u * k + lane, &ray);
             if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) answer[k].hits |= lane_bit16(lane);
-            answer[k].primitive[lane] = hit.primitive;
+            keep_hit(&answer[k], lane, &hit);
             if (FORGET_DEFERRED(geometry)) is_deferred[k] |= lane_bit16(lane);
         }
     }
@@ -207,17 +201,17 @@ ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, 
     float16 corners[9];
     ulong found = passed & answer->together;
     if (count_lanes16(found) < FEWEST_SURFACES) found = 0ul;
-    if (found != 0ul) found = points_of_packet(GEOMETRY, packet, answer->primitive, found, corners, &surfaces);
+    if (found != 0ul) found = points_of_packet(GEOMETRY, packet, answer, found, corners, &surfaces);
     for (ulong rest = passed; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
         Path* path = &group->paths[lane];
         if ((found & lane_bit16(lane)) != 0ul) {
-            path->passed = point_of_lane(&surfaces, lane, answer->primitive[lane]);
+            point_of_lane(GEOMETRY, &surfaces, lane, answer->primitive[lane], &path->passed);
         } else {
             Ray ray;
             take_ray_of(group, kind, lane, &ray);
-            Hit hit = no_hit();
-            hit.primitive = answer->primitive[lane];
+            Hit hit;
+            hit_of_answer(answer, lane, &hit);
             SurfaceHit at;
             SURFACE_HIT(GEOMETRY, &ray, &hit, &at);
             if (FORGET_DEFERRED(geometry)) *is_deferred |= lane_bit16(lane);
@@ -336,7 +330,7 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
         (void)normalize16(unit, &scale, &inverse);
     }
     if (count_lanes16(found) < FEWEST_SURFACES) found = 0ul;
-    if (found != 0ul) found = surfaces_of_packet(GEOMETRY, packet, answer->primitive, found, &surfaces);
+    if (found != 0ul) found = surfaces_of_packet(GEOMETRY, packet, answer, found, &surfaces);
     for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
         const uint lane = first_lane16(lanes);
         Path* path = &group->paths[lane];
@@ -352,7 +346,7 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
             pending->ray.direction = three_of_lane(packet->direction, lane);
             take_history(group, kind, lane, pending);
             at = hit_of_lane(&surfaces, lane, answer->primitive[lane]);
-            path->surface.point = point_of_lane(&surfaces, lane, answer->primitive[lane]);
+            point_of_lane(GEOMETRY, &surfaces, lane, answer->primitive[lane], &path->surface.point);
             path->surface.largest_coordinate = lane_of16(&surfaces.largest_coordinate, lane);
             complete_surface(GEOMETRY, scene->shading, pending->ray.direction, &at,
                              three_of_lane(surfaces.outward, lane), &path->surface);
@@ -361,8 +355,8 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
         take_pending(group, kind, lane, &path->pending);
         path->direction = normalize3(path->pending.ray.direction, (float3)(0.0f));
         if (!is_hit) continue;
-        Hit hit = no_hit();
-        hit.primitive = answer->primitive[lane];
+        Hit hit;
+        hit_of_answer(answer, lane, &hit);
         SURFACE_HIT(GEOMETRY, &path->pending.ray, &hit, &at);
         if (FORGET_DEFERRED(geometry)) *is_deferred |= lane_bit16(lane);
         path->surface = surface_at(GEOMETRY, scene->shading, &path->pending.ray, &at);
@@ -392,11 +386,16 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
     }
     for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, group, answer->hits, i, is_deferred);
     for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
-        Path* path = &group->paths[first_lane16(rest)];
+        const uint lane = first_lane16(rest);
+        Path* path = &group->paths[lane];
         path->radiance += path->pending.weight * limit_radiance(path->light.radiance);
-        if (path->pending.depth < group->render->max_depth)
+        if (depth_of(path->pending.depth) < group->render->max_depth) {
+            Killing killing;
+            begin_killing_of_path(group->render, group->samples, pixel_of_item(group->render, group->item + lane),
+                                  group->sample, &killing);
             path->stacked = push_secondary_rays(&path->surface, &path->material, &path->pending, path->direction,
-                                                group->render->kill_weight, path->stack, path->stacked);
+                                                &killing, path->stack, path->stacked);
+        }
     }
 }
 

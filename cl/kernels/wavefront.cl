@@ -84,6 +84,12 @@ uint pixel_in_tiles(__global const RenderParams* render, uint index) {
     return (band * TILE_SIDE + in_tile / tile_width) * render->width + tile * TILE_SIDE + in_tile % tile_width;
 }
 
+// The pixel of a path of the batch.
+uint2 pixel_of_path(__global const RenderParams* render, uint first_pixel, uint batch_pixels, uint path) {
+    const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
+    return (uint2)(pixel % render->width, pixel / render->width);
+}
+
 // Through a pointer: what Oclgrind 21.10 makes of a returned struct here (llvm.experimental.noalias.scope.decl) it
 // cannot run.
 void load_point(__global const WavefrontSurface* from, SurfacePoint* point) {
@@ -119,8 +125,7 @@ __kernel void wavefront_camera(WAVEFRONT_ARGUMENTS) {
     const bool wants_path = is_item && state.path == NO_PATH;
     const uint path = take_place(wants_path, &lengths[QUEUE_PATHS], places);
     if (wants_path && path < batch_pixels * render->sample_count) {
-        const uint pixel = pixel_in_tiles(render, first_pixel + path % batch_pixels);
-        const uint2 at = (uint2)(pixel % render->width, pixel / render->width);
+        const uint2 at = pixel_of_path(render, first_pixel, batch_pixels, path);
         const PendingRay pending = first_of_path(render, samples, at, path / batch_pixels);
         WaitingRay waiting;
         store_pending(&pending, &waiting);
@@ -233,10 +238,13 @@ __kernel void wavefront_shade(WAVEFRONT_ARGUMENTS) {
             surfaces[slot].normal_material = pack_bits(surface.normal, surface.material);
             surfaces[slot].view_direction_lift_y = (float4)(direction, surface.lift.y);
             surfaces[slot].diffuse_lift_z = (float4)(without_lamps.diffuse, surface.lift.z);
-            if (pending.depth < render->max_depth) {
+            if (depth_of(pending.depth) < render->max_depth) {
+                const uint path = slots[slot].path;
+                const uint2 at = pixel_of_path(render, first_pixel, batch_pixels, path);
+                Killing killing;
+                begin_killing_of_path(render, samples, at, path / batch_pixels, &killing);
                 WaitingRay secondary[2];
-                pushed =
-                    push_secondary_rays(&surface, &material, &pending, direction, render->kill_weight, secondary, 0u);
+                pushed = push_secondary_rays(&surface, &material, &pending, direction, &killing, secondary, 0u);
                 for (uint i = 0; i < pushed; i++) rays[(size_t)(below + i) * slot_count + slot] = secondary[i];
             }
         } else {

@@ -1,5 +1,6 @@
 // What a file that is written for any number of lanes is compiled for next: eight numbers at a time, in vectors. Its
 // names end in 8. MASK: the type of a comparison.
+#undef ONE_LANE
 #undef REAL
 #undef MASK
 #undef LANES

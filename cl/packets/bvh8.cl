@@ -86,8 +86,8 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
 }
 
 // The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Triangles that float32
-// does not decide are put aside (settle_lane), or their lanes are in *undecided_lanes, and what is said of these hits means
-// nothing.
+// does not decide are put aside (settle_lane), or their lanes are in *undecided_lanes, and what is said of these hits
+// means nothing.
 void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit,
                           PacketHits* hits, int16* undecided_lanes) {
     start_packet(p, hits, undecided_lanes);

@@ -1,8 +1,8 @@
-// t, u and v of the hits of a packet: finish_wide() of exact_filter.cl, in the same precision with the same bounds, for
-// eight lanes at a time, the bounds for all sixteen. Lanes that it is not sure of are undecided. Instead of t surfaces
-// want the weight of vertex 0.
+// t, u and v of the exact hits of a packet: finish_extended() of exact_filter.cl, in the same precision with the same
+// bounds, for eight lanes at a time, the bounds for all sixteen. Lanes that it is not sure of are undecided. Instead of
+// t surfaces want the weight of vertex 0.
 
-#ifdef WIDE_IS_DOUBLE
+#ifdef EXTENDED_IS_DOUBLE
 typedef struct {
     double8 x, y, z;
 } Doubles3;
@@ -42,10 +42,10 @@ FinishBounds finish_bounds(const RayPacket* p, const float16* c, const bool want
                   moment_size = magnitudes_of_cross(&from_size, &direction_size);
     const float16 det = magnitudes_of_dot(&normal_size, &direction_size);
     const float16 u = magnitudes_of_dot(&size2, &moment_size), v = magnitudes_of_dot(&size1, &moment_size);
-    const FinishBounds bounds = {WIDE_ERROR * det,
-                                 wants_t ? WIDE_ERROR * magnitudes_of_dot(&normal_size, &from_size)
-                                         : WIDE_ERROR_W * (det + u + v),
-                                 WIDE_ERROR * u, WIDE_ERROR * v};
+    const FinishBounds bounds = {EXTENDED_ERROR * det,
+                                 wants_t ? EXTENDED_ERROR * magnitudes_of_dot(&normal_size, &from_size)
+                                         : EXTENDED_ERROR_W * (det + u + v),
+                                 EXTENDED_ERROR * u, EXTENDED_ERROR * v};
     return bounds;
 }
 
@@ -54,9 +54,9 @@ int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_
     const double8 quotient = numerator * inverse;
     const float8 error =
         fma(1.01f * bound, fabs(convert_float8(inverse)),
-            fabs(convert_float8(quotient)) * fma((float8)(1.01f), det_error, (float8)(8.0f * WIDE_EPSILON)));
+            fabs(convert_float8(quotient)) * fma((float8)(1.01f), det_error, (float8)(8.0f * EXTENDED_EPSILON)));
     *rounded = convert_float8(quotient + convert_double8(error));
-    return bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= FLT_MAX && fabs(*rounded) > LEAST_MAGNITUDE &&
+    return bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && bound <= FLT_MAX && fabs(*rounded) > LEAST_MAGNITUDE &&
            convert_float8(quotient - convert_double8(error)) == *rounded;
 }
 
@@ -85,11 +85,11 @@ int8 finish_eight(const float8* o, const float8* low, const float8* d, const flo
     const double8 weight1 = dot_doubles(&edge2, &moment), weight2 = -dot_doubles(&edge1, &moment);
     const double8 inverse = 1.0 / det;
     const float8 det_error = det_bound / fabs(convert_float8(det));
-    int8 is_sure = det_bound > LEAST_MAGNITUDE * WIDE_EPSILON && det_bound <= FLT_MAX && det_error < 0x1p-10f;
+    int8 is_sure = det_bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && det_bound <= FLT_MAX && det_error < 0x1p-10f;
     is_sure = is_sure && round_surely8(weight1, u_bound, inverse, det_error, u);
     is_sure = is_sure && round_surely8(weight2, v_bound, inverse, det_error, v);
     if (wants_t) return is_sure && round_surely8(dot_doubles(&normal, &from), third_bound, inverse, det_error, third);
-    // As finish_wide(): what the others leave of 1 is near enough where it is the largest weight.
+    // As finish_extended(): what the others leave of 1 is near enough where it is the largest weight.
     const float8 rest = (1.0f - *u) - *v;
     const int8 is_rest = rest >= *u && rest >= *v;
     is_sure = is_sure && (round_surely8((det - weight1) - weight2, third_bound, inverse, det_error, third) || is_rest);
@@ -131,11 +131,11 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
                      float16* v) {
     int16 sure = (int16)(0);
     for (uint lane = 0; lane < 16u; lane++) {
-        WideNumbers n;
-        wide_numbers(three_of_lane(p->origin, lane), three_of_lane(p->origin_low, lane),
-                     three_of_lane(p->direction, lane), three_of_lane(corners, lane), three_of_lane(corners + 3, lane),
-                     three_of_lane(corners + 6, lane), &n);
-        const WideInverse det = invert_det(&n);
+        ExtendedNumbers n;
+        extended_numbers(three_of_lane(p->origin, lane), three_of_lane(p->origin_low, lane),
+                         three_of_lane(p->direction, lane), three_of_lane(corners, lane),
+                         three_of_lane(corners + 3, lane), three_of_lane(corners + 6, lane), &n);
+        const ExtendedInverse det = invert_det(&n);
         float rounded[3];
         if (!det.is_sure || !rounds_surely(n.weight1, n.bound1, &det, &rounded[1]) ||
             !rounds_surely(n.weight2, n.bound2, &det, &rounded[2]))
@@ -156,15 +156,9 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
 }
 #endif
 
-// Hits as the caller gets them, but for the units of t.
-typedef struct {
-    float16 t, u, v;
-    uint16 primitive;
-} FinishedHits;
-
 // Adds what is not certain to *undecided_lanes. With any_hit t is only no less than that of the hit, and u and v are 0.
-void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hits, const bool any_hit,
-                   FinishedHits* out, int16* undecided_lanes) {
+void finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_exactly* hits, const bool any_hit,
+                           FinishedHits* out, int16* undecided_lanes) {
     out->t = (float16)(INFINITY);
     out->u = (float16)(0.0f);
     out->v = (float16)(0.0f);
@@ -196,3 +190,29 @@ void finish_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits* hi
     out->v = is_hit ? v : out->v;
     *undecided_lanes = *undecided_lanes || (is_hit && !sure);
 }
+
+// What became of rays: the lanes that have hit, and what; those that were traced together.
+typedef struct {
+    ulong hits, together;
+    uint primitive[16];
+} PacketAnswer_exactly;
+
+void keep_packet_exactly(PacketAnswer_exactly* answer, const PacketHits_exactly* hits) {
+    vstore16(hits->primitive, 0, answer->primitive);
+}
+void keep_hit_exactly(PacketAnswer_exactly* answer, uint lane, const Hit* hit) {
+    answer->primitive[lane] = hit->primitive;
+}
+void hit_of_answer_exactly(const PacketAnswer_exactly* answer, uint lane, Hit* hit) {
+    *hit = no_hit();
+    hit->primitive = answer->primitive[lane];
+}
+
+// The weights of hits on triangles of those corners, and the lanes where they are sure.
+int16 weights_of_answer_exactly(const PacketAnswer_exactly* answer, const RayPacket* p, const float16* corners,
+                                float16* weight0, float16* u, float16* v) {
+    *weight0 = *u = *v = (float16)(0.0f); // some lanes may get none
+    return finish_sixteen(p, corners, false, weight0, u, v);
+}
+
+float leaving_t_exactly(float error, float3 direction) { return 0.0f; }

@@ -11,7 +11,16 @@
 // quotient with an error of 6, a difference and an fma, is off by 73; the slope of a line, off by 7 of itself, makes 56
 // of its length, its start 18, and what a box or a vertex makes of the line 20: less than 170. FRUSTUM_SLACK is 320
 // EPSILON.
+//
+// A rounded test (PACKET_TEST) may meet a triangle up to HIT_ERROR EPSILON D beside it on each axis, and D is no more
+// than 2 reach: 64. Where the ray is at the z of that point of the triangle, its u is 4 times as much farther away, by
+// the slope; before the start the line's slope takes the place of the ray's, 4.1. So 64 + 4.1 * 64 more, less than 500
+// in all, and FRUSTUM_SLACK is 640 EPSILON.
+#ifdef PACKET_TEST
+#define FRUSTUM_SLACK (16.0f * SLACK)
+#else
 #define FRUSTUM_SLACK (8.0f * SLACK)
+#endif
 #define LEAST_FRUSTUM_LENGTH 0x1p-10f // of reach, so that the lines' slopes are below 4.1
 
 typedef struct {

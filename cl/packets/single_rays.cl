@@ -1,9 +1,6 @@
 // The single-ray fallback of packets: where few rays of a packet go the same way, each is traced by itself, against
 // eight triangles at a time.
 
-// Up to so many rays are traced by themselves.
-#define FEW_RAYS 4u
-
 typedef struct {
     Slabs slabs;
     float3 origin, origin_low, direction;
@@ -13,27 +10,29 @@ typedef struct {
     float t_limit, hit_low;
     uint found, primitive;
     bool is_decided; // by float32
-} SingleRay;
+} SingleRay_exactly;
 
-SingleRay take_single_ray(const RayPacket* p, uint lane, const float16* t_limits, const PacketHits* hits) {
-    const SingleRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
-                         three_of_lane(p->origin, lane),
-                         three_of_lane(p->origin_low, lane),
-                         three_of_lane(p->direction, lane),
-                         lane_of16(&p->t_near, lane),
-                         ((const uint*)&p->skip)[lane],
-                         lane_of16(t_limits, lane),
-                         lane_of16(&hits->t_low, lane),
-                         NO_PRIMITIVE,
-                         ((const uint*)&hits->primitive)[lane],
-                         true};
+SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const float16* t_limits,
+                                          const PacketHits_exactly* hits) {
+    const SingleRay_exactly ray = {
+        {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
+        three_of_lane(p->origin, lane),
+        three_of_lane(p->origin_low, lane),
+        three_of_lane(p->direction, lane),
+        lane_of16(&p->t_near, lane),
+        ((const uint*)&p->skip)[lane],
+        lane_of16(t_limits, lane),
+        lane_of16(&hits->t_low, lane),
+        NO_PRIMITIVE,
+        ((const uint*)&hits->primitive)[lane],
+        true};
     return ray;
 }
 
 // Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a
 // single lane.
-void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_limits, PacketHits* hits,
-              int16* undecided_lanes) {
+void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hit, float16* t_limits,
+                      PacketHits_exactly* hits, int16* undecided_lanes) {
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
     *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
@@ -49,8 +48,8 @@ void put_back(const SingleRay* ray, uint lane, const bool any_hit, float16* t_li
 
 // Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32
 // does not decide, or with any_hit there is a hit.
-bool test_single_ray(GEOMETRY_PARAMETERS, SingleRay* ray, uint first, uint count, const bool any_hit) {
-    LeafTriangles l;
+bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count, const bool any_hit) {
+    LeafTriangles_exactly l;
     float8 b[3], c[3];
     load_corners(GEOMETRY, first / 8u, l.a, b, c);
     const float3 low = ray->origin_low, direction = ray->direction;

@@ -10,12 +10,6 @@ typedef struct {
     float16 largest_coordinate;
 } PacketSurfaces;
 
-// difference_of_products() of math.cl, where its error is derived.
-float16 difference_of_products16(float16 a, float16 b, float16 c, float16 d) {
-    const float16 cd = c * d;
-    return fma(a, b, -cd) + fma(-c, d, cd);
-}
-
 void cross16(const float16* a, const float16* b, float16* product) {
 #pragma unroll
     for (uint i = 0; i < 3u; i++) {
@@ -73,10 +67,10 @@ int16 triangle_normals(const float16* p0, const float16* p1, const float16* p2, 
     return is_scale1 && is_scale2 && normalize16(normal, &scale, &inverse);
 }
 
-// Tells weights and points of the lanes of `hits`, whose triangles are `primitive`. Returns those of which it is sure.
-// *corners: nine coordinates.
-ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* primitive, ulong hits, float16* corners,
-                       PacketSurfaces* s) {
+// Tells weights and points of the lanes of `hits`. Returns those of which it is sure. *corners: nine coordinates.
+ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketAnswer* answer, ulong hits,
+                       float16* corners, PacketSurfaces* s) {
+    const uint* primitive = answer->primitive;
 #pragma unroll
     for (uint i = 0; i < 9u; i++) corners[i] = (float16)(0.0f);
     for (ulong rest = hits; rest != 0ul; rest = other_lanes8(rest)) {
@@ -85,8 +79,7 @@ ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* prim
         set_three_of_lane(corners + 3, lane, LOAD_SURFACE_VERTEX(geometry, primitive[lane], 1));
         set_three_of_lane(corners + 6, lane, LOAD_SURFACE_VERTEX(geometry, primitive[lane], 2));
     }
-    s->weight0 = s->u = s->v = (float16)(0.0f); // some lanes may get none
-    const int16 is_sure = finish_sixteen(p, corners, false, &s->weight0, &s->u, &s->v);
+    const int16 is_sure = weights_of_answer(answer, p, corners, &s->weight0, &s->u, &s->v);
     // start_weights() and point_of_weights()
     const float16 rest = (1.0f - s->u) - s->v;
     const int16 at0 = rest >= s->u && rest >= s->v, at1 = !at0 && s->u >= s->v;
@@ -112,10 +105,10 @@ ulong points_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* prim
 }
 
 // The same with all else.
-ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* primitive, ulong hits,
+ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketAnswer* answer, ulong hits,
                          PacketSurfaces* s) {
     float16 corners[9];
-    const ulong sure = points_of_packet(GEOMETRY, p, primitive, hits, corners, s);
+    const ulong sure = points_of_packet(GEOMETRY, p, answer, hits, corners, s);
     s->largest_coordinate =
         larger16(largest_of_three(corners), larger16(largest_of_three(corners + 3), largest_of_three(corners + 6)));
     const int16 has_normal = triangle_normals(corners, corners + 3, corners + 6, s->outward);
@@ -125,12 +118,15 @@ ulong surfaces_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const uint* pr
 // Fewer hits are looked at one after the other. 1 and 6 are as fast.
 #define FEWEST_SURFACES 3u
 
-SurfacePoint point_of_lane(const PacketSurfaces* s, uint lane, uint primitive) {
-    const SurfacePoint point = {three_of_lane(s->position, lane), three_of_lane(s->position_low, lane),
-                                three_of_lane(s->weights, lane),
-                                0.0f, // LEAVING_ERROR of exact hits
-                                primitive};
-    return point;
+// Through a pointer, for Oclgrind 21.10: see load_point() in cl/kernels/wavefront.cl.
+void point_of_lane(GEOMETRY_PARAMETERS, const PacketSurfaces* s, uint lane, uint primitive, SurfacePoint* point) {
+    point->position = three_of_lane(s->position, lane);
+    point->position_low = three_of_lane(s->position_low, lane);
+    point->weights = three_of_lane(s->weights, lane);
+    point->error =
+        LEAVING_ERROR(LOAD_SURFACE_VERTEX(geometry, primitive, 0), LOAD_SURFACE_VERTEX(geometry, primitive, 1),
+                      LOAD_SURFACE_VERTEX(geometry, primitive, 2));
+    point->primitive = primitive;
 }
 
 SurfaceHit hit_of_lane(const PacketSurfaces* s, uint lane, uint primitive) {

@@ -1,11 +1,53 @@
-// The triangles of a wide leaf (bvh8.cl) for decide.cl: what is of the triangles alone, for eight at a time; and the
-// hits of a packet.
+// What packets need of the triangle test, which is of one of two kinds as in cl/traverse/leaf.cl; and the triangles of
+// a wide leaf (bvh8.cl), eight at a time.
+//
+// PACKET_TEST names the test that the lanes do in place of the exact one, of those in rounded_tests.cl. Each kind has
+//     LeafTriangles     eight triangles, as far as the test wants them without the rays
+//     load_triangles    reads them; returns for each triangle which packets may hit it
+//     PacketHits        the nearest hit so far of each lane, and what else the test keeps
+//     start_packet      no hit yet
+//     test_with_packet  what one triangle makes of the hits of sixteen rays; whether the packet has changed
+//     unsettled_lanes   the lanes that are not done when the traversal is
+//     settle_lane       completes one of them, by its ray
+//     finish_packet     the hits as batches want them
+//     SingleRay         a ray of a packet that goes on by itself: take_single_ray(), test_single_ray() against eight
+//                       triangles, put_back()
+//     PacketAnswer      the hits as pictures want them: keep_packet() and keep_hit() write them, hit_of_answer() and
+//                       weights_of_answer() read them
+//     leaving_t         up to which t a ray that leaves a surface hits nothing (leave_surface() in surface.cl)
+// `exactly`: exactly.cl, finish.cl, single_rays.cl. `rounded`: rounded.cl.
+#ifdef PACKET_TEST
+#define PACKET_HITS rounded
+#else
+#define PACKET_HITS exactly
+#endif
+#define LeafTriangles JOIN(LeafTriangles_, PACKET_HITS)
+#define load_triangles JOIN(load_triangles_, PACKET_HITS)
+#define PacketHits JOIN(PacketHits_, PACKET_HITS)
+#define start_packet JOIN(start_packet_, PACKET_HITS)
+#define test_with_packet JOIN(test_with_packet_, PACKET_HITS)
+#define unsettled_lanes JOIN(unsettled_lanes_, PACKET_HITS)
+#define settle_lane JOIN(settle_lane_, PACKET_HITS)
+#define finish_packet JOIN(finish_packet_, PACKET_HITS)
+#define SingleRay JOIN(SingleRay_, PACKET_HITS)
+#define take_single_ray JOIN(take_single_ray_, PACKET_HITS)
+#define test_single_ray JOIN(test_single_ray_, PACKET_HITS)
+#define put_back JOIN(put_back_, PACKET_HITS)
+#define PacketAnswer JOIN(PacketAnswer_, PACKET_HITS)
+#define keep_packet JOIN(keep_packet_, PACKET_HITS)
+#define keep_hit JOIN(keep_hit_, PACKET_HITS)
+#define hit_of_answer JOIN(hit_of_answer_, PACKET_HITS)
+#define weights_of_answer JOIN(weights_of_answer_, PACKET_HITS)
+#define leaving_t JOIN(leaving_t_, PACKET_HITS)
 
-// In each lane one triangle.
+// Up to so many rays of a packet are traced by themselves where they are.
+#define FEW_RAYS 4u
+
+// Hits as the caller of a batch gets them, but for the units of t.
 typedef struct {
-    float8 a[3], e1[3], e2[3], n[3];
-    float8 weight_bound, det_bound, t_bound;
-} LeafTriangles;
+    float16 t, u, v;
+    uint16 primitive;
+} FinishedHits;
 
 // Reads the corners of packet number `packet` of triangles.
 void load_corners(GEOMETRY_PARAMETERS, uint packet, float8* a, float8* b, float8* c) {
@@ -18,147 +60,13 @@ void load_corners(GEOMETRY_PARAMETERS, uint packet, float8* a, float8* b, float8
     }
 }
 
-// All of the triangles that `a` does not tell, for rays whose magnitudes of decide.cl are no more than these: how far
-// the first corners are from their origins, and their directions.
-void prepare_triangles(LeafTriangles* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az, float8 dx,
-                       float8 dy, float8 dz) {
-#pragma unroll
-    for (uint axis = 0; axis < 3u; axis++) {
-        l->e1[axis] = b[axis] - l->a[axis];
-        l->e2[axis] = c[axis] - l->a[axis];
-    }
-    l->n[0] = fma(l->e1[1], l->e2[2], -(l->e1[2] * l->e2[1]));
-    l->n[1] = fma(l->e1[2], l->e2[0], -(l->e1[0] * l->e2[2]));
-    l->n[2] = fma(l->e1[0], l->e2[1], -(l->e1[1] * l->e2[0]));
-
-    const float8 e1x = fabs(l->e1[0]), e1y = fabs(l->e1[1]), e1z = fabs(l->e1[2]);
-    const float8 e2x = fabs(l->e2[0]), e2y = fabs(l->e2[1]), e2z = fabs(l->e2[2]);
-    const float8 px = fma(ay, dz, az * dy), py = fma(az, dx, ax * dz), pz = fma(ax, dy, ay * dx);
-    const float8 q = fma(e1x + e2x, px, fma(e1y + e2y, py, (e1z + e2z) * pz)); // Q1 + Q2
-    const float8 mx = fma(e1y, e2z, e1z * e2y), my = fma(e1z, e2x, e1x * e2z), mz = fma(e1x, e2y, e1y * e2x);
-    const float8 r = fma(mx, dx, fma(my, dy, mz * dz));
-    const float8 s = fma(mx, ax, fma(my, ay, mz * az));
-    l->weight_bound = fma((float8)(DECIDE_ERROR_WEIGHT), q + r, (float8)(DECIDE_LEAST));
-    l->det_bound = fma((float8)(DECIDE_ERROR_DET), r, (float8)(DECIDE_LEAST));
-    l->t_bound = fma((float8)(DECIDE_ERROR_T), s, (float8)(DECIDE_LEAST));
-}
-
-float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
-
-// Reads packet number `packet` for rays of that range. Returns for each triangle which of the packets of rays in
-// `members` may hit it, as far as their frusta tell: bit k of byte i. Without frusta, which is 0, all.
-ulong load_triangles(GEOMETRY_PARAMETERS, const RayRange* range, const Frustum* frusta, uint members, uint packet,
-                     LeafTriangles* l) {
-    float8 b[3], c[3];
-    load_corners(GEOMETRY, packet, l->a, b, c);
+// For each of eight triangles which of the packets of rays in `members` may hit it, as far as their frusta tell: bit k
+// of byte i. Without frusta, which is 0, all.
+ulong met_by_frusta(const Frustum* frusta, uint members, const float8* a, const float8* b, const float8* c) {
     ulong met = frusta == 0 ? ALL_LANES8 * members : 0ul;
     for (uint rest = frusta == 0 ? 0u : members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        met |= frustum_meets_triangles(&frusta[k], l->a, b, c) << k;
+        met |= frustum_meets_triangles(&frusta[k], a, b, c) << k;
     }
-    if (met == 0ul) return met;
-    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
-    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
-    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
-    prepare_triangles(l, b, c, ax, ay, az, (float8)(range->steepest[0]), (float8)(range->steepest[1]),
-                      (float8)(range->steepest[2]));
     return met;
-}
-
-// The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what is put aside until
-// the traversal is done, where closest hits are asked for: triangles that float32 does not decide, by their references,
-// and for which lanes.
-typedef struct {
-    float16 t_high, t_low;
-    uint16 reference, primitive; // NO_PRIMITIVE where there is none
-    uint postponed, postponed_references[MAX_POSTPONED];
-    ulong postponed_lanes[MAX_POSTPONED];
-} PacketHits;
-
-void start_packet(const RayPacket* p, PacketHits* hits, int16* undecided_lanes) {
-    hits->t_high = hits->t_low = p->t_far;
-    hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
-    hits->postponed = 0u;
-    *undecided_lanes = (int16)(0);
-}
-
-// Puts a triangle aside for lanes. False if it is one too many, or nothing is deferred: then settle_lane() could not
-// decide about it.
-bool postpone_for_lanes(PacketHits* hits, uint reference, ulong lanes) {
-#ifdef DEFER_UNDECIDED
-    if (hits->postponed == MAX_POSTPONED) return false;
-    hits->postponed_references[hits->postponed] = reference;
-    hits->postponed_lanes[hits->postponed] = lanes;
-    hits->postponed++;
-    return true;
-#else
-    return false;
-#endif
-}
-
-// The lanes, of those that are not undecided, of which triangles are put aside.
-ulong unsettled_lanes(const PacketHits* hits, int16 undecided_lanes) {
-    ulong lanes = 0ul;
-    for (uint i = 0; i < hits->postponed; i++) lanes |= hits->postponed_lanes[i];
-    return lanes == 0ul ? 0ul : lanes & lanes_where16(!undecided_lanes);
-}
-
-// Decides about these triangles of one lane, whose ray that is; or, where that takes exact integers, adds it to
-// *undecided_lanes.
-void settle_lane(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits* hits, int16* undecided_lanes) {
-    uint* primitive = &((uint*)&hits->primitive)[lane];
-    Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
-    for (uint i = 0; i < hits->postponed; i++)
-        if ((hits->postponed_lanes[i] & lane_bit16(lane)) != 0ul)
-            (void)postpone(geometry, LOAD_REFERENCE(geometry, hits->postponed_references[i]));
-    const bool is_other = SETTLE(GEOMETRY, ray, false, &hit);
-    if (FORGET_DEFERRED(geometry)) {
-        ((int*)undecided_lanes)[lane] = -1;
-        return;
-    }
-    if (!is_other) return;
-    for (uint i = 0; i < hits->postponed; i++) {
-        const uint reference = hits->postponed_references[i];
-        if (LOAD_REFERENCE(geometry, reference) == hit.primitive) ((uint*)&hits->reference)[lane] = reference;
-    }
-    *primitive = hit.primitive;
-    set_lane16(&hits->t_high, lane, hit.t);
-    set_lane16(&hits->t_low, lane, hit.u);
-}
-
-// What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one;
-// none where that is -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to *undecided_lanes.
-// Whether anything was open.
-bool test_with_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles* l, uint i, uint reference,
-                      const bool any_hit, float16* t_limit, PacketHits* hits, int16* undecided_lanes) {
-#define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
-    const Decision16 d =
-        decide16(from_origins(p, 0u, OF_TRIANGLE(a[0])), from_origins(p, 1u, OF_TRIANGLE(a[1])),
-                 from_origins(p, 2u, OF_TRIANGLE(a[2])), p->direction[0], p->direction[1], p->direction[2],
-                 OF_TRIANGLE(e1[0]), OF_TRIANGLE(e1[1]), OF_TRIANGLE(e1[2]), OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]),
-                 OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]), OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound),
-                 OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
-#undef OF_TRIANGLE
-    if (!is_any16(d.possible)) return false;
-    const uint primitive = LOAD_REFERENCE(geometry, reference);
-    // The hit so far may be met again in another leaf.
-    const int16 open = d.possible && p->skip != primitive && hits->primitive != primitive && *t_limit >= p->t_near &&
-                       !(d.has_t && (d.t_high < p->t_near || d.t_low > *t_limit));
-    const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < hits->t_low;
-    hits->t_high = taken ? d.t_high : hits->t_high;
-    hits->t_low = taken ? d.t_low : hits->t_low;
-    hits->reference = taken ? (uint16)(reference) : hits->reference;
-    hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    const int16 is_deferred = open && !taken;
-    if (any_hit) {
-        *undecided_lanes = *undecided_lanes || is_deferred;
-        *t_limit = open ? (float16)(-INFINITY) : *t_limit;
-        return is_any16(open);
-    }
-    *t_limit = taken ? d.t_high : *t_limit;
-    if (is_any16(is_deferred) && !postpone_for_lanes(hits, reference, lanes_where16(is_deferred))) {
-        *undecided_lanes = *undecided_lanes || is_deferred;
-        *t_limit = is_deferred ? (float16)(-INFINITY) : *t_limit;
-    }
-    return is_any16(open);
 }

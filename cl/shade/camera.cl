@@ -44,6 +44,12 @@ PendingRay first_of_path(__global const RenderParams* render, __global const Cam
     return first;
 }
 
+// What decides about the rays that come of it.
+void begin_killing_of_path(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel,
+                           uint s, Killing* killing) {
+    begin_killing(render, hash_place(camera_sample(render, samples, pixel, s)), killing);
+}
+
 // What the film keeps of the sum of a pixel's samples before number `end`: after the last one their mean.
 float4 sum_of_samples(__global const RenderParams* render, float3 sum, uint end) {
     return (float4)(end == render->sample_count ? sum * render->sample_weight : sum, 1.0f);

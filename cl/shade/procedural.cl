@@ -17,13 +17,9 @@ float split_cell(float x, uint* cell) {
     return in_range ? x - low : 0.0f;
 }
 
-// 32 well mixed bits for a cell: a linear combination by odd constants (those of xxHash, Collet 2012), then the
-// finaliser of MurmurHash3 (Appleby 2011). Cells wrap around at 2^32.
+// 32 well mixed bits for a cell. Cells wrap around at 2^32.
 uint hash_cell(uint x, uint y, uint z, uint seed) {
-    uint h = (x * HASH_X) ^ (y * HASH_Y) ^ (z * HASH_Z) ^ (seed * HASH_SEED);
-    h = (h ^ (h >> 16)) * HASH_FIRST;
-    h = (h ^ (h >> 13)) * HASH_SECOND;
-    return h ^ (h >> 16);
+    return mix_bits((x * HASH_X) ^ (y * HASH_Y) ^ (z * HASH_Z) ^ (seed * HASH_SEED));
 }
 
 // (x, y, z) times one of the twelve vectors from a cube's centre to its edges; four of them are chosen twice as often.

@@ -57,7 +57,7 @@ Refraction refract_direction(const Surface* surface, float3 direction, float eta
 typedef struct {
     Ray ray;
     float3 weight;
-    uint depth; // 1 for a camera ray
+    uint depth; // 1 for a camera ray; see next_depth()
     uint kind;  // COUNT_CAMERA_CAST, COUNT_REFLECTED_CAST or COUNT_REFRACTED_CAST
     RayCone cone;
 } PendingRay;
@@ -72,7 +72,7 @@ void store_pending(const PendingRay* pending, WaitingRay* to) {
     to->origin_low_width = (float4)(pending->ray.origin_low, pending->cone.width);
     to->start_weights_spread = (float4)(pending->ray.start_weights, pending->cone.spread);
     to->direction_skip = pack_bits(pending->ray.direction, pending->ray.skip);
-    to->weight_kind_depth = pack_bits(pending->weight, pending->depth << RAY_KIND_BITS | pending->kind);
+    to->weight_kind_depth = pack_bits(pending->weight, pack_way(pending->depth, pending->kind));
 }
 
 uint kind_of_waiting(const WaitingRay* ray) { return as_uint(ray->weight_kind_depth.w) & ((1u << RAY_KIND_BITS) - 1u); }
@@ -102,26 +102,25 @@ PendingRay load_pending(const WaitingRay* from) {
 void push_ray(const Surface* surface, const PendingRay* from, float3 direction, float3 weight, uint kind,
               WaitingRay* to) {
     const RayCone cone = cone_at(from->cone, from->ray.origin, surface->point.position);
-    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight, from->depth + 1u, kind,
-                                cone};
+    const PendingRay pending = {leave_surface(&surface->point, direction, INFINITY), weight,
+                                next_depth(from->depth, kind), kind, cone};
     store_pending(&pending, to);
 }
 
 // Puts the rays that leave the surface on the stack of pending ones; returns its new size (at most two more).
-// A ray whose weight is below kill_weight in every channel could not change the pixel and is left out.
 uint push_secondary_rays(const Surface* surface, const Material* material, const PendingRay* pending, float3 direction,
-                         float kill_weight, WaitingRay* stack, uint stacked) {
+                         const Killing* killing, WaitingRay* stack, uint stacked) {
     if (!HAS(FEATURE_MIRRORS) && !HAS(FEATURE_TRANSPARENCY)) return stacked;
     float3 reflected_weight = pending->weight * material->mirror.xyz;
     if (HAS(FEATURE_TRANSPARENCY) && material->transparent != 0u) {
         const float ior = material->transmission_ior.w;
         const Refraction refraction = refract_direction(surface, direction, surface->front ? 1.0f / ior : ior);
         reflected_weight = pending->weight * refraction.reflectance;
-        const float3 weight = pending->weight * material->transmission_ior.xyz * (1.0f - refraction.reflectance);
-        if (max_component(weight) > kill_weight)
+        float3 weight = pending->weight * material->transmission_ior.xyz * (1.0f - refraction.reflectance);
+        if (survives(killing, pending->depth, COUNT_REFRACTED_CAST, &weight))
             push_ray(surface, pending, refraction.direction, weight, COUNT_REFRACTED_CAST, &stack[stacked++]);
     }
-    if (max_component(reflected_weight) > kill_weight)
+    if (survives(killing, pending->depth, COUNT_REFLECTED_CAST, &reflected_weight))
         push_ray(surface, pending, reflect_direction(surface, direction), reflected_weight, COUNT_REFLECTED_CAST,
                  &stack[stacked++]);
     return stacked;

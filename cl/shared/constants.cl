@@ -44,6 +44,7 @@
 #define MAX_SHADOW_LAYERS 256u // Transparent surfaces that one shadow ray passes before it counts as blocked
 #define MOST_TAPS 8u // The most places at which a texture is read along a footprint
 #define RAY_KIND_BITS 8u // The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above
+#define RAY_DEPTH_BITS 8u // With roulette the depth takes this many of these, the ray's way the rest
 #define WORK_COUNTERS 11u // How many work counters there are
 #define MAX_RADIANCE 0x1p100f // The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this
 
@@ -129,9 +130,9 @@
 #define DOUBLE_PRECISION 0x1p53f // Its inverse
 #define PAIR_EPSILON 0x1p-44f // The relative error of one operation of pairs of floats
 #define PAIR_PRECISION 0x1p44f // Its inverse
-#define WIDE_ROUNDINGS 0x1.4p3f // Errors of T, D, U and V, in units of WIDE_EPSILON
-#define WIDE_ROUNDINGS_W 0x1.cp3f // Those of W
-#define LEAST_START 0x1p-145f // What no float is small enough for of a start's second part, in units of WIDE_EPSILON
+#define EXTENDED_ROUNDINGS 0x1.4p3f // Errors of T, D, U and V, in units of EXTENDED_EPSILON
+#define EXTENDED_ROUNDINGS_W 0x1.cp3f // Those of W
+#define LEAST_START 0x1p-145f // What no float is small enough for of a start's second part, in units of EXTENDED_EPSILON
 #define START_SHARE 0x1.99999ap-2f // The second part's error of 4 EPSILON, in units of that of T
 #define LEAST_MAGNITUDE 0x1p-80f // Below this a product of floats may have underflowed
 
@@ -173,7 +174,7 @@
 #define WORK_LEAVES 1u
 #define WORK_EMPTY_LEAVES 2u
 #define WORK_TESTS 3u
-#define WORK_WIDE_TESTS 4u
+#define WORK_EXTENDED_TESTS 4u
 #define WORK_CLOSE_TESTS 5u
 #define WORK_RESTARTS 6u
 #define WORK_OVERFLOWS 7u

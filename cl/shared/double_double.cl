@@ -3,7 +3,7 @@
 // ACM TOMS 44(2), 2017: with u = 2^-53, a sum is off by 3 u^2 of its operands' magnitudes, a product by 5 u^2, a
 // quotient by 10 u^2 of itself.
 
-#ifdef WIDE_IS_DOUBLE
+#ifdef EXTENDED_IS_DOUBLE
 typedef double2 DoubleDouble; // the value is x + y, and x is that rounded
 
 DoubleDouble dd_normal(double high, double low) {

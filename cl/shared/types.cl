@@ -119,8 +119,8 @@ typedef struct {
     float sample_weight; // 1 / sample_count.
     uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are. Number i, at `x + width * y` of the
     float pixel_size; // Side of a pixel at distance 1 in the middle of the picture.
-    uint pad0; // Unused.
-    uint pad1; // Unused.
+    float roulette_weight; // A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
+    uint pad; // Unused.
 } RenderParams;
 
 // A slot follows one path after the other: a sample of a pixel and all the rays that come of it.

@@ -117,8 +117,8 @@ fn distances_from_points_of_triangles_are_off_by_no_more_than_the_two_errors() {
 
 /// Where a hit lies that a test reports: how far outside of the triangle's box on any axis, in units of EPSILON D.
 fn outside(ray: &Ray, triangle: [Vec3; 3], hit: Intersection) -> f64 {
-    let wide = |p: Vec3| p.as_dvec3() - ray.origin.as_dvec3() - ray.origin_low.as_dvec3();
-    let corners = triangle.map(wide);
+    let extended = |p: Vec3| p.as_dvec3() - ray.origin.as_dvec3() - ray.origin_low.as_dvec3();
+    let corners = triangle.map(extended);
     let at = ray.direction.as_dvec3() * f64::from(hit.t);
     let low = corners.into_iter().reduce(DVec3::min).unwrap();
     let high = corners.into_iter().reduce(DVec3::max).unwrap();

@@ -449,7 +449,9 @@ mod tests {
             ("structure=bvh2", false, PacketSize::One),
             ("structure=kd traversal=restart", false, PacketSize::One),
             ("structure=bvh8", true, PacketSize::One),
-            ("structure=bvh8 intersector=watertight", false, PacketSize::One),
+            ("structure=bvh8 intersector=watertight", false, PacketSize::Sixteen),
+            ("structure=bvh8 intersector=precomputed", false, PacketSize::One),
+            ("structure=kd intersector=moller-trumbore", false, PacketSize::Sixteen),
             ("structure=bvh8 packet_size=1", false, PacketSize::One),
         ] {
             let chosen = asked(request).with_counters(counters).choose(&on(Some(&cpu)), None).unwrap();

@@ -51,6 +51,10 @@ impl Definitions {
             .define("FEATURES", format!("{}u", features.bits()))
             .define("SMOOTH_TERMINATOR", u32::from(options.picture.terminator == Terminator::Smooth))
             .define("TEXTURE_FOOTPRINTS", u32::from(options.picture.texture_filter == TextureFilter::Footprint));
+        let shading = match options.picture.roulette {
+            Some(weight) if weight > 0.0 && features.send_rays() => shading.define("ROULETTE", 1),
+            _ => shading,
+        };
         let shading = match (options.picture.kernels, features.pending_rays(max_depth)) {
             (Kernels::Wavefront, _) => {
                 shading.define("HOST_TEXTURES", u32::from(options.picture.textures == TexturePass::HostPass))
@@ -102,7 +106,11 @@ fn of_tracing(options: &TraceOptions, stack_entries: u32) -> CompileOptions {
     };
     let compile_options = match options.cl_traverse_packets() {
         Some(function) if options.packet_size != PacketSize::One => {
-            compile_options.define("TRAVERSE_PACKETS", function)
+            let compile_options = compile_options.define("TRAVERSE_PACKETS", function);
+            match options.intersector.cl_packet_test() {
+                Some(test) => compile_options.define("PACKET_TEST", test),
+                None => compile_options,
+            }
         }
         _ => compile_options,
     };
@@ -111,4 +119,27 @@ fn of_tracing(options: &TraceOptions, stack_entries: u32) -> CompileOptions {
         None => compile_options,
     };
     DeviceScene::define(compile_options, options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::PictureOptions;
+    use crate::shared::Feature;
+
+    /// Else the same kernels would be compiled twice, and have what nothing needs.
+    #[test]
+    fn only_scenes_that_send_rays_have_kernels_with_roulette() {
+        let plain = Features::ALL.without(Feature::Mirrors).without(Feature::Transparency);
+        let definitions = |features: Features, roulette| {
+            let picture = PictureOptions { roulette, ..PictureOptions::DEFAULT };
+            Definitions::of_features(features, &TraceOptions { picture, ..TraceOptions::DEFAULT }, 5)
+        };
+        for features in [plain.with(Feature::Mirrors), plain.with(Feature::Transparency), Features::ALL] {
+            let [without, off, on, less] = [None, Some(0.0), Some(1.0), Some(0.1)].map(|w| definitions(features, w));
+            assert!(without == off && on == less && on != off, "{features}");
+            assert_eq!(on.tracing, off.tracing, "batches are traced alike");
+        }
+        assert_eq!(definitions(plain, Some(1.0)), definitions(plain, None));
+    }
 }

@@ -167,6 +167,9 @@ fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
         image2d_max_width: image_size(device.image2d_max_width()),
         image2d_max_height: image_size(device.image2d_max_height()),
         nvidia_options: has("cl_nv_compiler_options"),
+        compute_capability: [device.compute_capability_major_nv(), device.compute_capability_minor_nv()]
+            .map(|number| number.ok().filter(|_| has("cl_nv_device_attribute_query")).unwrap_or(0)),
+        registers: device.registers_per_block_nv().ok().filter(|_| has("cl_nv_device_attribute_query")).unwrap_or(0),
         subgroups: has("cl_khr_subgroups") || has("cl_intel_subgroups") || device.max_num_sub_groups().unwrap_or(0) > 0,
         correctly_rounded_divide_sqrt: single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT != 0,
         denormals: single & CL_FP_DENORM != 0,

@@ -192,6 +192,10 @@ impl Backend for OpenClBackend {
         self.upload_s
     }
 
+    fn options(&self) -> &TraceOptions {
+        &self.options
+    }
+
     fn has_clock(&self) -> bool {
         self.context.has_clock()
     }

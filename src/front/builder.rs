@@ -19,8 +19,8 @@ pub enum Precision {
     /// Exact: hit or miss, and which triangle is the closest, as exact arithmetic has it; t, u and v are the exact ones
     /// rounded once.
     Exact,
-    /// The fastest test in float32 (Möller and Trumbore 1997), which loses some hits at edges. On a CPU it is the
-    /// slower one: only exact hits are traced in packets of rays there.
+    /// The fastest test in float32 (Möller and Trumbore 1997), which loses some hits at edges. On a CPU it is about as
+    /// fast as exact hits.
     Fast,
 }
 

@@ -64,7 +64,7 @@ names! {
 }
 
 names! {
-    /// The ray-triangle test. On a CPU all but exact are slower: only with exact hits do rays go in packets.
+    /// The ray-triangle test. On a CPU precomputed and thesis are slower: their rays do not go in packets.
     pub enum Intersector ("intersector") {
         /// Right: exact arithmetic decides hit or miss and which of two hits is nearer, wherever rounded arithmetic
         /// cannot; t, u and v are the exact ones rounded once.
@@ -85,8 +85,9 @@ names! {
 }
 
 names! {
-    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same; of several hits of a
-    /// ray, where any will do, another one may be found. The wavefront kernels trace pictures one ray at a time.
+    /// How many rays a work-item traces together. The closest hits, and the pixels, are the same, but with
+    /// moller-trumbore and plucker on some triangles that are seen edge-on; of several hits of a ray, where any will do,
+    /// another one may be found. The wavefront kernels trace pictures one ray at a time.
     pub enum PacketSize ("packet_size") {
         /// Each ray by itself.
         One = "1",
@@ -264,6 +265,22 @@ impl Intersector {
     /// What `HITS` is in `cl/traverse/leaf.cl`.
     pub fn cl_hits(self) -> &'static str {
         if self == Intersector::Exact { "exactly" } else { "rounded" }
+    }
+
+    /// What `PACKET_TEST` is in `cl/packets/`; `None` for the exact test, which has functions of its own, and for those
+    /// whose rays do not go in packets: their numbers of triangles are not in the leaves, or are not worth it.
+    pub fn cl_packet_test(self) -> Option<&'static str> {
+        match self {
+            Intersector::MollerTrumbore => Some("moller_trumbore"),
+            Intersector::Watertight => Some("watertight"),
+            Intersector::Plucker => Some("plucker"),
+            Intersector::Exact | Intersector::Precomputed | Intersector::Thesis => None,
+        }
+    }
+
+    /// Whether its rays may go in packets.
+    pub fn has_packets(self) -> bool {
+        self == Intersector::Exact || self.cl_packet_test().is_some()
     }
 
     /// What `FILTER` is in `cl/intersect/filter.cl`.

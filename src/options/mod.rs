@@ -29,8 +29,8 @@ pub struct TraceOptions {
     pub structure: Structure,
     /// The ray-triangle test.
     pub intersector: Intersector,
-    /// How many rays are traced together; more than one only with [`Structure::Bvh8`] and [`Structure::Kd`], and
-    /// [`Intersector::Exact`].
+    /// How many rays are traced together; more than one only with [`Structure::Bvh8`] and [`Structure::Kd`], and where
+    /// [`Intersector::has_packets`].
     pub packet_size: PacketSize,
     /// The order in which a batch's rays are traced.
     pub ray_order: RayOrder,
@@ -60,6 +60,10 @@ impl ArrayOptions {
         ArrayOptions { memory: Memory::Global, layout: Layout::Split, triangles: TriangleOrder::Indexed };
 }
 
+/// The least weight of [`PictureOptions::roulette`] but for 0: times the random number, of 24 bits, it is no subnormal
+/// number yet, which some devices take for 0.
+pub const LEAST_ROULETTE: f32 = f32::MIN_POSITIVE * (1 << 24) as f32;
+
 /// How pictures are made of rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureOptions {
@@ -75,6 +79,9 @@ pub struct PictureOptions {
     pub features: KernelFeatures,
     /// Where shadow rays start on smooth normals.
     pub terminator: Terminator,
+    /// Russian roulette: a secondary ray of less weight than this is cast with a probability of its weight divided by
+    /// this, and then weighs this. 0 or `None`: every one is cast. 0, or [`LEAST_ROULETTE`] to 1.
+    pub roulette: Option<f32>,
     /// How many paths (a sample of a pixel and all rays that come of it) the wavefront kernels follow at a time, at
     /// least 1; `None`: as many as a device has memory for. Only with [`Kernels::Wavefront`].
     pub paths_in_flight: Option<u32>,
@@ -89,6 +96,7 @@ impl PictureOptions {
         decisions: Decisions::Auto,
         features: KernelFeatures::Scene,
         terminator: Terminator::Smooth,
+        roulette: None,
         paths_in_flight: None,
     };
 }
@@ -199,6 +207,7 @@ impl TraceOptions {
             let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: `layout = split`";
             return Err(Error::option("triangles", reason));
         }
+        self.check_roulette()?;
         self.check_packets()?;
         self.check_instances()?;
         self.check_wavefront()
@@ -223,16 +232,28 @@ impl TraceOptions {
         Err(Error::option(Intersector::OPTION, reason))
     }
 
+    /// Checks the weight of the roulette.
+    fn check_roulette(&self) -> Result<()> {
+        match self.picture.roulette {
+            Some(weight) if weight != 0.0 && !(LEAST_ROULETTE..=1.0).contains(&weight) => {
+                let reason = format!(
+                    "{weight} is no weight of a ray, which is at most 1; must be 0, or {LEAST_ROULETTE:.0e} to 1"
+                );
+                Err(Error::option("roulette", reason))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Checks what packets of rays cannot do.
     fn check_packets(&self) -> Result<()> {
         if self.packet_size == PacketSize::One {
             return Ok(());
         }
-        if self.intersector != Intersector::Exact {
+        if !self.intersector.has_packets() {
             let reason = format!(
-                "packets leave what float32 does not decide to the exact test; nearest: `intersector = exact`, or `packet_size = 1` \
-                 `intersector = {}`",
-                self.intersector
+                "{} tests one ray at a time; nearest: `intersector = moller-trumbore`, or `packet_size = 1` `intersector = {}`",
+                self.intersector, self.intersector
             );
             return Err(Error::option(PacketSize::OPTION, reason));
         }
@@ -295,6 +316,9 @@ mod tests {
         for good in [
             base,
             of_picture(PictureOptions { textures: TexturePass::HostPass, paths_in_flight: Some(1), ..wavefront }),
+            of_picture(PictureOptions { roulette: Some(0.0), ..plain }),
+            of_picture(PictureOptions { roulette: Some(LEAST_ROULETTE), ..plain }),
+            of_picture(PictureOptions { roulette: Some(1.0), ..wavefront }),
             TraceOptions::of(StructureKind::Brute),
             kd(KdOptions { stack_size: Some(1), ..short }),
             kd(KdOptions { stack_size: Some(60), ..short }),
@@ -329,10 +353,23 @@ mod tests {
             ),
             (TraceOptions { counters: true, ..of_picture(wavefront) }, "counters", "`kernels = mega`"),
             (of_picture(PictureOptions { paths_in_flight: Some(0), ..wavefront }), "paths_in_flight", "at least 1"),
+            (of_picture(PictureOptions { roulette: Some(1.1), ..plain }), "roulette", "at most 1"),
+            (of_picture(PictureOptions { roulette: Some(-0.5), ..plain }), "roulette", "must be 0, or 2e-31 to 1"),
+            (of_picture(PictureOptions { roulette: Some(f32::NAN), ..plain }), "roulette", "NaN"),
+            (of_picture(PictureOptions { roulette: Some(1e-40), ..plain }), "roulette", "2e-31"),
             (
                 TraceOptions { packet_size: PacketSize::Sixteen, ..TraceOptions::of(StructureKind::Grid) },
                 "packet_size",
                 "take `structure = kd` or `structure = bvh8`",
+            ),
+            (
+                TraceOptions {
+                    packet_size: PacketSize::Sixteen,
+                    intersector: Intersector::Thesis,
+                    ..TraceOptions::of(StructureKind::Bvh8)
+                },
+                "packet_size",
+                "`packet_size = 1` `intersector = thesis`",
             ),
         ] {
             let message = bad.validate().unwrap_err().to_string();

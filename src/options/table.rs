@@ -271,7 +271,7 @@ pub static OPTIONS: &[MethodOption] = &[
         |o| o.structure.kd_mut().map(|kd| &mut kd.empty_bonus),
         1.0,
         "Part of its cost that a split with an empty side is spared, 0 to 1.",
-        "0.2"
+        "0.1"
     ),
     number!(
         "similar_children",
@@ -293,6 +293,17 @@ pub static OPTIONS: &[MethodOption] = &[
     name!(Decisions, Experiments, ALL, |o| Some(&mut o.picture.decisions)),
     name!(KernelFeatures, Experiments, ALL, |o| Some(&mut o.picture.features)),
     name!(Terminator, Picture, ALL, |o| Some(&mut o.picture.terminator)),
+    number!(
+        "roulette",
+        Number,
+        Picture,
+        ALL,
+        |o| Some(&mut o.picture.roulette),
+        0.5,
+        "Russian roulette: of the mirrored and refracted rays of less weight than this, kill some at random: one of weight w is cast \
+         with a probability of w / this, and then weighs this, so that the picture is right on average, with noise. At most 1; 0: none.",
+        "0"
+    ),
     number!(
         "paths_in_flight",
         Count,

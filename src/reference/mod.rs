@@ -95,6 +95,10 @@ impl Backend for ReferenceBackend {
         0.0
     }
 
+    fn options(&self) -> &TraceOptions {
+        &self.options
+    }
+
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let pays = self.options.gains_by_sorted_rays(None);
         let trial = |job: &TraceJob, options| Ok(Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ()));

@@ -8,9 +8,9 @@ pub type MaterialId = u32;
 
 /// How a surface answers light. All colours are linear RGB; 0..1 keeps energy.
 ///
-/// A surface with `transmission` above zero is a dielectric: what it reflects and transmits is shared by Fresnel's
-/// equations, `mirror` is not used, and the local (ambient, diffuse, specular) light is what its `transmission` leaves
-/// over.
+/// A surface with `transmission` above zero is a dielectric: Fresnel's equations share the light between what is
+/// reflected and what is transmitted, of which `transmission` is taken; `mirror` is not used. The local light (ambient,
+/// diffuse, specular) is added as its colours say: whoever makes a material leaves to these what does not pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
     /// Name as the file gives it.

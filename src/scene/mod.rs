@@ -55,7 +55,7 @@ pub const NO_INDEX: u32 = u32::MAX;
 pub struct Triangle {
     /// Indices into [`Scene::positions`].
     pub positions: [u32; 3],
-    /// Indices into [`Scene::normals`], or [`NO_INDEX`]: the corner then has the geometric normal.
+    /// Indices into [`Scene::normals`], or [`NO_INDEX`]; where one corner has no normal, all have the geometric one.
     pub normals: [u32; 3],
     /// Indices into [`Scene::uvs`], or [`NO_INDEX`]: the corner then has (0, 0).
     pub uvs: [u32; 3],
@@ -63,10 +63,11 @@ pub struct Triangle {
     pub material: MaterialId,
 }
 
-/// What a ray that leaves the scene sees: a vertical gradient (equal colours: constant), linear RGB.
+/// What a ray that leaves the scene sees, linear RGB: a gradient over y of its unit direction, which from -1 to 1 leads
+/// from `bottom` to `top` in a straight line (equal colours: constant).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Background {
-    /// Colour straight down and at the horizon from below, linear RGB.
+    /// Colour straight down, linear RGB; the horizon has the mean of both.
     pub bottom: Vec3,
     /// Colour straight up, linear RGB.
     pub top: Vec3,

@@ -127,14 +127,14 @@ device_const! {
     pub const PAIR_EPSILON: f32 = power_of_two(-44);
     /// Its inverse.
     pub const PAIR_PRECISION: f32 = power_of_two(44);
-    /// Errors of T, D, U and V, in units of WIDE_EPSILON.
-    pub const WIDE_ROUNDINGS: f32 = 10.0;
+    /// Errors of T, D, U and V, in units of EXTENDED_EPSILON.
+    pub const EXTENDED_ROUNDINGS: f32 = 10.0;
     /// Those of W.
-    pub const WIDE_ROUNDINGS_W: f32 = 14.0;
-    /// What no float is small enough for of a start's second part, in units of WIDE_EPSILON.
+    pub const EXTENDED_ROUNDINGS_W: f32 = 14.0;
+    /// What no float is small enough for of a start's second part, in units of EXTENDED_EPSILON.
     pub const LEAST_START: f32 = power_of_two(-145);
     /// The second part's error of 4 EPSILON, in units of that of T.
-    pub const START_SHARE: f32 = 4.0 / WIDE_ROUNDINGS;
+    pub const START_SHARE: f32 = 4.0 / EXTENDED_ROUNDINGS;
     /// Below this a product of floats may have underflowed.
     pub const LEAST_MAGNITUDE: f32 = power_of_two(-80);
 }

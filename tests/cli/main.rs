@@ -12,8 +12,11 @@ mod explain;
 mod limits;
 mod losses;
 mod methods;
+mod peers;
 mod ply_headers;
+mod roulette;
 mod study;
+mod truth;
 mod tune;
 
 use std::path::Path;
@@ -92,6 +95,10 @@ fn wrong_input_ends_with_the_documented_code() {
         (&["render", "one.obj", "--samples", "corners", "--size", "1x5"], 2, &["--samples", "2x2"]),
         (&["render", "one.obj", "--structure", "tree"], 2, &["--structure", "tree", "auto, brute, kd, bvh2"]),
         (&["render", "one.obj", "--max-depth", "99"], 2, &["--max-depth", "60"]),
+        (&["render", "one.obj", "--roulette", "1.5"], 2, &["--roulette", "1.5", "at most 1"]),
+        (&["render", "one.obj", "--roulette=-0.1"], 2, &["--roulette", "-0.1", "must be 0, or"]),
+        (&["render", "one.obj", "--roulette", "nan"], 2, &["--roulette", "NaN"]),
+        (&["check", "one.obj", "--roulette", "much"], 2, &["--roulette", "much", "a number"]),
         (&["render", "one.obj", "--leaf-size", "0"], 2, &["--leaf-size"]),
         (&["info", "one.obj", "--build", "middle"], 2, &["--build", "sampled-median", "volume"]),
         (&["info", "one.obj", "--stop", "never"], 2, &["--stop", "cost, size"]),

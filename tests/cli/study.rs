@@ -50,7 +50,8 @@ fn every_study_is_made_on_the_reference() {
     for study in Study::all() {
         let findings = study.run(&mut lab).unwrap();
         assert_whole(study, &findings);
-        assert!(!findings.charts.is_empty(), "{}", study.name);
+        let is_measured = findings.tables.iter().any(|table| !table.rows.is_empty());
+        assert!(!findings.charts.is_empty() || !is_measured, "{}", study.name);
         for row in findings.tables.iter().flat_map(|table| &table.rows) {
             let method = row.get("method").and_then(Value::as_str).unwrap_or_default();
             let is_exact = method.ends_with("exact") || row.get("leaf_size").is_some();
@@ -169,14 +170,14 @@ fn a_report_is_judged_anew_from_its_rows() {
     let read = || -> Value { serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap() };
     let right = read();
     let mut wrong = right.clone();
-    wrong["holds"] = true.into();
+    wrong["outcome"] = "holds".into();
     wrong["verdict"] = "Whole triangles are <b>always</b> slower.".into();
     wrong["tables"][0]["rows"][0]["wrong_bound"] = 3.0.into();
     std::fs::write(&path, serde_json::to_vec(&wrong).unwrap()).unwrap();
     let judged = run(at, &["study", "--judge", "-o", "report", "--markdown", "report.md"]);
     assert!(judged.status.success(), "{}", text(&judged.stderr));
     let found = read();
-    assert_eq!((&found["verdict"], &found["holds"]), (&right["verdict"], &right["holds"]));
+    assert_eq!((&found["verdict"], &found["outcome"]), (&right["verdict"], &right["outcome"]));
     assert_eq!((&found["tables"], &found["seconds"]), (&right["tables"], &right["seconds"]));
     assert_eq!(found["earlier"], "It holds here: Whole triangles are <b>always</b> slower.");
     let html = std::fs::read_to_string(at.join("report/index.html")).unwrap();
@@ -216,8 +217,8 @@ fn stability_is_of_the_users_mesh_or_says_that_it_is_not() {
         }
     }
     let html = std::fs::read_to_string(at.join("report/index.html")).unwrap();
-    assert!(html.contains("but of shapes of the program's own: the sweeps by angle"), "the page says it, too");
-    assert!(html.contains("tetra.obj: wrong answers by"), "a chart of the mesh");
+    assert!(html.contains("but of shapes of the program's own: the sweeps by valence"), "the page says it, too");
+    assert!(html.contains("tetra.obj: answers that differ, by"), "a chart of the mesh");
 }
 
 #[test]
@@ -288,4 +289,67 @@ fn the_page_fits_a_desk_and_a_phone() {
         assert_eq!(shown, charts, "{width}: charts that are shown");
         assert!(!log.contains("CONSOLE"), "{log}");
     }
+}
+
+/// Whether a report is too old: it was made by other code, and more than one release ago. `versions` are those of the
+/// changelog, the newest first.
+fn is_stale(made_by: &str, now: &str, version: &str, versions: &[String]) -> bool {
+    made_by != now && versions.iter().position(|released| released == version).is_none_or(|age| age > 1)
+}
+
+#[test]
+fn reports_grow_stale_with_the_second_release_after_a_change() {
+    let versions = ["0.3.0", "0.2.0", "0.1.0"].map(str::to_owned);
+    for (made_by, version, expected) in [
+        ("a", "0.1.0", false),
+        ("b", "0.3.0", false),
+        ("b", "0.2.0", false),
+        ("b", "0.1.0", true),
+        ("", "0.1.0", true),
+        ("b", "unknown", true),
+    ] {
+        assert_eq!(is_stale(made_by, "a", version, &versions), expected, "{made_by} {version}");
+    }
+}
+
+#[test]
+fn published_reports_are_not_stale() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().find(|at| at.join("CHANGELOG.md").exists()).unwrap();
+    let changelog = std::fs::read_to_string(root.join("CHANGELOG.md")).unwrap();
+    let headings = changelog.lines().filter_map(|line| line.strip_prefix("## [")?.split(']').next());
+    let versions: Vec<_> = headings.filter(|version| *version != "Unreleased").map(str::to_owned).collect();
+    assert_eq!(versions[0], env!("CARGO_PKG_VERSION"), "the changelog's newest release is this one");
+    for report in std::fs::read_dir(root.join("docs/study")).unwrap().map(|entry| entry.unwrap().path()) {
+        for study in Study::all().filter(|_| report.is_dir()) {
+            let file = report.join("data").join(format!("{}.json", study.name));
+            // A study that is newer than the report.
+            let Ok(text) = std::fs::read(&file) else { continue };
+            let found: Value = serde_json::from_slice(&text).unwrap();
+            let (made_by, version) = (found["sources"].as_str(), found["header"]["version"].as_str());
+            let is_stale = is_stale(made_by.unwrap_or(""), &study.sources(), version.unwrap(), &versions);
+            assert!(!is_stale, "{} is of {version:?}, and kernels or study have changed: make it anew", file.display());
+        }
+    }
+}
+
+/// Every link of the page leads somewhere, in it or beside it.
+#[test]
+fn the_page_has_no_dead_link() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = run(folder.path(), &["study", "leaf-size", "--quick", "--device", "reference", "-o", "report"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let report = folder.path().join("report");
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    let links: Vec<&str> = page.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    assert!(links.len() > 3, "{links:?}");
+    for link in links {
+        match link.strip_prefix('#') {
+            Some(id) => assert!(page.contains(&format!("id=\"{id}\"")), "{link}"),
+            None => assert!(report.join(link).is_file(), "{link}"),
+        }
+    }
+    // Whoever points at a mark reads its numbers.
+    assert!(page.contains("<title>") && page.contains("median, 8, boulder\nmost triangles in a leaf"), "no tooltips");
+    // A scene is shown, and when and of what the report was made is told.
+    assert!(page.contains("data:image/png;base64,") && page.contains("commit "), "{page:.3000}");
 }

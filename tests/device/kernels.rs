@@ -8,13 +8,16 @@ use raybrook::low_level::bounds::{SLACK, SPHERE_SLACK};
 use raybrook::low_level::device::{CompileOptions, DeviceKind};
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
-    Intersector, KdOptions, Kernels, PictureOptions, Structure, StructureKind, TexturePass, TraceOptions, Traversal,
+    Intersector, KdOptions, Kernels, LEAST_ROULETTE, PictureOptions, Structure, StructureKind, TexturePass,
+    TraceOptions, Traversal,
 };
 use raybrook::low_level::pack::{SceneBuffers, triangle_transform};
 use raybrook::low_level::reference::intersect::exact::{finish_exactly, test_exactly};
 use raybrook::low_level::reference::intersect::{intersect, moller_trumbore::Intersection};
 use raybrook::low_level::reference::shade::light::toon_tone;
 use raybrook::low_level::reference::shade::procedural::{fractal_noise, gradient_noise, procedural_colour};
+use raybrook::low_level::reference::shade::roulette::Killing;
+use raybrook::low_level::reference::shade::whitted::RayKind;
 use raybrook::low_level::reference::shared::math;
 use raybrook::low_level::reference::shared::memory::NoWork;
 use raybrook::low_level::reference::shared::ray::{
@@ -25,7 +28,8 @@ use raybrook::low_level::reference::traverse::spheres::may_meet_sphere;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
 use raybrook::low_level::shared::{
-    NO_PRIMITIVE, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
+    CameraSample, NO_PRIMITIVE, RAY_DEPTH_BITS, RenderParams, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE,
+    TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
 };
 use raybrook::low_level::tracer::{TraceJob, is_hit};
 use std::fmt::Write;
@@ -463,6 +467,43 @@ fn procedural_textures_equal_their_twins() {
     }
     assert!(expected.iter().all(|c| (0.0..=1.0).contains(c)), "a colour beyond its two");
     assert_same_bits("procedural_colour", INPUTS, &data, &run(&device, body, INPUTS, 3, &data), &expected);
+}
+
+/// Rays of every kind, depth and weight, through every place of the picture.
+#[test]
+fn roulette_equals_its_twin() {
+    let Some(device) = device() else { return };
+    let body = "const CameraSample at = *(__global const CameraSample*)(in + 28);
+                Killing killing; begin_killing((__global const RenderParams*)in, hash_place(at), &killing);
+                __global const uint* way = (__global const uint*)(in + 34); float3 weight = vload3(0, in + 31);
+                out[0] = survives(&killing, way[0], way[1], &weight) ? 1.0f : 0.0f; vstore3(weight, 0, out + 1);
+                out[4] = (float)(depth_of(next_depth(way[0], way[1])));";
+    const INPUTS: usize = 36; // the picture, a place in it, a weight, a depth, a kind
+    let mut random = Random::new(SEED);
+    let (mut data, mut expected) = (Vec::<f32>::new(), Vec::new());
+    for i in 0..4 * ITEMS {
+        let roulette_weight = random.pick(&[1.0, 0.5, 1e-3, LEAST_ROULETTE]);
+        let kill_weight = random.pick(&[0.0, 1e-4]);
+        let params = RenderParams { kill_weight, roulette_weight, ..RenderParams::default() };
+        let at = CameraSample { x: random.unit() * 4096.0, y: random.below(4096) as f32, footprint: 1.0 };
+        let nonsense = random.any_float();
+        let weight = random.pick(&[0.3, 1.0, 1e-3, 3.0]) * roulette_weight * v3(&[0.9, random.unit(), random.unit()]);
+        let weight = if i % 16 == 0 { Vec3::splat(nonsense) } else { weight };
+        let depth = (random.below(1 << 24) << RAY_DEPTH_BITS) as u32 | random.whole(1, 63) as u32;
+        let kind = random.pick(&[RayKind::Reflected, RayKind::Refracted]);
+        let killing = Killing::of_path(&params, at);
+        let kept = killing.survives(depth, kind, weight);
+        expected.push(flag(kept.is_some()));
+        expected.extend(kept.unwrap_or(weight).to_array());
+        expected.push(killing.depth(killing.next_depth(depth, kind)) as f32);
+        data.extend_from_slice(bytemuck::cast_slice::<_, f32>(&[params]));
+        data.extend([at.x, at.y, at.footprint, weight.x, weight.y, weight.z]);
+        data.extend([f32::from_bits(depth), f32::from_bits(kind as u32)]);
+    }
+    let alive: f32 = expected.iter().step_by(5).sum();
+    assert!((0.3..0.7).contains(&(alive / (4 * ITEMS) as f32)), "{alive} live");
+    let found = run_with(&device, CompileOptions::new().define("ROULETTE", 1), body, INPUTS, 5, &data);
+    assert_same_bits("survives", INPUTS, &data, &found, &expected);
 }
 
 /// With counted work and without. Few rays, for Oclgrind's sake: that every traversal stays within its arrays. Hits on

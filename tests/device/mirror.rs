@@ -13,7 +13,7 @@ const WITHOUT_TWIN: &[(&str, &str)] = &[
     ("cl/shared/features.cl", "leaves out code; the twin has all of it"),
     ("cl/shared/types.cl", "generated from src/shared.rs"),
     ("cl/shared/constants.cl", "generated from src/shared.rs and src/shared/constants.rs"),
-    ("cl/shared/wide.cl", "the twin has f64"),
+    ("cl/shared/extended.cl", "the twin has f64"),
     ("cl/shared/double_double.cl", "the twin goes from f64 to exact integers at once"),
     ("cl/shared/rounding_errors.cl", "compiled for several numbers of lanes; the twin's one is in ray.rs"),
     ("cl/intersect/exact_closer.cl", "the twin goes from f64 to exact integers at once"),

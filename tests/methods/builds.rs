@@ -128,8 +128,10 @@ fn lines_meet_cells_by_their_area_and_not_by_their_volume() {
 fn volumes_promise_less_and_cost_more() {
     for name in ["knot.obj", "vase.obj", "showcase.toml"] {
         let triangles = scene(name);
-        let options = options_of(Build::Sah, &triangles);
-        assert_eq!(options, options_of(Build::Volume, &triangles), "only the measure differs");
+        // With the bonus of Wald and Havran: with less the greedy choice may lose by its own law, too.
+        let [of_areas, of_volumes] = [Build::Sah, Build::Volume].map(|build| options_of(build, &triangles));
+        assert_eq!(of_areas, of_volumes, "only the measure differs");
+        let options = BuildOptions { empty_bonus: 0.2, ..of_areas };
         let [sah, volume] = [Build::Sah, Build::Volume].map(|build| grow(build, &triangles, &options));
         let [[sah_area, sah_volume], [volume_area, volume_volume]] =
             [&sah, &volume].map(|tree| [Measure::Surface, Measure::Volume].map(|m| expected_cost(tree, m, &options)));

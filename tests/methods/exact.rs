@@ -8,7 +8,7 @@ use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::intersect::exact_filter::{Decision, decide_wide, finish_wide};
+use raybrook::low_level::reference::intersect::exact_filter::{Decision, decide_extended, finish_extended};
 use raybrook::low_level::reference::intersect::exact_integers::{decide_by_integers, finish_by_integers};
 use raybrook::low_level::reference::intersect::moller_trumbore::Intersection;
 use raybrook::low_level::reference::intersect::ties::{are_in_one_plane, are_same_points};
@@ -195,11 +195,11 @@ fn every_step_is_right() {
             (None, Some(exact)) => assert!(!is_nearest(f32::MAX, &exact.distance, &exact.det), "{what}: missed"),
             (found, None) => assert_eq!(found, None, "{what}"),
         }
-        match (decide_wide(&ray, triangle), &exact) {
+        match (decide_extended(&ray, triangle), &exact) {
             (Decision::Undecided, _) => undecided += 1,
             (Decision::Hit([low, high]), Some(exact)) => {
                 assert!(exact.is_within(low, high), "{what}: t outside of {low}..{high}");
-                match finish_wide(&ray, triangle) {
+                match finish_extended(&ray, triangle) {
                     Some(found) => assert_nearest(found, exact, &what),
                     None => undecided += 1,
                 }

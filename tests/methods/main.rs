@@ -11,6 +11,7 @@ mod front;
 mod intersect;
 mod math;
 mod packets;
+mod rounded_packets;
 mod same_answers;
 mod sorted;
 mod stress;

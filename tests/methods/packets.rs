@@ -1,5 +1,5 @@
-//! Packets of rays: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one
-//! that is there.
+//! Packets of rays with exact hits: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one
+//! that is there. Packets of other triangle tests: `rounded_packets.rs`.
 
 use crate::common::{Random, SEED, device, scene_of, sheet, soup};
 use glam::Vec3;
@@ -18,25 +18,25 @@ use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{Backend, TraceJob, TraceResult, is_hit};
 use std::sync::Arc;
 
-const PACKETS: TraceOptions =
+pub(crate) const PACKETS: TraceOptions =
     TraceOptions { packet_size: PacketSize::Sixteen, ..TraceOptions::of(StructureKind::Bvh8) };
 
 /// In a kd-tree.
-const KD: TraceOptions = TraceOptions { structure: Structure::of(StructureKind::Kd), ..PACKETS };
+pub(crate) const KD: TraceOptions = TraceOptions { structure: Structure::of(StructureKind::Kd), ..PACKETS };
 
 /// The same, as deep as planes part triangles.
 const KD_TO_THE_END: TraceOptions =
     TraceOptions { structure: Structure::Kd(KdOptions { cost_traverse: Some(0.0), ..KD.kd() }), ..KD };
 
-const BRUTE: TraceOptions = TraceOptions::of(StructureKind::Brute);
+pub(crate) const BRUTE: TraceOptions = TraceOptions::of(StructureKind::Brute);
 
-fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
+pub(crate) fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> TraceRay {
     TraceRay { origin_t_min: Float4::new(origin, t_min), direction_t_max: Float4::new(direction, t_max) }
 }
 
 /// Rays that go much the same way, from one point or from several, `of` rays at a time along another axis: what frusta
 /// are made of.
-fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
+pub(crate) fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
     let bundle = |random: &mut Random| {
         let from = random.vec3() * if random.bits() & 1 == 0 { 0.3 } else { 3.0 };
         let to = random.vec3();
@@ -54,7 +54,7 @@ fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
 
 /// Rays of all directions, with limits of t, along axes, through vertices and edges of `triangles`, and with numbers
 /// that no packet takes.
-fn scattered(count: usize, triangles: &[[Vec3; 3]], random: &mut Random) -> Vec<TraceRay> {
+pub(crate) fn scattered(count: usize, triangles: &[[Vec3; 3]], random: &mut Random) -> Vec<TraceRay> {
     let inf = f32::INFINITY;
     (0..count)
         .map(|i| {
@@ -80,11 +80,11 @@ fn scattered(count: usize, triangles: &[[Vec3; 3]], random: &mut Random) -> Vec<
         .collect()
 }
 
-fn bits(hit: &Hit) -> [u32; 4] {
+pub(crate) fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-fn trace(tracer: &mut dyn Backend, rays: &[TraceRay], any_hit: bool) -> TraceResult {
+pub(crate) fn trace(tracer: &mut dyn Backend, rays: &[TraceRay], any_hit: bool) -> TraceResult {
     tracer.trace(&TraceJob { extreme: &[], rays, next_directions: None, any_hit, repeat: 1 }, &|_| ()).unwrap()
 }
 
@@ -296,7 +296,7 @@ fn what_packets_leave_open_is_decided_all_the_same() {
 }
 
 /// Renders one of the project's scenes on the device and by the twin, with two samples a pixel.
-fn assert_picture(device: &DeviceHandle, name: &str, options: &TraceOptions, size: (u32, u32)) {
+pub(crate) fn assert_picture(device: &DeviceHandle, name: &str, options: &TraceOptions, size: (u32, u32)) {
     let mut scene = load(crate::common::root().join("scenes").join(name).as_path()).unwrap();
     complete(&mut scene, size.0 as f32 / size.1 as f32);
     let buffers = Arc::new(SceneBuffers::new(&scene, options).unwrap());

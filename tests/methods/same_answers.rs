@@ -39,11 +39,11 @@ mod models;
 
 use crate::common::device;
 use combinations::{go_together, is_read, is_robust_enough, kernel_key, product, spread};
-use models::{Answers, Model, Questions, brute_force, models};
+use models::{Answers, Look, Model, Questions, brute_force, models};
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{
-    Choice, Intersector, KdOptions, Kernels, Structure, Terminator, TextureFilter, TraceOptions, Traversal, choices,
-    combine, fewest_changes, never_together,
+    Choice, Intersector, KdOptions, Kernels, Structure, TraceOptions, Traversal, choices, combine, fewest_changes,
+    never_together,
 };
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -72,7 +72,7 @@ struct Job {
 struct Comparison {
     models: Vec<Model>,
     /// By model and by what answers may depend on.
-    expected: HashMap<(usize, Intersector, Terminator, TextureFilter), Answers>,
+    expected: HashMap<(usize, Intersector, Look), Answers>,
     tally: Mutex<Tally>,
 }
 
@@ -91,17 +91,12 @@ fn robust_tests() -> impl Iterator<Item = Intersector> {
 impl Comparison {
     fn new(size: (u32, u32)) -> Comparison {
         let models = models(size);
-        let with = |model| {
-            let pairs =
-                robust_tests().flat_map(|test| Terminator::ALL.iter().map(move |&terminator| (test, terminator)));
-            pairs.flat_map(move |(test, terminator)| {
-                TextureFilter::ALL.iter().map(move |&f| (model, test, terminator, f))
-            })
-        };
+        let with =
+            |model| robust_tests().flat_map(move |test| Look::all().into_iter().map(move |look| (model, test, look)));
         // Without textures all filters are one.
-        let is_other = |key: &(usize, _, _, TextureFilter)| key.3 == models[key.0].filter(key.3);
+        let is_other = |key: &(usize, _, Look)| key.2 == models[key.0].look(key.2);
         let keys: Vec<_> = (0..models.len()).flat_map(with).filter(is_other).collect();
-        let of_key = |key: (usize, _, _, _)| (key, models[key.0].expected(&brute_force(key.1, key.2, key.3)));
+        let of_key = |key: (usize, _, _)| (key, models[key.0].expected(&brute_force(key.1, key.2)));
         let expected = keys.into_par_iter().map(of_key).collect();
         Comparison { models, expected, tally: Mutex::default() }
     }
@@ -109,8 +104,8 @@ impl Comparison {
     /// Runs a job on a device, or by the twin.
     fn run(&self, job: &Job, device: Option<&DeviceHandle>, cache: Option<&Cache>) {
         let Job { options, model, questions } = *job;
-        let filter = self.models[model].filter(options.picture.texture_filter);
-        let expected = &self.expected[&(model, options.intersector, options.picture.terminator, filter)];
+        let look = self.models[model].look(Look::of(&options.picture));
+        let expected = &self.expected[&(model, options.intersector, look)];
         let model = &self.models[model];
         let (rays, (count, texts)) = match model.answers(device, &options, questions, cache) {
             Ok(got) => (got.rays(), model.compare(expected, &got, questions)),
@@ -269,7 +264,7 @@ fn a_traversal_that_loses_hits_is_seen() {
     let options = TraceOptions::of_kd(KdOptions { traversal: Traversal::ThesisRestart, ..KdOptions::DEFAULT });
     let questions = Questions { batches: true, picture: true };
     let got = room.answers(None, &options, questions, None).unwrap();
-    let same = brute_force(options.intersector, options.picture.terminator, options.picture.texture_filter);
+    let same = brute_force(options.intersector, Look::of(&options.picture));
     let (count, texts) = room.compare(&room.expected(&same), &got, questions);
     // It loses none from where all planes are ahead: those of the camera.
     let is_seen = |what: &str| texts.iter().any(|text| text.contains(what));

@@ -132,6 +132,7 @@ fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
     let bvh8 = TraceOptions::of(StructureKind::Bvh8);
     for (options, error) in [
         (TraceOptions { packet_size: PacketSize::Sixteen, ..bvh8 }, 0.5),
+        (TraceOptions { packet_size: PacketSize::Sixteen, intersector: Intersector::MollerTrumbore, ..bvh8 }, 0.5),
         (TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..bvh8.picture }, ..bvh8 }, 2.0),
         (bvh8, 8.0),
     ] {

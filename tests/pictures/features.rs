@@ -25,12 +25,12 @@ const QUICK: TraceOptions =
     TraceOptions { intersector: Intersector::MollerTrumbore, ..TraceOptions::of(StructureKind::Brute) };
 
 /// No feature but what a scene with light cannot do without.
-fn fewest() -> Features {
+pub fn fewest() -> Features {
     Features::ALL.iter().fold(Features::ALL, Features::without).with(Feature::DirectionalLights)
 }
 
 /// The smallest set with `feature` that a scene can need.
-fn with(feature: Feature) -> Features {
+pub fn with(feature: Feature) -> Features {
     let set = fewest().with(feature);
     match feature {
         Feature::PlacedLights => set.without(Feature::DirectionalLights),
@@ -40,7 +40,7 @@ fn with(feature: Feature) -> Features {
 }
 
 /// The largest set without `feature` that a scene can need.
-fn lacking(feature: Feature) -> Features {
+pub fn lacking(feature: Feature) -> Features {
     let set = Features::ALL.without(feature);
     match feature {
         Feature::PlacedLights => set.without(Feature::Spots).without(Feature::Falloff),
@@ -52,7 +52,7 @@ fn lacking(feature: Feature) -> Features {
 }
 
 /// A sphere and a box on a floor that need these features and no others.
-fn scene_of(set: Features) -> Scene {
+pub fn scene_of(set: Features) -> Scene {
     let has = |feature| set.has(feature);
     let mut builder = Builder::new();
     let image = Image {

@@ -6,6 +6,8 @@ mod common;
 mod adaptive;
 mod features;
 mod images;
+mod roulette;
 mod shading;
 mod texture_filter;
+mod truth;
 mod wavefront;

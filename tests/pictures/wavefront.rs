@@ -101,7 +101,7 @@ fn complete_camera(scene: &mut Scene) {
 }
 
 /// Two mirrors, which see each other, a glass ball and panes of glass over a textured floor, before a wall of marble.
-fn glass_house(lights: Vec<Light>) -> Scene {
+pub(super) fn glass_house(lights: Vec<Light>) -> Scene {
     let mut builder = Builder::new();
     let texels = (0..64u8).map(|i| if (i / 8 + i % 8) % 2 == 0 { [230, 220, 200, 255] } else { [40, 60, 90, 255] });
     let checker = Image { name: "checker".into(), width: 8, height: 8, rgba: texels.collect() };
@@ -137,7 +137,7 @@ fn glass_house(lights: Vec<Light>) -> Scene {
     scene
 }
 
-fn one_light() -> Vec<Light> {
+pub(super) fn one_light() -> Vec<Light> {
     vec![Light::point(Vec3::new(1.0, 4.0, 1.0), Vec3::splat(0.9))]
 }
 

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::options::{
-    KernelFeatures, Kernels, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
+    KernelFeatures, Kernels, LEAST_ROULETTE, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
@@ -223,8 +223,11 @@ fn pixels_are_numbers(renders: u64, device: Option<&DeviceHandle>) {
         let twin = rendered(None, &buffers, &options, &picture);
         pictures += 1;
         lit += usize::from(twin.counts[2] > 0);
-        if twin.film.non_finite() > 0 {
-            wrong.push((seed, twin.film.non_finite()));
+        let roulette = Some(random.pick(&[1.0, 0.5, 1e-3, LEAST_ROULETTE]));
+        let playing = TraceOptions { picture: PictureOptions { roulette, ..options.picture }, ..options };
+        let bad = twin.film.non_finite() + rendered(None, &buffers, &playing, &picture).film.non_finite();
+        if bad > 0 {
+            wrong.push((seed, bad));
         }
         assert!(twin.film.pixels.iter().flatten().all(|c| c.is_nan() || *c >= 0.0), "seed {seed}: less than no light");
         if let Some(device) = device {

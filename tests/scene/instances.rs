@@ -176,7 +176,16 @@ fn pictures_are_those_of_the_flattened_scene() {
     let expected = picture(&flat, &FLAT, None);
     assert!(expected.1[5] > 100 && expected.1[7] > 100, "mirrors and glass are seen: {:?}", expected.1);
     assert_eq!(picture(&scene, &INSTANCES, None), expected);
+    // Which rays live at roulette is no matter of where triangles are.
+    let playing = |options: TraceOptions| TraceOptions {
+        picture: PictureOptions { roulette: Some(0.7), ..options.picture },
+        ..options
+    };
+    let random = picture(&flat, &playing(FLAT), None);
+    assert!(random.1[4] < expected.1[4] && random.1[6] < expected.1[6], "{:?}, {:?}", random.1, expected.1);
+    assert_eq!(picture(&scene, &playing(INSTANCES), None), random);
     let Some(device) = device() else { return };
+    assert_eq!(picture(&scene, &playing(INSTANCES), Some(&device)), random, "roulette");
     assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected, "mega-kernel");
     let split =
         TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..INSTANCES.picture }, ..INSTANCES };

@@ -1,9 +1,10 @@
-//! `raybrook check`: the device against the reference, in pictures and in hits.
+//! `raybrook check`: the device against the reference, in pictures and in hits; or with `--truth` against a judge of
+//! its own (`truth.rs`).
 
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::progress::Bar;
-use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open};
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, open, truth};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
 use raybrook::low_level::choose::Decision;
 use raybrook::low_level::compare::{FilmDifference, HitDifference, compare_films, compare_hits, difference_picture};
@@ -30,27 +31,48 @@ const TOLERATED_STEPS: u8 = 1;
 #[derive(clap::Args)]
 pub struct CheckArgs {
     #[command(flatten)]
-    scene: SceneArgs,
+    pub(super) scene: SceneArgs,
+    /// Judge the picture and its rays by f64 and rational arithmetic, in place of the reference.
+    ///
+    /// The picture is rendered again in f64 by code that shares nothing with device and reference. Every pixel that
+    /// float32's roundings do not explain is wrong. Rays of the picture are judged by rational arithmetic. Needs no
+    /// OpenCL device. Each pixel has one sample unless --samples says otherwise.
+    #[arg(long, conflicts_with = "error")]
+    truth: bool,
+    /// How many rays of each kind --truth judges, from pixels spread over the picture.
+    #[arg(
+        long,
+        requires = "truth",
+        value_name = "N",
+        default_value_t = truth::DEFAULT_RAYS,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
+    truth_rays: u32,
     /// Picture of the differences [default: the scene's name with -difference.png, in this folder].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    picture: PictureArgs,
+    pub(super) picture: PictureArgs,
     #[command(flatten)]
-    method: MethodArgs,
+    pub(super) method: MethodArgs,
     #[command(flatten)]
-    device: DeviceArgs,
+    pub(super) device: DeviceArgs,
     #[command(flatten)]
-    explain: ExplainArgs,
+    pub(super) explain: ExplainArgs,
     /// Write the findings to a JSON file.
     #[arg(long, value_name = "FILE")]
-    stats: Option<PathBuf>,
+    pub(super) stats: Option<PathBuf>,
 }
 
 impl CheckArgs {
+    /// How many rays of each kind are judged.
+    pub(super) fn truth_rays(&self) -> u32 {
+        self.truth_rays
+    }
+
     /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`,
     /// which are read.
-    fn output(&self, wanted: &Path, mut files: Files) -> Result<PathBuf> {
+    pub(super) fn output(&self, wanted: &Path, mut files: Files) -> Result<PathBuf> {
         files.write_if(self.stats.as_deref(), "--stats")?;
         let claim = |output: PathBuf| files.clone().write(&output, "-o").map(|()| output);
         match &self.output {
@@ -64,6 +86,7 @@ impl CheckArgs {
 #[derive(Serialize)]
 struct Findings {
     device: String,
+    options: TraceOptions,
     choices: Vec<Decision>,
     rays: u64,
     rays_differ: bool,
@@ -103,6 +126,9 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     files.read(&args.scene.scene, "the scene");
     check_output(&args.output(&wanted, files.clone())?, None)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
+    if args.truth {
+        return truth::run(args, &wanted, files, talk);
+    }
     let Some(device) = open::choose(&args.device, Talk { quiet: true, ..talk })? else {
         let message =
             "there is no OpenCL device to check against the reference; `raybrook devices` tells what is missing";
@@ -150,6 +176,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     let findings = Findings {
         passed: hits.differing == 0 && picture_difference.largest_step <= TOLERATED_STEPS,
         device: opened.stats.device.clone(),
+        options,
         choices: opened.stats.choices.clone(),
         rays: on_device.counts.iter().step_by(2).sum(),
         rays_differ: on_device.counts != on_reference.counts,

@@ -8,6 +8,7 @@ use raybrook::low_level::choose::{Decision, Source, numbers_in_effect};
 use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::scene::{DropReason, Object, Texture};
+use raybrook_lab::cross_check::{Compared, CrossCheck, cross_check};
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -18,6 +19,9 @@ pub struct InfoArgs {
     method: MethodArgs,
     #[command(flatten)]
     explain: ExplainArgs,
+    /// Read an .obj file by another reader, too (the crate `tobj`), and tell what differs and why.
+    #[arg(long)]
+    cross_check: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -47,6 +51,8 @@ struct SceneInfo {
     tree: Option<TreeStats>,
     #[serde(skip_serializing_if = "Option::is_none")]
     structure: Option<StructureStats>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cross_check: Option<CrossCheck>,
 }
 
 pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
@@ -57,6 +63,10 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     let lights = std::mem::take(&mut loaded.scene.lights);
     let scene = &loaded.scene;
     let buffers = SceneBuffers::within(scene, &options, &budget)?;
+    let cross_check = match args.cross_check {
+        true => Some(cross_check(&args.scene.scene, scene, &budget)?),
+        false => None,
+    };
     let reasons: Vec<_> = (0..scene.triangle_count()).filter_map(|i| scene.drop_reason(i)).collect();
     let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
     let (low, high) = scene.bounds().unwrap_or_default();
@@ -64,6 +74,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     let of_objects =
         |count: fn(&Object) -> usize| -> usize { scene.instances.objects().iter().map(|object| count(object)).sum() };
     let info = SceneInfo {
+        cross_check,
         triangles: scene.triangle_count(),
         instances: scene.instances.placed().len(),
         stored_triangles: buffers.shading.len(),
@@ -96,6 +107,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         print::json(&info);
     } else {
         print_info(&info);
+        info.cross_check.iter().for_each(say_cross_check);
     }
     Ok(())
 }
@@ -115,6 +127,31 @@ impl InfoArgs {
         };
         let decisions = [vec![structure], numbers_in_effect(options, triangle_count)].concat();
         self.explain.print(&flags::decisions(decisions), talk);
+    }
+}
+
+/// What another reader has made of the file.
+fn say_cross_check(check: &CrossCheck) {
+    if check.agrees() {
+        say!("cross-check: tobj reads the same {} triangles", check.triangles);
+        return;
+    }
+    match (&check.tobj_error, check.tobj_triangles) {
+        (Some(error), _) => say!("cross-check: tobj cannot read the file: {error}"),
+        (None, Some(count)) if count != check.triangles => {
+            say!("cross-check: raybrook reads {} triangles, tobj {count}", check.triangles);
+        }
+        _ => say!("cross-check: both readers have {} triangles", check.triangles),
+    }
+    for Compared { what, differing, first } in &check.compared {
+        let first = first.map_or(String::new(), |first| format!(", first of triangle {first}"));
+        say!("  {what}: {differing} differ{first}");
+    }
+    for reason in &check.reasons {
+        say!("  perhaps because {}", reason.about());
+    }
+    if check.reasons.is_empty() {
+        say!("  the file has nothing that tobj is known to read otherwise: please report it");
     }
 }
 
@@ -139,5 +176,7 @@ fn print_info(info: &SceneInfo) {
             value => say!("{prefix:32} {value}"),
         }
     }
-    print("", &serde_json::to_value(info).expect("numbers and names serialise"));
+    let mut values = serde_json::to_value(info).expect("numbers and names serialise");
+    values.as_object_mut().map(|fields| fields.shift_remove("cross_check")); // has words of its own
+    print("", &values);
 }

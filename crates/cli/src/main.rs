@@ -34,7 +34,9 @@ mod stress;
 mod study;
 mod text;
 mod trace;
+mod truth;
 mod tune;
+mod values;
 mod work;
 
 use end::fail;
@@ -86,7 +88,7 @@ enum Command {
     Render(render::RenderArgs),
     /// Trace a batch of rays from a NumPy .npz file.
     Trace(trace::TraceArgs),
-    /// Render on a device and on the reference, and compare.
+    /// Render on a device and on the reference, and compare; or with --truth, have a judge compare.
     Check(check::CheckArgs),
     /// Tell what is in a scene and how its tree turns out.
     Info(info::InfoArgs),

@@ -1,5 +1,6 @@
 //! The options of methods. Their names, values and texts are those of the library's table.
 
+use super::values::Named;
 use super::{Talk, flags};
 use clap::{Arg, ArgMatches, Command, FromArgMatches};
 use raybrook::Error;
@@ -44,6 +45,9 @@ fn method() -> Arg {
         ("triangle test", Intersector::names()),
     ];
     let lists: Vec<_> = names.iter().map(|(part, names)| format!("{part}: {names}")).collect();
+    let options = [StructureKind::OPTION, Build::OPTION, Traversal::OPTION, Intersector::OPTION];
+    let parts = OPTIONS.iter().filter(|option| options.contains(&option.name)).flat_map(MethodOption::choices);
+    let parts = parts.filter_map(|choice| choice.name());
     Arg::new(METHOD)
         .long(METHOD)
         .value_name("PARTS")
@@ -54,7 +58,8 @@ fn method() -> Arg {
              fastest on the device, with exact hits]. What is left out is left to the program. `raybrook methods` explains the parts:\n{}",
             lists.join("\n")
         ))
-        .value_parser(|text: &str| parse_method(text).map_err(|error| what(&error)))
+        .hide_possible_values(true)
+        .value_parser(Named::new(parts, |text: &str| parse_method(text).map_err(|error| what(&error))))
 }
 
 fn precision() -> Arg {
@@ -65,17 +70,18 @@ fn precision() -> Arg {
         .help("exact: hits as exact arithmetic has them; fast: the fastest float32 test, which loses some [default: exact]")
         .long_help(
             "exact: hits as exact arithmetic has them [default]; fast: the fastest float32 test, which loses some hits: \
-             moller-trumbore. On a CPU fast is 3 to 4 times slower than exact: only with exact hits do rays go in packets there",
+             moller-trumbore. On a CPU, where rays of both go in packets, fast is about as fast as exact",
         )
         .conflicts_with(Intersector::OPTION)
-        .value_parser(|text: &str| {
+        .hide_possible_values(true)
+        .value_parser(Named::new(["exact", "fast"], |text: &str| {
             let intersector = match text {
                 "exact" => Intersector::Exact,
                 "fast" => Intersector::FASTEST,
                 _ => return Err("possible: exact, fast".to_owned()),
             };
             parse_method(intersector.name()).map_err(|error| what(&error))
-        })
+        }))
 }
 
 /// A value of an option; `None` is `auto`.
@@ -89,6 +95,7 @@ fn argument(option: &'static MethodOption) -> Arg {
     if is_structure {
         values.insert(0, format!("{AUTO}: {AUTO_STRUCTURE}"));
     }
+    let names = option.choices().filter_map(|choice| choice.name());
     let about = format!("{} [default: {}]", option.about().trim_end_matches('.'), option.default_words());
     let only = flags::only_with(option.structures).map_or(String::new(), |only| format!(". {only}"));
     let long = [&format!("{about}{only}")[..], &values.join("\n")].join("\n");
@@ -100,11 +107,15 @@ fn argument(option: &'static MethodOption) -> Arg {
         .long_help(long.trim_end().to_owned())
         .hide_short_help(true)
         .allow_negative_numbers(true)
-        .value_parser(move |text: &str| match option.parse(text) {
-            _ if is_structure && text == AUTO => Ok(Asked::None),
-            Err(_) if is_structure => Err(format!("no '{text}'; possible: {AUTO}, {}", StructureKind::names())),
-            choice => choice.map(Some).map_err(|error| what(&error)),
-        });
+        .hide_possible_values(true)
+        .value_parser(Named::new(
+            is_structure.then_some(AUTO).into_iter().chain(names),
+            move |text: &str| match option.parse(text) {
+                _ if is_structure && text == AUTO => Ok(Asked::None),
+                Err(_) if is_structure => Err(format!("no '{text}'; possible: {AUTO}, {}", StructureKind::names())),
+                choice => choice.map(Some).map_err(|error| what(&error)),
+            },
+        ));
     let old = OLD_FLAGS.iter().filter(|(_, name)| *name == option.name);
     old.fold(argument, |argument, (old, _)| argument.alias(*old))
 }

@@ -1,7 +1,9 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
 use super::files::Files;
+use super::values::Named;
 use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, closed, flags, open, print, stop};
+use clap::builder::{PossibleValue, StringValueParser};
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::output::{check_writable, write_json};
@@ -19,6 +21,12 @@ const MAX_RAYS: u64 = 1_000_000;
 /// Rays of each kind unless told otherwise.
 const DEFAULT_RAYS: u64 = 1000;
 
+/// Any text: what is no kind is told together with the one that is nearest.
+fn kind_names() -> Named<StringValueParser> {
+    let kinds = Kind::all().map(|kind| PossibleValue::new(kind.name).help(kind.about));
+    Named::new(kinds.chain([PossibleValue::new("all")]), StringValueParser::new())
+}
+
 /// A whole number, also as 1e9.
 fn parse_count(text: &str) -> std::result::Result<u64, String> {
     let whole = |x: f64| (x.fract() == 0.0 && (1.0..=MAX_EXACT_COUNT).contains(&x)).then_some(x as u64);
@@ -32,7 +40,7 @@ const MAX_EXACT_COUNT: f64 = (1u64 << f64::MANTISSA_DIGITS) as f64;
 #[derive(clap::Args)]
 pub struct StressArgs {
     /// Kinds of rays, or all; --list lists them.
-    #[arg(value_name = "KIND", default_value = "all")]
+    #[arg(value_name = "KIND", default_value = "all", hide_possible_values = true, value_parser = kind_names())]
     kinds: Vec<String>,
     /// List the kinds.
     #[arg(long)]

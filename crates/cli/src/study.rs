@@ -1,18 +1,26 @@
 //! `raybrook study`.
 
 use super::files::Files;
+use super::values::Named;
 use super::{DeviceArgs, MemoryArgs, Talk, open};
+use clap::builder::{PossibleValue, StringValueParser};
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::scene::Scene;
 use raybrook::{Error, Result};
-use raybrook_lab::study::{Header, Lab, Report, State, Study};
+use raybrook_lab::study::{Header, Lab, Outcome, Peer, Report, State, Study, export_rays};
 use std::path::{Path, PathBuf};
+
+/// Any text: what is no study is told together with the one that is nearest.
+fn study_names() -> Named<StringValueParser> {
+    let studies = Study::all().map(|study| PossibleValue::new(study.name).help(study.title));
+    Named::new(studies.chain([PossibleValue::new("all")]), StringValueParser::new())
+}
 
 #[derive(clap::Args)]
 pub struct StudyArgs {
     /// Studies, or `all` [default: all].
-    #[arg(value_name = "NAME")]
+    #[arg(value_name = "NAME", hide_possible_values = true, value_parser = study_names())]
     names: Vec<String>,
     /// Scene to study, instead of those that the program makes; several times for several.
     #[arg(long, value_name = "SCENE")]
@@ -31,8 +39,22 @@ pub struct StudyArgs {
     again: bool,
     /// Judge anew what is in the folder and write its verdicts, tables, charts and page again; nothing is measured,
     /// and no device is needed.
-    #[arg(long, conflicts_with_all = ["names", "scene", "quick", "again", "seed", "list"])]
+    #[arg(long, conflicts_with_all = ["names", "scene", "quick", "again", "seed", "list", "peer", "export_rays"])]
     judge: bool,
+    /// Another tracer's results on rays of --export-rays, which `pareto` shows beside its own methods; several for
+    /// several tracers.
+    ///
+    /// Its answers are judged as the program's own are. They must be to the rays of the same scenes, seed, device and
+    /// options. Where the study is there already, nothing is measured again. benches/peers has programs for Embree and
+    /// CGAL; the README.md beside the rays describes the file.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    peer: Vec<PathBuf>,
+    /// Write the rays that `pareto` traces, and their meshes, to a folder for other tracers, and end.
+    ///
+    /// There are rays of each scene and kind, and of each kind of stress rays, the same for the same seed. README.md in
+    /// the folder describes the files.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["peer", "markdown", "again", "output"])]
+    export_rays: Option<PathBuf>,
     /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -85,8 +107,11 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
         return judge(args, talk);
     }
     let studies = chosen(&args.names)?;
+    check_peers(args, &studies)?;
+    let peers = args.peer.iter().map(|path| Peer::read(path)).collect::<Result<Vec<_>>>()?;
     let mut files = Files::default();
     args.scene.iter().for_each(|scene| files.read(scene, "a scene"));
+    args.peer.iter().for_each(|peer| files.read(peer, "another tracer's results"));
     args.claim(files.clone())?;
     // Before an hour of studies, not after it.
     args.markdown.as_deref().map_or(Ok(()), check_writable)?;
@@ -110,7 +135,16 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
     };
     let mut lab = Lab::new(device.as_ref(), cache.as_ref(), &scenes, args.quick, args.seed, &progress);
     lab.memory = args.memory.memory_limit.map(MemoryBudget::of_bytes);
+    lab.peers = peers;
+    if let Some(folder) = &args.export_rays {
+        let sets = export_rays(&lab, folder)?;
+        if !talk.quiet {
+            say!("{}: {sets} sets of rays", folder.join("manifest.json").display());
+        }
+        return Ok(());
+    }
     let mut report = Report::open(&args.output, Header::new(&lab), &command(), args.again)?;
+    report.set_commit(env!("RAYBROOK_COMMIT"));
     for (i, study) in studies.iter().enumerate() {
         if !talk.quiet {
             tell!("{} of {}: {}: {}", i + 1, studies.len(), study.name, study.title);
@@ -119,15 +153,35 @@ pub fn run(args: &StudyArgs, talk: Talk) -> Result<()> {
             }
         }
         let state = report.make(study, &mut lab)?;
-        if state == State::Found && !talk.quiet {
-            tell!("  it is there already; --again makes it anew");
+        let said = match state {
+            State::Made => None,
+            State::Found => Some("it is there already; --again makes it anew"),
+            State::WithPeers => Some("it is there already; other tracers were put beside it"),
+        };
+        if let Some(said) = said.filter(|_| !talk.quiet) {
+            tell!("  {said}");
         }
     }
+    report.picture_scenes(&lab)?;
     report.write_page()?;
     if let Some(path) = &args.markdown {
         report.write_markdown(path, &studies)?;
     }
     say_verdicts(&report, &studies, talk);
+    Ok(())
+}
+
+/// Refuses other tracers, and the export of their rays, for studies without them.
+fn check_peers(args: &StudyArgs, studies: &[&Study]) -> Result<()> {
+    let name = Study::of_peers().name;
+    let has_it = studies.iter().any(|study| study.name == name);
+    if !args.peer.is_empty() && !has_it {
+        return Err(Error::option("--peer", format!("only the study {name} shows other tracers; name it, too")));
+    }
+    if args.export_rays.is_some() && !(has_it && studies.len() == 1) {
+        let message = format!("only the study {name} has rays for other tracers; name it alone: raybrook study {name}");
+        return Err(Error::option("--export-rays", message));
+    }
     Ok(())
 }
 
@@ -156,10 +210,10 @@ fn say_verdicts(report: &Report, studies: &[&Study], talk: Talk) {
         return;
     }
     for entry in report.entries().iter().filter(|entry| studies.iter().any(|study| study.name == entry.study)) {
-        let holds = match entry.findings.holds {
-            Some(true) => "holds: ",
-            Some(false) => "does not hold: ",
-            None => "",
+        let holds = match entry.findings.outcome {
+            Outcome::Holds => "holds: ",
+            Outcome::Fails => "does not hold: ",
+            Outcome::Undecided => "not decided: ",
         };
         say!("{}: {holds}{}", entry.study, entry.findings.verdict);
     }

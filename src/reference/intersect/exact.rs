@@ -1,8 +1,8 @@
 //! Twin of `cl/intersect/exact.cl`: the ray-triangle test that is right. The reasons are there. There is no step
-//! between wide numbers and exact integers here (`cl/intersect/exact_closer.cl`), as on devices without double: the
+//! between extended numbers and exact integers here (`cl/intersect/exact_closer.cl`), as on devices without double: the
 //! answers are the same.
 
-use super::exact_filter::{Decision, decide_rounded, decide_wide, finish_wide, place_hit, weight0_wide};
+use super::exact_filter::{Decision, decide_extended, decide_rounded, finish_extended, place_hit, weight0_extended};
 use super::exact_integers::{decide_by_integers, finish_by_integers, weight0_by_integers};
 use super::moller_trumbore::Intersection;
 use super::ties::{are_in_one_plane, are_same_points};
@@ -58,10 +58,10 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
         },
     };
     if decision == Decision::Undecided {
-        work.count(WorkCounter::WideTests, 1);
-        let wide = decide_wide(ray, triangle);
-        is_hit = wide != Decision::Undecided;
-        decision = placed(hit, wide);
+        work.count(WorkCounter::ExtendedTests, 1);
+        let extended = decide_extended(ray, triangle);
+        is_hit = extended != Decision::Undecided;
+        decision = placed(hit, extended);
     }
     if decision == Decision::Undecided {
         work.count(WorkCounter::CloseTests, 1);
@@ -83,7 +83,7 @@ pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit) {
     }
     let triangle = vertices(buffers, hit.primitive);
     let Intersection { t, u, v } =
-        finish_wide(ray, triangle).unwrap_or_else(|| finish_by_integers(buffers, ray, triangle));
+        finish_extended(ray, triangle).unwrap_or_else(|| finish_by_integers(buffers, ray, triangle));
     *hit = Hit { t, u, v, ..*hit };
 }
 
@@ -91,5 +91,5 @@ pub fn finish_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &mut Hit) {
 #[inline(always)]
 pub fn weight0_exactly(buffers: &SceneBuffers, ray: &Ray, hit: &Hit) -> f32 {
     let triangle = vertices(buffers, hit.primitive);
-    weight0_wide(ray, triangle).unwrap_or_else(|| weight0_by_integers(buffers, ray, triangle))
+    weight0_extended(ray, triangle).unwrap_or_else(|| weight0_by_integers(buffers, ray, triangle))
 }

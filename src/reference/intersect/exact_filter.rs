@@ -8,8 +8,8 @@ use crate::reference::shared::math::{abs3, dot3, fma3, max_or, min_or};
 use crate::reference::shared::ray::Ray;
 use crate::shared::Hit;
 use crate::shared::constants::{
-    DEPTH_ERROR, DOUBLE_EPSILON, DOUBLE_PRECISION, LEAST_DEPTH, LEAST_MAGNITUDE, LEAST_START, SPREAD_ERROR,
-    START_SHARE, WIDE_ROUNDINGS, WIDE_ROUNDINGS_W,
+    DEPTH_ERROR, DOUBLE_EPSILON, DOUBLE_PRECISION, EXTENDED_ROUNDINGS, EXTENDED_ROUNDINGS_W, LEAST_DEPTH,
+    LEAST_MAGNITUDE, LEAST_START, SPREAD_ERROR, START_SHARE,
 };
 use glam::{DVec3, Vec3};
 
@@ -59,10 +59,10 @@ pub fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
     if t_low > ray.t_near && t_high < hit.u { Decision::Hit(limits) } else { Decision::Undecided }
 }
 
-/// The relative error of one operation of `f64`, the twin's only kind of wide numbers.
-const WIDE_EPSILON: f32 = DOUBLE_EPSILON;
-const WIDE_ERROR: f32 = WIDE_ROUNDINGS * WIDE_EPSILON;
-const WIDE_ERROR_W: f32 = WIDE_ROUNDINGS_W * WIDE_EPSILON;
+/// The relative error of one operation of `f64`, the twin's only kind of extended numbers.
+const EXTENDED_EPSILON: f32 = DOUBLE_EPSILON;
+const EXTENDED_ERROR: f32 = EXTENDED_ROUNDINGS * EXTENDED_EPSILON;
+const EXTENDED_ERROR_W: f32 = EXTENDED_ROUNDINGS_W * EXTENDED_EPSILON;
 const START_ERROR: f32 = START_SHARE * EPSILON * DOUBLE_PRECISION;
 const LEAST_FROM: f32 = LEAST_START * DOUBLE_PRECISION;
 
@@ -82,17 +82,17 @@ fn magnitude_cross(a: Vec3, b: Vec3) -> Vec3 {
 struct Bounded(f64, f32);
 
 /// The numbers behind every answer.
-struct WideNumbers {
+struct ExtendedNumbers {
     distance: Bounded,
     det: Bounded,
     weights: [Bounded; 3],
 }
 
 #[inline(always)]
-fn wide_numbers(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> WideNumbers {
-    let wide = DVec3::from;
-    let (edge1, edge2) = (wide(p1) - wide(p0), wide(p2) - wide(p0));
-    let (from, direction) = (wide(p0) - wide(ray.origin) - wide(ray.origin_low), wide(ray.direction));
+fn extended_numbers(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ExtendedNumbers {
+    let extended = DVec3::from;
+    let (edge1, edge2) = (extended(p1) - extended(p0), extended(p2) - extended(p0));
+    let (from, direction) = (extended(p0) - extended(ray.origin) - extended(ray.origin_low), extended(ray.direction));
     let (normal, moment) = (edge1.cross(edge2), from.cross(direction));
     let dot = |a: DVec3, b: DVec3| a.x * b.x + a.y * b.y + a.z * b.z;
     let (distance, det) = (dot(normal, from), dot(normal, direction));
@@ -106,20 +106,20 @@ fn wide_numbers(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> WideNumbers {
     let det_magnitude = magnitude_dot(normal_magnitude, ray.direction);
     let magnitude_1 = magnitude_dot(magnitude2, moment_magnitude);
     let magnitude_2 = magnitude_dot(magnitude1, moment_magnitude);
-    WideNumbers {
-        distance: Bounded(distance, WIDE_ERROR * magnitude_dot(normal_magnitude, from_magnitude)),
-        det: Bounded(det, WIDE_ERROR * det_magnitude),
+    ExtendedNumbers {
+        distance: Bounded(distance, EXTENDED_ERROR * magnitude_dot(normal_magnitude, from_magnitude)),
+        det: Bounded(det, EXTENDED_ERROR * det_magnitude),
         weights: [
-            Bounded(weight0, WIDE_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2)),
-            Bounded(weight1, WIDE_ERROR * magnitude_1),
-            Bounded(weight2, WIDE_ERROR * magnitude_2),
+            Bounded(weight0, EXTENDED_ERROR_W * (det_magnitude + magnitude_1 + magnitude_2)),
+            Bounded(weight1, EXTENDED_ERROR * magnitude_1),
+            Bounded(weight2, EXTENDED_ERROR * magnitude_2),
         ],
     }
 }
 
 #[inline(always)]
 fn is_bound(bound: f32) -> bool {
-    bound > LEAST_MAGNITUDE * WIDE_EPSILON && bound <= f32::MAX
+    bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && bound <= f32::MAX
 }
 
 #[inline(always)]
@@ -130,8 +130,8 @@ fn sure_sign(Bounded(number, bound): Bounded) -> i32 {
 
 /// Step 2.
 #[inline(never)]
-pub fn decide_wide(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
-    let n = wide_numbers(ray, triangle);
+pub fn decide_extended(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
+    let n = extended_numbers(ray, triangle);
     let sign = sure_sign(n.det);
     let [sign0, sign1, sign2] = n.weights.map(sure_sign);
     if sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0 {
@@ -163,7 +163,7 @@ fn rounds_surely(
     let inverse = 1.0 / denominator;
     let det_error = denominator_bound / (denominator as f32).abs();
     let quotient = numerator * inverse;
-    let relative = 1.01f32.mul_add(det_error, 8.0 * WIDE_EPSILON);
+    let relative = 1.01f32.mul_add(det_error, 8.0 * EXTENDED_EPSILON);
     let error = f64::from((1.01 * numerator_bound).mul_add((inverse as f32).abs(), (quotient as f32).abs() * relative));
     let rounded = (quotient + error) as f32;
     let is_sure = det_error < 1.0 / 1024.0 && (quotient - error) as f32 == rounded && rounded.abs() > LEAST_MAGNITUDE;
@@ -172,8 +172,8 @@ fn rounds_surely(
 
 /// t in the caller's units, u and v of a triangle that is hit, where step 2 is sure how they round.
 #[inline(always)]
-pub fn finish_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
-    let n = wide_numbers(ray, triangle);
+pub fn finish_extended(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
+    let n = extended_numbers(ray, triangle);
     let [_, weight1, weight2] = n.weights;
     let t = ray.callers_t(rounds_surely(n.distance, n.det)?);
     t.is_normal().then_some(())?;
@@ -182,7 +182,7 @@ pub fn finish_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<Intersection> {
 
 /// The weight of vertex 0, likewise.
 #[inline(always)]
-pub fn weight0_wide(ray: &Ray, triangle: [Vec3; 3]) -> Option<f32> {
-    let n = wide_numbers(ray, triangle);
+pub fn weight0_extended(ray: &Ray, triangle: [Vec3; 3]) -> Option<f32> {
+    let n = extended_numbers(ray, triangle);
     rounds_surely(n.weights[0], n.det)
 }

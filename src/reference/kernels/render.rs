@@ -2,9 +2,10 @@
 
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::shade::camera::{count_ray, first_of_path};
+use crate::reference::shade::camera::{camera_sample, count_ray, first_of_path};
 use crate::reference::shade::light::{blinn_phong, limit_radiance, sample_light};
 use crate::reference::shade::local_light::{light_visibility, texture_colour};
+use crate::reference::shade::roulette::Killing;
 use crate::reference::shade::scene::background;
 use crate::reference::shade::surface::{Surface, lift_point, surface_at, surface_hit};
 use crate::reference::shade::whitted::{PendingRay, RayKind, push_secondary_rays};
@@ -61,10 +62,11 @@ impl<W: Work> Pixel<'_, W> {
     }
 
     #[inline(always)]
-    fn radiance_along(&mut self, first: PendingRay) -> Vec3 {
+    fn radiance_along(&mut self, at: CameraSample) -> Vec3 {
+        let killing = Killing::of_path(self.params, at);
         let mut radiance = Vec3::ZERO;
         self.stack.clear();
-        self.stack.push(first);
+        self.stack.push(first_of_path(self.params, at));
         while let Some(pending) = self.stack.pop() {
             let direction = normalize3(pending.ray.direction, Vec3::ZERO);
             let work = match pending.kind {
@@ -81,9 +83,8 @@ impl<W: Work> Pixel<'_, W> {
             let surface = surface_at(self.buffers, self.options, &pending.ray, &at);
             let material = &self.buffers.materials[surface.material as usize];
             radiance += pending.weight * limit_radiance(self.local_light(&surface, material, &pending, direction));
-            if pending.depth < self.params.max_depth {
-                let kill_weight = self.params.kill_weight;
-                push_secondary_rays(&surface, material, &pending, direction, kill_weight, &mut self.stack);
+            if killing.depth(pending.depth) < self.params.max_depth {
+                push_secondary_rays(&surface, material, &pending, direction, &killing, &mut self.stack);
             }
         }
         radiance
@@ -116,7 +117,7 @@ pub fn render_pixel<W: Work>(
     let mut pixel = Pixel { buffers, options, params, rendered: RenderedPixel::default(), stack: Vec::new() };
     let mut sum = Vec3::ZERO;
     for sample in 0..params.sample_count as usize {
-        sum += pixel.radiance_along(first_of_path(params, samples, (x, y), sample));
+        sum += pixel.radiance_along(camera_sample(params, samples, (x, y), sample));
     }
     RenderedPixel { radiance: sum * params.sample_weight, ..pixel.rendered }
 }

@@ -21,19 +21,26 @@ pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
     fma3(params.right.xyz(), right, fma3(params.up.xyz(), up, params.forward.xyz()))
 }
 
-/// The camera ray of a pixel's sample, or that of a list which has this place in the film.
+/// A ray's place in the picture, in pixels from the upper left corner: that of a pixel's sample, or of a list which has
+/// this place in the film.
 #[inline(always)]
-pub fn first_of_path(
+pub fn camera_sample(
     params: &RenderParams,
     samples: &[CameraSample],
     (x, y): (usize, usize),
     sample: usize,
-) -> PendingRay {
-    let (CameraSample { x, y, footprint }, from) = match params.ray_count {
-        0 => (samples[sample], (x as f32, y as f32)),
-        _ => (samples[y * params.width as usize + x], (0.0, 0.0)),
-    };
-    let direction = camera_direction(params, from.0 + x, from.1 + y);
+) -> CameraSample {
+    if params.ray_count != 0 {
+        return samples[y * params.width as usize + x];
+    }
+    let at = samples[sample];
+    CameraSample { x: x as f32 + at.x, y: y as f32 + at.y, ..at }
+}
+
+/// The camera ray through that place.
+#[inline(always)]
+pub fn first_of_path(params: &RenderParams, CameraSample { x, y, footprint }: CameraSample) -> PendingRay {
+    let direction = camera_direction(params, x, y);
     PendingRay {
         ray: Ray::new(params.eye.xyz(), direction, 0.0, f32::INFINITY, NO_PRIMITIVE),
         weight: Vec3::ONE,

@@ -6,6 +6,7 @@ pub mod light;
 pub mod local_light;
 pub mod normal;
 pub mod procedural;
+pub mod roulette;
 pub mod scene;
 pub mod surface;
 pub mod texture;

@@ -2,10 +2,9 @@
 
 use super::surface::Surface;
 use crate::layout::Float4;
+use crate::reference::shared::hash::mix_bits;
 use crate::reference::shared::math::{clamp01, fma3, sin_turns};
-use crate::shared::constants::{
-    EARLY_WOOD, HASH_FIRST, HASH_SECOND, HASH_SEED, HASH_X, HASH_Y, HASH_Z, OCTAVE_SHIFT, SOLID_DEPTH, WOOD_NOISE,
-};
+use crate::shared::constants::{EARLY_WOOD, HASH_SEED, HASH_X, HASH_Y, HASH_Z, OCTAVE_SHIFT, SOLID_DEPTH, WOOD_NOISE};
 use crate::shared::{TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TextureInfo};
 use glam::Vec3;
 
@@ -17,10 +16,7 @@ fn split_cell(x: f32) -> (u32, f32) {
 
 #[inline(always)]
 fn hash_cell(x: u32, y: u32, z: u32, seed: u32) -> u32 {
-    let mut h = x.wrapping_mul(HASH_X) ^ y.wrapping_mul(HASH_Y) ^ z.wrapping_mul(HASH_Z) ^ seed.wrapping_mul(HASH_SEED);
-    h = (h ^ (h >> 16)).wrapping_mul(HASH_FIRST);
-    h = (h ^ (h >> 13)).wrapping_mul(HASH_SECOND);
-    h ^ (h >> 16)
+    mix_bits(x.wrapping_mul(HASH_X) ^ y.wrapping_mul(HASH_Y) ^ z.wrapping_mul(HASH_Z) ^ seed.wrapping_mul(HASH_SEED))
 }
 
 #[inline(always)]

@@ -3,8 +3,9 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)] // `!(x < 1)` is also true for NaN, and that is meant
 
 use super::footprint::RayCone;
+use super::roulette::Killing;
 use super::surface::{Surface, leave_surface};
-use crate::reference::shared::math::{clamp01, dot3, fma3, max_component};
+use crate::reference::shared::math::{clamp01, dot3, fma3};
 use crate::reference::shared::ray::Ray;
 use crate::shared::Material;
 use glam::Vec3;
@@ -74,7 +75,7 @@ pub struct PendingRay {
     pub ray: Ray,
     /// What a unit of its radiance adds to the pixel.
     pub weight: Vec3,
-    /// 1 for a camera ray.
+    /// 1 for a camera ray; see [`Killing::next_depth`].
     pub depth: u32,
     /// What it is for.
     pub kind: RayKind,
@@ -89,13 +90,13 @@ pub fn push_secondary_rays(
     material: &Material,
     pending: &PendingRay,
     direction: Vec3,
-    kill_weight: f32,
+    killing: &Killing,
     stack: &mut Vec<PendingRay>,
 ) {
     let cone = pending.cone.at(pending.ray.origin, surface.point.position);
     let mut push = |weight: Vec3, direction: Vec3, kind: RayKind| {
         let ray = leave_surface(&surface.point, direction, f32::INFINITY);
-        stack.push(PendingRay { ray, weight, depth: pending.depth + 1, kind, cone });
+        stack.push(PendingRay { ray, weight, depth: killing.next_depth(pending.depth, kind), kind, cone });
     };
     let mut reflected_weight = pending.weight * material.mirror.xyz();
     if material.transparent != 0 {
@@ -103,12 +104,12 @@ pub fn push_secondary_rays(
         let refraction = refract_direction(surface, direction, if surface.front { 1.0 / ior } else { ior });
         reflected_weight = pending.weight * refraction.reflectance;
         let weight = pending.weight * material.transmission_ior.xyz() * (1.0 - refraction.reflectance);
-        if max_component(weight) > kill_weight {
+        if let Some(weight) = killing.survives(pending.depth, RayKind::Refracted, weight) {
             push(weight, refraction.direction, RayKind::Refracted);
         }
     }
-    if max_component(reflected_weight) > kill_weight {
-        push(reflected_weight, reflect_direction(surface, direction), RayKind::Reflected);
+    if let Some(weight) = killing.survives(pending.depth, RayKind::Reflected, reflected_weight) {
+        push(weight, reflect_direction(surface, direction), RayKind::Reflected);
     }
 }
 
@@ -116,6 +117,7 @@ pub fn push_secondary_rays(
 mod tests {
     use super::super::surface::SurfacePoint;
     use super::*;
+    use crate::shared::{CameraSample, RenderParams};
 
     #[test]
     fn cones_go_on_where_rays_leave() {
@@ -142,7 +144,8 @@ mod tests {
         let cone = RayCone { width: 0.5, spread: 0.25 };
         let pending = PendingRay { ray, weight: Vec3::ONE, depth: 1, kind: RayKind::Camera, cone };
         let mut stack = Vec::new();
-        push_secondary_rays(&surface, &material, &pending, Vec3::Z, 0.0, &mut stack);
+        let (params, at) = (RenderParams::default(), CameraSample::default());
+        push_secondary_rays(&surface, &material, &pending, Vec3::Z, &Killing::of_path(&params, at), &mut stack);
         assert_eq!(stack.len(), 2, "refracted and reflected");
         assert!(stack.iter().all(|next| next.cone == RayCone { width: 1.0, spread: 0.25 }), "{stack:?}");
     }

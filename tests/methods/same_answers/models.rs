@@ -5,7 +5,7 @@ use glam::Vec3;
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
-    Intersector, PictureOptions, StructureKind, Terminator, TextureFilter, TraceOptions,
+    Choice, Intersector, MethodOption, PictureOptions, StructureKind, Terminator, TextureFilter, TraceOptions,
 };
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
 use raybrook::low_level::reference::shade::camera::camera_ray;
@@ -17,6 +17,7 @@ use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Camera, Image, Material, Pattern, Procedural, Samples, Scene, load};
 use raybrook::low_level::shared::{COUNTER_NAMES, COUNTERS, Hit, NO_PRIMITIVE, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, is_hit};
+use std::collections::HashSet;
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -108,27 +109,70 @@ pub fn models(size: (u32, u32)) -> Vec<Model> {
     models
 }
 
-/// What all combinations with a triangle test, a treatment of the shadows' terminator and a filter of textures are to
-/// agree with.
-pub fn brute_force(intersector: Intersector, terminator: Terminator, texture_filter: TextureFilter) -> TraceOptions {
+/// What pixels depend on beside the triangle test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Look {
+    terminator: Terminator,
+    texture_filter: TextureFilter,
+    /// Bits of the roulette's weight.
+    roulette: u32,
+}
+
+impl Look {
+    pub fn of(picture: &PictureOptions) -> Look {
+        let PictureOptions { terminator, texture_filter, roulette, .. } = *picture;
+        Look { terminator, texture_filter, roulette: roulette.unwrap_or(0.0).to_bits() }
+    }
+
+    /// All that the values of options lead to.
+    pub fn all() -> Vec<Look> {
+        let mut looks = vec![TraceOptions::DEFAULT];
+        for name in [Terminator::OPTION, TextureFilter::OPTION, "roulette"] {
+            let option = MethodOption::find(name).expect("it is in the table");
+            let with = |options: &TraceOptions| {
+                let set = |choice: Choice| {
+                    let mut options = *options;
+                    choice.set(&mut options).unwrap();
+                    options
+                };
+                option.choices().map(set).collect::<Vec<_>>()
+            };
+            let more: Vec<_> = looks.iter().flat_map(with).collect();
+            looks.extend(more);
+        }
+        let mut all: Vec<Look> = looks.iter().map(|options| Look::of(&options.picture)).collect();
+        let mut seen = HashSet::new();
+        all.retain(|look| seen.insert(*look));
+        all
+    }
+}
+
+/// What all combinations with a triangle test whose pictures look so are to agree with.
+pub fn brute_force(intersector: Intersector, look: Look) -> TraceOptions {
+    let Look { terminator, texture_filter, roulette } = look;
+    let roulette = Some(f32::from_bits(roulette));
     TraceOptions {
-        picture: PictureOptions { terminator, texture_filter, ..PictureOptions::DEFAULT },
+        picture: PictureOptions { terminator, texture_filter, roulette, ..PictureOptions::DEFAULT },
         intersector,
         ..TraceOptions::of(StructureKind::Brute)
     }
 }
 
 impl Model {
-    /// The filter that stands for `filter`: without textures the default does for all.
-    pub fn filter(&self, filter: TextureFilter) -> TextureFilter {
-        if self.scene.textures.is_empty() { TraceOptions::DEFAULT.picture.texture_filter } else { filter }
+    /// What stands for `look`: without textures the default filter does for all.
+    pub fn look(&self, look: Look) -> Look {
+        let texture_filter = match self.scene.textures.is_empty() {
+            true => TraceOptions::DEFAULT.picture.texture_filter,
+            false => look.texture_filter,
+        };
+        Look { texture_filter, ..look }
     }
 
     fn new(name: &'static str, mut scene: Scene, size: (u32, u32)) -> Model {
         let samples = Samples::PerPixel(1);
         complete(&mut scene, samples.aspect(size) as f32);
         let picture = Picture { camera: scene.camera.unwrap(), size, samples, depth: DEPTH, kill_weight: Some(0.0) };
-        let options = brute_force(Intersector::Exact, Terminator::Smooth, TextureFilter::Footprint);
+        let options = brute_force(Intersector::Exact, Look::of(&PictureOptions::DEFAULT));
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let params = buffers.render_params(&picture.camera, size, samples, DEPTH, picture.kill_weight);
         let in_pixel = sample_positions(samples)[0];

@@ -22,6 +22,7 @@ use glam::Vec3;
 use raybrook::low_level::compare::ulp_distance;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Floats by which u and v may be off from the nearest ones.
 const WEIGHT_ULPS: u32 = 2;
@@ -87,7 +88,7 @@ struct NextAnswer {
 /// The exact answers of a case.
 pub struct Answers<'a> {
     case: &'a Case,
-    tracer: ExactTracer,
+    tracer: Arc<ExactTracer>,
     answers: Vec<Answer>,
 }
 
@@ -97,9 +98,13 @@ const AHEAD: Interval = Interval { near: 0.0, far: f32::INFINITY, is_open: true 
 impl<'a> Answers<'a> {
     /// Traces all rays exactly, on all cores.
     pub fn new(case: &'a Case) -> Answers<'a> {
-        let tracer = ExactTracer::new(&case.mesh);
-        let answers = (0..case.rays.len()).into_par_iter().map(|i| answer(&tracer, case, i)).collect();
-        Answers { case, tracer, answers }
+        Answers::by(&Arc::new(ExactTracer::new(&case.mesh)), case)
+    }
+
+    /// The same by a tracer of the case's mesh, which the case then need not have.
+    pub fn by(tracer: &Arc<ExactTracer>, case: &'a Case) -> Answers<'a> {
+        let answers = (0..case.rays.len()).into_par_iter().map(|i| answer(tracer, case, i)).collect();
+        Answers { case, tracer: tracer.clone(), answers }
     }
 
     /// The exact answer of ray `index`, rounded, and that of its second ray; `primitive` is [`NO_PRIMITIVE`] on a miss.

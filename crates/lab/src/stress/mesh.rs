@@ -17,6 +17,16 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// A scene's triangles with their numbers; those that cannot be hit have corners that are no numbers.
+    pub fn of_scene(scene: &Scene) -> Mesh {
+        let mut mesh = Mesh::default();
+        for i in 0..scene.triangle_count() {
+            let can_be_hit = scene.drop_reason(i).is_none();
+            mesh.triangle(if can_be_hit { scene.vertices(i) } else { [Vec3::NAN; 3] });
+        }
+        mesh
+    }
+
     /// The corners of a triangle.
     pub fn corners(&self, primitive: usize) -> [Vec3; 3] {
         self.triangles[primitive].map(|i| self.positions[i as usize])

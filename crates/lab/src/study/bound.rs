@@ -1,15 +1,20 @@
-//! What so few wrong answers say of the rate of wrong answers: an upper bound, so that few tests do not look better
-//! than many.
+//! What so few wrong answers say of the rate of wrong answers: bounds, so that few tests do not look better than many,
+//! and whether two rates differ at all.
 //!
 //! Clopper and Pearson, "The Use of Confidence or Fiducial Limits Illustrated in the Case of the Binomial",
-//! Biometrika 26, 1934: the largest rate at which so few wrong answers still come out one time in twenty. One-sided
-//! for every count, so that none and one are bounded alike. Own code, because the crates that have quantiles of the
-//! beta distribution failed here: one of them panicked and one did not end for the counts of a study.
+//! Biometrika 26, 1934: the largest and the smallest rate at which so few, or so many, wrong answers still come out one
+//! time in twenty. One-sided for every count, so that none and one are bounded alike. Fisher, "The Design of
+//! Experiments", 1935: how often chance alone deals out wrong answers as unevenly.
 //!
-//! Bad at: counts above 10^9, whose binomial coefficient it multiplies up.
+//! The distributions are those of the crate statrs, whose incomplete beta function is right to 4e-12 here. Its inverse
+//! is only right to 3e-8, so it is inverted by bisection.
 
-/// The probability that the true rate is above the bound, at most.
-const RISK: f64 = 0.05;
+use statrs::distribution::{DiscreteCDF, Hypergeometric};
+use statrs::function::beta::beta_reg;
+
+/// The probability that a statement is false, at most: that the true rate is above the bound, that a claim fails which
+/// is said to hold.
+pub const RISK: f64 = 0.05;
 
 /// The rate that is not exceeded with 95 % confidence when `wrong` of `tested` answers were wrong; 1 where nothing
 /// was tested.
@@ -17,44 +22,41 @@ pub fn upper_bound(wrong: u64, tested: u64) -> f64 {
     if wrong >= tested {
         return 1.0;
     }
-    if wrong == 0 {
-        // (1 - bound)^tested = RISK, without the cancellation of 1 - RISK^(1 / tested).
-        return -(RISK.ln() / tested as f64).exp_m1();
+    // So few or fewer are wrong as likely as a beta distribution lies above the rate.
+    rate_at(1.0 - RISK, wrong as f64 + 1.0, (tested - wrong) as f64)
+}
+
+/// The rate that is exceeded with 95 % confidence; 0 where nothing was wrong.
+pub fn lower_bound(wrong: u64, tested: u64) -> f64 {
+    if wrong == 0 || wrong > tested {
+        return 0.0;
     }
-    let ways = log_ways(wrong, tested);
-    let (mut low, mut high) = (wrong as f64 / tested as f64, 1.0);
+    rate_at(RISK, wrong as f64, (tested - wrong) as f64 + 1.0)
+}
+
+/// The rate below which the beta distribution of `a` and `b` lies with this probability.
+fn rate_at(probability: f64, a: f64, b: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
     loop {
-        let middle = low + (high - low) / 2.0;
+        let middle: f64 = low + (high - low) / 2.0;
         if middle <= low || middle >= high {
             return high;
         }
-        match at_most(wrong, tested, middle, ways) > RISK {
+        match beta_reg(a, b, middle) < probability {
             true => low = middle,
             false => high = middle,
         }
     }
 }
 
-/// The logarithm of the number of ways to choose `wrong` of `tested`.
-fn log_ways(wrong: u64, tested: u64) -> f64 {
-    let fewer = wrong.min(tested - wrong);
-    (1..=fewer).map(|i| ((tested - fewer + i) as f64 / i as f64).ln()).sum()
-}
-
-/// The probability of at most `wrong` wrong answers of `tested` at a rate above `wrong` / `tested`.
-fn at_most(wrong: u64, tested: u64, rate: f64, log_ways: f64) -> f64 {
-    let right = (tested - wrong) as f64;
-    let first = (log_ways + wrong as f64 * rate.ln() + right * (-rate).ln_1p()).exp();
-    // From `wrong` down each term is smaller than the one before, because the rate is above wrong / tested.
-    let (mut term, mut sum) = (first, first);
-    for i in (1..=wrong).rev() {
-        term *= i as f64 * (1.0 - rate) / ((tested - i + 1) as f64 * rate);
-        sum += term;
-        if term < sum * f64::EPSILON / 2.0 {
-            break;
-        }
+/// The probability that chance alone puts so many or more of all wrong answers among `tested`, if the rate is that of
+/// the `base`, too: Fisher's exact test, one-sided. Each is a count of wrong answers and of all.
+pub fn chance_of_more([wrong, tested]: [u64; 2], [base_wrong, base_tested]: [u64; 2]) -> f64 {
+    if wrong == 0 {
+        return 1.0;
     }
-    sum
+    let all = Hypergeometric::new(tested + base_tested, wrong + base_wrong, tested);
+    all.map_or(1.0, |distribution| distribution.sf(wrong - 1))
 }
 
 #[cfg(test)]
@@ -77,6 +79,9 @@ mod tests {
         ] {
             let bound = upper_bound(wrong, tested);
             assert!((bound / expected - 1.0).abs() < 1e-11, "{wrong} of {tested}: {bound}, not {expected}");
+            // So many of them were right.
+            let low = lower_bound(tested - wrong, tested);
+            assert!((low - (1.0 - expected)).abs() < 1e-11, "{wrong} of {tested}: {low}");
         }
     }
 
@@ -84,10 +89,26 @@ mod tests {
     fn none_is_bounded_by_about_three_and_every_further_wrong_answer_is_worse() {
         for tested in [100, 1928, 10_000_000_000] {
             assert!((upper_bound(0, tested) * tested as f64 / 3.0 - 1.0).abs() < 0.02, "{tested}");
-            let bounds: Vec<_> = (0..90).map(|wrong| upper_bound(wrong, tested)).collect();
+            let bounds: Vec<_> =
+                (0..90).map(|wrong| [lower_bound(wrong, tested), upper_bound(wrong, tested)]).collect();
             assert!(bounds.windows(2).all(|pair| pair[0] < pair[1]), "{tested}: {bounds:?}");
+            let is_between = |(wrong, [low, high]): (usize, &[f64; 2])| {
+                let rate = wrong as f64 / tested as f64;
+                *low <= rate && rate < *high
+            };
+            assert!(bounds.iter().enumerate().all(is_between), "{tested}");
         }
         assert!(upper_bound(0, 1000) < upper_bound(0, 100));
-        assert_eq!([upper_bound(0, 0), upper_bound(7, 7)], [1.0, 1.0]);
+        assert_eq!([upper_bound(0, 0), upper_bound(7, 7), lower_bound(0, 9)], [1.0, 1.0, 0.0]);
+    }
+
+    /// Fisher's own tea: four cups of eight have milk in first, and all four are told.
+    #[test]
+    fn more_wrong_answers_are_told_from_chance() {
+        assert!((chance_of_more([4, 4], [0, 4]) - 1.0 / 70.0).abs() < 1e-12);
+        assert!((chance_of_more([3, 4], [1, 4]) - 17.0 / 70.0).abs() < 1e-12);
+        assert_eq!([chance_of_more([0, 100], [0, 100]), chance_of_more([0, 0], [0, 0])], [1.0, 1.0]);
+        // A rate that is there already is none of the place's.
+        assert!(chance_of_more([135, 1000], [130, 1000]) > RISK && chance_of_more([190, 1000], [130, 1000]) < RISK);
     }
 }

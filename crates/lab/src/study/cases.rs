@@ -1,7 +1,7 @@
 //! Cases that grow harder with a number: where does a method break down?
 
-use crate::stress::{Case, Mesh, StressRay};
-use glam::Vec3;
+use crate::stress::{Case, Mesh, StressRay, inside_of};
+use glam::{DVec3, Vec3};
 use raybrook::Result;
 use raybrook::low_level::random::Random;
 use raybrook::low_level::scene::Scene;
@@ -14,8 +14,10 @@ pub struct Sweep {
     pub about: &'static str,
     /// The numbers, from easy to hard.
     pub values: &'static [f64],
-    /// Whether they are of so different sizes that only logarithms show them.
-    pub is_log: bool,
+    /// The one where nothing is hard yet: other numbers are compared with it.
+    pub base: f64,
+    /// What is to be known of its chart.
+    pub remark: &'static str,
     shape: Shape,
 }
 
@@ -56,49 +58,56 @@ impl Sweep {
             name: "scale",
             about: "edges and vertices of a closed mesh seen from inside, all coordinates multiplied",
             values: &[1e-20, 1e-15, 1e-10, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e10, 1e14, 1e18],
-            is_log: true,
+            base: 1.0,
+            remark: "",
             shape: Shape::Any(scale),
         },
         Sweep {
             name: "offset",
             about: "the same mesh, moved away from zero by so many times its size",
             values: &[1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7],
-            is_log: true,
+            base: 1.0,
+            remark: "Errors fall with the distance: the farther from zero, the fewer bits tell the corners apart, so that float32 computes their differences without an error. What is lost is the mesh: its corners are moved onto a coarse lattice before any method sees them.",
             shape: Shape::Any(offset),
         },
         Sweep {
             name: "distance",
             about: "insides of the same mesh's triangles, from so many times its size away",
             values: &[2.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9],
-            is_log: true,
+            base: 2.0,
+            remark: "",
             shape: Shape::Any(distance),
         },
         Sweep {
             name: "angle",
-            about: "a rough sheet, seen under so small an angle",
+            about: "a mesh's triangles, each seen under so small an angle",
             values: &[1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0],
-            is_log: true,
-            shape: Shape::Own(grazing),
+            base: 1.0,
+            remark: "",
+            shape: Shape::Any(grazing),
         },
         Sweep {
             name: "aspect",
             about: "edges and vertices of a closed mesh, so much longer than wide, from inside",
             values: &[1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6],
-            is_log: true,
+            base: 1.0,
+            remark: "",
             shape: Shape::Any(aspect),
         },
         Sweep {
             name: "valence",
             about: "hub and spokes of a closed double fan of so many triangles a hub",
             values: &[8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0],
-            is_log: true,
+            base: 8.0,
+            remark: "",
             shape: Shape::Own(valence),
         },
         Sweep {
             name: "gap",
             about: "two rough sheets, one over the other by so many floats",
             values: &[1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0],
-            is_log: true,
+            base: 1024.0,
+            remark: "The sheets are apart by less than float32 can tell along most rays; an answer that takes one for the other there differs, and is not wrong.",
             shape: Shape::Own(gap),
         },
     ];
@@ -156,13 +165,20 @@ fn distance(mesh: MakeMesh, distance: f32, random: &mut Random, rays: usize) -> 
     })
 }
 
-fn grazing(angle: f32, random: &mut Random, rays: usize) -> Case {
-    const SIDE: usize = 12;
-    let mesh = Mesh::sheet(SIDE, |_, _| random.signed() * 1e-3);
+/// Rays to the insides of triangles, in any direction along their planes and so far off them.
+fn grazing(mesh: MakeMesh, angle: f32, random: &mut Random, rays: usize) -> Case {
+    let mesh = mesh(random);
     Case::new(mesh, rays, random, |mesh, random, _| {
-        let target = mesh.random_inside(random);
-        let around = Vec3::new(random.signed(), random.signed(), 0.0);
-        let direction = around.normalize_or(Vec3::X) * -2.0 + Vec3::Z * (2.0 * angle);
+        let triangle = random.below(mesh.triangles.len());
+        let corners = mesh.corners(triangle);
+        let target = inside_of(corners, random);
+        let [p0, p1, p2] = corners.map(|p| p.as_dvec3());
+        // In doubles: of a needle float32 may not know the plane.
+        let normal = (p1 - p0).cross(p2 - p0).normalize_or(DVec3::Z);
+        let (right, up) = normal.any_orthonormal_pair();
+        let (sine, cosine) = (std::f64::consts::TAU * f64::from(random.unit())).sin_cos();
+        let along = right * cosine + up * sine;
+        let direction = (along * -2.0 + normal * (2.0 * f64::from(angle))).as_vec3();
         StressRay::to(target + direction, target)
     })
 }

@@ -1,5 +1,6 @@
 //! What a chart shows: columns of a table. It has no numbers of its own, so that it cannot tell others than the table.
 
+use super::lab::EXACT;
 use super::table::{Row, Table, column, name, number};
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,9 @@ pub struct Chart {
     pub series: Option<String>,
     /// The columns with the ends of the spread of y.
     pub spread: Option<[String; 2]>,
+    /// The columns with the ends of what x may be.
+    #[serde(default)]
+    pub x_spread: Option<[String; 2]>,
     /// Whether each axis, x and y, is logarithmic.
     pub log: [bool; 2],
     /// Only rows that have this value in this column.
@@ -58,6 +62,7 @@ impl Chart {
             y: y.to_owned(),
             series: None,
             spread: None,
+            x_spread: None,
             log: [false; 2],
             only: None,
         }
@@ -73,6 +78,12 @@ impl Chart {
     #[must_use]
     pub fn spread(self, [low, high]: [&str; 2]) -> Chart {
         Chart { spread: Some([low.to_owned(), high.to_owned()]), ..self }
+    }
+
+    /// With bars along x from one column to another.
+    #[must_use]
+    pub fn x_spread(self, [low, high]: [&str; 2]) -> Chart {
+        Chart { x_spread: Some([low.to_owned(), high.to_owned()]), ..self }
     }
 
     /// With logarithmic axes.
@@ -110,10 +121,14 @@ impl Chart {
 pub(super) struct Point {
     pub x: f64,
     pub y: f64,
+    /// The ends of what y may be, and x; the lower one may be 0 on a logarithmic axis.
     pub spread: Option<[f64; 2]>,
+    pub x_spread: Option<[f64; 2]>,
     pub label: String,
     /// Whether an answer of this measurement was wrong; `None` where it was not checked.
     pub is_wrong: Option<bool>,
+    /// Whether the method is exact by construction, whatever was measured.
+    pub is_exact: bool,
 }
 
 /// Points that belong together.
@@ -133,12 +148,9 @@ pub(super) fn series(chart: &Chart, table: &Table) -> Vec<Series> {
         if !(can_be_shown(x, chart.log[0]) && can_be_shown(y, chart.log[1])) {
             continue;
         }
-        let ends = chart.spread.as_ref().map(|ends| ends.each_ref().map(|end| number(row, end)));
-        let spread = match ends {
-            Some([Some(low), Some(high)]) if can_be_shown(low, chart.log[1]) => Some([low, high]),
-            _ => None,
-        };
-        let point = Point { x, y, spread, label: name(row, "method"), is_wrong: is_wrong(row) };
+        let [spread, x_spread] = [&chart.spread, &chart.x_spread].map(|ends| ends_of(row, ends.as_ref()));
+        let (label, is_wrong, is_exact) = (name(row, "method"), is_wrong(row), is_exact(row));
+        let point = Point { x, y, spread, x_spread, label, is_wrong, is_exact };
         let series_name = chart.series.as_ref().map(|series| name(row, series)).unwrap_or_default();
         match all.iter_mut().find(|series| series.name == series_name) {
             Some(series) => series.points.push(point),
@@ -149,6 +161,37 @@ pub(super) fn series(chart: &Chart, table: &Table) -> Vec<Series> {
         all.iter_mut().for_each(|series| series.points.sort_by(|a, b| a.x.total_cmp(&b.x)));
     }
     all
+}
+
+/// How much the rows of a chart were measured with, in a sentence: rays, triangles, pixels, answers, rounds.
+pub(super) fn sizes(chart: &Chart, table: &Table) -> String {
+    let rows = chart.rows(table);
+    let range = |column: &str| {
+        let values = || rows.iter().filter_map(|row| number(row, column));
+        let (low, high) = (values().min_by(f64::total_cmp)?, values().max_by(f64::total_cmp)?);
+        Some(if low == high { low.to_string() } else { format!("{low} to {high}") })
+    };
+    let what = [
+        ("triangles", "triangles"),
+        ("pixels", "pixels a picture"),
+        ("rays", if rows.iter().any(|row| row.contains_key("pixels")) { "rays a picture" } else { "rays a pass" }),
+        ("tested", "answers checked a point"),
+        ("passes", "rounds"),
+    ];
+    let told: Vec<_> =
+        what.into_iter().filter_map(|(column, unit)| Some(format!("{} {unit}", range(column)?))).collect();
+    if told.is_empty() { String::new() } else { format!("Measured with {}.", told.join(", ")) }
+}
+
+/// The ends of a spread, both of them finite.
+fn ends_of(row: &Row, columns: Option<&[String; 2]>) -> Option<[f64; 2]> {
+    let [low, high] = columns?.each_ref().map(|column| number(row, column).filter(|end| end.is_finite()));
+    Some([low?, high?])
+}
+
+/// Whether the method is exact by construction.
+pub(super) fn is_exact(row: &Row) -> bool {
+    name(row, "promise") == EXACT
 }
 
 /// Whether an answer of the measurement was wrong.
@@ -196,7 +239,15 @@ mod tests {
 
     #[test]
     fn the_front_is_what_nothing_beats() {
-        let point = |x: f64, y: f64| Point { x, y, spread: None, label: String::new(), is_wrong: None };
+        let point = |x: f64, y: f64| Point {
+            x,
+            y,
+            spread: None,
+            x_spread: None,
+            label: String::new(),
+            is_wrong: None,
+            is_exact: false,
+        };
         let points =
             [point(3.0, 3.0), point(1.0, 1.0), point(2.0, 3.0), point(1.0, 0.5), point(4.0, 5.0), point(5.0, 4.0)];
         let found: Vec<_> = front(&points).iter().map(|p| (p.x, p.y)).collect();

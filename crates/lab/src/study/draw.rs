@@ -1,7 +1,8 @@
 //! Draws charts, as SVG and as pixels, by the plotters crate.
 //!
 //! Colours are Okabe and Ito's ("Color Universal Design", 2008), which colour-blind readers tell apart; series differ
-//! in the shape of their points, too. A filled point has no wrong answer, a hollow one has some.
+//! in the shape of their points, too. A filled point has no wrong answer, a hollow one has some; a ring around it says
+//! that the method is exact by construction. Whoever points at a mark reads its numbers.
 
 mod axes;
 mod bars;
@@ -17,6 +18,7 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatte
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
+use std::cell::RefCell;
 use std::error::Error;
 use std::sync::Once;
 
@@ -62,11 +64,20 @@ impl Format {
     }
 }
 
+/// A chart as SVG.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawing {
+    /// It.
+    pub svg: String,
+    /// What the numbers beside points stand for whose labels had no place, from 1 on.
+    pub numbered: Vec<String>,
+}
+
 /// The chart as SVG.
 ///
 /// # Errors
 /// What the plotting crate reports.
-pub fn svg(chart: &Chart, table: &Table, format: Format) -> Outcome<String> {
+pub fn svg(chart: &Chart, table: &Table, format: Format) -> Outcome<Drawing> {
     prepare_font();
     let plan = Plan::new(chart, table, format);
     let mut text = String::new();
@@ -75,7 +86,29 @@ pub fn svg(chart: &Chart, table: &Table, format: Format) -> Outcome<String> {
         plan.draw(&area)?;
         area.present()?;
     }
-    Ok(text)
+    // On top of all marks: what is transparent is still pointed at.
+    let tips: String = plan.tips.into_inner().iter().map(Tip::markup).collect();
+    if let Some(end) = text.rfind("</svg>") {
+        text.insert_str(end, &tips);
+    }
+    Ok(Drawing { svg: text, numbered: plan.numbered.into_inner() })
+}
+
+/// What is read of a mark by whoever points at it.
+struct Tip {
+    /// Left, top, width and height in the picture.
+    place: [i32; 4],
+    text: String,
+}
+
+impl Tip {
+    fn markup(&self) -> String {
+        let [x, y, width, height] = self.place;
+        let text = self.text.replace('&', "&amp;").replace('<', "&lt;");
+        format!(
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill-opacity=\"0\"><title>{text}</title></rect>\n"
+        )
+    }
 }
 
 /// The chart's width, height and pixels, three bytes each, the top row first; at twice the size, so that text is sharp.
@@ -116,12 +149,16 @@ struct Plan<'a> {
     series: Vec<Series>,
     /// Lines of the title.
     title: Vec<String>,
+    /// Found while it is drawn.
+    tips: RefCell<Vec<Tip>>,
+    numbered: RefCell<Vec<String>>,
 }
 
 impl<'a> Plan<'a> {
     fn new(chart: &'a Chart, table: &'a Table, format: Format) -> Plan<'a> {
         let title = wrapped(&chart.title, (f64::from(format.width) / (f64::from(format.text) * 0.62)) as usize);
-        Plan { chart, table, format, series: series(chart, table), title }
+        let series = series(chart, table);
+        Plan { chart, table, format, series, title, tips: RefCell::default(), numbered: RefCell::default() }
     }
 
     fn top(&self) -> i32 {
@@ -274,9 +311,12 @@ impl<'a> Plan<'a> {
     {
         let line = self.format.line();
         let points = || self.series.iter().flat_map(|series| &series.points);
-        let x_axis = Axis::around(points().map(|p| p.x), self.chart.log[0], self.is_narrow());
+        // A bar that goes down to 0 ends where a logarithmic axis does.
+        let can_be_shown = |value: &f64, axis: usize| !self.chart.log[axis] || *value > 0.0;
+        let ends = points().flat_map(|p| p.x_spread.into_iter().flatten().chain([p.x]));
+        let x_axis = Axis::around(ends.filter(|end| can_be_shown(end, 0)), self.chart.log[0], self.is_narrow());
         let ends = points().flat_map(|p| p.spread.into_iter().flatten().chain([p.y]));
-        let y_axis = Axis::around(ends, self.chart.log[1], self.is_narrow());
+        let y_axis = Axis::around(ends.filter(|end| can_be_shown(end, 1)), self.chart.log[1], self.is_narrow());
         let mut plot = ChartBuilder::on(area)
             .margin(line / 3)
             .margin_right(line)
@@ -294,14 +334,17 @@ impl<'a> Plan<'a> {
             .x_labels(20)
             .y_labels(20)
             .draw()?;
-        let place = |p: &Point, y: f64| plot.backend_coord(&(x_axis.place(p.x), y_axis.place(y)));
+        let on = |axis: &Axis, value: f64| axis.place(value).max(axis.low);
+        let at = |x: f64, y: f64| plot.backend_coord(&(on(&x_axis, x), on(&y_axis, y)));
+        let place = |p: &Point, y: f64| at(p.x, y);
         let stroke = if self.format.text > 20 { 4 } else { 2 };
         let (left, top) = area.get_base_pixel();
         let here = |(x, y): (i32, i32)| (x - left, y - top);
         for (index, series) in self.series.iter().enumerate() {
             for p in &series.points {
-                if let Some([low, high]) = p.spread {
-                    let ends = [low, high].map(|y| here(place(p, y)));
+                let spread = p.spread.map(|ends| ends.map(|y| here(at(p.x, y))));
+                let x_spread = p.x_spread.map(|ends| ends.map(|x| here(at(x, p.y))));
+                for ends in spread.into_iter().chain(x_spread) {
                     area.draw(&PathElement::new(ends.to_vec(), colour(index).mix(0.6).stroke_width(stroke / 2)))?;
                 }
             }
@@ -325,19 +368,36 @@ impl<'a> Plan<'a> {
         }
         for (index, series) in self.series.iter().enumerate() {
             for p in &series.points {
-                self.mark(area, here(place(p, p.y)), index, p.is_wrong)?;
+                let at = here(place(p, p.y));
+                if p.is_exact {
+                    let ring = self.format.text as i32 / 2 + stroke as i32 / 2;
+                    area.draw(&Circle::new(at, ring, MUTED.stroke_width(stroke / 2)))?;
+                }
+                self.mark(area, at, index, p.is_wrong)?;
+                self.tell_point(series, p, (at.0 + left, at.1 + top));
             }
         }
         if self.chart.kind == ChartKind::Front {
             let at: Vec<_> = points().map(|p| (here(place(p, p.y)), p.label.clone())).collect();
             let (width, height) = area.dim_in_pixel();
             let bounds = (line * 3, 0, width as i32 - line / 2, height as i32 - line * 3);
-            for label in Labels::new(self.format.text as i32, bounds).place(&at) {
+            let (labels, numbered) = Labels::new(self.format.text as i32, bounds).place(&at);
+            for label in labels {
                 let style = self.font(INK).pos(Pos::new(label.side, VPos::Top));
                 area.draw(&Text::new(label.text, label.at, style))?;
             }
+            *self.numbered.borrow_mut() = numbered;
         }
         Ok(())
+    }
+
+    /// What a point says.
+    fn tell_point(&self, series: &Series, p: &Point, (x, y): (i32, i32)) {
+        let reach = self.format.text as i32 / 2;
+        let names = [&p.label, &series.name].into_iter().filter(|name| !name.is_empty()).cloned().collect::<Vec<_>>();
+        let [of_x, of_y] = [&self.chart.x, &self.chart.y].map(|column| Chart::label(column));
+        let text = format!("{}\n{of_x}: {}\n{of_y}: {}", names.join(", "), short(p.x), short(p.y));
+        self.tips.borrow_mut().push(Tip { place: [x - reach, y - reach, 2 * reach, 2 * reach], text });
     }
 }
 

@@ -7,14 +7,17 @@ mod subject;
 pub use pictures::PictureVariant;
 pub use subject::Subject;
 
-use super::bound::upper_bound;
+use super::bound::{lower_bound, upper_bound};
 use super::journal::Journal;
+use super::lookup::Clock;
+use super::peers::Peer;
 use super::table::{Row, number, row};
 use raybrook::Result;
+use raybrook::low_level::accel::{Aabb, BuildOptions, KdTree, Measure, expected_cost};
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::choose::tune::Batch;
 use raybrook::low_level::device::{Cache, DeviceHandle, DeviceKind};
-use raybrook::low_level::options::{PacketSize, TraceOptions};
+use raybrook::low_level::options::{Intersector, PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceBackend;
 use raybrook::low_level::renderer::open_tracer;
@@ -25,9 +28,15 @@ use raybrook::low_level::tracer::{Backend, TraceJob, require_clock};
 use raybrook::low_level::work::WorkSum;
 use serde_json::{Value, json};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Rays of a batch whose work is counted, at most: the reference does that, ray by ray.
 const MOST_COUNTED: usize = 1 << 15;
+
+/// With fewer nothing is ever decided (see [`Rounds`](super::outcome::Rounds)).
+const FEWEST_ROUNDS: usize = 5;
+/// Measurements that take longer have [`FEWEST_ROUNDS`].
+const LONGEST_ROUNDS: Duration = Duration::from_secs(120);
 
 /// Triangles of all structures that are kept at a time: each takes up to a kilobyte, on the host and on the device.
 const MOST_TRIANGLES_AT_A_TIME: usize = 8_000_000;
@@ -48,6 +57,8 @@ pub struct Lab<'a> {
     pub progress: &'a (dyn Fn(&str) + Sync),
     /// How much memory each structure may take; `None`: what there is when it is built.
     pub memory: Option<MemoryBudget>,
+    /// Results of other tracers, which `pareto` shows beside the program's own.
+    pub peers: Vec<Peer>,
     pub(super) journal: Journal,
 }
 
@@ -93,7 +104,31 @@ impl<'a> Lab<'a> {
         seed: u64,
         progress: &'a (dyn Fn(&str) + Sync),
     ) -> Lab<'a> {
-        Lab { device, cache, scenes, quick, seed, progress, memory: None, journal: Journal::default() }
+        Lab {
+            device,
+            cache,
+            scenes,
+            quick,
+            seed,
+            progress,
+            memory: None,
+            peers: Vec::new(),
+            journal: Journal::default(),
+        }
+    }
+
+    /// What `measure` measures on another device; `None`: on the reference.
+    pub(super) fn on<T>(
+        &mut self,
+        device: Option<&DeviceHandle>,
+        measure: impl FnOnce(&mut Lab) -> Result<T>,
+    ) -> Result<T> {
+        let Lab { cache, scenes, quick, seed, progress, memory, .. } = *self;
+        let journal = std::mem::take(&mut self.journal);
+        let mut other = Lab { device, cache, scenes, quick, seed, progress, memory, peers: Vec::new(), journal };
+        let found = measure(&mut other);
+        self.journal = other.journal;
+        found
     }
 
     /// Packs a scene in the memory that there may be.
@@ -101,9 +136,15 @@ impl<'a> Lab<'a> {
         SceneBuffers::within(scene, options, &self.memory.unwrap_or_else(MemoryBudget::available))
     }
 
-    /// Timed passes of each measurement.
-    pub fn passes(&self) -> u32 {
-        if self.quick { 3 } else { 7 }
+    /// Rounds in which everything is timed by turns. Of five rounds the sign test decides if all agree, of nine if eight
+    /// do.
+    pub fn rounds(&self) -> usize {
+        if self.quick { FEWEST_ROUNDS } else { 9 }
+    }
+
+    /// Whether another round is due, when so many are done since `start`.
+    fn goes_on(&self, done: usize, start: Instant) -> bool {
+        done < FEWEST_ROUNDS || done < self.rounds() && start.elapsed() < LONGEST_ROUNDS
     }
 
     /// Width and height of the picture whose camera rays are traced; on the reference fewer.
@@ -182,7 +223,9 @@ impl<'a> Lab<'a> {
             (self.progress)(&format!("{}: {} of {}: {}", subject.name, i + 1, variants.len(), variant.label));
             runs.push(self.start(subject, variant, &kinds)?);
         }
-        for round in 0..self.passes() as usize {
+        let start = Instant::now();
+        let mut round = 0;
+        while self.goes_on(round, start) {
             for &kind in &kinds {
                 // Each time another one begins: what a pause before it does to clocks and caches is shared out.
                 for turn in 0..runs.len() {
@@ -194,6 +237,7 @@ impl<'a> Lab<'a> {
                     runs[next].seconds[kind].extend(result.kernel_s.iter().map(|seconds| seconds + sorting));
                 }
             }
+            round += 1;
         }
         let mut rows = Vec::new();
         for Run { seconds, rows: mut unfinished, .. } in runs {
@@ -224,7 +268,10 @@ impl<'a> Lab<'a> {
                 ("method", json!(variant.label)),
                 ("rays_of", json!(batch.name)),
             ]);
+            out.insert("structure".into(), json!(options.kind().name()));
             out.extend(variant.columns.clone());
+            out.extend(promise(&options));
+            out.extend(tree_cost(&buffers, &options));
             out.extend(errors(wrong, batch.rays.len()));
             out.insert("largest_t_ulp".into(), json!(largest_t_ulp));
             out.extend(self.count(&buffers, &options, batch)?);
@@ -273,15 +320,46 @@ fn job(batch: &Batch) -> TraceJob<'_> {
     TraceJob { extreme: &[], rays: &batch.rays, next_directions: None, any_hit: batch.any_hit, repeat: 1 }
 }
 
+/// The expected cost of a kd-tree, counted alike for all.
+fn tree_cost(buffers: &SceneBuffers, options: &TraceOptions) -> Row {
+    if options.kind() != StructureKind::Kd {
+        return Row::new();
+    }
+    let bounds = Aabb { low: buffers.params.low.xyz(), high: buffers.params.high.xyz() };
+    let tree = KdTree { nodes: buffers.nodes.clone(), references: buffers.references.clone(), bounds };
+    let costs = BuildOptions { cost_traverse: 1.0, cost_intersect: 1.0, ..buffers.build_options };
+    row([("tree_cost", json!(expected_cost(&tree, Measure::Surface, &costs)))])
+}
+
 /// The columns of so many wrong answers of so many.
 pub fn errors(wrong: usize, tested: usize) -> Row {
-    let bound = upper_bound(wrong as u64, tested as u64);
+    let (low, high) = (lower_bound(wrong as u64, tested as u64), upper_bound(wrong as u64, tested as u64));
     row([
         ("wrong", json!(wrong)),
         ("tested", json!(tested)),
         ("wrong_per_million", json!(wrong as f64 * 1e6 / tested.max(1) as f64)),
-        ("wrong_bound", json!(bound * 1e6)),
+        ("wrong_low", json!(low * 1e6)),
+        ("wrong_bound", json!(high * 1e6)),
     ])
+}
+
+/// The columns of so many answers of so many that name another triangle than exact arithmetic, or none.
+pub fn differences(differing: usize, tested: usize) -> Row {
+    let (count, of) = (differing as u64, tested as u64);
+    row([
+        ("differing", json!(differing)),
+        ("differing_low", json!(lower_bound(count, of) * 1e6)),
+        ("differing_bound", json!(upper_bound(count, of) * 1e6)),
+    ])
+}
+
+/// What is claimed of methods whose hits are those of exact arithmetic.
+pub const EXACT: &str = "exact by construction";
+
+/// What is claimed of a method, whatever a run finds.
+fn promise(options: &TraceOptions) -> Row {
+    let is_exact = options.intersector == Intersector::Exact && options.kd().traversal.is_exact();
+    is_exact.then(|| ("promise".to_owned(), json!(EXACT))).into_iter().collect()
 }
 
 /// A row of an earlier version of the program as this one has it: its bound of wrong answers was k/N or 3/N, and its
@@ -314,11 +392,12 @@ fn spread_of(seconds: &[f64]) -> [f64; 2] {
 }
 
 /// The row with the speed of `rays` rays in passes that took these `seconds`.
-fn with_rate(mut out: Row, rays: usize, seconds: &[f64]) -> Row {
+pub(super) fn with_rate(mut out: Row, rays: usize, seconds: &[f64]) -> Row {
     let rate = |seconds: f64| json!(rays as f64 / seconds / 1e6);
     let [shortest, longest] = spread_of(seconds);
     out.insert("rays".into(), json!(rays));
     out.insert("passes".into(), json!(seconds.len()));
+    out.insert(Clock::Ray.column().into(), json!(seconds));
     // A clock that saw no time pass tells no speed.
     if let Some(middle) = median(seconds).filter(|_| shortest > 0.0) {
         out.extend(row([

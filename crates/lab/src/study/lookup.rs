@@ -1,10 +1,12 @@
 //! How verdicts find their numbers in the rows of a table: by exact values of named columns. A beginning or a part of
-//! a name would take rows of other methods along; a row that is there twice would be counted twice. Neither may turn
-//! into a number without a word.
+//! a name would take rows of other methods along; a row that is there twice would be counted twice, one that lacks its
+//! other side would shift a mean. None of these may turn into a number without a word.
 
 use super::Table;
+use super::outcome::Rounds;
 use super::table::{Row, name, number};
 use raybrook::{Error, Result};
+use serde_json::Value;
 
 /// Columns, and the value that each has in the rows that are meant, numbers as text.
 pub type Key<'a> = [(&'a str, &'a str)];
@@ -16,10 +18,48 @@ fn has(row: &Row, key: &Key) -> bool {
     key.iter().all(|(column, value)| row.contains_key(*column) && name(row, column) == *value)
 }
 
+/// A key in words.
+fn told(key: &Key) -> String {
+    key.iter().map(|(column, value)| format!("{column} '{value}'")).collect::<Vec<_>>().join(", ")
+}
+
 /// Two rows that differ in nothing but the method.
 pub type Pair<'a> = [&'a Row; 2];
 
+/// Which times are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clock {
+    /// The device's, for one ray of a batch.
+    Ray,
+    /// What the user waits for a picture.
+    Wall,
+}
+
+impl Clock {
+    /// The column with the seconds of each round.
+    pub fn column(self) -> &'static str {
+        match self {
+            Clock::Ray => "rounds_s",
+            Clock::Wall => "wall_rounds_s",
+        }
+    }
+
+    /// The times of a row in each round; `None`: they were not measured.
+    pub fn times(self, row: &Row) -> Option<Vec<f64>> {
+        let rounds = row.get(self.column())?.as_array()?;
+        let share = match self {
+            Clock::Ray => number(row, "rays").filter(|rays| *rays > 0.0)?,
+            Clock::Wall => 1.0,
+        };
+        rounds.iter().map(|seconds| Value::as_f64(seconds).map(|seconds| seconds / share)).collect()
+    }
+}
+
 impl Table {
+    fn error(&self, message: String) -> Error {
+        Error::input(format!("table '{}'", self.name), None, message)
+    }
+
     /// The row of this key; `None`: it was not measured.
     ///
     /// # Errors
@@ -28,41 +68,69 @@ impl Table {
         let mut rows = self.rows.iter().filter(|row| has(row, key));
         match (rows.next(), rows.next()) {
             (found, None) => Ok(found),
-            _ => Err(Error::input(format!("table '{}'", self.name), None, {
-                let parts: Vec<_> = key.iter().map(|(column, value)| format!("{column} '{value}'")).collect();
-                format!("several rows have {}; name each scene and each measurement once", parts.join(", "))
-            })),
+            _ => {
+                let several = format!("several rows have {}; name each scene and each measurement once", told(key));
+                Err(self.error(several))
+            }
         }
     }
 
-    /// For each row of key `a` that one of key `b` with the same values in the columns `along`; `None` where one of
-    /// them lacks the other: what is compared must have been measured on both sides.
+    /// For each row of key `a` that one of key `b` with the same values in the columns `along`; `None`: one side was
+    /// not measured at all.
     ///
     /// # Errors
-    /// As [`Table::one`].
+    /// As [`Table::one`], and when a row lacks its other side.
     pub fn pairs(&self, a: &Key, b: &Key, along: &[&str]) -> Result<Option<Vec<Pair<'_>>>> {
-        let mut pairs = Vec::new();
-        for row in self.rows.iter().filter(|row| has(row, a)) {
-            let values: Vec<String> = along.iter().map(|column| name(row, column)).collect();
-            let with_values = |key: &Key| -> Result<Option<&Row>> {
-                let own = along.iter().copied().zip(values.iter().map(String::as_str));
-                self.one(&key.iter().copied().chain(own).collect::<Vec<_>>())
-            };
-            let (Some(first), Some(second)) = (with_values(a)?, with_values(b)?) else { return Ok(None) };
-            pairs.push([first, second]);
+        let count = |key: &Key| self.rows.iter().filter(|row| has(row, key)).count();
+        if count(a) == 0 || count(b) == 0 {
+            return Ok(None);
         }
-        let of_b = self.rows.iter().filter(|row| has(row, b)).count();
-        Ok((!pairs.is_empty() && of_b == pairs.len()).then_some(pairs))
+        let partners = self.partners(a, b, along)?;
+        self.partners(b, a, along)?;
+        Ok(Some(partners))
+    }
+
+    /// The rows of key `a`, each with its one of key `b`.
+    fn partners(&self, a: &Key, b: &Key, along: &[&str]) -> Result<Vec<Pair<'_>>> {
+        let rows = self.rows.iter().filter(|row| has(row, a));
+        let pairs = rows.map(|row| {
+            let values: Vec<String> = along.iter().map(|column| name(row, column)).collect();
+            let own: Vec<_> = along.iter().copied().zip(values.iter().map(String::as_str)).collect();
+            let [a, b] = [a, b].map(|key| [key, &own].concat());
+            self.one(&a)?;
+            match self.one(&b)? {
+                Some(other) => Ok([row, other]),
+                None => Err(self.error(format!("there is a row of {} and none of {}", told(&a), told(&b)))),
+            }
+        });
+        pairs.collect()
     }
 
     /// How many times the value of the rows of key `b` those of key `a` have in a column: the geometric mean over
     /// pairs of rows that agree in the columns `along`. `None`: one side was not measured.
     ///
     /// # Errors
-    /// As [`Table::one`].
+    /// As [`Table::pairs`].
     pub fn ratio(&self, column: &str, a: &Key, b: &Key, along: &[&str]) -> Result<Option<f64>> {
         Ok(self.pairs(a, b, along)?.and_then(|pairs| mean_ratio(&pairs, column)))
     }
+
+    /// How many times as fast as those of key `b` those of key `a` are, round by round: the geometric mean over pairs
+    /// of rows that agree in the columns `along`. `None`: one side was not timed.
+    ///
+    /// # Errors
+    /// As [`Table::pairs`].
+    pub fn speedup(&self, clock: Clock, a: &Key, b: &Key, along: &[&str]) -> Result<Option<Rounds>> {
+        Ok(self.pairs(a, b, along)?.and_then(|pairs| speedup(&pairs, clock)))
+    }
+}
+
+/// How many times as fast as the second rows the first ones are, round by round.
+pub fn speedup(pairs: &[Pair], clock: Clock) -> Option<Rounds> {
+    let times = pairs.iter().map(|[a, b]| Some([clock.times(a)?, clock.times(b)?])).collect::<Option<Vec<_>>>()?;
+    let rounds = times.iter().flatten().map(Vec::len).min()?;
+    let ratio = |round: usize| geometric_mean(times.iter().map(|[a, b]| Some(b[round] / a[round])));
+    Rounds::new((0..rounds).map(ratio).collect::<Option<Vec<_>>>()?)
 }
 
 /// The geometric mean; `None` of nothing, or where a value is missing.
@@ -110,13 +178,29 @@ mod tests {
     }
 
     #[test]
-    fn what_lacks_its_other_side_is_not_measured() {
+    fn what_lacks_its_other_side_is_named() {
         let lacking = table(&[("s", "a", 8.0), ("s", "b", 2.0), ("t", "a", 100.0)]);
-        assert_eq!(ratio(&lacking, "a", "b").unwrap(), None);
-        assert_eq!(ratio(&lacking, "b", "a").unwrap(), None);
+        for (a, b) in [("a", "b"), ("b", "a")] {
+            let message = ratio(&lacking, a, b).unwrap_err().to_string();
+            assert!(message.contains("a row of method 'a', scene 't' and none of method 'b', scene 't'"), "{message}");
+        }
         assert_eq!(ratio(&lacking, "a", "c").unwrap(), None);
         let whole = table(&[("s", "a", 8.0), ("s", "b", 2.0), ("t", "b", 100.0), ("t", "a", 100.0)]);
         assert!((ratio(&whole, "a", "b").unwrap().unwrap() - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rounds_are_compared_one_by_one_and_rays_of_other_numbers_by_the_ray() {
+        let timed = |method: &str, rays: u32, rounds: &[f64]| {
+            row([("method", json!(method)), ("rays", json!(rays)), ("rounds_s", json!(rounds))])
+        };
+        let rows = vec![timed("a", 100, &[1.0, 4.0, 1.0]), timed("b", 200, &[4.0, 16.0, 3.0]), timed("c", 100, &[])];
+        let table = Table::new("rays", "", rows);
+        let speedup = |a, b| table.speedup(Clock::Ray, &[("method", a)], &[("method", b)], &[]).unwrap();
+        assert_eq!(speedup("a", "b"), Rounds::new(vec![2.0, 2.0, 1.5]));
+        assert_eq!([speedup("a", "c"), speedup("a", "d")], [None, None]);
+        let walled = table.speedup(Clock::Wall, &[("method", "a")], &[("method", "b")], &[]).unwrap();
+        assert_eq!(walled, None);
     }
 
     #[test]

@@ -41,7 +41,7 @@ fn plain(text: &str) -> String {
 
 /// The table, and what its columns mean where their headings do not say it all.
 fn rows(table: &Table) -> String {
-    let columns = table.columns();
+    let columns = table.shown_columns();
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let is_text = |name: &str| table.rows.iter().any(|row| row.get(name).is_some_and(Value::is_string));
     let mut text = line(columns.iter().map(|name| column(name).label.to_owned()).collect());

@@ -19,7 +19,10 @@ mod journal;
 mod lab;
 mod lookup;
 mod markdown;
+mod outcome;
 mod page;
+mod peers;
+mod pictured;
 mod report;
 mod scenes;
 mod studies;
@@ -28,9 +31,12 @@ mod table;
 pub use chart::{Chart, ChartKind};
 pub use draw::{Format, pixels, svg};
 pub use lab::{Lab, PictureVariant, Subject, Variant};
+pub use outcome::Outcome;
+pub use peers::{Peer, export_rays};
 pub use report::{Entry, Header, Report, State, StudiedScene};
 pub use table::{COLUMNS, Column, Row, Table};
 
+use raybrook::low_level::device::KERNEL_FILES;
 use raybrook::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -45,6 +51,8 @@ pub struct Study {
     pub claim: &'static str,
     /// What of it is measured on the program's own shapes even where the user names scenes.
     pub own_shapes: Option<&'static str>,
+    /// The text of the file that has it.
+    source: &'static str,
     measure: fn(&mut Lab) -> Result<Vec<Table>>,
     judge: fn(&Measured) -> Result<Findings>,
 }
@@ -83,6 +91,11 @@ impl Study {
         studies::ALL.iter()
     }
 
+    /// The one that shows other tracers, and whose rays they trace.
+    pub fn of_peers() -> &'static Study {
+        &studies::OF_PEERS
+    }
+
     /// The study of this name.
     ///
     /// # Errors
@@ -96,6 +109,16 @@ impl Study {
         })
     }
 
+    /// A checksum of the kernels and of the study's own code. A report with another one was made by other code.
+    pub fn sources(&self) -> String {
+        let mut hasher = crc32fast::Hasher::new();
+        KERNEL_FILES.iter().for_each(|(_, text)| hasher.update(text.as_bytes()));
+        // Its tests measure nothing.
+        let code = self.source.split("#[cfg(test)]").next().unwrap_or_default();
+        hasher.update(code.as_bytes());
+        format!("{:08x}", hasher.finalize())
+    }
+
     /// Makes the study.
     ///
     /// # Errors
@@ -103,6 +126,14 @@ impl Study {
     pub fn run(&self, lab: &mut Lab) -> Result<Findings> {
         let tables = (self.measure)(lab)?;
         self.judge(tables, &Header::new(lab))
+    }
+
+    /// The same measurements beside those of the lab's other tracers, in place of other tracers' that were there.
+    ///
+    /// # Errors
+    /// Results of a tracer are not for these rays, and as [`Study::judge`].
+    fn beside_peers(&self, lab: &Lab, tables: Vec<Table>) -> Result<Findings> {
+        self.judge(studies::beside_peers(lab, tables)?, &Header::new(lab))
     }
 
     /// What follows from what was measured, also by an earlier version of the program: `tables` may be those of its
@@ -125,8 +156,9 @@ impl Study {
 /// What a study found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
-    /// Whether the claim holds on this device with these scenes; `None` where the study cannot tell.
-    pub holds: Option<bool>,
+    /// Whether the claim holds on this device with these scenes.
+    #[serde(default)]
+    pub outcome: Outcome,
     /// That in one sentence, with the numbers that it follows from.
     pub verdict: String,
     /// What else a reader should know.
@@ -138,12 +170,12 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Whether the claim holds, as the beginning of the verdict; empty where the study cannot tell.
+    /// Whether the claim holds, as the beginning of the verdict.
     pub fn judgement(&self) -> &'static str {
-        match self.holds {
-            Some(true) => "It holds here: ",
-            Some(false) => "It does not hold here: ",
-            None => "",
+        match self.outcome {
+            Outcome::Holds => "It holds here: ",
+            Outcome::Fails => "It does not hold here: ",
+            Outcome::Undecided => "Not decided here: ",
         }
     }
 

@@ -1,13 +1,16 @@
 //! The report as one HTML page that needs nothing else: charts are drawn into it, for wide pages and for phones, in the
 //! colours of a light or a dark page.
 
+use super::chart::sizes;
 use super::draw::{Format, GRID, INK, MUTED, PAPER, svg};
+use super::pictured::{PicturedScene, SIZE};
 use super::report::{Entry, Header};
 use super::table::{Row, Table, column};
-use super::{Chart, Study};
+use super::{Chart, Outcome, Study};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use plotters::style::RGBColor;
 use serde_json::Value;
+use std::collections::BTreeSet;
 
 /// Rows of a table that the page shows; the CSV has all.
 const MOST_ROWS: usize = 400;
@@ -31,11 +34,14 @@ svg { display: block; width: 100%; height: auto; } .narrow { display: none; }
 .claim { color: var(--muted); } .anew { border-left: .25rem solid var(--fails); padding-left: .75rem; } .holds { color: var(--holds); } .fails { color: var(--fails); }
 .table { overflow-x: auto; max-width: 100%; } table { border-collapse: collapse; font-size: .8rem; }
 th, td { padding: .2rem .5rem; border-bottom: 1px solid var(--grid); text-align: right; white-space: nowrap; overflow-wrap: normal; }
+.numbered { margin: .3rem 0; font-size: .9rem; } .numbered b { color: var(--muted); }
+.scenes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; } .scenes img { max-width: 100%; height: auto; }
+.scenes p { margin: .2rem 0; }
 th:first-child, td:first-child, td.text { text-align: left; } details { margin: .5rem 0; }
 ";
 
 /// The page.
-pub fn html(header: &Header, entries: &[Entry]) -> String {
+pub fn html(header: &Header, entries: &[Entry], scenes: &[PicturedScene]) -> String {
     let studies: Vec<_> = entries.iter().filter_map(|entry| Some((Study::find(&entry.study).ok()?, entry))).collect();
     let page = html! {
         (DOCTYPE)
@@ -47,37 +53,116 @@ pub fn html(header: &Header, entries: &[Entry]) -> String {
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                h1 { "Speed against accuracy on " (header.device) }
-                p {
-                    "raybrook " (header.version) "; seed " (header.seed)
-                    @if !header.device_details.is_empty() { "; " (header.device_details) }
-                    @if header.quick { "; in a hurry (" code { "--quick" } "): few rays, few passes, wide spreads" }
-                    "."
-                }
-                p {
-                    @if header.scenes.is_empty() { "Scenes made by the program." }
-                    @else {
-                        "Scenes: "
-                        @for (i, scene) in header.scenes.iter().enumerate() {
-                            @if i > 0 { ", " } code { (scene.name) } " (" (scene.triangles) " triangles)"
-                        }
-                        "."
-                    }
-
-                }
-                p {
-                    "Every speed stands beside the errors of the same run: filled points and bars had no wrong answer, hollow ones had some. "
-                    "Methods of a table were timed by turns; points are medians, thin bars go from the slowest to the fastest pass."
-                }
+                h1 { "Ray tracing on " (header.device) ": speed against accuracy" }
+                (first_screen(&studies))
+                (how_to_read())
+                (made_on(header, &studies))
                 (judged_anew(&studies))
+                (scenes_shown(header, scenes))
                 nav {
-                    ol { @for (study, _) in &studies { li { a href={ "#" (study.name) } { (study.title) } } } }
+                    h2 { "Studies" }
+                    ol { @for (study, entry) in &studies { li { a href={ "#" (study.name) } { (study.title) } ": " (outcome_of(entry)) } } }
                 }
                 @for (study, entry) in &studies { (section(study, entry)) }
             }
         }
     };
     page.into_string()
+}
+
+/// The study with the chart that the page begins with.
+const FIRST: &str = "pareto";
+
+/// What a stranger sees first: the chart of speed against accuracy, and what it and the other studies come to.
+fn first_screen(studies: &[(&Study, &Entry)]) -> Markup {
+    let first = studies.iter().find(|(study, _)| study.name == FIRST);
+    let count = |outcome: Outcome| studies.iter().filter(|(_, entry)| entry.findings.outcome == outcome).count();
+    let [holds, fails, undecided] = [Outcome::Holds, Outcome::Fails, Outcome::Undecided].map(count);
+    html! {
+        @if let Some((_, entry)) = first {
+            p { (entry.findings.judgement()) (entry.findings.verdict) }
+            @if let Some(chart) = entry.findings.charts.first() {
+                @if let Some(table) = entry.findings.table(&chart.table) { (figure(entry, chart, table)) }
+            }
+        }
+        p {
+            "Of " (studies.len()) " claims that were tested here " (holds) " hold, " (fails) " do not, and " (undecided)
+            " were not decided. Every claim is one of the thesis that this program began with, or of the program itself; each has its measurements below."
+        }
+    }
+}
+
+fn how_to_read() -> Markup {
+    html! {
+        h2 { "How to read it" }
+        ul {
+            li { "Each point is a method. In charts of speed against error left and high is better, and a line joins the points that no other beats." }
+            li {
+                "A filled mark: no answer of this run was wrong. A hollow one: some were. A ring around it: the method is exact by construction, which is \
+                 a claim about the method, not about the run. Points stand at the upper bound of their rate of wrong answers with 95 % confidence; the \
+                 bar beside it goes down to the lower bound."
+            }
+            li {
+                "Methods of a table took turns, round by round. \u{201c}1.20 [1.15, 1.31]\u{201d} is the median of the rounds' ratios, and their smallest and largest. A \
+                 claim holds, or does not, where the rounds agree on it by a sign test at a risk of 5 %; else it is not decided."
+            }
+            li { "Batches of rays are timed by the device's clock, pictures by the clock on the wall. Point at a mark to read its numbers." }
+        }
+    }
+}
+
+/// On what, when and of which code the report was made.
+fn made_on(header: &Header, studies: &[(&Study, &Entry)]) -> Markup {
+    let each = |part: fn(&Entry) -> &str| {
+        let parts: BTreeSet<&str> =
+            studies.iter().map(|(_, entry)| part(entry)).filter(|part| !part.is_empty()).collect();
+        parts.into_iter().collect::<Vec<_>>().join(", ")
+    };
+    let (dates, commits) = (each(|entry| &entry.date), each(|entry| &entry.commit));
+    html! {
+        p {
+            "raybrook " (header.version)
+            @if !commits.is_empty() { ", commit " (commits) }
+            @if !dates.is_empty() { ", " (dates) }
+            ". " (header.device)
+            @if !header.device_details.is_empty() { " (" (header.device_details) ")" }
+            @if !header.machine.is_empty() { ", in a computer with " (header.machine) }
+            ". Seed " (header.seed) "."
+            @if header.quick {
+                " Made in a hurry (" code { "--quick" } "): few rays, few rounds. A method without a wrong answer of some hundred may still err once in a \
+                 hundred times."
+            }
+        }
+    }
+}
+
+/// What the scenes look like.
+fn scenes_shown(header: &Header, scenes: &[PicturedScene]) -> Markup {
+    let (width, height) = SIZE;
+    html! {
+        h2 { "Scenes" }
+        @if scenes.is_empty() && header.scenes.is_empty() { p { "Made by the program." } }
+        @if scenes.is_empty() {
+            @for scene in &header.scenes { p { code { (scene.name) } " (" (scene.triangles) " triangles)" } }
+        }
+        div.scenes {
+            @for scene in scenes {
+                div {
+                    img src={ "data:image/png;base64," (scene.png) } width=(width) height=(height) alt=(scene.name);
+                    p { b { (scene.name) } ", " (scene.triangles) " triangles. " (scene.about) }
+                }
+            }
+        }
+    }
+}
+
+/// Whether the claim of a study holds, in a word or two.
+fn outcome_of(entry: &Entry) -> &'static str {
+    match entry.findings.outcome {
+        Outcome::Holds => "holds",
+        Outcome::Fails => "does not hold",
+        Outcome::Undecided => "not decided",
+    }
 }
 
 /// The studies whose verdict is no more what an earlier version of the program said.
@@ -100,10 +185,10 @@ fn judged_anew(studies: &[(&Study, &Entry)]) -> Markup {
 
 fn section(study: &Study, entry: &Entry) -> Markup {
     let findings = &entry.findings;
-    let class = match findings.holds {
-        Some(true) => "holds",
-        Some(false) => "fails",
-        None => "",
+    let class = match findings.outcome {
+        Outcome::Holds => "holds",
+        Outcome::Fails => "fails",
+        Outcome::Undecided => "",
     };
     html! {
         section id=(study.name) {
@@ -120,27 +205,33 @@ fn section(study: &Study, entry: &Entry) -> Markup {
             }
             @for note in &findings.notes { p { (note) } }
             @for table in &findings.tables { (data(entry, table)) }
-            p.claim { "Made by " code { (entry.command) } " in " (format!("{:.0}", entry.seconds)) " s." }
+            p.claim {
+                "Made by " code { (entry.command) } " in " (format!("{:.0}", entry.seconds)) " s"
+                @if !entry.date.is_empty() { ", " (entry.date) }
+                "."
+            }
         }
     }
 }
 
 fn figure(entry: &Entry, chart: &Chart, table: &Table) -> Markup {
-    let drawn = [(Format::WIDE, "wide"), (Format::NARROW, "narrow")]
-        .map(|(format, class)| (svg(chart, table, format).map(|svg| in_page(&svg)), class));
-    let file = format!("charts/{}-{}", entry.study, chart.name);
+    let drawn =
+        [(Format::WIDE, "wide"), (Format::NARROW, "narrow")].map(|(format, class)| (svg(chart, table, format), class));
+    let file = format!("charts/{}-{}.svg", entry.study, chart.name);
     html! {
         figure {
-            @for (svg, class) in &drawn {
-                @match svg {
-                    Ok(svg) => div class=(class) role="img" aria-label=(chart.title) { (PreEscaped(svg)) },
+            @for (drawing, class) in &drawn {
+                @match drawing {
+                    Ok(drawing) => div class=(class) {
+                        div role="img" aria-label=(chart.title) { (PreEscaped(in_page(&drawing.svg))) }
+                        @if !drawing.numbered.is_empty() {
+                            p.numbered { @for (i, name) in drawing.numbered.iter().enumerate() { b { (i + 1) } " " (name) " " } }
+                        }
+                    },
                     Err(error) => p { "This chart could not be drawn: " (error) },
                 }
             }
-            figcaption {
-                (chart.caption) " "
-                a href={ (file) ".svg" } { "SVG" } ", " a href={ (file) ".png" } { "PNG" }
-            }
+            figcaption { (chart.caption) " " (sizes(chart, table)) " " a href=(file) { "SVG" } }
         }
     }
 }
@@ -155,7 +246,7 @@ fn in_page(svg: &str) -> String {
 }
 
 fn data(entry: &Entry, table: &Table) -> Markup {
-    let columns = table.columns();
+    let columns = table.shown_columns();
     let file = format!("data/{}-{}.csv", entry.study, table.name);
     html! {
         details {

@@ -6,6 +6,7 @@ use super::fingerprint::fingerprint;
 use super::journal::Journal;
 use super::markdown::markdown;
 use super::page;
+use super::pictured::{self, PicturedScene};
 use super::{Findings, Lab, Study};
 use raybrook::low_level::device::{DeviceHandle, DeviceInfo};
 use raybrook::low_level::input::read_regular;
@@ -26,6 +27,9 @@ pub struct Header {
     pub device: String,
     /// Its kind, driver, units and clock.
     pub device_details: String,
+    /// The computer that it is in.
+    #[serde(default)]
+    pub machine: String,
     /// The user's scenes; empty: the program's own.
     pub scenes: Vec<StudiedScene>,
     /// Of random numbers.
@@ -55,6 +59,7 @@ impl Header {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             device: lab.device.map_or_else(|| REFERENCE.to_owned(), |d| d.info.name.clone()),
             device_details: lab.device.map_or_else(String::new, details),
+            machine: machine(),
             scenes: lab.scenes.iter().map(StudiedScene::new).collect(),
             seed: lab.seed,
             quick: lab.quick,
@@ -71,6 +76,14 @@ impl StudiedScene {
     fn new((name, scene): &(String, Scene)) -> StudiedScene {
         StudiedScene { name: name.clone(), triangles: scene.hittable().len(), fingerprint: fingerprint(scene) }
     }
+}
+
+/// The computer's processor. Where the system does not name it, its architecture.
+fn machine() -> String {
+    let told = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = told.lines().find_map(|line| Some(line.strip_prefix("model name")?.split_once(':')?.1.trim()));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("{cores} core{} of {}", if cores == 1 { "" } else { "s" }, model.unwrap_or(std::env::consts::ARCH))
 }
 
 fn details(device: &DeviceHandle) -> String {
@@ -99,6 +112,15 @@ pub struct Entry {
     pub seconds: f64,
     /// On what.
     pub header: Header,
+    /// The day, of UTC.
+    #[serde(default)]
+    pub date: String,
+    /// The commit of the program; empty where it was not known.
+    #[serde(default)]
+    pub commit: String,
+    /// A checksum of the kernels and of the study's own code: what the numbers may have changed with.
+    #[serde(default)]
+    pub sources: String,
     /// What an earlier version of the program said of the same rows, where this one says something else.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub earlier: Option<String>,
@@ -118,6 +140,12 @@ impl Entry {
     }
 }
 
+/// The day, of UTC.
+fn today() -> String {
+    let now = humantime::format_rfc3339_seconds(std::time::SystemTime::now()).to_string();
+    now.split('T').next().unwrap_or_default().to_owned()
+}
+
 /// How a study came into the report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
@@ -125,6 +153,8 @@ pub enum State {
     Made,
     /// It was there.
     Found,
+    /// It was there, and other tracers are now beside it.
+    WithPeers,
 }
 
 /// A report in a folder.
@@ -134,6 +164,9 @@ pub struct Report {
     command: String,
     again: bool,
     entries: Vec<Entry>,
+    pictured: Vec<PicturedScene>,
+    /// Of the program that makes it; empty where it is not known.
+    commit: String,
 }
 
 /// The page.
@@ -141,6 +174,8 @@ const PAGE: &str = "index.html";
 /// Where data and charts lie.
 const DATA: &str = "data";
 const CHARTS: &str = "charts";
+/// In the data: what the scenes look like.
+const SCENES: &str = "scenes.json";
 
 impl Report {
     /// The report in `folder`, which is made if it is not there. Studies with the same header that are there are part
@@ -155,8 +190,15 @@ impl Report {
         for folder in [folder.to_owned(), folder.join(DATA), folder.join(CHARTS)] {
             fs::create_dir_all(&folder).map_err(|error| Error::io("create", &folder, error))?;
         }
-        let mut report =
-            Report { folder: folder.to_owned(), header, command: command.to_owned(), again, entries: Vec::new() };
+        let mut report = Report {
+            folder: folder.to_owned(),
+            header,
+            command: command.to_owned(),
+            again,
+            entries: Vec::new(),
+            pictured: pictured::read(&folder.join(DATA).join(SCENES)),
+            commit: String::new(),
+        };
         let found = Study::all().filter_map(|study| read(&folder.join(DATA), study.name));
         for found in found.filter(|entry| entry.header == report.header).collect::<Vec<_>>() {
             // Rows that cannot be judged are measured again.
@@ -194,6 +236,11 @@ impl Report {
         self.write_page()
     }
 
+    /// Says which commit of the program makes the studies from now on.
+    pub fn set_commit(&mut self, commit: &str) {
+        commit.clone_into(&mut self.commit);
+    }
+
     /// What was found so far, in the order of [`Study::all`].
     pub fn entries(&self) -> &[Entry] {
         &self.entries
@@ -205,11 +252,25 @@ impl Report {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let of_study = |study: &Study| name.strip_prefix(study.name).is_some_and(|rest| rest.starts_with(['-', '.']));
         let is_in = |part: &str| inside.parent() == Some(Path::new(part));
-        inside == Path::new(PAGE) || (is_in(DATA) || is_in(CHARTS)) && Study::all().any(of_study)
+        let is_scenes = is_in(DATA) && name == SCENES;
+        inside == Path::new(PAGE) || is_scenes || (is_in(DATA) || is_in(CHARTS)) && Study::all().any(of_study)
     }
 
     fn data(&self, name: &str) -> PathBuf {
         self.folder.join(DATA).join(name)
+    }
+
+    /// Renders small pictures of the scenes of studies, for the page, unless they are there.
+    ///
+    /// # Errors
+    /// A scene cannot be rendered, or the file cannot be written.
+    pub fn picture_scenes(&mut self, lab: &Lab) -> Result<()> {
+        let wanted = pictured::names(lab);
+        if self.pictured.iter().map(|scene| &scene.name).eq(&wanted) {
+            return Ok(());
+        }
+        self.pictured = pictured::render(lab)?;
+        write_json(&self.data(SCENES), &self.pictured)
     }
 
     /// Makes a study, or takes what is there, and writes all of its files and the page.
@@ -218,6 +279,9 @@ impl Report {
     /// Those of the study, and [`Error::Io`] when a file cannot be written.
     pub fn make(&mut self, study: &Study, lab: &mut Lab) -> Result<State> {
         if let Some(found) = self.entries.iter().find(|entry| !self.again && entry.study == study.name) {
+            if study.name == Study::of_peers().name && !lab.peers.is_empty() {
+                return self.add_peers(study, lab, found.clone());
+            }
             // An earlier version may have drawn them.
             self.draw(found)?;
             return Ok(State::Found);
@@ -232,16 +296,35 @@ impl Report {
             command: self.command.clone(),
             seconds: start.elapsed().as_secs_f64(),
             header: self.header.clone(),
+            date: today(),
+            commit: self.commit.clone(),
+            sources: study.sources(),
             earlier: None,
         };
-        self.write(&entry)?;
+        self.keep(entry)?;
         std::mem::take(&mut lab.journal).remove()?;
-        self.entries.retain(|other| other.study != study.name);
+        Ok(State::Made)
+    }
+
+    /// Writes an entry and the page with it, in place of the one that was there.
+    fn keep(&mut self, entry: Entry) -> Result<()> {
+        self.write(&entry)?;
+        self.entries.retain(|other| other.study != entry.study);
         self.entries.push(entry);
         let place = |entry: &Entry| Study::all().position(|study| study.name == entry.study);
         self.entries.sort_by_key(place);
-        self.write_page()?;
-        Ok(State::Made)
+        self.write_page()
+    }
+
+    /// Puts the lab's other tracers beside what is measured already.
+    fn add_peers(&mut self, study: &Study, lab: &Lab, found: Entry) -> Result<State> {
+        let findings = study.beside_peers(lab, found.findings.tables)?;
+        let command = match found.command == self.command {
+            true => found.command,
+            false => format!("{}; {}", found.command, self.command),
+        };
+        self.keep(Entry { findings, command, ..found })?;
+        Ok(State::WithPeers)
     }
 
     fn write(&self, entry: &Entry) -> Result<()> {
@@ -258,8 +341,8 @@ impl Report {
         for chart in &entry.findings.charts {
             let Some(table) = entry.findings.table(&chart.table) else { continue };
             let path = |ending: &str| self.folder.join(CHARTS).join(format!("{}-{}.{ending}", entry.study, chart.name));
-            let text = svg(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
-            write_bytes(&path("svg"), text.as_bytes())?;
+            let drawing = svg(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
+            write_bytes(&path("svg"), drawing.svg.as_bytes())?;
             let (width, height, bytes) =
                 pixels(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
             write_png(&path("png"), width, height, &bytes)?;
@@ -272,7 +355,7 @@ impl Report {
     /// # Errors
     /// [`Error::Io`] when it cannot be written.
     pub fn write_page(&self) -> Result<()> {
-        let html = page::html(&self.header, &self.entries);
+        let html = page::html(&self.header, &self.entries, &self.pictured);
         write_bytes(&self.folder.join(PAGE), html.as_bytes())
     }
 

@@ -164,6 +164,28 @@ pub fn glass_still_life(detail: u32) -> Result<Scene> {
     Ok(scene)
 }
 
+/// Mirror balls and glass balls of `detail` segments around by turns, on a glossy floor before a mirror: chains of rays
+/// end late, and many branch.
+///
+/// # Errors
+/// As [`still_life`].
+pub fn mirrors_and_glass(detail: u32) -> Result<Scene> {
+    let mut builder = Builder::new();
+    let mirror = Material { mirror: Vec3::splat(0.8), ..Material::matt(Vec3::splat(0.05)) };
+    let glass = Material { transmission: Vec3::splat(0.9), ior: 1.5, ..Material::matt(Vec3::ZERO) };
+    for (i, x) in (-2..=2).enumerate() {
+        builder.material(if i % 2 == 0 { mirror.clone() } else { glass.clone() });
+        builder.push().translate(Vec3::new(1.7 * x as f32, 0.0, 0.6 * (i % 3) as f32)).sphere(0.8, detail).pop();
+    }
+    builder.material(Material { mirror: Vec3::splat(0.7), ..Material::matt(Vec3::new(0.05, 0.06, 0.08)) });
+    builder.quad(Vec3::new(-6.0, -0.8, -2.5), Vec3::X * 12.0, Vec3::Y * 4.0, 1);
+    builder.material(Material { mirror: Vec3::splat(0.2), ..Material::matt(Vec3::new(0.5, 0.45, 0.4)) });
+    builder.quad(Vec3::new(-6.0, -0.8, 6.0), Vec3::X * 12.0, Vec3::NEG_Z * 8.5, 1);
+    let (eye, target) = (Vec3::new(0.6, 2.4, 7.5), Vec3::new(0.0, 0.2, 0.0));
+    builder.camera(Camera { eye, target, up: Vec3::Y, fov_degrees: 42.0 });
+    builder.finish()
+}
+
 /// `count` boulders of 8 * 4^`levels` triangles as instances of one on a floor, turned and between 0.5 and 1.2 of its
 /// size.
 ///
@@ -190,6 +212,61 @@ pub fn boulder_field(levels: u32, count: u32) -> Result<Scene> {
     let eye = Vec3::new(0.2, 0.35, 0.6) * 2.2 * side as f32 + Vec3::Y * 2.0;
     builder.camera(Camera { eye, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 });
     builder.finish()
+}
+
+/// A scene as the page of a report shows it.
+pub struct Shown {
+    pub name: &'static str,
+    /// What it is, in a sentence.
+    pub about: &'static str,
+    pub make: fn() -> Result<Scene>,
+    /// Whether it is there in a hurry, too.
+    is_quick: bool,
+}
+
+/// The scenes of most studies.
+const SHOWN: [Shown; 6] = [
+    Shown {
+        name: "boulder",
+        about: "A closed stone of small, even triangles: what scans and models are like.",
+        make: || boulder(6),
+        is_quick: true,
+    },
+    Shown {
+        name: "hall",
+        about: "Leaning columns of long, thin triangles, seen from among them: what structures find hard.",
+        make: || hall(18),
+        is_quick: false,
+    },
+    Shown {
+        name: "still life",
+        about: "A boulder and a mirror ball on a floor: reflected and shadow rays.",
+        make: || still_life(96, false),
+        is_quick: true,
+    },
+    Shown {
+        name: "still life of marble and wood",
+        about: "The same with procedural textures.",
+        make: || still_life(96, true),
+        is_quick: false,
+    },
+    Shown {
+        name: "still life with glass",
+        about: "The same with a ball of glass: refracted rays, and chains that are longest.",
+        make: || glass_still_life(96),
+        is_quick: false,
+    },
+    Shown {
+        name: "100 boulders",
+        about: "One boulder in a hundred places, turned and scaled: triangles shared by instances.",
+        make: || boulder_field(4, 100),
+        is_quick: false,
+    },
+];
+
+/// The scenes that the page shows.
+pub fn shown(is_quick: bool) -> impl Iterator<Item = &'static Shown> {
+    SHOWN.iter().filter(move |shown| shown.is_quick || !is_quick)
 }
 
 fn procedural(pattern: Pattern) -> Procedural {

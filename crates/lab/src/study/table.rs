@@ -37,6 +37,12 @@ impl Table {
         names
     }
 
+    /// Those of them that a reader wants to see: not the times of every round.
+    pub fn shown_columns(&self) -> Vec<&str> {
+        let is_list = |name: &&str| self.rows.iter().any(|row| row.get(*name).is_some_and(Value::is_array));
+        self.columns().into_iter().filter(|name| !is_list(name)).collect()
+    }
+
     /// The table as CSV: the names, and a line for each row, without a value where there is none.
     pub fn to_csv(&self) -> csv::Result<Vec<u8>> {
         let columns = self.columns();
@@ -120,18 +126,36 @@ columns! {
     "triangles": "triangles", "those that can be hit";
     "method": "method", "the parts that trace";
     "panel": "panel", "what was traced";
+    "tracer": "tracer", "raybrook: timed by turns in this run; another: by a program of its own, on the same rays";
+    "machine": "machine", "on which another tracer ran";
+    "threads": "threads", "of another tracer";
+    "clock": "clock", "wall clock: from a pass's beginning to its end; device time: of its kernels alone";
+    "call": "call", "the other tracer's function";
+    "faults": "sorts of wrong answers", "of another tracer, as `raybrook stress` names them";
+    "pass_s": "pass (s)", "of another tracer, by its clock, median";
     "rays_of": "rays", "camera: one for each pixel, in tiles; shadow: from their hits to the light, any hit; diffuse: from there by a cosine lobe";
     "rays": "rays traced", "in one pass";
-    "mrays_per_s": "Mrays/s", "million rays a second of device time, by the median pass";
+    "structure": "structure", "what is traced through";
+    "promise": "promise", "what is claimed of the method: exact by construction, or nothing; what this run found is another matter";
+    "mrays_per_s": "Mrays/s", "million rays a second of device time, of another tracer by its clock, by the median pass";
     "mrays_low": "Mrays/s, slowest pass", "";
     "mrays_high": "Mrays/s, fastest pass", "";
     "relative": "speed relative to the fastest", "geometric mean over camera, shadow and diffuse rays";
     "relative_low": "lowest relative speed", "of all rounds";
     "relative_high": "highest relative speed", "of all rounds";
-    "passes": "passes", "timed, by turns with the other methods of the table";
+    "passes": "rounds", "timed, by turns with the other methods of the table";
+    "rounds_s": "seconds of each round", "of device time, not sorted, so that rounds of two methods can be compared one by one";
+    "wall_rounds_s": "seconds of each round", "by the wall clock, likewise";
+    "wall_s": "seconds, wall clock", "from the call to the finished picture, median: launches and the gaps between them, what the host decides and computes, reading back";
+    "wall_low": "seconds, wall clock, fastest", "";
+    "wall_high": "seconds, wall clock, slowest", "";
     "wrong": "wrong answers", "another triangle, a hit for a miss or a miss for a hit, by the f64 oracle and, where it differs, by rational arithmetic";
     "tested": "answers checked", "";
     "wrong_per_million": "wrong answers per million rays", "";
+    "differing": "answers that differ", "that name another triangle than exact arithmetic does, or none, or one for none: also where a ray that is off by no more than rounding would have it so, which is not counted as wrong";
+    "differing_low": "answers that differ per million rays, at least (95 % bound)", "";
+    "differing_bound": "answers that differ per million rays, at most (95 % bound)", "from exact arithmetic, rounding not forgiven";
+    "wrong_low": "wrong answers per million rays, at least (95 % bound)", "the exact one-sided lower bound of Clopper and Pearson";
     "wrong_bound": "wrong answers per million rays, at most (95 % bound)", "the exact one-sided upper bound of Clopper and Pearson for every count; where none of N was wrong about 3 million / N";
     "largest_t_ulp": "largest error of t (ulp)", "in units in the last place, against the oracle in f64, where the triangle is right";
     "steps": "steps a ray", "nodes, cells or clusters that a ray looks at";
@@ -167,9 +191,10 @@ columns! {
     "gap": "gap between layers (ulp)", "floats between one layer's coordinate and the next one's";
     "mode": "failure mode", "a kind of `raybrook stress`";
     "cubes": "cubes", "of 12 triangles each";
-    "frames_per_s": "frames a second", "of the picture, or of 640 x 480 camera rays";
+    "frames_per_s": "frames a second", "of the picture by the wall clock, or of 640 x 480 camera rays by the device's";
     "tests_per_s": "million tests a second", "";
-    "flops_a_test": "operations a test", "floating-point operations of Moller and Trumbore's test, fma counted as two";
+    "flops_a_test": "operations a test", "floating-point operations of Moller and Trumbore's test, fma counted as two, counted test by test up to where each may end";
+    "most_flops_a_test": "operations of a whole test", "of one that does not end early";
     "flop_per_byte": "operations a byte", "arithmetic intensity: operations a test by bytes of vertices a test";
     "gflops": "Gflop/s", "operations of triangle tests alone";
     "limit": "limit", "of the device: arithmetic, reads of an array that all work-items read, copies from memory to memory";
@@ -179,8 +204,10 @@ columns! {
     "limit_share": "share of the limit", "";
     "samples": "samples a pixel", "";
     "depth": "longest chain of rays", "the camera ray counted as 1";
+    "limited_by": "limited by", "what keeps rays from being cast: the depth of chains, a least weight, or Russian roulette below a weight";
+    "weight": "weight", "below which rays are killed, all of them or at random";
     "pixels": "pixels", "";
-    "seconds": "seconds", "device time of the picture and what the host takes to decide what is traced and to compute textures, median";
+    "seconds": "seconds, device and host", "device time of the picture and what the host takes to decide what is traced and to compute textures, median";
     "decide_s": "of them the host's (s)", "between the rounds of a picture by its error, median";
     "seconds_low": "seconds, fastest", "";
     "seconds_high": "seconds, slowest", "";
@@ -202,9 +229,18 @@ columns! {
     "binary_bytes": "binary (bytes)", "of the kernels of pictures";
     "rmse": "RMSE to the converged picture", "linear radiance";
     "flip": "FLIP to the converged picture", "mean, 0 to 1";
-    "wrong_pixels": "pixels that differ from the reference's", "as 8-bit sRGB";
+    "wrong_pixels": "pixels that differ from the reference's", "as 8-bit sRGB, of a small picture of the same";
+    "checked_pixels": "pixels compared with the reference's", "";
+    "tree_cost": "expected cost", "of a ray through the kd-tree's box by its surface areas (MacDonald and Booth 1990), a step and a test counted as 1 each";
     "kernels": "kernels", "";
     "textures": "textures", "";
+    "figure": "figure", "";
+    "occupancy": "occupancy", "the part of the warps that a compute unit can hold which fit there at a time";
+    "spilled_bytes": "spilled registers (bytes)", "of the instructions that store them";
+    "local_bytes": "local memory (bytes)", "of a work-group";
+    "cells": "cells along each side", "of the grid";
+    "test": "triangle test", "";
+    "explained": "explained", "the part of the variation of the times that steps and tests explain";
     "registers": "registers", "of a work-item, where the driver tells";
     "private_bytes": "private memory (bytes)", "of a work-item, where the driver tells";
     "work_group": "work-group", "largest for the kernel";

@@ -66,6 +66,11 @@ impl Plan<'_> {
                     let is_hollow = is_wrong(row) == Some(true);
                     let style = if is_hollow { colour(index).stroke_width(2) } else { colour(index).filled() };
                     area.draw(&Rectangle::new(corners, style))?;
+                    let (base_x, base_y) = area.get_base_pixel();
+                    let group = groups.get(index).map_or(String::new(), |group| format!(", {group}"));
+                    let tip = format!("{row_name}{group}\n{}: {}", Chart::label(&self.chart.y), short(value));
+                    let around = [start + base_x, y + base_y, (end - start).max(1), bar];
+                    self.tips.borrow_mut().push(Tip { place: around, text: tip });
                     let mut label_at = end;
                     if let Some([low, high]) = &self.chart.spread
                         && let (Some(low), Some(high)) = (number(row, low), number(row, high))

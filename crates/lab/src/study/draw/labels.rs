@@ -1,5 +1,5 @@
-//! Puts labels beside points so that they cover neither each other nor points; a label without a free place is left
-//! out, the table has it.
+//! Puts labels beside points so that they cover neither each other nor points. A label without a free place becomes a
+//! number, which is explained below the chart; without a place for that, too, it is told there alone.
 
 use plotters::style::text_anchor::HPos;
 
@@ -27,12 +27,12 @@ impl Labels {
         Labels { text, bounds }
     }
 
-    /// The labels that have a place.
-    pub fn place(&self, points: &[((i32, i32), String)]) -> Vec<Label> {
+    /// The labels that have a place, and what the numbers among them stand for, from 1 on.
+    pub fn place(&self, points: &[((i32, i32), String)]) -> (Vec<Label>, Vec<String>) {
         let (r, height) = (self.text / 2, self.text);
         let mut taken: Vec<Box2> =
             points.iter().map(|&((x, y), _)| (x - r / 2, y - r / 2, x + r / 2, y + r / 2)).collect();
-        let mut placed = Vec::new();
+        let (mut placed, mut numbered) = (Vec::new(), Vec::new());
         for (number, ((x, y), text)) in points.iter().enumerate() {
             // Above or below first: lines go through the point itself.
             let candidates = [
@@ -45,20 +45,26 @@ impl Labels {
                 (HPos::Center, *x, y - r - height),
                 (HPos::Center, *x, y + r),
             ];
-            let found = candidates.into_iter().find(|&(side, left, top)| {
-                let own = self.around(side, (left, top), text);
-                let is_inside = own.0 >= self.bounds.0
-                    && own.1 >= self.bounds.1
-                    && own.2 <= self.bounds.2
-                    && own.3 <= self.bounds.3;
-                is_inside && taken.iter().enumerate().all(|(i, other)| i == number || !overlap(own, *other))
-            });
-            if let Some((side, x, y)) = found {
+            let mut put = |text: &str| {
+                let found = candidates.iter().find(|&&(side, left, top)| {
+                    let own = self.around(side, (left, top), text);
+                    let is_inside = own.0 >= self.bounds.0
+                        && own.1 >= self.bounds.1
+                        && own.2 <= self.bounds.2
+                        && own.3 <= self.bounds.3;
+                    is_inside && taken.iter().enumerate().all(|(i, other)| i == number || !overlap(own, *other))
+                });
+                let Some(&(side, x, y)) = found else { return false };
                 taken.push(self.around(side, (x, y), text));
-                placed.push(Label { at: (x, y), side, text: text.clone() });
+                placed.push(Label { at: (x, y), side, text: text.to_owned() });
+                true
+            };
+            if !text.is_empty() && !put(text) {
+                numbered.push(text.clone());
+                put(&numbered.len().to_string());
             }
         }
-        placed
+        (placed, numbered)
     }
 
     /// The box of a text, a little wider than it is in most fonts.
@@ -85,8 +91,14 @@ mod tests {
     fn labels_cover_nothing() {
         let points: Vec<_> = (0..60).map(|i| ((40 + i * 37 % 400, 30 + i * 53 % 300), format!("method {i}"))).collect();
         let labels = Labels::new(12, (0, 0, 500, 360));
-        let placed = labels.place(&points);
-        assert!(placed.len() > 20, "{}", placed.len());
+        let (placed, numbered) = labels.place(&points);
+        let is_number = |label: &Label| label.text.parse::<usize>().is_ok();
+        let with_name = placed.iter().filter(|label| !is_number(label)).count();
+        assert!(with_name > 20 && with_name + numbered.len() == points.len(), "{with_name}, {}", numbered.len());
+        for label in placed.iter().filter(|label| is_number(label)) {
+            let number: usize = label.text.parse().unwrap();
+            assert!(points.iter().any(|(_, text)| *text == numbered[number - 1]), "{number}");
+        }
         let boxes: Vec<Box2> = placed.iter().map(|label| labels.around(label.side, label.at, &label.text)).collect();
         for (i, a) in boxes.iter().enumerate() {
             assert!(boxes[..i].iter().all(|b| !overlap(*a, *b)));

@@ -1,10 +1,9 @@
 //! Judges answers to cases whose exact answers are known.
 
-use super::{Lab, Variant, errors};
-use crate::stress::{Answers, Case, Found};
+use super::{Lab, Variant, differences, errors, promise};
+use crate::stress::{Answers, Case, Fault, Found};
 use crate::study::table::{Row, name, row};
 use raybrook::Result;
-use raybrook::low_level::options::Intersector;
 use serde_json::json;
 
 impl Lab<'_> {
@@ -33,10 +32,16 @@ impl Lab<'_> {
         let mut rows = Vec::new();
         for Variant { label, options, .. } in variants {
             let found = Found::new(&made, options, self.device, self.cache)?;
-            let strictly = options.intersector == Intersector::Exact && options.kd().traversal.is_exact();
+            let promise = promise(options);
+            let strictly = !promise.is_empty();
             let mut out = row([("method", json!(label))]);
             out.extend(case.clone());
-            out.extend(errors(found.faults(&answers, strictly).len(), made.rays.len()));
+            out.extend(promise);
+            let exactly = found.faults(&answers, true);
+            let differing = exactly.iter().filter(|(_, fault)| !matches!(fault, Fault::T | Fault::Weights)).count();
+            let wrong = if strictly { exactly.len() } else { found.faults(&answers, false).len() };
+            out.extend(errors(wrong, made.rays.len()));
+            out.extend(differences(differing, made.rays.len()));
             rows.push(out);
         }
         self.journal.keep(&key, &rows)?;

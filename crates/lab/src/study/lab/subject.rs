@@ -1,8 +1,8 @@
 //! A scene and its rays, and the judge of answers to them.
 
-use crate::stress::{ExactTracer, Interval, Mesh};
+use crate::stress::{Case, ExactTracer, Interval, Mesh, StressRay};
 use crate::study::fingerprint::fingerprint;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use raybrook::Result;
 use raybrook::low_level::choose::tune::{Batch, LIFT, batches};
 use raybrook::low_level::compare::ulp_distance;
@@ -107,6 +107,32 @@ impl Subject {
         }
     }
 
+    /// Origins, in world units, and directions of the camera rays.
+    pub fn camera_rays(&self) -> Vec<(DVec3, DVec3)> {
+        let in_world = self.batches[0].rays.iter().map(|ray| self.in_world(ray));
+        in_world.map(|ray| (ray.origin, ray.direction)).collect()
+    }
+
+    /// The corners of the triangles that can be hit.
+    pub fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> {
+        let hittable = self.scene.hittable();
+        hittable.into_iter().map(|i| self.scene.vertices(i as usize).map(Vec3::as_dvec3))
+    }
+
+    /// A batch in world units, with the scene's triangles by their numbers.
+    ///
+    /// # Errors
+    /// As [`Mesh::try_from`].
+    pub(in crate::study) fn case(&self, kind: usize) -> Result<Case> {
+        let batch = &self.batches[kind];
+        let in_world = |ray: &TraceRay| {
+            let (origin, direction) = (ray.origin_t_min.xyz() / self.scale, ray.direction_t_max.xyz());
+            StressRay::new(origin, direction).within(ray.origin_t_min.w, ray.direction_t_max.w)
+        };
+        let rays = batch.rays.iter().map(in_world).collect();
+        Ok(Case { mesh: Mesh::try_from(&*self.scene)?, rays, any_hit: batch.any_hit })
+    }
+
     /// The oracle's answers to a batch.
     fn truths(&self, kind: usize) -> &[Option<OracleHit>] {
         self.truths[kind].get_or_init(|| {
@@ -145,7 +171,7 @@ impl Subject {
 
     /// Whether an answer is right by rational arithmetic: neighbours that are met at exactly the same t are alike.
     fn is_exactly_right(&self, kind: usize, index: usize, hit: &Hit) -> bool {
-        let exact = self.judges.exact.get_or_init(|| ExactTracer::new(&mesh_of(&self.scene)));
+        let exact = self.judges.exact.get_or_init(|| ExactTracer::new(&Mesh::of_scene(&self.scene)));
         let batch = &self.batches[kind];
         let ray = self.in_world(&batch.rays[index]);
         let interval = Interval { near: ray.t_min as f32, far: ray.t_max as f32, is_open: false };
@@ -155,15 +181,4 @@ impl Subject {
             Some(closest) => is_hit(hit) && (batch.any_hit || closest.primitives.contains(&hit.primitive)),
         }
     }
-}
-
-/// The scene's triangles with their numbers; those that cannot be hit have corners that are no numbers.
-fn mesh_of(scene: &Scene) -> Mesh {
-    let mut mesh = Mesh::default();
-    for i in 0..scene.triangle_count() {
-        let corners = scene.vertices(i);
-        let can_be_hit = scene.drop_reason(i).is_none();
-        mesh.triangle(if can_be_hit { corners } else { [Vec3::NAN; 3] });
-    }
-    mesh
 }

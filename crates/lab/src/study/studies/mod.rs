@@ -1,14 +1,19 @@
 //! The studies, and what they have in common.
 
+mod device;
 mod economy;
+mod killing;
 mod memory;
 mod pareto;
 mod pictures;
 mod rays;
+mod share;
 mod stability;
+mod structures;
 mod trees;
 
 use super::lookup::{geometric_mean, is_same_work};
+use super::outcome::{Outcome, Rounds};
 use super::table::{Row, name, number, row, values};
 use super::{Chart, ChartKind, Findings, Header, Lab, Study, Subject, Table, Variant};
 use raybrook::Result;
@@ -16,25 +21,32 @@ use raybrook::low_level::device::DeviceKind;
 use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use serde_json::json;
 
+pub use pareto::{STUDY as OF_PEERS, beside_peers, stress_kinds, stress_rays_a_kind};
+
 /// All of them, in the order of the report.
 pub const ALL: &[Study] = &[
     pareto::STUDY,
     stability::STUDY,
     rays::INTERSECTION,
+    share::STUDY,
     trees::LEAF_SIZE,
     trees::DEPTH,
+    structures::STOP,
     trees::TRIANGLES,
     trees::SPLIT_RULE,
     trees::TRAVERSAL,
+    structures::GRID_SIZE,
     memory::MEMORY_KIND,
     memory::LAYOUT,
     pictures::KERNELS,
+    device::STUDY,
     rays::RAY_KIND,
     rays::TRANSFER,
     rays::CPU_GPU,
     pictures::TEXTURING,
     pictures::SUBSAMPLING,
     trees::BOUNDING_VOLUMES,
+    killing::STUDY,
     economy::STUDY,
 ];
 
@@ -90,21 +102,29 @@ fn scenes_of(rows: &[Row]) -> Vec<String> {
     values(rows, "scene")
 }
 
-/// What a verdict says part by part, and whether the claim holds in each; `None`: that was not measured.
+/// What a verdict says part by part, and what follows in each for the claim.
 #[derive(Debug, Default)]
 struct Verdict {
     parts: Vec<String>,
-    holds: Vec<Option<bool>>,
+    outcomes: Vec<Outcome>,
 }
 
 impl Verdict {
-    fn say(&mut self, holds: impl Into<Option<bool>>, part: String) {
-        self.holds.push(holds.into());
+    /// A part with a bearing on the claim.
+    fn say(&mut self, outcome: Outcome, part: String) {
+        let open = if outcome == Outcome::Undecided { " (not decided at this spread)" } else { "" };
+        self.outcomes.push(outcome);
+        self.parts.push(part + open);
+    }
+
+    /// A part that leaves the claim open for another reason than the spread, which `part` tells.
+    fn leave_open(&mut self, part: String) {
+        self.outcomes.push(Outcome::Undecided);
         self.parts.push(part);
     }
 
     fn not_measured(&mut self, what: &str) {
-        self.say(None, format!("{what}: not measured"));
+        self.leave_open(format!("{what}: not measured"));
     }
 
     /// What is said without a bearing on the claim.
@@ -112,26 +132,19 @@ impl Verdict {
         self.parts.push(part);
     }
 
-    /// Whether the claim holds in every part: not if it fails in one, and unknown if one was not measured.
-    fn all(&self) -> Option<bool> {
-        match (self.holds.contains(&Some(false)), self.holds.contains(&None) || self.holds.is_empty()) {
-            (true, _) => Some(false),
-            (false, true) => None,
-            (false, false) => Some(true),
-        }
+    /// Whether the claim holds in every part.
+    fn all(&self) -> Outcome {
+        Outcome::all(self.outcomes.iter().copied())
     }
 
-    /// Whether the claim holds in some part; unknown where it was measured in none.
-    fn any(&self) -> Option<bool> {
-        match (self.holds.contains(&Some(true)), self.holds.contains(&Some(false))) {
-            (false, false) => None,
-            (is_somewhere, _) => Some(is_somewhere),
-        }
+    /// Whether the claim holds in some part.
+    fn any(&self) -> Outcome {
+        Outcome::any(self.outcomes.iter().copied())
     }
 
     /// These findings, where the claim is to hold in every part.
     fn findings(self, tables: Vec<Table>, charts: Vec<Chart>) -> Findings {
-        Findings { holds: self.all(), verdict: self.text(), notes: Vec::new(), tables, charts }
+        Findings { outcome: self.all(), verdict: self.text(), notes: Vec::new(), tables, charts }
     }
 
     fn text(&self) -> String {
@@ -142,10 +155,18 @@ impl Verdict {
     }
 }
 
+/// A ratio in words; its spread in brackets.
+fn told(ratio: Option<&Rounds>) -> String {
+    ratio.map_or("(not measured)".to_owned(), Rounds::to_string)
+}
+
 impl Findings {
     /// The same, without a judgement where the reference did one and the same work on both sides.
     fn on(self, header: &Header) -> Findings {
-        Findings { holds: self.holds.filter(|_| !header.is_reference()), ..self }
+        match header.is_reference() {
+            true => Findings { outcome: Outcome::Undecided, ..self },
+            false => self,
+        }
     }
 }
 
@@ -214,9 +235,9 @@ fn relative(rays: &Table) -> Result<Vec<Row>> {
         for (method, own, is_whole) in methods {
             let sum = |column: &str| own.iter().filter_map(|row| number(row, column)).sum::<f64>() as usize;
             let mut new = row([("scene", json!(scene)), ("method", json!(method))]);
-            if let Some(triangles) = own.first().and_then(|row| row.get("triangles")) {
-                new.insert("triangles".into(), triangles.clone());
-            }
+            let of_method = ["triangles", "structure", "promise"];
+            let known = of_method.iter().filter_map(|column| Some((column, own.first()?.get(*column)?)));
+            new.extend(known.map(|(column, value)| ((*column).to_owned(), value.clone())));
             let speeds = [("relative", "mrays_per_s"), ("relative_low", "mrays_low"), ("relative_high", "mrays_high")];
             for (relative, column) in speeds {
                 let speed = speed(&own, is_whole, column);
@@ -250,12 +271,14 @@ fn by_scene(
 mod rows_of {
     use super::super::{Findings, Header, Study};
     use super::*;
+    use serde_json::Value;
 
     pub fn header(is_quick: bool) -> Header {
         Header {
             version: String::new(),
             device: "a device".into(),
             device_details: "gpu".into(),
+            machine: String::new(),
             scenes: Vec::new(),
             seed: 1,
             quick: is_quick,
@@ -267,17 +290,27 @@ mod rows_of {
         Header { device: crate::study::report::REFERENCE.to_owned(), ..header(false) }
     }
 
+    /// Seconds of nine rounds, each a little off.
+    pub fn rounds(seconds: f64) -> Value {
+        json!((0..9).map(|i| seconds * (1.0 + 1e-3 * f64::from(i % 3))).collect::<Vec<_>>())
+    }
+
+    /// The speed of a row, in million rays a second, in nine rounds.
+    pub fn timed(rate: f64) -> Row {
+        row([
+            ("rays", json!(1_000_000)),
+            ("mrays_per_s", json!(rate)),
+            ("mrays_low", json!(rate)),
+            ("mrays_high", json!(rate)),
+            ("rounds_s", rounds(1.0 / rate)),
+        ])
+    }
+
     /// Camera rays: scenes, methods and speeds, none wrong.
     pub fn rays(rows: &[(&str, &str, f64)]) -> Vec<Table> {
         let rows = rows.iter().map(|&(scene, method, rate)| {
-            let mut out = row([
-                ("scene", json!(scene)),
-                ("method", json!(method)),
-                ("rays_of", json!("camera")),
-                ("mrays_per_s", json!(rate)),
-                ("mrays_low", json!(rate)),
-                ("mrays_high", json!(rate)),
-            ]);
+            let mut out = row([("scene", json!(scene)), ("method", json!(method)), ("rays_of", json!("camera"))]);
+            out.extend(timed(rate));
             out.extend(crate::study::lab::errors(0, 1000));
             out
         });
@@ -337,13 +370,5 @@ mod tests {
         assert_eq!((number(&found[0], "relative"), number(&found[1], "relative")), (Some(1.0), None));
         let doubled = [measured("a", "camera", 8.0, 0), measured("a", "camera", 2.0, 0)];
         assert!(relative(&Table::new("rays", "", doubled.to_vec())).is_err());
-    }
-
-    #[test]
-    fn a_claim_holds_only_where_everything_was_measured() {
-        let all = |holds: &[Option<bool>]| Verdict { holds: holds.to_vec(), ..Verdict::default() }.all();
-        assert_eq!((all(&[]), all(&[None])), (None, None));
-        assert_eq!((all(&[Some(true)]), all(&[Some(true), None])), (Some(true), None));
-        assert_eq!(all(&[Some(true), None, Some(false)]), Some(false));
     }
 }

@@ -1,11 +1,12 @@
-//! THE chart: speed against wrong answers.
+//! THE chart: speed against wrong answers; also of other tracers, which trace the same rays in programs of their own.
 
 use super::super::lab::errors;
+use super::super::lookup::Clock;
+use super::super::outcome::Outcome;
+use super::super::peers::{self, Judged};
 use super::super::table::{Row, name, number, row, values};
-use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, Variant};
-use super::{
-    ALL_KINDS, BATCH, MOST_FOR_LISTS, PICTURE, by_scene, in_packets, mean, ratio_of, relative, scenes_of, with,
-};
+use super::super::{Chart, ChartKind, Findings, Header, Lab, Measured, Study, Table, Variant};
+use super::{ALL_KINDS, BATCH, MOST_FOR_LISTS, PICTURE, by_scene, in_packets, mean, relative, scenes_of, with};
 use crate::stress::Kind;
 use raybrook::Result;
 use raybrook::low_level::options::{Intersector, KdOptions, StructureKind, TraceOptions, Traversal};
@@ -17,19 +18,28 @@ pub const STUDY: Study = Study {
     claim: "What this program is for: exact hits need not cost speed. The claim tested: some method without a wrong answer, of stress rays and of the \
             scene's, has at least half of the speed of the fastest method of all.",
     own_shapes: Some("the meshes of stress rays"),
+    source: include_str!("pareto.rs"),
     measure,
     judge,
 };
 
 /// The methods: every structure with exact hits, every traversal of the kd-tree, and every triangle test in a hierarchy
-/// and in a kd-tree.
+/// and in a kd-tree; on CPUs in packets, too, where that goes.
 fn variants(lab: &Lab, triangle_count: usize) -> Vec<Variant> {
     let exact = |accel: StructureKind| Variant::new(format!("{accel}, exact"), with(accel));
     let tested = |accel: StructureKind, intersector: Intersector| {
         Variant::new(format!("{accel}, {intersector}"), TraceOptions { intersector, ..with(accel) })
     };
+    let packed = |accel: StructureKind, intersector: Intersector| {
+        let options = TraceOptions { intersector, ..in_packets(accel) };
+        Variant::new(format!("{accel} in packets, {intersector}"), options)
+    };
     if lab.quick {
-        let packets = lab.is_cpu().then(|| Variant::new("bvh8 in packets, exact", in_packets(StructureKind::Bvh8)));
+        let packets: Vec<_> = if lab.is_cpu() {
+            [Intersector::Exact, Intersector::FASTEST].map(|test| packed(StructureKind::Bvh8, test)).into()
+        } else {
+            Vec::new()
+        };
         let others = [
             exact(StructureKind::Kd),
             exact(StructureKind::Bvh2),
@@ -47,7 +57,8 @@ fn variants(lab: &Lab, triangle_count: usize) -> Vec<Variant> {
         .collect();
     if lab.is_cpu() {
         for accel in [StructureKind::Bvh8, StructureKind::Kd] {
-            all.push(Variant::new(format!("{accel} in packets, exact"), in_packets(accel)));
+            let tests = Intersector::ALL.iter().filter(|test| test.has_packets());
+            all.extend(tests.map(|&test| packed(accel, test)));
         }
     }
     for &traversal in Traversal::ALL.iter().filter(|&&traversal| traversal != Traversal::Stack) {
@@ -66,6 +77,8 @@ fn variants(lab: &Lab, triangle_count: usize) -> Vec<Variant> {
 
 fn measure(lab: &mut Lab) -> Result<Vec<Table>> {
     let subjects = lab.usual_subjects()?;
+    // Before an hour of tracing: results of other tracers may be refused.
+    let peers = peers::judge(lab, &subjects)?;
     let mut rays = Vec::new();
     for subject in &subjects {
         let variants = variants(lab, subject.triangle_count);
@@ -73,23 +86,168 @@ fn measure(lab: &mut Lab) -> Result<Vec<Table>> {
     }
     let variants = variants(lab, subjects.iter().map(|subject| subject.triangle_count).max().unwrap_or(0));
     let stressed = stress(lab, &variants)?;
-    Ok(vec![
+    let tables = vec![
         Table::new("rays", "All measurements on the scenes", rays),
         Table::new("modes", "Wrong answers by kind of stress rays", stressed),
         super::pictures::tradeoff(lab)?,
-    ])
+    ];
+    Ok(with_peers(tables, peers))
+}
+
+/// The tables with the lab's other tracers in place of those that they have.
+///
+/// # Errors
+/// As [`peers::judge`].
+pub fn beside_peers(lab: &Lab, tables: Vec<Table>) -> Result<Vec<Table>> {
+    Ok(with_peers(tables, peers::judge(lab, &lab.usual_subjects()?)?))
+}
+
+fn with_peers(mut tables: Vec<Table>, judged: Judged) -> Vec<Table> {
+    let old = Peers::of(&tables);
+    let Judged { rays, modes, peers } = judged;
+    for (name, rows) in [("rays", rays), ("modes", modes)] {
+        if let Some(table) = tables.iter_mut().find(|table| table.name == name) {
+            table.rows.retain(|row| old.is_own(row));
+            table.rows.extend(rows);
+        }
+    }
+    tables.retain(|table| table.name != PEERS);
+    if !peers.is_empty() {
+        tables.push(Table::new(PEERS, "Other tracers", peers));
+    }
+    tables
+}
+
+/// The table of other tracers, which is there if there are any.
+const PEERS: &str = "peers";
+
+/// How they are called together.
+const OTHERS: &str = "other tracers";
+
+/// The other tracers of some tables.
+struct Peers {
+    rows: Vec<Row>,
+}
+
+impl Peers {
+    fn of(tables: &[Table]) -> Peers {
+        let table = tables.iter().find(|table| table.name == PEERS);
+        Peers { rows: table.map_or(Vec::new(), |table| table.rows.clone()) }
+    }
+
+    /// The tracer of a row.
+    fn find(&self, row: &Row) -> Option<&Row> {
+        self.rows.iter().find(|peer| name(peer, "method") == name(row, "method"))
+    }
+
+    /// Whether a row is one of the program's own methods.
+    fn is_own(&self, row: &Row) -> bool {
+        self.find(row).is_none()
+    }
+
+    /// The rows of the program's own methods.
+    fn own(&self, table: &Table) -> Table {
+        let rows = table.rows.iter().filter(|row| self.is_own(row)).cloned().collect();
+        Table { rows, ..table.clone() }
+    }
+
+    /// Says of each row who traced, and by which clock, where several did. Other tracers come first: where there are
+    /// many points, the first ones have labels.
+    fn name_tracers(&self, table: &mut Table, header: &Header) {
+        let own_clock = if header.is_reference() { "wall clock" } else { "device time" };
+        for row in &mut table.rows {
+            row.shift_remove("tracer");
+            let tracer = match self.find(row) {
+                Some(peer) => {
+                    // They have a colour of their own.
+                    row.insert("structure".to_owned(), json!(OTHERS));
+                    format!("{OTHERS} ({})", name(peer, "clock"))
+                }
+                None => format!("raybrook ({own_clock})"),
+            };
+            if !self.rows.is_empty() {
+                row.insert("tracer".to_owned(), json!(tracer));
+            }
+        }
+        table.rows.sort_by_key(|row| self.is_own(row));
+    }
+
+    /// Speeds of [`relative`], by that of the fastest of the program's own methods in each scene.
+    fn relative_to_own(&self, mut rows: Vec<Row>) -> Vec<Row> {
+        for scene in scenes_of(&rows) {
+            let own = rows.iter().filter(|row| name(row, "scene") == scene && self.is_own(row));
+            let Some(fastest) = super::largest(own, "relative").and_then(|row| number(row, "relative")) else {
+                continue;
+            };
+            for row in rows.iter_mut().filter(|row| name(row, "scene") == scene) {
+                for column in ["relative", "relative_low", "relative_high"] {
+                    if let Some(speed) = number(row, column) {
+                        row.insert(column.to_owned(), json!(speed / fastest));
+                    }
+                }
+            }
+        }
+        rows
+    }
+
+    /// How they were measured, for the captions of charts that they are on.
+    fn caption(&self) -> String {
+        let mut places: Vec<String> = Vec::new();
+        for row in &self.rows {
+            let place = format!("by {} on {}", name(row, "clock"), name(row, "machine"));
+            if !places.contains(&place) {
+                places.push(place);
+            }
+        }
+        match places.is_empty() {
+            true => String::new(),
+            false => format!(
+                " Other tracers traced the same rays in programs of their own, in one batch in memory, not by turns with \
+                 these methods: {}. Their answers are judged within float32's rounding errors. Speed 1 is that of the \
+                 fastest of raybrook's methods.",
+                places.join("; ")
+            ),
+        }
+    }
+
+    /// What each of them reached.
+    fn note(&self, stress: &Table, scenes: &Table) -> Option<String> {
+        let said = self.rows.iter().filter_map(|peer| {
+            let method = name(peer, "method");
+            let is_its = |row: &&Row| name(row, "method") == method;
+            let stressed = stress.rows.iter().find(is_its)?;
+            let sum =
+                |column: &str| scenes.rows.iter().filter(is_its).filter_map(|row| number(row, column)).sum::<f64>();
+            Some(format!(
+                "{method}: {:.3} of the speed of raybrook's fastest method, {} of {} stress rays and {} of {} of the \
+                 scenes' rays wrong",
+                number(stressed, "relative")?,
+                name(stressed, "wrong"),
+                name(stressed, "tested"),
+                sum("wrong"),
+                sum("tested")
+            ))
+        });
+        let said: Vec<_> = said.collect();
+        (!said.is_empty()).then(|| format!("Other tracers: {}.", said.join("; ")))
+    }
 }
 
 fn judge(found: &Measured) -> Result<Findings> {
-    let rays = found.table("rays", &BATCH)?;
-    let modes = found.table("modes", &["method", "mode"])?;
+    let mut rays = found.table("rays", &BATCH)?;
+    let mut modes = found.table("modes", &["method", "mode"])?;
     let pictures = found.table("pictures", &PICTURE)?;
-    let scenes = Table::new("scenes", "Speed and wrong answers on the scenes' own rays", relative(&rays)?);
+    let peers = Peers::of(&found.tables);
+    let on_scenes = peers.relative_to_own(relative(&rays)?);
+    let mut scenes = Table::new("scenes", "Speed and wrong answers on the scenes' own rays", on_scenes);
     let stressed = speeds_and_stress(&scenes, &modes)?;
-    let stress = Table::new("stress", "Speed on the scenes against wrong answers to stress rays", stressed);
-    let (holds, verdict) = verdict(&stress, &scenes);
-    let charts = charts(&stress, &scenes, &pictures, found.header.quick);
-    let notes = vec![
+    let mut stress = Table::new("stress", "Speed on the scenes against wrong answers to stress rays", stressed);
+    for table in [&mut rays, &mut modes, &mut scenes, &mut stress] {
+        peers.name_tracers(table, found.header);
+    }
+    let (outcome, verdict) = verdict(&peers.own(&stress), &peers.own(&scenes), &peers.own(&rays))?;
+    let charts = charts(&stress, &scenes, &pictures, &peers, found.header.quick);
+    let mut notes = vec![
         "Exact arithmetic decides what is right: stress rays by rational numbers alone, scenes' rays by an oracle in f64 and, where it differs, by \
          rational numbers."
             .to_owned(),
@@ -97,21 +255,27 @@ fn judge(found: &Measured) -> Result<Findings> {
          few tests do not look better than many."
             .to_owned(),
     ];
-    Ok(Findings { holds, verdict, notes, tables: vec![stress, scenes, rays, modes, pictures], charts })
+    notes.extend(peers.note(&stress, &scenes));
+    let mut tables = vec![stress, scenes, rays, modes, pictures];
+    tables.extend(found.tables.iter().find(|table| table.name == PEERS).cloned());
+    Ok(Findings { outcome, verdict, notes, tables, charts })
 }
 
 /// Whether a method without a wrong answer is nearly as fast as the fastest of all, and which these are.
-fn verdict(stress: &Table, scenes: &Table) -> (Option<bool>, String) {
+fn verdict(stress: &Table, scenes: &Table, rays: &Table) -> Result<(Outcome, String)> {
     let is_right = |row: &Row| number(row, "wrong") == Some(0.0);
     let is_right_on_scenes =
         |method: &str| scenes.rows.iter().filter(|row| name(row, "method") == method).all(is_right);
     let right = stress.rows.iter().filter(|row| is_right(row) && is_right_on_scenes(&name(row, "method")));
     let best = super::largest(right, "relative");
     let (Some(best), Some(fastest)) = (best, super::largest(&stress.rows, "relative")) else {
-        return (None, "No method was without a wrong answer.".to_owned());
+        return Ok((Outcome::Undecided, "No method was without a wrong answer.".to_owned()));
     };
-    let Some(ratio) = ratio_of(best, fastest, "relative") else {
-        return (None, "No method was timed.".to_owned());
+    let key = |row: &Row| name(row, "method");
+    let ratio =
+        rays.speedup(Clock::Ray, &[("method", &key(best))], &[("method", &key(fastest))], &["scene", "rays_of"])?;
+    let Some(ratio) = ratio else {
+        return Ok((Outcome::Undecided, "No method was timed.".to_owned()));
     };
     let per_million = |row: &Row, column: &str| number(row, column).unwrap_or(0.0).ceil();
     let mut text = format!(
@@ -120,37 +284,54 @@ fn verdict(stress: &Table, scenes: &Table) -> (Option<bool>, String) {
         name(best, "tested"),
         per_million(best, "wrong_bound")
     );
-    text += &match ratio < 1.0 {
+    text += &match key(best) != key(fastest) {
         true => format!(
-            "has {ratio:.2} of the speed of the fastest, {} ({} wrong per million stress rays, at most {}).",
+            "has {ratio} of the speed of the fastest, {} ({} wrong per million stress rays, at most {}).",
             name(fastest, "method"),
             number(fastest, "wrong_per_million").unwrap_or(0.0).round(),
             per_million(fastest, "wrong_bound")
         ),
         false => "is the fastest of all.".to_owned(),
     };
-    (Some(ratio >= 0.5), text)
+    let outcome = if key(best) == key(fastest) { Outcome::Holds } else { ratio.above(0.5) };
+    Ok((outcome, text))
 }
 
-fn charts(stress: &Table, scenes: &Table, pictures: &Table, is_quick: bool) -> Vec<Chart> {
+fn charts(stress: &Table, scenes: &Table, pictures: &Table, peers: &Peers, is_quick: bool) -> Vec<Chart> {
     const AXES: [&str; 2] = ["wrong_bound", "relative"];
-    let on_front = |chart: Chart| chart.spread(["relative_low", "relative_high"]).log(true, true);
-    let caption = "Left and high is better; the line joins what nothing beats. Speed is the geometric mean over camera, shadow and diffuse rays.";
+    let on_front = |chart: Chart| {
+        let chart = chart.by("structure").spread(["relative_low", "relative_high"]);
+        chart.x_spread(["wrong_low", "wrong_bound"]).log(true, true)
+    };
+    let caption = format!(
+        "Left and high is better; the line joins what nothing beats. Speed is the geometric mean over camera, shadow and \
+         diffuse rays.{}",
+        peers.caption()
+    );
     let chart = Chart::new(ChartKind::Front, stress, "stress", "Speed against wrong answers to stress rays", AXES);
     let mut charts = vec![on_front(chart).caption(format!(
         "{caption} Exact methods are judged to the last bit, the others within their rounding errors."
     ))];
     let title = "speed against wrong answers to its own rays";
-    charts.extend(by_scene(ChartKind::Front, scenes, "scene", title, AXES, |chart| on_front(chart).caption(caption)));
+    charts.extend(by_scene(ChartKind::Front, scenes, "scene", title, AXES, |chart| on_front(chart).caption(&caption)));
     charts.extend(super::pictures::tradeoff_charts(pictures, is_quick));
     charts
 }
 
+/// The kinds of stress rays.
+pub fn stress_kinds(lab: &Lab) -> Vec<&'static Kind> {
+    let quick = ["edges", "vertices", "grid", "t-junctions"];
+    Kind::all().filter(|kind| !lab.quick || quick.contains(&kind.name)).collect()
+}
+
+/// How many rays of each kind.
+pub fn stress_rays_a_kind(lab: &Lab) -> usize {
+    if lab.quick { 60 } else { 400 }
+}
+
 /// Wrong answers of each method to each kind of stress rays.
 fn stress(lab: &mut Lab, variants: &[Variant]) -> Result<Vec<Row>> {
-    let rays_a_kind = if lab.quick { 60 } else { 400 };
-    let quick = ["edges", "vertices", "grid", "t-junctions"];
-    let kinds: Vec<_> = Kind::all().filter(|kind| !lab.quick || quick.contains(&kind.name)).collect();
+    let (kinds, rays_a_kind) = (stress_kinds(lab), stress_rays_a_kind(lab));
     let mut rows = Vec::new();
     let seed = lab.seed;
     for kind in kinds {
@@ -176,6 +357,8 @@ fn speeds_and_stress(scenes: &Table, modes: &Table) -> Result<Vec<Row>> {
         let [Some(speed), Some(low), Some(high)] = speeds else { continue };
         let sum = |column: &str| stressed.iter().filter_map(|row| number(row, column)).sum::<f64>() as usize;
         let mut out = row([("method", json!(method))]);
+        let known = ["structure", "promise"].iter().filter_map(|column| Some((column, own.first()?.get(*column)?)));
+        out.extend(known.map(|(column, value)| ((*column).to_owned(), value.clone())));
         out.extend(row([speed, low, high].map(|(column, speed)| (column, json!(speed)))));
         out.extend(errors(sum("wrong"), sum("tested")));
         rows.push(out);
@@ -193,9 +376,14 @@ mod tests {
     use super::super::super::chart::{front, series};
     use super::super::rows_of::{header, judge, rays};
     use super::*;
+    use serde_json::Value;
 
     /// Methods with their speed on the scene, and wrong answers of so many stress rays of one kind.
     fn found(methods: &[(&str, f64, usize, usize)]) -> Findings {
+        judge(&STUDY, tables(methods), &header(false)).unwrap()
+    }
+
+    fn tables(methods: &[(&str, f64, usize, usize)]) -> Vec<Table> {
         let timed: Vec<_> = methods.iter().map(|&(method, speed, ..)| ("s", method, speed)).collect();
         let mut tables = rays(&timed);
         let stressed = methods.iter().map(|&(method, _, wrong, tested)| {
@@ -205,20 +393,51 @@ mod tests {
         });
         tables.push(Table::new("modes", "", stressed.collect()));
         tables.push(Table::new("pictures", "", Vec::new()));
-        judge(&STUDY, tables, &header(false)).unwrap()
+        tables
     }
 
     #[test]
     fn the_claim_is_that_of_the_fastest_method_without_a_wrong_answer() {
         let holds = found(&[("exact", 8.0, 0, 1000), ("slow", 3.0, 0, 1000), ("leaky", 10.0, 17, 1000)]);
-        assert_eq!(holds.holds, Some(true));
+        assert_eq!(holds.outcome, Outcome::Holds);
         assert_eq!(
             holds.verdict,
-            "exact had no wrong answer of 1000 stress rays (at 95 % confidence at most 2992 per million) and has 0.80 of the speed of the \
+            "exact had no wrong answer of 1000 stress rays (at 95 % confidence at most 2992 per million) and has 0.80 [0.80, 0.80] of the speed of the \
              fastest, leaky (17000 wrong per million stress rays, at most 25391)."
         );
-        assert_eq!(found(&[("exact", 4.0, 0, 1000), ("leaky", 10.0, 17, 1000)]).holds, Some(false));
-        assert_eq!(found(&[("leaky", 10.0, 17, 1000)]).holds, None);
+        assert_eq!(found(&[("exact", 4.0, 0, 1000), ("leaky", 10.0, 17, 1000)]).outcome, Outcome::Fails);
+        assert_eq!(found(&[("leaky", 10.0, 17, 1000)]).outcome, Outcome::Undecided);
+    }
+
+    /// Whatever other tracers reach, the verdict is that of the program's own methods, and so is speed 1.
+    #[test]
+    fn other_tracers_stand_beside_the_verdict() {
+        let alone = found(&[("exact", 8.0, 0, 1000), ("leaky", 10.0, 17, 1000)]);
+        let with = |peer: (&'static str, f64, usize, usize)| {
+            let mut tables = tables(&[("exact", 8.0, 0, 1000), ("leaky", 10.0, 17, 1000), peer]);
+            let told = row([("method", json!(peer.0)), ("clock", json!("wall clock")), ("machine", json!("m"))]);
+            tables.push(Table::new(PEERS, "", vec![told]));
+            judge(&STUDY, tables, &header(false)).unwrap()
+        };
+        let column = |found: &Findings, column: &str| -> Vec<Value> {
+            found.tables[0].rows.iter().map(|row| row[column].clone()).collect()
+        };
+        for peer in [("fast", 20.0, 0, 1000), ("slow", 1.0, 999, 1000)] {
+            let found = with(peer);
+            assert_eq!((found.outcome, &found.verdict), (alone.outcome, &alone.verdict), "{peer:?}");
+            // Means are off by what logarithms are rounded.
+            let speeds: Vec<_> = found.tables[0].rows.iter().filter_map(|row| number(row, "relative")).collect();
+            let is_near = |(speed, expected): (&f64, f64)| (speed / expected - 1.0).abs() < 1e-12;
+            assert!(speeds.iter().zip([peer.1 / 10.0, 0.8, 1.0]).all(is_near) && speeds.len() == 3, "{speeds:?}");
+            let tracers = ["other tracers (wall clock)", "raybrook (device time)", "raybrook (device time)"];
+            assert_eq!(column(&found, "tracer"), tracers);
+            let said = format!("{}: {:.3} of the speed", peer.0, peer.1 / 10.0);
+            assert!(found.notes.last().unwrap().contains(&said), "{:?}", found.notes);
+            assert!(found.charts[0].caption.contains("by wall clock on m"), "{}", found.charts[0].caption);
+            // What was judged once is judged the same again.
+            assert_eq!(judge(&STUDY, found.tables.clone(), &header(false)).unwrap(), found);
+        }
+        assert_eq!(alone.charts[0].series.as_deref(), Some("structure"));
     }
 
     /// One wrong answer of 1000 was drawn at 1000 per million, none at 3000: a faster method that errs would have

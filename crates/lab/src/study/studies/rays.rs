@@ -1,12 +1,15 @@
 //! Kinds of rays, devices, and what is done beside tracing.
 
-use super::super::lookup::geometric_mean;
+use super::super::lookup::{Clock, speedup};
+use super::super::outcome::{Outcome, Rounds};
 use super::super::table::{Row, name, number, row, values};
 use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Subject, Table, Variant, scenes};
 use super::pareto::fast_options;
-use super::{ALL_KINDS, BATCH, CAMERA, SPREAD, Verdict, by_scene, error_note, scenes_of, with};
-use raybrook::low_level::device::Limits;
+use super::{ALL_KINDS, BATCH, CAMERA, SPREAD, Verdict, by_scene, error_note, in_packets, scenes_of, told, with};
+use glam::DVec3;
+use raybrook::low_level::device::{DeviceHandle, DeviceKind, Limits, Selection, select};
 use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
+use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::{Error, Result};
 use serde_json::json;
@@ -18,13 +21,18 @@ pub const INTERSECTION: Study = Study {
             bound by arithmetic, not by memory. Changing clocks showed that there; here tests a second must stay alike while the triangles grow \
             sixfold, and come nearer to the device's limit of arithmetic than to those of reading.",
     own_shapes: Some("cubes"),
+    source: include_str!("rays.rs"),
     measure: intersection,
     judge: judge_intersection,
 };
 
-/// Moller and Trumbore's test: two edges 6, two cross products 18, four dot products 20, the origin's difference 3, the
-/// reciprocal 1, three products with it 3.
-const FLOPS_A_TEST: f64 = 51.0;
+/// Operations of Moller and Trumbore's test up to each place where it may end: after u two edges 6, a cross product 9,
+/// two dot products 10, the reciprocal 1, the origin's difference 3 and a product 1; after v another cross product 9, dot
+/// product 5, product 1 and the sum 1; after t a dot product 5 and a product 1. A compiler may let a test run on to its
+/// end, as those do that trace several rays in step: the first number is the least, the last the most that one takes.
+const FLOPS_UP_TO: [f64; 3] = [30.0, 46.0, 52.0];
+/// Tests that are looked at to count the operations, at most.
+const MOST_COUNTED: usize = 1 << 20;
 /// Three vertices of four floats.
 const BYTES_A_TEST: f64 = 48.0;
 /// Rays of the thesis's picture.
@@ -37,15 +45,17 @@ fn intersection(lab: &mut Lab) -> Result<Vec<Table>> {
     for &count in counts {
         let subject = lab.subject("cubes", scenes::cubes(count)?)?;
         let variant = Variant::new("brute force, moller-trumbore", options).with("cubes", count);
+        let flops = least_flops(&subject);
         for mut found in lab.compare(&subject, &[variant], &[CAMERA])? {
             if let Some(rate) = number(&found, "mrays_per_s") {
                 let tests = rate * subject.triangle_count as f64;
                 found.extend(row([
                     ("frames_per_s", json!(rate * 1e6 / FRAME)),
                     ("tests_per_s", json!(tests)),
-                    ("flops_a_test", json!(FLOPS_A_TEST)),
-                    ("flop_per_byte", json!(FLOPS_A_TEST / BYTES_A_TEST)),
-                    ("gflops", json!(tests * FLOPS_A_TEST / 1e3)),
+                    ("flops_a_test", json!(flops)),
+                    ("most_flops_a_test", json!(FLOPS_UP_TO[2])),
+                    ("flop_per_byte", json!(flops / BYTES_A_TEST)),
+                    ("gflops", json!(tests * flops / 1e3)),
                 ]));
             }
             rows.push(found);
@@ -66,6 +76,32 @@ fn intersection(lab: &mut Lab) -> Result<Vec<Table>> {
     Ok(tables)
 }
 
+/// Operations of a test, on average over tests of the subject's camera rays, if each ends as soon as it can.
+fn least_flops(subject: &Subject) -> f64 {
+    let rays = subject.camera_rays();
+    let count = subject.triangle_count.max(1);
+    let step = (rays.len() * count).div_ceil(MOST_COUNTED).max(1);
+    let ends = rays.iter().step_by(step).flat_map(|&(origin, direction)| {
+        subject.triangles().map(move |corners| FLOPS_UP_TO[end_of_test(origin, direction, corners)])
+    });
+    let (sum, tests) = ends.fold((0.0, 0.0), |(sum, tests), flops| (sum + flops, tests + 1.0));
+    if tests > 0.0 { sum / tests } else { FLOPS_UP_TO[2] }
+}
+
+/// Which of [`FLOPS_UP_TO`] a test ends at.
+fn end_of_test(origin: DVec3, direction: DVec3, [p0, p1, p2]: [DVec3; 3]) -> usize {
+    let (edge1, edge2, from_p0) = (p1 - p0, p2 - p0, origin - p0);
+    let p = direction.cross(edge2);
+    let inv_det = 1.0 / edge1.dot(p);
+    let u = from_p0.dot(p) * inv_det;
+    let v = direction.dot(from_p0.cross(edge1)) * inv_det;
+    match (u >= 0.0, v >= 0.0 && u + v <= 1.0) {
+        (false, _) => 0,
+        (true, false) => 1,
+        (true, true) => 2,
+    }
+}
+
 const ARITHMETIC: &str = "arithmetic";
 const CACHE: &str = "reads of a cache";
 const MEMORY: &str = "memory";
@@ -77,18 +113,24 @@ fn judge_intersection(found: &Measured) -> Result<Findings> {
         false => None,
     };
     let mut verdict = Verdict::default();
-    let tests = || table.rows.iter().filter_map(|row| Some((number(row, "tests_per_s")?, name(row, "cubes"))));
-    let (low, high) = tests().fold((f64::INFINITY, 0.0_f64), |(low, high), (t, _)| (low.min(t), high.max(t)));
-    match (tests().next(), tests().next_back()) {
-        (Some((_, first)), Some((_, last))) if first != last => {
-            let spread = low / high;
-            verdict.say(spread > 0.8, format!(
-                "From {first} to {last} cubes tests a second are within {spread:.2} of each other, at {low:.0} to {high:.0} million"
-            ));
-        }
+    let timed = || table.rows.iter().filter(|row| row.contains_key("tests_per_s"));
+    let rate = |row: &Row| number(row, "tests_per_s").unwrap_or(0.0);
+    let slowest = timed().min_by(|a, b| rate(a).total_cmp(&rate(b)));
+    let fastest = timed().max_by(|a, b| rate(a).total_cmp(&rate(b)));
+    match slowest.zip(fastest).and_then(|(slow, fast)| Some((slow, fast, tests_ratio(slow, fast)?))) {
+        Some((slow, fast, ratio)) if slow != fast => verdict.say(
+            ratio.above(0.8),
+            format!(
+                "With {} cubes there are {ratio} times as many tests a second as with {}: {:.0} to {:.0} million",
+                name(slow, "cubes"),
+                name(fast, "cubes"),
+                rate(slow),
+                rate(fast)
+            ),
+        ),
         _ => verdict.not_measured("tests a second"),
     }
-    verdict.holds.push(limits.as_ref().map_or(Ok(None), is_bound_by_arithmetic)?);
+    verdict.outcomes.push(limits.as_ref().map_or(Ok(Outcome::Undecided), is_bound_by_arithmetic)?);
     let mut text = verdict.text();
     if let Some(limits) = &limits {
         let share = |row: &Row| Some(format!("{:.0} % of {}", 100.0 * number(row, "limit_share")?, name(row, "limit")));
@@ -99,28 +141,39 @@ fn judge_intersection(found: &Measured) -> Result<Findings> {
     }
     let note = error_note(&table.rows);
     let chart = |name: &str, title: &str, y: &str| Chart::new(ChartKind::Lines, &table, name, title, ["cubes", y]);
+    let intensity = table.rows.last().and_then(|row| number(row, "flop_per_byte")).unwrap_or(0.0);
     let mut charts = vec![
         chart("tests", "Triangle tests a second by the number of cubes", "tests_per_s").caption(format!(
-            "Camera rays, every triangle tested for every ray; {:.2} operations a byte of vertices, all of which fit into the smallest cache. {note}",
-            FLOPS_A_TEST / BYTES_A_TEST
+            "Camera rays, every triangle tested for every ray; {intensity:.2} operations a byte of vertices, counted test by test up to where \
+             each may end. The vertices fit into the smallest cache. {note}"
         )),
         chart("frames", "Frames of 640 x 480 a second", "frames_per_s").caption("The same measurements; the table has the operations a second."),
     ];
     charts.extend(limits.as_ref().map(|limits| {
         Chart::new(ChartKind::Bars, limits, "limits", "Triangle tests by the device's limits", ["limit", "limit_share"])
-            .caption("What of each limit the tests take, all measured on this device. No operation is fused, neither in the tests nor in the limit.")
+            .caption(
+                "What of each limit the tests take, all measured on this device. Operations are the fewest that the tests need: where several rays \
+                 go in step, a test runs on while one of them needs it. No operation is fused, neither in the tests nor in the limit.",
+            )
     }));
     let tables = std::iter::once(table).chain(limits).collect();
     Ok(Findings { verdict: text, ..verdict.findings(tables, charts) })
 }
 
-/// Whether the tests come nearer to the limit of arithmetic than to those of reading.
-fn is_bound_by_arithmetic(limits: &Table) -> Result<Option<bool>> {
+/// How many times the tests a second of `fast` there are of `slow`.
+fn tests_ratio(slow: &Row, fast: &Row) -> Option<Rounds> {
+    let triangles = number(slow, "triangles")? / number(fast, "triangles")?;
+    Some(speedup(&[[slow, fast]], Clock::Ray)?.times(triangles))
+}
+
+/// Whether the tests come nearer to the limit of arithmetic than to those of reading. Limits are measured once, each by
+/// the fastest of several launches.
+fn is_bound_by_arithmetic(limits: &Table) -> Result<Outcome> {
     let share = |limit: &str| Ok(limits.one(&[("limit", limit)])?.and_then(|row| number(row, "limit_share")));
     let (Some(arithmetic), Some(cache), Some(memory)) = (share(ARITHMETIC)?, share(CACHE)?, share(MEMORY)?) else {
-        return Ok(None);
+        return Ok(Outcome::Undecided);
     };
-    Ok(Some(arithmetic > cache.max(memory)))
+    Ok(Outcome::of(arithmetic > cache.max(memory)))
 }
 
 /// How near the measurement of a row comes to each limit of the device.
@@ -140,7 +193,7 @@ fn shares_of_limits(limits: &Limits, measured: &Row) -> Vec<Row> {
         out
     };
     vec![
-        share(ARITHMETIC, "Gflop/s", tests_per_s * FLOPS_A_TEST, limits.flops),
+        share(ARITHMETIC, "Gflop/s", 1e9 * number(measured, "gflops").unwrap_or(0.0), limits.flops),
         share(CACHE, "GB/s", tests_per_s * BYTES_A_TEST, limits.cached_bytes),
         share(MEMORY, "GB/s", rays_per_s * BYTES_A_RAY as f64, limits.memory_bytes),
     ]
@@ -151,6 +204,7 @@ pub const RAY_KIND: Study = Study {
     title: "Kinds of rays",
     claim: "Thesis, note 9: secondary rays cost more than primary ones, each, because neighbours go different ways.",
     own_shapes: None,
+    source: include_str!("rays.rs"),
     measure: ray_kind,
     judge: judge_ray_kind,
 };
@@ -182,18 +236,22 @@ fn judge_ray_kind(found: &Measured) -> Result<Findings> {
         scenes_of(&table.rows).into_iter().partition(|scene| has(scene, "reflected") && has(scene, "diffuse"));
     let mut verdict = Verdict::default();
     for method in values(&table.rows, "method") {
-        let ratio = |kind: &str| -> Result<Option<f64>> {
-            let of_scene = |scene: &String| {
+        let ratio = |kind: &str| -> Result<Option<Rounds>> {
+            let mut pairs = Vec::new();
+            for scene in &hit {
                 let key = |kind| [("scene", scene.as_str()), ("method", method.as_str()), ("rays_of", kind)];
-                table.ratio("mrays_per_s", &key(kind), &key("camera"), &[])
-            };
-            Ok(geometric_mean(hit.iter().map(of_scene).collect::<Result<Vec<_>>>()?))
+                match table.pairs(&key(kind), &key("camera"), &[])? {
+                    Some(found) => pairs.extend(found),
+                    None => return Ok(None),
+                }
+            }
+            Ok(speedup(&pairs, Clock::Ray))
         };
         match (ratio("reflected")?, ratio("diffuse")?, ratio("shuffled")?) {
             (Some(reflected), Some(diffuse), Some(shuffled)) => verdict.say(
-                reflected < 1.0 && diffuse < 1.0,
+                Outcome::all([reflected.below(1.0), diffuse.below(1.0)]),
                 format!(
-                    "{method}: reflected rays have {reflected:.2}, diffuse {diffuse:.2} and shuffled camera rays {shuffled:.2} of the speed of camera rays"
+                    "{method}: reflected rays have {reflected}, diffuse {diffuse} and shuffled camera rays {shuffled} of the speed of camera rays"
                 ),
             ),
             _ if hit.is_empty() => {}
@@ -217,6 +275,7 @@ pub const TRANSFER: Study = Study {
     claim: "Thesis, sections 5.1 and 5.2.2: sending data to the device and back is dear. The claim tested: building, compiling and moving data take \
             longer than one pass of the kernel.",
     own_shapes: None,
+    source: include_str!("rays.rs"),
     measure: transfer,
     judge: judge_transfer,
 };
@@ -263,8 +322,12 @@ fn judge_transfer(found: &Measured) -> Result<Findings> {
         }
         let [build, compile, upload, rays_upload, kernel, read] = seconds[..] else { continue };
         let percent = |seconds: f64| 100.0 * seconds / total;
+        let kernels = Clock::Ray.times(one).unwrap_or_default();
+        let rays = number(one, "rays").unwrap_or(0.0);
+        let to_kernel = kernels.iter().map(|seconds_a_ray| (total - kernel) / (seconds_a_ray * rays));
+        let outcome = Rounds::new(to_kernel.collect()).map_or(Outcome::Undecided, |ratio| ratio.above(1.0));
         verdict.say(
-            total - kernel > kernel,
+            outcome,
             format!(
                 "{scene}: of {total:.3} s the kernel takes {:.0} %, moving data {:.0} %, compiling {:.0} %, building {:.0} %",
                 percent(kernel),
@@ -287,55 +350,80 @@ fn judge_transfer(found: &Measured) -> Result<Findings> {
 
 pub const CPU_GPU: Study = Study {
     name: "cpu-gpu",
-    title: "The device against the scalar reference",
+    title: "The GPU against the processor",
     claim: "Thesis, section 5.8: the GPU is about 3 times as fast as the author's CPU tracer with a kd-tree, about 10 times with brute force. The \
-            claim tested: at least so many times as fast as one core of the reference.",
+            claim tested: at least so many times as fast as the fastest way on all cores of this computer's processor.",
     own_shapes: None,
+    source: include_str!("rays.rs"),
     measure: cpu_gpu,
     judge: judge_cpu_gpu,
 };
 
+/// The roles in the comparison.
+const GPU: &str = "GPU";
+const CPU: &str = "processor, OpenCL";
+
 fn cpu_gpu(lab: &mut Lab) -> Result<Vec<Table>> {
-    /// Width and height of the reference's picture: brute force through the largest scene takes seconds.
-    const REFERENCE_SIDE: u32 = 64;
     let levels: &[u32] = if lab.quick { &[3] } else { &[3, 5, 6] };
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let methods = [StructureKind::Kd, StructureKind::Brute];
+    let processor = processor(lab);
     let mut rows: Vec<Row> = Vec::new();
-    let mut measure = |scene_name: &str, scene: raybrook::low_level::scene::Scene, lab: &mut Lab| -> Result<()> {
-        let fits = scene.hittable().len() <= 40_000;
-        let variants = |device: &str| -> Vec<Variant> {
-            let methods = methods.iter().filter(|&&accel| fits || accel != StructureKind::Brute);
-            methods.map(|&accel| Variant::new(accel.name(), with(accel)).with("device", device)).collect()
-        };
-        if let Some(device) = lab.device {
-            let subject = Subject::new(scene_name, scene.clone(), lab.side_for_lists(), lab.seed)?;
-            rows.extend(lab.compare(&subject, &variants(&device.info.name), &[CAMERA])?);
-        }
-        let small = Subject::new(scene_name, scene, REFERENCE_SIDE.min(lab.side()), lab.seed)?;
-        for threads in if cores > 1 { vec![1, cores] } else { vec![1] } {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .map_err(|error| Error::NoDevice(format!("no {threads} threads could be started: {error}")))?;
-            let label = reference_on(threads);
-            let device = lab.device.take();
-            let found = pool.install(|| lab.compare(&small, &variants(&label), &[CAMERA]));
-            lab.device = device;
-            rows.extend(found?);
-        }
-        Ok(())
-    };
     if lab.scenes.is_empty() {
         for &level in levels {
-            measure(&format!("boulder {}", 8 << (2 * level)), scenes::boulder(level)?, lab)?;
+            let name = format!("boulder {}", 8 << (2 * level));
+            rows.extend(on_both(lab, processor.as_ref(), &name, &scenes::boulder(level)?)?);
         }
     } else {
-        for (scene_name, scene) in lab.scenes {
-            measure(scene_name, scene.clone(), lab)?;
+        for (name, scene) in lab.scenes {
+            rows.extend(on_both(lab, processor.as_ref(), name, scene)?);
         }
     }
-    Ok(vec![Table::new("rays", "Device and reference", rows)])
+    Ok(vec![Table::new("rays", "GPU, processor and reference", rows)])
+}
+
+/// The processor as an OpenCL device: the lab's own, or another one.
+fn processor(lab: &Lab) -> Option<DeviceHandle> {
+    match lab.device {
+        Some(device) if device.info.kind == DeviceKind::Cpu => Some(device.clone()),
+        // Without one the reference has to do.
+        Some(_) => match select(Some("cpu")) {
+            Ok(Selection::OpenCl(handle)) => Some(handle),
+            _ => None,
+        },
+        None => None,
+    }
+}
+
+/// The rows of a scene on the lab's device, on the processor, and on the reference with one core and with all.
+fn on_both(lab: &mut Lab, processor: Option<&DeviceHandle>, scene_name: &str, scene: &Scene) -> Result<Vec<Row>> {
+    /// Width and height of the reference's picture: brute force through the largest scene takes seconds.
+    const REFERENCE_SIDE: u32 = 64;
+    let fits = scene.hittable().len() <= 40_000;
+    let variants = |device: &str, has_packets: bool| -> Vec<Variant> {
+        let packets = has_packets.then(|| ("kd", in_packets(StructureKind::Kd)));
+        let kd = packets.unwrap_or(("kd", with(StructureKind::Kd)));
+        let brute = fits.then(|| ("brute", with(StructureKind::Brute)));
+        let methods = [Some(kd), brute].into_iter().flatten();
+        methods.map(|(name, options)| Variant::new(name, options).with("device", device)).collect()
+    };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut rows = Vec::new();
+    let subject = Subject::new(scene_name, scene.clone(), lab.side_for_lists(), lab.seed)?;
+    if lab.device.is_some_and(|device| device.info.kind != DeviceKind::Cpu) {
+        rows.extend(lab.compare(&subject, &variants(GPU, false), &[CAMERA])?);
+    }
+    if let Some(processor) = processor {
+        rows.extend(lab.on(Some(processor), |lab| lab.compare(&subject, &variants(CPU, true), &[CAMERA]))?);
+    }
+    let small = Subject::new(scene_name, scene.clone(), REFERENCE_SIDE.min(lab.side()), lab.seed)?;
+    for threads in if cores > 1 { vec![1, cores] } else { vec![1] } {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|error| Error::NoDevice(format!("no {threads} threads could be started: {error}")))?;
+        let variants = variants(&reference_on(threads), false);
+        rows.extend(pool.install(|| lab.on(None, |lab| lab.compare(&small, &variants, &[CAMERA])))?);
+    }
+    Ok(rows)
 }
 
 /// The reference on so many cores, as it is called beside the device.
@@ -346,42 +434,61 @@ fn reference_on(cores: usize) -> String {
 fn judge_cpu_gpu(found: &Measured) -> Result<Findings> {
     let table = found.table("rays", &["scene", "device", "method"])?;
     let mut verdict = Verdict::default();
-    if found.header.is_reference() {
-        verdict.say(None, "The reference was measured alone: there is nothing to compare it with".to_owned());
-    } else {
-        let ratio = |accel: StructureKind| {
-            let key = |device| [("device", device), ("method", accel.name())];
-            table.ratio("mrays_per_s", &key(&found.header.device), &key(&reference_on(1)), &["scene"])
-        };
-        let (kd, brute) = (ratio(StructureKind::Kd)?, ratio(StructureKind::Brute)?);
-        let times = |ratio: Option<f64>| ratio.map_or("(not measured)".to_owned(), |ratio| format!("{ratio:.1}"));
-        verdict.say(
-            kd.map(|kd| kd >= 3.0),
-            format!(
-                "The device has {} times the speed of one core of the reference with the kd-tree and {} times with brute force",
-                times(kd),
-                times(brute)
-            ),
-        );
-        verdict.holds.push(brute.map(|brute| brute >= 10.0));
+    let has = |device: &str| table.rows.iter().any(|row| name(row, "device") == device);
+    let ratio = |a: &str, b: &str, method: &str| {
+        let key = |device| [("device", device), ("method", method)];
+        table.speedup(Clock::Ray, &key(a), &key(b), &["scene"])
+    };
+    match (has(GPU), has(CPU)) {
+        (true, true) => {
+            let (kd, brute) = (ratio(GPU, CPU, "kd")?, ratio(GPU, CPU, "brute")?);
+            let limits = [(&kd, 3.0), (&brute, 10.0)];
+            let outcomes =
+                limits.map(|(ratio, limit)| ratio.as_ref().map_or(Outcome::Undecided, |ratio| ratio.above(limit)));
+            verdict.say(
+                Outcome::all(outcomes),
+                format!(
+                    "the GPU has {} times the speed of the processor with the kd-tree (there in packets) and {} times with brute force",
+                    told(kd.as_ref()), told(brute.as_ref())
+                ),
+            );
+        }
+        (true, false) => verdict.leave_open(
+            "this computer's processor is no OpenCL device here, so that the GPU was measured against the slow reference alone".to_owned(),
+        ),
+        (false, _) => verdict.leave_open("no GPU was measured".to_owned()),
+    }
+    let fast = if has(GPU) { GPU } else { CPU };
+    if let (Some(kd), Some(brute)) = (ratio(fast, &reference_on(1), "kd")?, ratio(fast, &reference_on(1), "brute")?) {
+        verdict.add(format!("of one core of the reference the {fast} has {kd:.0} and {brute:.0} times the speed"));
     }
     let note = error_note(&table.rows);
-    let charts =
-        by_scene(ChartKind::Bars, &table, "speed", "device and reference", ["device", "mrays_per_s"], |chart| {
-            let caption = format!("Camera rays, exact hits. {note}");
+    let charts = by_scene(
+        ChartKind::Bars,
+        &table,
+        "speed",
+        "GPU, processor and reference",
+        ["device", "mrays_per_s"],
+        |chart| {
+            let caption = format!("Camera rays, exact hits; the processor's kd-tree in packets, on all cores. {note}");
             chart.by("method").spread(SPREAD).log(false, true).caption(caption)
-        });
+        },
+    );
     Ok(verdict.findings(vec![table], charts))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows_of::{header, judge, rays, with_columns};
+    use super::super::rows_of::{header, judge, rays, rounds, timed, with_columns};
     use super::*;
 
     fn cubes(rates: &[(u32, f64)], shares: Option<[f64; 3]>) -> Vec<Table> {
         let rows = rates.iter().map(|(cubes, rate)| {
-            row([("cubes", json!(cubes)), ("tests_per_s", json!(rate)), ("wrong", json!(0)), ("tested", json!(9))])
+            let triangles = f64::from(12 * cubes);
+            let mut out = row([("cubes", json!(cubes)), ("triangles", json!(triangles)), ("tests_per_s", json!(rate))]);
+            out.extend(row([("wrong", json!(0)), ("tested", json!(9))]));
+            out.extend(timed(rate / triangles));
+            out
         });
         let limits = shares.map(|shares| {
             // In another order than they are measured in: names tell them apart.
@@ -397,13 +504,17 @@ mod tests {
         let alike = [(5, 100.0), (15, 95.0), (30, 90.0)];
         let holds = |rates: &[(u32, f64)], shares| judge(&INTERSECTION, cubes(rates, shares), &header(false)).unwrap();
         let found = holds(&alike, Some([0.01, 0.3, 0.4]));
-        assert_eq!(found.holds, Some(true));
-        assert!(found.verdict.starts_with("From 5 to 30 cubes tests a second are within 0.90"), "{}", found.verdict);
-        assert_eq!(holds(&alike, Some([0.01, 0.5, 0.4])).holds, Some(false));
-        assert_eq!(holds(&[(5, 100.0), (30, 70.0)], Some([0.01, 0.3, 0.4])).holds, Some(false));
+        assert_eq!(found.outcome, Outcome::Holds);
+        assert!(
+            found.verdict.starts_with("With 30 cubes there are 0.90 [0.90, 0.90] times as many"),
+            "{}",
+            found.verdict
+        );
+        assert_eq!(holds(&alike, Some([0.01, 0.5, 0.4])).outcome, Outcome::Fails);
+        assert_eq!(holds(&[(5, 100.0), (30, 70.0)], Some([0.01, 0.3, 0.4])).outcome, Outcome::Fails);
         // Without the limits one half of the claim may still fail, and none can hold.
-        assert_eq!(holds(&alike, None).holds, None);
-        assert_eq!(holds(&[(5, 100.0), (30, 70.0)], None).holds, Some(false));
+        assert_eq!(holds(&alike, None).outcome, Outcome::Undecided);
+        assert_eq!(holds(&[(5, 100.0), (30, 70.0)], None).outcome, Outcome::Fails);
     }
 
     #[test]
@@ -414,15 +525,20 @@ mod tests {
             let scenes = ["s", "s", "s", "s", "nothing to hit"];
             let mut rows = rays(&scenes.map(|scene| (scene, "kd", 1.0)));
             for (row, (kind, rate)) in rows[0].rows.iter_mut().zip(kinds.iter().zip(rates)) {
-                row.extend(super::row([("rays_of", json!(kind)), ("mrays_per_s", json!(rate))]));
+                row.extend(super::row([("rays_of", json!(kind))]));
+                row.extend(timed(rate));
             }
             judge(&RAY_KIND, rows, &header(false)).unwrap()
         };
         // The scene without hits has fast camera rays, and no others to divide by them.
-        assert_eq!(found(8.0).holds, Some(true), "{}", found(8.0).verdict);
-        assert!(found(8.0).verdict.contains("reflected rays have 0.80, diffuse 0.50 and shuffled camera rays 0.40"));
+        assert_eq!(found(8.0).outcome, Outcome::Holds, "{}", found(8.0).verdict);
+        assert!(
+            found(8.0)
+                .verdict
+                .contains("reflected rays have 0.80 [0.80, 0.80], diffuse 0.50 [0.50, 0.50] and shuffled")
+        );
         assert!(found(8.0).verdict.contains("nothing to hit: no ray hit anything"));
-        assert_eq!(found(11.0).holds, Some(false));
+        assert_eq!(found(11.0).outcome, Outcome::Fails);
     }
 
     #[test]
@@ -435,36 +551,39 @@ mod tests {
                     Some(seconds) => out.insert("kernel_s".into(), json!(seconds)),
                     None => out.remove("kernel_s"),
                 };
+                out.extend(kernel.map(|seconds| ("rounds_s".to_owned(), rounds(seconds))));
                 out
             });
             judge(&TRANSFER, rows, &header(false)).unwrap()
         };
-        assert_eq!((found(Some(0.4)).holds, found(Some(0.6)).holds), (Some(true), Some(false)));
+        let outcome = |kernel: f64| found(Some(kernel)).outcome;
+        assert_eq!([outcome(0.4), outcome(0.6)], [Outcome::Holds, Outcome::Fails]);
+        // The rounds lie on either side.
+        assert_eq!(outcome(0.4995), Outcome::Undecided);
         assert!(found(Some(0.5)).verdict.contains("the kernel takes 50 %, moving data 30 %"));
-        assert_eq!((found(None).holds, &found(None).verdict[..]), (None, "s: not measured."));
+        assert_eq!((found(None).outcome, &found(None).verdict[..]), (Outcome::Undecided, "s: not measured."));
     }
 
     #[test]
-    fn the_device_is_compared_with_one_core_of_the_reference() {
-        let found = |brute: f64| {
-            let devices = [
-                "a device",
-                "reference, 1 core",
-                "reference, 16 cores",
-                "reference board",
-                "a device",
-                "reference, 1 core",
-            ];
-            let methods = ["kd", "kd", "kd", "kd", "brute", "brute"];
-            let rates = [50.0, 10.0, 1000.0, 7000.0, brute, 1.0];
+    fn the_gpu_is_compared_with_the_fastest_way_on_the_processor() {
+        let found = |brute: f64, processor: &str| {
+            let devices =
+                [GPU, processor, "reference, 1 core", "reference, 16 cores", GPU, processor, "reference, 1 core"];
+            let methods = ["kd", "kd", "kd", "kd", "brute", "brute", "brute"];
+            let rates = [50.0, 10.0, 0.1, 1000.0, brute, 1.0, 0.01];
             let mut rows = rays(&methods.map(|method| ("s", method, 1.0)));
             for (row, (device, rate)) in rows[0].rows.iter_mut().zip(devices.iter().zip(rates)) {
-                row.extend(super::row([("device", json!(device)), ("mrays_per_s", json!(rate))]));
+                row.insert("device".into(), json!(device));
+                row.extend(timed(rate));
             }
             judge(&CPU_GPU, rows, &header(false)).unwrap()
         };
-        assert_eq!(found(12.0).holds, Some(true));
-        assert!(found(12.0).verdict.contains("5.0 times") && found(12.0).verdict.contains("12.0 times"));
-        assert_eq!(found(9.0).holds, Some(false));
+        let holds = found(12.0, CPU);
+        assert_eq!(holds.outcome, Outcome::Holds, "{}", holds.verdict);
+        let ratios = ["has 5.00 [5.00, 5.00] times", "and 12.00 [12.00, 12.00] times", "has 500 [500, 500] and 1200"];
+        assert!(ratios.iter().all(|ratio| holds.verdict.contains(ratio)), "{}", holds.verdict);
+        assert_eq!(found(9.0, CPU).outcome, Outcome::Fails);
+        // The slow reference is no measure.
+        assert_eq!(found(12.0, "something else").outcome, Outcome::Undecided);
     }
 }
