@@ -47,7 +47,7 @@ pub struct CheckArgs {
         default_value_t = truth::DEFAULT_RAYS,
         value_parser = clap::value_parser!(u32).range(1..)
     )]
-    truth_rays: u32,
+    pub(super) truth_rays: u32,
     /// Picture of the differences [default: the scene's name with -difference.png, in this folder].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -65,11 +65,6 @@ pub struct CheckArgs {
 }
 
 impl CheckArgs {
-    /// How many rays of each kind are judged.
-    pub(super) fn truth_rays(&self) -> u32 {
-        self.truth_rays
-    }
-
     /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`,
     /// which are read.
     pub(super) fn output(&self, wanted: &Path, mut files: Files) -> Result<PathBuf> {

@@ -62,11 +62,12 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
     // No picture is made of it.
     let lights = std::mem::take(&mut loaded.scene.lights);
     let scene = &loaded.scene;
-    let buffers = SceneBuffers::within(scene, &options, &budget)?;
+    // First: a file that it cannot be asked of is refused before a structure is built.
     let cross_check = match args.cross_check {
         true => Some(cross_check(&args.scene.scene, scene, &budget)?),
         false => None,
     };
+    let buffers = SceneBuffers::within(scene, &options, &budget)?;
     let reasons: Vec<_> = (0..scene.triangle_count()).filter_map(|i| scene.drop_reason(i)).collect();
     let dropped = |reason: DropReason| reasons.iter().filter(|&&r| r == reason).count();
     let (low, high) = scene.bounds().unwrap_or_default();

@@ -69,6 +69,10 @@ fn check_memory(
 
 /// Renders the picture, judges it and its rays, and writes the findings. `output` and `files` are checked.
 pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Result<ExitCode> {
+    if args.method.check(false)?.picture.roulette.is_some() {
+        let message = "random killing leaves rays to chance, which the judge cannot follow; leave `roulette` out";
+        return Err(Error::option("roulette", message));
+    }
     let device = open::choose(&args.device, Talk { quiet: true, ..talk })?;
     let budget = args.scene.memory.budget();
     let loaded = open::load_for_picture(&args.scene, &args.picture, &budget, talk)?;
@@ -86,12 +90,8 @@ pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Res
     };
     let chosen = chooser.choose(&loaded.scene)?;
     let options = chosen.options;
-    if options.picture.roulette.is_some() {
-        let message = "the judge knows no chance: it follows every ray that counts; leave `roulette` out";
-        return Err(Error::option("roulette", message));
-    }
     let picture = fixed_samples(args.picture.picture(&loaded.scene));
-    let limit = args.truth_rays();
+    let limit = args.truth_rays;
     check_memory((&loaded.scene, &picture, limit), &options, device.as_ref(), &budget)?;
     let tasks = (&[Task::Batch, Task::Picture][..], &budget);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;

@@ -22,7 +22,7 @@ use std::cell::RefCell;
 use std::error::Error;
 use std::sync::Once;
 
-type Outcome<T = ()> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
+type Drawn<T = ()> = std::result::Result<T, Box<dyn Error + Send + Sync>>;
 
 /// Colours of what is not data. The report replaces them by those of the reader's light or dark page.
 pub const INK: RGBColor = RGBColor(0x1b, 0x1b, 0x1f);
@@ -77,7 +77,7 @@ pub struct Drawing {
 ///
 /// # Errors
 /// What the plotting crate reports.
-pub fn svg(chart: &Chart, table: &Table, format: Format) -> Outcome<Drawing> {
+pub fn svg(chart: &Chart, table: &Table, format: Format) -> Drawn<Drawing> {
     prepare_font();
     let plan = Plan::new(chart, table, format);
     let mut text = String::new();
@@ -115,7 +115,7 @@ impl Tip {
 ///
 /// # Errors
 /// What the plotting crate reports.
-pub fn pixels(chart: &Chart, table: &Table, format: Format) -> Outcome<(u32, u32, Vec<u8>)> {
+pub fn pixels(chart: &Chart, table: &Table, format: Format) -> Drawn<(u32, u32, Vec<u8>)> {
     prepare_font();
     let format = Format { width: format.width * 2, text: format.text * 2 };
     let plan = Plan::new(chart, table, format);
@@ -230,7 +230,7 @@ impl<'a> Plan<'a> {
         ("sans-serif", self.format.text).into_font().color(&colour)
     }
 
-    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Outcome
+    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Drawn
     where
         DB::ErrorType: 'static,
     {
@@ -269,7 +269,7 @@ impl<'a> Plan<'a> {
         (x, y): (i32, i32),
         index: usize,
         is_wrong: Option<bool>,
-    ) -> Outcome
+    ) -> Drawn
     where
         DB::ErrorType: 'static,
     {
@@ -305,7 +305,7 @@ impl<'a> Plan<'a> {
         Ok(())
     }
 
-    fn draw_points<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Outcome
+    fn draw_points<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Drawn
     where
         DB::ErrorType: 'static,
     {

@@ -86,8 +86,8 @@ fn first_screen(studies: &[(&Study, &Entry)]) -> Markup {
             }
         }
         p {
-            "Of " (studies.len()) " claims that were tested here " (holds) " hold, " (fails) " do not, and " (undecided)
-            " were not decided. Every claim is one of the thesis that this program began with, or of the program itself; each has its measurements below."
+            "Claims tested: " (studies.len()) ". Hold here: " (holds) ". Do not hold: " (fails) ". Not decided: " (undecided)
+            ". Every claim is one of the thesis that this program began with, or of the program itself; each has its measurements below."
         }
     }
 }

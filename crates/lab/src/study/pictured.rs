@@ -1,13 +1,15 @@
 //! What the scenes of studies look like: a small picture and a sentence each, for the page.
 
+use super::fingerprint::fingerprint;
+use super::report::write_png;
 use super::{Lab, scenes};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use raybrook::low_level::film::Film;
 use raybrook::low_level::input::read_regular;
 use raybrook::low_level::scene::Scene;
 use raybrook::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::io;
 use std::path::Path;
 
 /// A scene as the page shows it.
@@ -19,6 +21,9 @@ pub struct PicturedScene {
     pub about: String,
     /// Triangles that can be hit.
     pub triangles: usize,
+    /// A checksum of all that the picture shows.
+    #[serde(default)]
+    fingerprint: String,
     /// A picture as PNG, in base 64.
     pub png: String,
 }
@@ -32,41 +37,28 @@ pub(super) fn read(path: &Path) -> Vec<PicturedScene> {
     serde_json::from_slice(&bytes).unwrap_or_default()
 }
 
-/// The names of the scenes of a lab.
-pub(super) fn names(lab: &Lab) -> Vec<String> {
-    match lab.scenes.is_empty() {
-        true => scenes::shown(lab.quick).map(|shown| shown.name.to_owned()).collect(),
-        false => lab.scenes.iter().map(|(name, _)| name.clone()).collect(),
-    }
-}
-
-/// Renders the scenes of a lab.
+/// The pictures of a lab's scenes, those of `known` that are of the same scene as they are.
 ///
 /// # Errors
 /// As [`Lab::picture`].
-pub(super) fn render(lab: &Lab) -> Result<Vec<PicturedScene>> {
+pub(super) fn of_lab(lab: &Lab, known: &[PicturedScene]) -> Result<Vec<PicturedScene>> {
     if !lab.scenes.is_empty() {
-        return lab.scenes.iter().map(|(name, scene)| pictured(lab, name, "a scene of the user's", scene)).collect();
+        let users = |(name, scene): &(String, Scene)| pictured(lab, name, "A scene of the user's.", scene, known);
+        return lab.scenes.iter().map(users).collect();
     }
-    scenes::shown(lab.quick).map(|shown| pictured(lab, shown.name, shown.about, &(shown.make)()?)).collect()
+    scenes::own(lab.quick).map(|own| pictured(lab, own.name, own.about, &own.scene(lab.quick)?, known)).collect()
 }
 
-fn pictured(lab: &Lab, name: &str, about: &str, scene: &Scene) -> Result<PicturedScene> {
+fn pictured(lab: &Lab, name: &str, about: &str, scene: &Scene, known: &[PicturedScene]) -> Result<PicturedScene> {
+    let fingerprint = fingerprint(scene);
+    if let Some(same) = known.iter().find(|other| other.name == name && other.fingerprint == fingerprint) {
+        return Ok(same.clone());
+    }
     (lab.progress)(&format!("a picture of {name}"));
     let film = lab.picture(scene, SIZE)?;
-    let png = STANDARD.encode(png_of(&film)?);
-    Ok(PicturedScene { name: name.to_owned(), about: about.to_owned(), triangles: scene.hittable().len(), png })
-}
-
-fn png_of(film: &Film) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let failed = |error: png::EncodingError| Error::io("encode", "a picture", std::io::Error::other(error));
-    let mut encoder = png::Encoder::new(&mut bytes, film.width, film.height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::High);
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(film.to_srgb8().as_flattened()).map_err(failed)?;
-    writer.finish().map_err(failed)?;
-    Ok(bytes)
+    let (mut png, pixels) = (Vec::new(), film.to_srgb8());
+    let failed = |error: io::Error| Error::io("encode", "a picture", error);
+    write_png(&mut png, film.width, film.height, pixels.as_flattened()).map_err(failed)?;
+    let (name, about, triangles) = (name.to_owned(), about.to_owned(), scene.hittable().len());
+    Ok(PicturedScene { name, about, triangles, fingerprint, png: STANDARD.encode(png) })
 }

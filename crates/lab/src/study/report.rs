@@ -16,6 +16,7 @@ use raybrook::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fs;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// What all numbers of a report depend on; another header, another report.
@@ -265,11 +266,11 @@ impl Report {
     /// # Errors
     /// A scene cannot be rendered, or the file cannot be written.
     pub fn picture_scenes(&mut self, lab: &Lab) -> Result<()> {
-        let wanted = pictured::names(lab);
-        if self.pictured.iter().map(|scene| &scene.name).eq(&wanted) {
+        let pictured = pictured::of_lab(lab, &self.pictured)?;
+        if pictured == self.pictured {
             return Ok(());
         }
-        self.pictured = pictured::render(lab)?;
+        self.pictured = pictured;
         write_json(&self.data(SCENES), &self.pictured)
     }
 
@@ -345,7 +346,7 @@ impl Report {
             write_bytes(&path("svg"), drawing.svg.as_bytes())?;
             let (width, height, bytes) =
                 pixels(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
-            write_png(&path("png"), width, height, &bytes)?;
+            write_atomically(&path("png"), |out| write_png(out, width, height, &bytes))?;
         }
         Ok(())
     }
@@ -434,14 +435,13 @@ fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(bytes))
 }
 
-fn write_png(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
-    write_atomically(path, |out| {
-        let mut encoder = png::Encoder::new(out, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::High);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(bytes)?;
-        Ok(writer.finish()?)
-    })
+/// Writes a picture of three bytes a pixel as PNG.
+pub(super) fn write_png(out: impl Write, width: u32, height: u32, bytes: &[u8]) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(out, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    Ok(writer.finish()?)
 }

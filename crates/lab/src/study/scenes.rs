@@ -214,59 +214,89 @@ pub fn boulder_field(levels: u32, count: u32) -> Result<Scene> {
     builder.finish()
 }
 
-/// A scene as the page of a report shows it.
-pub struct Shown {
+/// A scene of most studies, as the page of a report shows it.
+pub struct Own {
+    /// What it is called.
     pub name: &'static str,
     /// What it is, in a sentence.
     pub about: &'static str,
-    pub make: fn() -> Result<Scene>,
-    /// Whether it is there in a hurry, too.
+    /// Makes it, in a hurry of fewer triangles.
+    make: fn(is_quick: bool) -> Result<Scene>,
+    /// Whether it is measured in a hurry, too.
     is_quick: bool,
 }
 
 /// The scenes of most studies.
-const SHOWN: [Shown; 6] = [
-    Shown {
+const OWN: [Own; 6] = [
+    Own {
         name: "boulder",
         about: "A closed stone of small, even triangles: what scans and models are like.",
-        make: || boulder(6),
+        make: |is_quick| boulder(if is_quick { 4 } else { 6 }),
         is_quick: true,
     },
-    Shown {
+    Own {
         name: "hall",
         about: "Leaning columns of long, thin triangles, seen from among them: what structures find hard.",
-        make: || hall(18),
+        make: |is_quick| hall(if is_quick { 4 } else { 18 }),
         is_quick: false,
     },
-    Shown {
-        name: "still life",
+    Own {
+        name: STILL_LIFE,
         about: "A boulder and a mirror ball on a floor: reflected and shadow rays.",
-        make: || still_life(96, false),
+        make: |is_quick| still_life(detail(is_quick), false),
         is_quick: true,
     },
-    Shown {
-        name: "still life of marble and wood",
+    Own {
+        name: TEXTURED_STILL_LIFE,
         about: "The same with procedural textures.",
-        make: || still_life(96, true),
+        make: |is_quick| still_life(detail(is_quick), true),
         is_quick: false,
     },
-    Shown {
+    Own {
         name: "still life with glass",
         about: "The same with a ball of glass: refracted rays, and chains that are longest.",
-        make: || glass_still_life(96),
+        make: |is_quick| glass_still_life(detail(is_quick)),
         is_quick: false,
     },
-    Shown {
+    Own {
         name: "100 boulders",
         about: "One boulder in a hundred places, turned and scaled: triangles shared by instances.",
-        make: || boulder_field(4, 100),
+        make: |is_quick| boulder_field(if is_quick { 2 } else { 4 }, 100),
         is_quick: false,
     },
 ];
 
-/// The scenes that the page shows.
-pub fn shown(is_quick: bool) -> impl Iterator<Item = &'static Shown> {
-    SHOWN.iter().filter(move |shown| shown.is_quick || !is_quick)
+/// The still life without textures.
+pub const STILL_LIFE: &str = "still life";
+/// The one of marble and wood.
+pub const TEXTURED_STILL_LIFE: &str = "still life of marble and wood";
+
+/// Segments around the still life's ball.
+fn detail(is_quick: bool) -> u32 {
+    if is_quick { 24 } else { 96 }
+}
+
+/// The scenes of most studies, in a hurry fewer.
+pub fn own(is_quick: bool) -> impl Iterator<Item = &'static Own> {
+    OWN.iter().filter(move |own| own.is_quick || !is_quick)
+}
+
+impl Own {
+    /// The scene.
+    ///
+    /// # Errors
+    /// None that a caller could cause.
+    pub fn scene(&self, is_quick: bool) -> Result<Scene> {
+        (self.make)(is_quick)
+    }
+}
+
+/// The scene of this name.
+///
+/// # Panics
+/// When there is none.
+pub fn named(name: &str, is_quick: bool) -> Result<Scene> {
+    OWN.iter().find(|own| own.name == name).expect("a scene of the list").scene(is_quick)
 }
 
 fn procedural(pattern: Pattern) -> Procedural {

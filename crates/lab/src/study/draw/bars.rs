@@ -6,7 +6,7 @@ use super::axes::{Axis, short};
 use super::*;
 
 impl Plan<'_> {
-    pub(super) fn draw_bars<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Outcome
+    pub(super) fn draw_bars<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Drawn
     where
         DB::ErrorType: 'static,
     {

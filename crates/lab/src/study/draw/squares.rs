@@ -6,7 +6,7 @@ use super::*;
 use plotters::style::FontTransform;
 
 impl Plan<'_> {
-    pub(super) fn draw_squares<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Outcome
+    pub(super) fn draw_squares<DB: DrawingBackend>(&self, area: &DrawingArea<DB, Shift>) -> Drawn
     where
         DB::ErrorType: 'static,
     {

@@ -15,6 +15,7 @@ use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{RayCounts, median};
 use raybrook::low_level::tracer::{Backend, RenderResult, require_clock};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Instant;
@@ -113,7 +114,13 @@ impl Times {
 
 impl Run {
     fn render(&mut self) -> Result<RenderResult> {
-        render(self.tracer.as_mut(), &self.buffers, &self.picture, &|_| ())
+        self.render_sized(self.picture.size)
+    }
+
+    /// The same picture in another size.
+    fn render_sized(&mut self, size: (u32, u32)) -> Result<RenderResult> {
+        let picture = Picture { size, ..self.picture };
+        render(self.tracer.as_mut(), &self.buffers, &picture, &|_| ())
     }
 
     /// Renders the picture and keeps what it took.
@@ -179,7 +186,7 @@ impl Lab<'_> {
             }
             _ => None,
         };
-        let (mut runs, mut rows) = (Vec::new(), Vec::new());
+        let (mut runs, mut rows, mut films) = (Vec::new(), Vec::new(), Vec::new());
         for variant in variants {
             (self.progress)(&format!("{scene_name}: {}", variant.label));
             let mut run = self.start_picture(self.device, &scene, variant, size)?;
@@ -204,10 +211,17 @@ impl Lab<'_> {
                     out.insert("host_colours".into(), json!(split.host_colours));
                 }
             }
-            out.extend(self.errors_of_picture(&scene, variant, &result.film, truth.as_ref())?);
+            out.extend(self.differing_pixels(&scene, variant, &mut run)?);
+            films.push(result.film);
             runs.push(run);
             rows.push(out);
         }
+        if let Some(truth) = &truth {
+            // FLIP takes seconds for a large picture, on one core.
+            let errors: Vec<Row> = films.par_iter().map(|film| errors_to(truth, film)).collect();
+            rows.iter_mut().zip(errors).for_each(|(out, errors)| out.extend(errors));
+        }
+        drop(films);
         let start = Instant::now();
         let mut round = 0;
         while self.goes_on(round, start) {
@@ -282,33 +296,30 @@ impl Lab<'_> {
         Ok(Run { picture, buffers, tracer, times: Times::default() })
     }
 
-    /// How far a picture is from the reference's and from the converged one.
-    fn errors_of_picture(
-        &self,
-        scene: &Scene,
-        variant: &PictureVariant,
-        film: &Film,
-        truth: Option<&Film>,
-    ) -> Result<Row> {
-        let mut out = Row::new();
+    /// How many pixels of a small picture the reference has otherwise; nothing where that would take too long.
+    fn differing_pixels(&self, scene: &Scene, variant: &PictureVariant, run: &mut Run) -> Result<Row> {
         let are_few = matches!(variant.samples, Samples::PerPixel(samples) if samples <= MOST_SAMPLES_CHECKED);
-        if self.device.is_some() && are_few {
-            // One ray at a time gives the same pixels as packets.
-            let options = TraceOptions { packet_size: PacketSize::One, ..variant.options };
-            let same = PictureVariant { label: String::new(), options, columns: Row::new(), ..*variant };
-            let (width, height) = self.picture_size();
-            let size = (width.min(LARGEST_CHECKED.0), height.min(LARGEST_CHECKED.1));
-            let [reference, device] = [(None, &same), (self.device, variant)]
-                .map(|(device, variant)| self.start_picture(device, scene, variant, size)?.render());
-            out.insert("wrong_pixels".into(), json!(compare_films(&reference?.film, &device?.film).differing_pixels));
-            out.insert("checked_pixels".into(), json!(size.0 * size.1));
+        if self.device.is_none() || !are_few {
+            return Ok(Row::new());
         }
-        if let Some(truth) = truth {
-            let difference = compare_films(truth, film);
-            out.insert("rmse".into(), json!(difference.rms));
-            out.insert("error".into(), json!(difference.rms_8bit));
-            out.extend(difference.flip_mean.map(|flip| ("flip".to_owned(), json!(flip))));
-        }
-        Ok(out)
+        let (width, height) = self.picture_size();
+        let size = (width.min(LARGEST_CHECKED.0), height.min(LARGEST_CHECKED.1));
+        // One ray at a time gives the same pixels as packets.
+        let options = TraceOptions { packet_size: PacketSize::One, ..variant.options };
+        let same = PictureVariant { label: String::new(), options, columns: Row::new(), ..*variant };
+        let reference = self.start_picture(None, scene, &same, size)?.render()?.film;
+        let found = run.render_sized(size)?.film;
+        Ok(row([
+            ("wrong_pixels", json!(compare_films(&reference, &found).differing_pixels)),
+            ("checked_pixels", json!(size.0 * size.1)),
+        ]))
     }
+}
+
+/// How far a picture is from the converged one.
+fn errors_to(truth: &Film, film: &Film) -> Row {
+    let difference = compare_films(truth, film);
+    let mut out = row([("rmse", json!(difference.rms)), ("error", json!(difference.rms_8bit))]);
+    out.extend(difference.flip_mean.map(|flip| ("flip".to_owned(), json!(flip))));
+    out
 }

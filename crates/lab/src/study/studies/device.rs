@@ -90,7 +90,8 @@ fn figures(info: &DeviceInfo) -> Vec<(&'static str, Value)> {
     all.into_iter().filter(|(.., is_told)| *is_told).map(|(figure, value, _)| (figure, value)).collect()
 }
 
-fn kernel_row(label: &str, kernel: &KernelResources, info: &DeviceInfo) -> Row {
+/// A row of what a kernel takes.
+pub(super) fn kernel_row(label: &str, kernel: &KernelResources, info: &DeviceInfo) -> Row {
     let mut out = row([("method", json!(label)), ("kernels", json!(kernel.kernel))]);
     out.extend(known([
         ("registers", kernel.registers),

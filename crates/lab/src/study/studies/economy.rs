@@ -41,7 +41,7 @@ const MOST_RAYS: f64 = 0.4;
 fn economy_scenes(lab: &Lab) -> Result<Vec<(String, Scene)>> {
     let mut all = picture_scenes(lab)?;
     if lab.scenes.is_empty() {
-        all.push(("boulder".to_owned(), scenes::boulder(if lab.quick { 2 } else { 6 })?));
+        all.push(("boulder".to_owned(), scenes::named("boulder", lab.quick)?));
     }
     // With the light that pictures of them have.
     let (width, height) = lab.picture_size();
@@ -54,11 +54,10 @@ fn economy(lab: &mut Lab) -> Result<Vec<Table>> {
     let all = TraceOptions { picture: PictureOptions { features: KernelFeatures::All, ..options.picture }, ..options };
     let one = |label: &str, options| PictureVariant::new(label, options, 1, DEPTH);
     let errors: &[f32] = if lab.quick { &[1.0] } else { &[1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12] };
-    // In the order of `Pictures`.
     let mut variants = vec![
-        one("1 sample", options),
-        one("1 sample, all features", all),
-        one("1 sample, every ray", options).without_killing(),
+        one(ONE, options),
+        one(ONE_ALL, all),
+        one(ONE_EVERY, options).without_killing(),
         PictureVariant::new(fixed_samples(), options, FIXED, DEPTH),
         PictureVariant::new("2 samples", options, 2, DEPTH),
         PictureVariant::new("4 samples", options, 4, DEPTH),
@@ -71,8 +70,9 @@ fn economy(lab: &mut Lab) -> Result<Vec<Table>> {
         // What kernels can do is no matter of the arrays.
         let buffers = lab.pack(&scene, &options)?;
         let taken = resources(lab, &scene_name, &buffers, [options, all])?;
-        summary.push(saved(&scene_name, &scene, &buffers, &options, Pictures::of(&rows), &taken));
-        pictures.extend(rows);
+        let table = Table::new("pictures", "", rows);
+        summary.push(saved(&scene_name, &scene, &buffers, &options, &Pictures::of(&table)?, &taken));
+        pictures.extend(table.rows);
         kernels.extend(taken);
     }
     let instances = instances(lab, options)?;
@@ -187,24 +187,33 @@ fn instances(lab: &mut Lab, options: TraceOptions) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// The rows of a scene's pictures.
+/// One sample a pixel: with the kernels for the scene, with those for all scenes, and with the rays that cannot change
+/// a pixel.
+const ONE: &str = "1 sample";
+const ONE_ALL: &str = "1 sample, all features";
+const ONE_EVERY: &str = "1 sample, every ray";
+
+/// The rows of a scene's pictures; `None`: not measured.
 struct Pictures<'a> {
-    /// One sample a pixel, with the kernels for the scene.
-    one: &'a Row,
-    /// With those for all scenes.
-    one_all: &'a Row,
-    /// With the rays that cannot change a pixel.
-    one_every: &'a Row,
+    one: Option<&'a Row>,
+    one_all: Option<&'a Row>,
+    one_every: Option<&'a Row>,
     /// [`FIXED`] samples a pixel.
-    fixed: &'a Row,
-    /// By their error, the largest first, which is 1.
-    by_error: &'a [Row],
+    fixed: Option<&'a Row>,
+    /// By an error of 1.
+    error_1: Option<&'a Row>,
 }
 
 impl Pictures<'_> {
-    fn of(rows: &[Row]) -> Pictures<'_> {
-        let [one, one_all, one_every, fixed, _, _, _, by_error @ ..] = rows else { panic!("a row for each variant") };
-        Pictures { one, one_all, one_every, fixed, by_error }
+    fn of(table: &Table) -> Result<Pictures<'_>> {
+        let one = |method: &str| table.one(&[("method", method)]);
+        Ok(Pictures {
+            one: one(ONE)?,
+            one_all: one(ONE_ALL)?,
+            one_every: one(ONE_EVERY)?,
+            fixed: one(&fixed_samples())?,
+            error_1: one("error 1")?,
+        })
     }
 }
 
@@ -243,11 +252,12 @@ fn saved(
     scene: &Scene,
     buffers: &SceneBuffers,
     options: &TraceOptions,
-    pictures: Pictures,
+    pictures: &Pictures,
     kernels: &[Row],
 ) -> Row {
-    let Pictures { one, one_all, one_every, fixed, by_error } = pictures;
-    let error_1 = &by_error[0];
+    let Pictures { one, one_all, one_every, fixed, error_1 } = *pictures;
+    let ratio = |a: Option<&Row>, b: Option<&Row>, column: &str| ratio_of(a?, b?, column);
+    let error = |row: Option<&Row>| number(row?, "error");
     let of_kernels = |column: &str| match kernels {
         [of_scene, of_all] => ratio_of(of_scene, of_all, column),
         _ => None,
@@ -263,14 +273,14 @@ fn saved(
         ("unused_bytes", json!(unused_bytes(scene, buffers, options))),
     ]);
     out.extend(known([
-        ("time_of_all", ratio_of(one, one_all, "wall_s")),
+        ("time_of_all", ratio(one, one_all, "wall_s")),
         ("private_of_all", of_kernels("private_bytes")),
         ("binary_of_all", of_kernels("binary_bytes")),
-        ("rays_of_every", ratio_of(one, one_every, "rays")),
-        ("rays_of_fixed", ratio_of(error_1, fixed, "rays")),
-        ("time_of_fixed", ratio_of(error_1, fixed, "wall_s")),
-        ("error", number(error_1, "error")),
-        ("error_of_fixed", number(fixed, "error")),
+        ("rays_of_every", ratio(one, one_every, "rays")),
+        ("rays_of_fixed", ratio(error_1, fixed, "rays")),
+        ("time_of_fixed", ratio(error_1, fixed, "wall_s")),
+        ("error", error(error_1)),
+        ("error_of_fixed", error(fixed)),
     ]));
     out
 }

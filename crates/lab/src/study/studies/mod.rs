@@ -317,6 +317,12 @@ mod rows_of {
         vec![Table::new("rays", "", rows.collect())]
     }
 
+    /// Counted work, told apart by its steps.
+    pub fn work(steps: f64) -> Row {
+        let rest = ["leaves", "tests", "restarts", "node_bytes", "triangle_bytes"].map(|column| (column, json!(1.0)));
+        row([("steps", json!(steps))]).into_iter().chain(row(rest)).collect()
+    }
+
     /// The same rows, each with further columns.
     pub fn with_columns(mut tables: Vec<Table>, columns: impl Fn(&Row) -> Row) -> Vec<Table> {
         tables.iter_mut().flat_map(|table| &mut table.rows).for_each(|row| row.extend(columns(row)));

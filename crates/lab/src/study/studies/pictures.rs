@@ -3,14 +3,14 @@
 use super::super::lab::PictureVariant;
 use super::super::lookup::{Clock, speedup};
 use super::super::outcome::{Outcome, Rounds};
-use super::super::table::{Row, known, name, number, row};
+use super::super::table::{Row, name, number};
 use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, scenes};
+use super::device::kernel_row;
 use super::{PICTURE, Verdict, by_scene, ratio_of, scenes_of, with};
 use raybrook::Result;
 use raybrook::low_level::device::kernel_resources;
 use raybrook::low_level::options::{Kernels, PictureOptions, StructureKind, TexturePass, TraceOptions};
 use raybrook::low_level::scene::Scene;
-use serde_json::json;
 
 /// Seconds of a picture's fastest and slowest round.
 const SPREAD: [&str; 2] = ["wall_low", "wall_high"];
@@ -20,17 +20,9 @@ pub(super) fn picture_scenes(lab: &Lab) -> Result<Vec<(String, Scene)>> {
     if !lab.scenes.is_empty() {
         return Ok(lab.scenes.to_vec());
     }
-    let still_life = |detail| Ok(("still life".to_owned(), scenes::still_life(detail, false)?));
-    if lab.quick {
-        return Ok(vec![still_life(24)?]);
-    }
-    Ok(vec![
-        still_life(96)?,
-        (TEXTURED_SCENE.to_owned(), scenes::still_life(96, true)?),
-        ("still life with glass".to_owned(), scenes::glass_still_life(96)?),
-        ("hall".to_owned(), scenes::hall(18)?),
-        ("100 boulders".to_owned(), scenes::boulder_field(4, 100)?),
-    ])
+    // A boulder alone sends no ray on.
+    let own = scenes::own(lab.quick).filter(|own| own.name != "boulder");
+    own.map(|own| Ok((own.name.to_owned(), own.scene(lab.quick)?))).collect()
 }
 
 /// Longest chain of rays of most pictures.
@@ -175,13 +167,7 @@ fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
             if kernel.kernel.starts_with("trace") || is_known {
                 continue;
             }
-            let mut out = row([("method", json!(variant.label)), ("kernels", json!(kernel.kernel))]);
-            out.extend(known([
-                ("registers", kernel.registers),
-                ("private_bytes", kernel.private_memory_bytes),
-                ("work_group", kernel.max_work_group_size),
-            ]));
-            rows.push(out);
+            rows.push(kernel_row(&variant.label, &kernel, &device.info));
         }
     }
     Ok(rows)
@@ -198,8 +184,8 @@ pub const TEXTURING: Study = Study {
     judge: judge_texturing,
 };
 
-const PLAIN_SCENE: &str = "still life";
-const TEXTURED_SCENE: &str = "still life of marble and wood";
+const PLAIN_SCENE: &str = scenes::STILL_LIFE;
+const TEXTURED_SCENE: &str = scenes::TEXTURED_STILL_LIFE;
 const PLAIN_MEGA: &str = "no textures, mega";
 const IN_MEGA: &str = "in the kernel, mega";
 const IN_SPLIT: &str = "in the kernel, split";
@@ -209,7 +195,6 @@ fn texturing(lab: &mut Lab) -> Result<Vec<Table>> {
     let base = with(StructureKind::Bvh2);
     let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
     let host = TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..split.picture }, ..split };
-    let detail = if lab.quick { 24 } else { 96 };
     let mut rows = Vec::new();
     let one =
         |label: &str, options, textures: &str| PictureVariant::new(label, options, 1, 8).with("textures", textures);
@@ -217,8 +202,8 @@ fn texturing(lab: &mut Lab) -> Result<Vec<Table>> {
     let textured =
         [one(IN_MEGA, base, "in-kernel"), one(IN_SPLIT, split, "in-kernel"), one(BY_HOST, host, "host-pass")];
     if lab.scenes.is_empty() {
-        rows.extend(lab.pictures(PLAIN_SCENE, &scenes::still_life(detail, false)?, &plain, None)?);
-        rows.extend(lab.pictures(TEXTURED_SCENE, &scenes::still_life(detail, true)?, &textured, None)?);
+        rows.extend(lab.pictures(PLAIN_SCENE, &scenes::named(PLAIN_SCENE, lab.quick)?, &plain, None)?);
+        rows.extend(lab.pictures(TEXTURED_SCENE, &scenes::named(TEXTURED_SCENE, lab.quick)?, &textured, None)?);
     } else {
         for (scene_name, scene) in lab.scenes {
             rows.extend(lab.pictures(scene_name, scene, &textured, None)?);
@@ -355,6 +340,8 @@ fn charts(table: &Table, title: &str) -> Vec<Chart> {
 mod tests {
     use super::super::rows_of::{header, judge, of_reference, rounds};
     use super::*;
+    use crate::study::table::row;
+    use serde_json::json;
 
     fn pictures(rows: &[(&str, &str, f64, Row)]) -> Vec<Table> {
         let rows = rows.iter().map(|(scene, method, seconds, columns)| {

@@ -135,7 +135,7 @@ fn judge_intersection(found: &Measured) -> Result<Findings> {
     if let Some(limits) = &limits {
         let share = |row: &Row| Some(format!("{:.0} % of {}", 100.0 * number(row, "limit_share")?, name(row, "limit")));
         let shares = limits.rows.iter().filter_map(share).collect::<Vec<_>>();
-        text += &format!(" They take {}.", shares.join(", "));
+        text += &format!(" The tests take {}.", shares.join(", "));
     } else if !found.header.is_reference() {
         text += " The device's limits were not measured.";
     }
@@ -460,7 +460,7 @@ fn judge_cpu_gpu(found: &Measured) -> Result<Findings> {
     }
     let fast = if has(GPU) { GPU } else { CPU };
     if let (Some(kd), Some(brute)) = (ratio(fast, &reference_on(1), "kd")?, ratio(fast, &reference_on(1), "brute")?) {
-        verdict.add(format!("of one core of the reference the {fast} has {kd:.0} and {brute:.0} times the speed"));
+        verdict.add(format!("the {fast} has {kd:.0} and {brute:.0} times the speed of one core of the reference"));
     }
     let note = error_note(&table.rows);
     let charts = by_scene(

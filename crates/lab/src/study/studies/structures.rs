@@ -1,7 +1,7 @@
 //! What structures are made with: cells of a grid, and what ends the division of a kd-tree.
 
 use super::super::lookup::{Clock, is_same_work, speedup};
-use super::super::table::{name, number};
+use super::super::table::name;
 use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, Variant};
 use super::{BATCH, CAMERA, SPREAD, Verdict, alike, by_scene, error_note, largest, scenes_of, usual_rays, with};
 use raybrook::Result;
@@ -125,25 +125,17 @@ fn judge_stop(found: &Measured) -> Result<Findings> {
     let speeds = charts("speed", "speed", "mrays_per_s", &format!("kd-tree by areas, full stack, exact hits. {note}"));
     let costs = charts("cost", "expected cost", "tree_cost", "By surface areas; a step and a test cost 1 each.");
     let charts = speeds.into_iter().zip(costs).flat_map(|(speed, cost)| [speed.spread(SPREAD), cost]).collect();
-    let mut notes = alike(&table)?;
-    if table.rows.iter().all(|row| number(row, "tree_cost").is_none()) {
-        notes.push("Expected costs were not computed.".to_owned());
-    }
+    let notes = alike(&table)?;
     Ok(Findings { notes, ..verdict.findings(vec![table], charts) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::super::outcome::Outcome;
-    use super::super::rows_of::{header, judge, rays, with_columns};
+    use super::super::rows_of::{header, judge, rays, with_columns, work};
     use super::*;
-    use crate::study::table::{Row, row};
+    use crate::study::table::number;
     use serde_json::json;
-
-    fn work(steps: f64) -> Row {
-        let rest = ["leaves", "tests", "restarts", "node_bytes", "triangle_bytes"].map(|column| (column, json!(1.0)));
-        row([("steps", json!(steps))]).into_iter().chain(row(rest)).collect()
-    }
 
     #[test]
     fn the_chosen_grid_is_compared_with_the_best_of_the_series() {

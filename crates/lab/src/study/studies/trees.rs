@@ -500,14 +500,11 @@ fn judge_bounding_volumes(found: &Measured) -> Result<Findings> {
     let table = found.table("rays", &BATCH)?;
     let mut verdict = Verdict::default();
     for scene in scenes_of(&table.rows) {
-        let times = |accel: StructureKind| {
-            let key = |accel: StructureKind| [("scene", scene.as_str()), ("method", accel.name())];
-            table.speedup(Clock::Ray, &key(accel), &key(StructureKind::Brute), &["rays_of"])
-        };
         let key = |accel: StructureKind| [("scene", scene.as_str()), ("method", accel.name())];
-        let to_boxes =
-            table.speedup(Clock::Ray, &key(StructureKind::Spheres), &key(StructureKind::Boxes), &["rays_of"])?;
-        match (times(StructureKind::Spheres)?, times(StructureKind::Boxes)?, to_boxes) {
+        let ratio = |a, b| table.speedup(Clock::Ray, &key(a), &key(b), &["rays_of"]);
+        let (spheres, boxes) = (StructureKind::Spheres, StructureKind::Boxes);
+        let of_brute = |accel| ratio(accel, StructureKind::Brute);
+        match (of_brute(spheres)?, of_brute(boxes)?, ratio(spheres, boxes)?) {
             (Some(spheres), Some(boxes), Some(to_boxes)) => verdict.say(
                 Outcome::all([spheres.above(10.0), to_boxes.above(1.0)]),
                 format!("{scene}: spheres have {spheres:.1} times and boxes {boxes:.1} times the speed of brute force"),
@@ -525,15 +522,9 @@ fn judge_bounding_volumes(found: &Measured) -> Result<Findings> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows_of::{header, judge, rays, timed, with_columns};
+    use super::super::rows_of::{header, judge, rays, timed, with_columns, work};
     use super::*;
     use crate::study::table::row;
-
-    /// Counted work, told apart by its steps.
-    fn work(steps: f64) -> Row {
-        let rest = ["leaves", "tests", "restarts", "node_bytes", "triangle_bytes"].map(|column| (column, json!(1.0)));
-        row([("steps", json!(steps))]).into_iter().chain(row(rest)).collect()
-    }
 
     /// Each row with work of its own.
     fn worked(tables: Vec<Table>) -> Vec<Table> {
