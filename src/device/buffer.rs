@@ -63,7 +63,7 @@ impl Memory {
         check_limits(context, what, bytes as u64)?;
         let _watched = context.watch("clCreateBuffer");
         // SAFETY: no host pointer is given.
-        let raw = unsafe { ClBuffer::<u8>::create(&context.0.context, flags, bytes, ptr::null_mut()) };
+        let raw = unsafe { ClBuffer::<u8>::create(&context.0.shared.context, flags, bytes, ptr::null_mut()) };
         let raw = raw
             .map(|raw| Owned::new(raw, &context.0.owner))
             .map_err(|e| context.error(&format!("clCreateBuffer of {bytes} bytes for {what}"), e))?;

@@ -4,13 +4,14 @@ use super::errors::cl_error;
 use super::handle::Owned;
 use super::list::{DeviceHandle, DeviceInfo};
 use super::owner::Owner;
+use super::program::Programs;
 use super::watchdog::{Limit, Watched, watch};
 use crate::error::{Error, Result};
 use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue, create_command_queue};
 use opencl3::context::Context;
 use opencl3::device::Device;
 use opencl3::error_codes::ClError;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Held while platforms are asked and contexts made: PoCL 3.1 fails when several threads do so at once (7 of 8 runs).
@@ -22,6 +23,9 @@ pub(super) fn lock_runtime() -> MutexGuard<'static, ()> {
 
 /// An opened device: context and command queue. Cheap to clone; buffers, programs and kernels keep it alive.
 ///
+/// What is opened anew of the same handle, or of a clone of it, meanwhile has a queue of its own, and shares the context
+/// and the compiled programs: on an H100 both take a quarter of a second.
+///
 /// Use one at a time on Oclgrind: kernels of several threads are silently lost there (seen with 21.10).
 #[derive(Debug, Clone)]
 pub struct DeviceContext(pub(super) Arc<Opened>);
@@ -30,13 +34,34 @@ pub struct DeviceContext(pub(super) Arc<Opened>);
 pub(super) struct Opened {
     // In the order in which they are released.
     pub queue: Owned<CommandQueue>,
-    pub context: Owned<Context>,
+    pub shared: Arc<Shared>,
     pub owner: Arc<Owner>,
     pub device: Device,
     pub info: DeviceInfo,
     /// What the user hands to the compiler.
     pub compiler_options: String,
     pub allocated_bytes: AtomicU64,
+}
+
+/// What those share who opened the same handle.
+#[derive(Debug)]
+pub(super) struct Shared {
+    // In the order in which they are released.
+    pub programs: Mutex<Programs>,
+    pub context: Owned<Context>,
+    /// Whether a call failed: who opens the device next is to have a context that nothing has happened to.
+    pub has_failed: AtomicBool,
+}
+
+impl Shared {
+    fn new(handle: &DeviceHandle) -> Result<Self> {
+        let owner = Owner::new(&handle.info.name);
+        let watched = watch(&owner, "clCreateContext", Limit::Call);
+        let context = Context::from_device(&handle.device).map(|context| Owned::new(context, &owner));
+        drop(watched);
+        let context = context.map_err(|e| cl_error(&handle.info.name, "clCreateContext", e))?;
+        Ok(Shared { programs: Mutex::default(), context, has_failed: AtomicBool::new(false) })
+    }
 }
 
 /// What a driver answers that has no queues of that kind.
@@ -59,16 +84,13 @@ impl DeviceContext {
             return Err(Error::NoDevice(format!("device '{}' cannot be used: {reason}", info.name)));
         }
         let _lock = lock_runtime();
+        let shared = handle.shared(|| Shared::new(handle))?;
         let owner = Owner::new(&info.name);
-        let watched = watch(&owner, "clCreateContext", Limit::Call);
-        let context = Context::from_device(&handle.device).map(|context| Owned::new(context, &owner));
-        drop(watched);
-        let context = context.map_err(|e| cl_error(&info.name, "clCreateContext", e))?;
-        let queue = create_queue(&owner, &context, &handle.device);
+        let queue = create_queue(&owner, &shared.context, &handle.device);
         let queue = queue.map_err(|e| cl_error(&info.name, "clCreateCommandQueue", e))?;
         Ok(DeviceContext(Arc::new(Opened {
             queue,
-            context,
+            shared,
             owner,
             device: handle.device,
             info,
@@ -91,6 +113,11 @@ impl DeviceContext {
     /// The bytes of all buffers that live on the device now.
     pub fn allocated_bytes(&self) -> u64 {
         self.0.allocated_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Forgets compiled programs, so that the next ones are compiled, or loaded from a cache, as by a new process.
+    pub fn forget_programs(&self) {
+        self.0.shared.programs.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// Waits until every command is done.
@@ -118,6 +145,7 @@ impl DeviceContext {
         let error = cl_error(&self.0.info.name, call, error);
         if let Error::OpenCl { call, code, .. } = &error {
             self.0.owner.remember_failure(&format!("{call} failed: {code}"));
+            self.0.shared.has_failed.store(true, Ordering::Relaxed);
         }
         error
     }

@@ -151,7 +151,7 @@ fn create(
 ) -> Result<Owned<ClImage>> {
     let _watched = context.watch("clCreateImage");
     // SAFETY: format and description live through the call, which copies them; no host pointer is given.
-    let raw = unsafe { ClImage::create(&context.0.context, CL_MEM_READ_ONLY, format, desc, ptr::null_mut()) };
+    let raw = unsafe { ClImage::create(&context.0.shared.context, CL_MEM_READ_ONLY, format, desc, ptr::null_mut()) };
     raw.map(|raw| Owned::new(raw, &context.0.owner)).map_err(|e| context.error(&format!("clCreateImage for {what}"), e))
 }
 

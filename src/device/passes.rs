@@ -5,7 +5,7 @@ use super::deferred::Deferred;
 use super::definitions::Definitions;
 use super::entry::{Entry, Pass};
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
-use super::{Cache, CompileOptions, DeviceContext, DeviceInfo, Kernel, Program, ProgramSource, build};
+use super::{Cache, CompileOptions, DeviceContext, DeviceInfo, DeviceKind, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 
 /// The kernels of a tracer.
@@ -117,9 +117,13 @@ impl Passes {
             set(kernel)?;
             // How long such items take is not known from the others. The first launch takes most lists whole: a small
             // one would leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group
-            // while units are free: each would wait for whatever exact integers the others compute.
-            let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, context.info().kind);
-            let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, work_group);
+            // while units are free: each would wait for whatever exact integers the others compute. On CPUs never: what
+            // such items do in a row takes as long in one work-group as in several, and PoCL compiles a kernel anew for
+            // each size of a work-group, which takes a second.
+            let kind = context.info().kind;
+            let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, kind);
+            let most = if kind == DeviceKind::Cpu { 1 } else { work_group };
+            let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, most);
             let shape = Shape { work_group, ..shape(count, entry.second()) };
             seconds += launch(kernel, &mut plan, shape, |_| progress(0))?;
             deferred.items.write(&[0])?;

@@ -15,7 +15,7 @@ use opencl3::program::{Program as ClProgram, build_program};
 use std::ffi::CString;
 use std::fmt;
 use std::ptr;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Instant;
 
 /// What is passed to the device's compiler apart from the source.
@@ -95,6 +95,41 @@ pub struct Program {
     context: DeviceContext,
 }
 
+/// Programs that a context keeps, the one last used at the end. The least recently used is forgotten: PoCL keeps a
+/// program's intermediate code in memory.
+#[derive(Debug, Default)]
+pub(super) struct Programs(Vec<Kept>);
+
+#[derive(Debug, Clone)]
+struct Kept {
+    key: CacheKey,
+    raw: Arc<Owned<ClProgram>>,
+    /// As [`Built::log`].
+    log: String,
+}
+
+/// How many are kept: those of all methods that take turns in a comparison.
+const MOST_PROGRAMS: usize = 64;
+
+impl Programs {
+    fn find(&mut self, key: &CacheKey) -> Option<Kept> {
+        let place = self.0.iter().position(|kept| kept.key == *key)?;
+        self.0[place..].rotate_left(1);
+        self.0.last().cloned()
+    }
+
+    fn keep(&mut self, kept: Kept) {
+        if self.0.len() == MOST_PROGRAMS {
+            self.0.remove(0);
+        }
+        self.0.push(kept);
+    }
+
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
 /// OpenCL's code for build options that are none.
 const INVALID_BUILD_OPTIONS: i32 = -43;
 
@@ -150,7 +185,8 @@ pub struct Built {
     pub notes: Vec<String>,
 }
 
-/// Builds `source` for the device of `context`; takes the binary from `cache`, or puts it there, if there is one.
+/// Builds `source` for the device of `context`; takes the binary from `cache`, or puts it there, if there is one. Takes
+/// no time where somebody who shares the context has built it already.
 ///
 /// # Errors
 /// [`Error::Option`] when the compiler refuses an option of the user's, [`Error::Build`] with the compiler's log,
@@ -163,26 +199,43 @@ pub fn build(
 ) -> Result<Built> {
     let options = options.text(context);
     let key = CacheKey::new(source.text(), &options, context.info());
+    let programs = || context.0.shared.programs.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(Kept { raw, log, .. }) = programs().find(&key) {
+        let program = Program { raw, context: context.clone() };
+        return Ok(Built { program, compile_s: 0.0, from_cache: false, log, notes: Vec::new() });
+    }
+    let built = build_or_load(context, source, &options, &key, cache)?;
+    programs().keep(Kept { key, raw: built.program.raw.clone(), log: built.log.clone() });
+    Ok(built)
+}
+
+fn build_or_load(
+    context: &DeviceContext,
+    source: &ProgramSource,
+    options: &str,
+    key: &CacheKey,
+    cache: Option<&Cache>,
+) -> Result<Built> {
     let mut notes = Vec::new();
     if let Some(cache) = cache {
-        match cache.load(&key) {
+        match cache.load(key) {
             Ok(None) => {}
             Ok(Some(binary)) => {
                 let start = Instant::now();
-                match build_binary(context, &binary, &options) {
+                match build_binary(context, &binary, options) {
                     Ok(raw) => return Ok(Built::new(context, raw, start, true, String::new(), notes)),
-                    Err(error) => notes.push(cache.discard(&key, &format!("the driver refused the binary: {error}"))),
+                    Err(error) => notes.push(cache.discard(key, &format!("the driver refused the binary: {error}"))),
                 }
             }
-            Err(damage) => notes.push(cache.discard(&key, &damage)),
+            Err(damage) => notes.push(cache.discard(key, &damage)),
         }
     }
 
     let start = Instant::now();
-    let (raw, log) = build_source(context, source, &options).map_err(|e| find_refused(context).unwrap_or(e))?;
+    let (raw, log) = build_source(context, source, options).map_err(|e| find_refused(context).unwrap_or(e))?;
     let built = Built::new(context, raw, start, false, log, notes);
     Ok(match cache {
-        Some(cache) => built.stored(cache, &key),
+        Some(cache) => built.stored(cache, key),
         None => built,
     })
 }
@@ -225,7 +278,7 @@ fn build_binary(
     let device = context.0.device.id();
     let watched = context.watch("clCreateProgramWithBinary");
     // SAFETY: the context has this one device; the cache's checksum says that the driver wrote exactly these bytes.
-    let program = unsafe { ClProgram::create_from_binary(&context.0.context, &[device], &[binary]) };
+    let program = unsafe { ClProgram::create_from_binary(&context.0.shared.context, &[device], &[binary]) };
     let program = program.map(|program| Owned::new(program, &context.0.owner))?;
     drop(watched);
     match compile(context, &program, options) {
@@ -249,7 +302,7 @@ fn compile(context: &DeviceContext, program: &ClProgram, options: &str) -> std::
 
 fn build_source(context: &DeviceContext, source: &ProgramSource, options: &str) -> Result<(Owned<ClProgram>, String)> {
     let watched = context.watch("clCreateProgramWithSource");
-    let program = ClProgram::create_from_source(&context.0.context, source.text());
+    let program = ClProgram::create_from_source(&context.0.shared.context, source.text());
     drop(watched);
     let program = program.map_err(|e| context.error("clCreateProgramWithSource", e))?;
     let program = Owned::new(program, &context.0.owner);

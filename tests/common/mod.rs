@@ -8,11 +8,12 @@ pub mod probe;
 use glam::Vec3;
 use raybrook::Result;
 use raybrook::low_level::choose::Request;
-use raybrook::low_level::device::{DeviceHandle, Selection, select};
+use raybrook::low_level::device::{DeviceContext, DeviceHandle, Selection, select};
 use raybrook::low_level::options::TraceOptions;
 pub use raybrook::low_level::random::Random;
 use raybrook::low_level::scene::{Material, NO_INDEX, Scene, Triangle};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Seed of every random sequence; printed by the tests that fail.
 pub const SEED: u64 = 20_081_121;
@@ -20,6 +21,13 @@ pub const SEED: u64 = 20_081_121;
 /// The device to test on: `RAYBROOK_DEVICE`, else a CPU. `None`, with the reason printed, when there is none; where
 /// `RAYBROOK_REQUIRE_DEVICE` is set that is a failure.
 pub fn device() -> Option<DeviceHandle> {
+    static DEVICE: OnceLock<Option<(DeviceHandle, Option<DeviceContext>)>> = OnceLock::new();
+    // Held open, so that all tests of a program share what is compiled. Why it does not open a test will tell.
+    let open = || choose_device().map(|device| (device.clone(), DeviceContext::open(&device).ok()));
+    DEVICE.get_or_init(open).as_ref().map(|(device, _)| device.clone())
+}
+
+fn choose_device() -> Option<DeviceHandle> {
     let spec = std::env::var("RAYBROOK_DEVICE").ok();
     let reason = match select(Some(spec.as_deref().unwrap_or("cpu"))) {
         Ok(Selection::OpenCl(device)) => return Some(device),

@@ -3,8 +3,8 @@
 
 use raybrook::Error;
 use raybrook::low_level::device::{
-    Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceKind, Kernel, KernelArg, Limits, ProgramSource,
-    Selection, build, devices_json, devices_report, kernel_resources, list_devices, select,
+    Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, Limits,
+    ProgramSource, Selection, build, devices_json, devices_report, kernel_resources, list_devices, select,
 };
 use raybrook::low_level::options::{Intersector, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
@@ -41,9 +41,13 @@ fn open_device() -> Option<OneAtATime> {
 }
 
 fn open_device_unlocked() -> Option<DeviceContext> {
+    Some(DeviceContext::open(&select_device()?).expect("a listed device opens"))
+}
+
+fn select_device() -> Option<DeviceHandle> {
     let wanted = std::env::var("RAYBROOK_DEVICE").ok();
     match select(wanted.as_deref()).expect("the device that RAYBROOK_DEVICE names") {
-        Selection::OpenCl(handle) => Some(DeviceContext::open(&handle).expect("a listed device opens")),
+        Selection::OpenCl(handle) => Some(handle),
         Selection::Reference { notice } => {
             println!("skipped: {}", notice.unwrap_or_default());
             None
@@ -255,6 +259,7 @@ fn the_cache_is_used_and_a_damaged_file_is_not() {
     assert!(!first.from_cache && first.notes.is_empty(), "{:?}", first.notes);
     check_scale(&context, &first, 0.25);
     assert_eq!(files().len(), 1);
+    context.forget_programs();
     let second = build_scale(&context, "0.25f", Some(&cache));
     println!("from source {:.4} s, from the cache {:.4} s", first.compile_s, second.compile_s);
     assert!(second.from_cache, "{:?}", second.notes);
@@ -270,6 +275,7 @@ fn the_cache_is_used_and_a_damaged_file_is_not() {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     }
+    context.forget_programs();
     let rebuilt = build_scale(&context, "0.25f", Some(&cache));
     assert!(
         !rebuilt.from_cache && rebuilt.notes.len() == 1 && rebuilt.notes[0].contains("damaged"),
@@ -277,7 +283,33 @@ fn the_cache_is_used_and_a_damaged_file_is_not() {
         rebuilt.notes
     );
     check_scale(&context, &rebuilt, 0.25);
+    context.forget_programs();
     assert!(build_scale(&context, "0.25f", Some(&cache)).from_cache);
+}
+
+#[test]
+fn who_opens_the_same_device_shares_its_programs() {
+    let Some(context) = open_device() else { return };
+    let handle = select_device().expect("it was there");
+    let first = DeviceContext::open(&handle).unwrap();
+    first.forget_programs();
+    let built = build_scale(&first, "0.125f", None);
+    assert!(built.compile_s > 0.0);
+    let second = DeviceContext::open(&handle.clone()).unwrap();
+    let shared = build_scale(&second, "0.125f", None);
+    assert_eq!((shared.compile_s, shared.log == built.log), (0.0, true));
+    // Its kernels and its queue are its own, and it has them when the first is gone.
+    drop((first, built));
+    check_scale(&second, &shared, 0.125);
+    assert_eq!(second.allocated_bytes(), 0);
+    // Other options, another handle and a device after a failure are compiled for.
+    assert!(build_scale(&second, "0.375f", None).compile_s > 0.0);
+    assert!(build_scale(&context, "0.125f", None).compile_s > 0.0);
+    assert!(shared.program.kernel("no such kernel").is_err());
+    let after = DeviceContext::open(&handle).unwrap();
+    assert!(build_scale(&after, "0.125f", None).compile_s > 0.0);
+    second.forget_programs();
+    assert!(build_scale(&second, "0.125f", None).compile_s > 0.0);
 }
 
 #[test]
@@ -338,6 +370,7 @@ fn child_process() {
             let folder = tempfile::tempdir().unwrap();
             let cache = Cache::at(folder.path());
             check_scale(&context, &build_scale(&context, "2.0f", Some(&cache)), 2.0);
+            context.forget_programs();
             let again = build_scale(&context, "2.0f", Some(&cache));
             println!("from_cache {} notes {:?}", again.from_cache, again.notes);
             check_scale(&context, &again, 2.0);

@@ -55,6 +55,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
 /// Sizes of the pictures: in the spread, and for all combinations.
 const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
+/// One in so many sets of the mega-kernel's kernels in the spread is asked for any hits, too.
+const ANY: usize = 3;
 /// One in so many combinations of the mega-kernel in the spread renders, too.
 const PICTURES: usize = 6;
 /// So many differences are described.
@@ -157,7 +159,7 @@ impl Comparison {
             };
             *options == TraceOptions { structure, ..plain }
         };
-        let questions = Questions { batches: true, picture: true };
+        let questions = Questions { closest: true, any: true, picture: true };
         let models = self.models.len();
         let jobs = product().into_iter().filter(is_read_by_the_twin).enumerate().flat_map(|(i, options)| {
             let is_on_all = on_all || options.intersector == Intersector::Exact;
@@ -187,8 +189,9 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
 }
 
 /// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all.
-/// Wavefront kernels are asked for pictures; of the mega-kernel's combinations one in [`PICTURES`], and none with the
-/// exact test, because compiling is what takes long. Other tests render with it.
+/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`ANY`] for any hits, too, and one in
+/// [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes long. Other tests render
+/// with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
         let own = i % models;
@@ -200,7 +203,8 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
             for model in (0..models).filter(|&model| is_exact && is_mega || model == own || model == 0 && is_other) {
                 // Only the room has textures.
                 let picture = model == 0 && is_other || model == own && (!is_mega || !is_exact && i % PICTURES == 0);
-                jobs.push(Job { options, model, questions: Questions { batches: is_mega, picture } });
+                let any = is_mega && i % ANY == 0;
+                jobs.push(Job { options, model, questions: Questions { closest: is_mega, any, picture } });
             }
         }
         jobs
@@ -212,7 +216,8 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
 fn jobs_of_product(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |list: &Vec<TraceOptions>| {
         let with = |&options: &TraceOptions, model| {
-            let questions = Questions { batches: options.picture.kernels == Kernels::Mega, picture: true };
+            let is_mega = options.picture.kernels == Kernels::Mega;
+            let questions = Questions { closest: is_mega, any: is_mega, picture: true };
             Job { options, model, questions }
         };
         (0..models).flat_map(|model| list.iter().map(move |options| with(options, model))).collect()
@@ -262,7 +267,7 @@ fn the_spread_has_every_value_and_every_pair() {
 fn a_traversal_that_loses_hits_is_seen() {
     let room = &models(SIZES[0])[0];
     let options = TraceOptions::of_kd(KdOptions { traversal: Traversal::ThesisRestart, ..KdOptions::DEFAULT });
-    let questions = Questions { batches: true, picture: true };
+    let questions = Questions { closest: true, any: true, picture: true };
     let got = room.answers(None, &options, questions, None).unwrap();
     let same = brute_force(options.intersector, Look::of(&options.picture));
     let (count, texts) = room.compare(&room.expected(&same), &got, questions);

@@ -47,7 +47,10 @@ pub struct Model {
 /// What a tracer is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Questions {
-    pub batches: bool,
+    /// Closest hits of the first rays and of the second ones.
+    pub closest: bool,
+    /// Whether there is any hit.
+    pub any: bool,
     pub picture: bool,
 }
 
@@ -221,14 +224,16 @@ impl Model {
         let buffers = Arc::new(SceneBuffers::new(&self.scene, options)?);
         let mut tracer = open_tracer(device, &buffers, options, DEPTH, cache)?;
         let mut answers = Answers { hits: [vec![], vec![]], any: vec![], pixels: vec![], counts: [0; COUNTERS] };
-        if questions.batches {
+        let job = TraceJob { extreme: &[], rays: &self.rays, next_directions: None, any_hit: false, repeat: 1 };
+        if questions.closest {
             let bits = |hit: Hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive];
             let bits = |hits: Vec<Hit>| hits.into_iter().map(bits).collect();
             let next_directions = Some(&self.next_directions[..]);
-            let job = TraceJob { extreme: &[], rays: &self.rays, next_directions, any_hit: false, repeat: 1 };
-            let result = tracer.trace(&job, &|_| ())?;
+            let result = tracer.trace(&TraceJob { next_directions, ..job }, &|_| ())?;
             answers.hits = [bits(result.hits), bits(result.next_hits.unwrap_or_default())];
-            let job = TraceJob { next_directions: None, any_hit: true, ..job };
+        }
+        if questions.any {
+            let job = TraceJob { any_hit: true, ..job };
             answers.any = tracer.trace(&job, &|_| ())?.hits.iter().map(is_hit).collect();
         }
         if questions.picture {
@@ -241,19 +246,21 @@ impl Model {
 
     /// What is due: what the twin answers.
     pub fn expected(&self, brute_force: &TraceOptions) -> Answers {
-        let all = Questions { batches: true, picture: true };
+        let all = Questions { closest: true, any: true, picture: true };
         self.answers(None, brute_force, all, None).unwrap()
     }
 
     /// How much of `got` is not as `expected`, and for each kind of answer the first that is not; of what was asked.
     pub fn compare(&self, expected: &Answers, got: &Answers, questions: Questions) -> (usize, Vec<String>) {
         let mut wrong = Vec::new();
-        if questions.batches {
-            let ray = |i: usize| format!("{:?}", self.rays[i]);
+        let ray = |i: usize| format!("{:?}", self.rays[i]);
+        if questions.closest {
             let next = |i: usize| format!("{:?}, then {:?}", self.rays[i], self.next_directions[i]);
-            let any: Vec<_> = expected.hits[0].iter().map(|hit| hit[3] != NO_PRIMITIVE).collect();
             wrong.push(difference("hits", &expected.hits[0], &got.hits[0], &ray));
             wrong.push(difference("second hits", &expected.hits[1], &got.hits[1], &next));
+        }
+        if questions.any {
+            let any: Vec<_> = expected.hits[0].iter().map(|hit| hit[3] != NO_PRIMITIVE).collect();
             wrong.push(difference("any hits", &any, &got.any, &ray));
         }
         if questions.picture {

@@ -17,7 +17,7 @@ use raybrook::Result;
 use raybrook::low_level::accel::{Aabb, BuildOptions, KdTree, Measure, expected_cost};
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::choose::tune::Batch;
-use raybrook::low_level::device::{Cache, DeviceHandle, DeviceKind};
+use raybrook::low_level::device::{Cache, DeviceContext, DeviceHandle, DeviceKind};
 use raybrook::low_level::options::{Intersector, PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceBackend;
@@ -61,6 +61,8 @@ pub struct Lab<'a> {
     /// Results of other tracers, which `pareto` shows beside the program's own.
     pub peers: Vec<Peer>,
     pub(super) journal: Journal,
+    /// The device, held open, so that its tracers share compiled kernels.
+    opened: Option<DeviceContext>,
 }
 
 /// A method as it is told of, and its parameters as columns.
@@ -95,6 +97,11 @@ struct Run {
     rows: [Row; 3],
 }
 
+/// The device, opened. Why it does not open the first tracer tells.
+fn hold_open(device: Option<&DeviceHandle>) -> Option<DeviceContext> {
+    device.and_then(|device| DeviceContext::open(device).ok())
+}
+
 impl<'a> Lab<'a> {
     /// A lab on `device`, or on the reference when there is none.
     pub fn new(
@@ -115,6 +122,14 @@ impl<'a> Lab<'a> {
             memory: None,
             peers: Vec::new(),
             journal: Journal::default(),
+            opened: hold_open(device),
+        }
+    }
+
+    /// Has the next tracer compile its kernels, or load them from a cache, as in a new process.
+    pub(super) fn forget_programs(&self) {
+        if let Some(device) = &self.opened {
+            device.forget_programs();
         }
     }
 
@@ -126,7 +141,9 @@ impl<'a> Lab<'a> {
     ) -> Result<T> {
         let Lab { cache, scenes, quick, seed, progress, memory, .. } = *self;
         let journal = std::mem::take(&mut self.journal);
-        let mut other = Lab { device, cache, scenes, quick, seed, progress, memory, peers: Vec::new(), journal };
+        let opened = hold_open(device);
+        let mut other =
+            Lab { device, cache, scenes, quick, seed, progress, memory, peers: Vec::new(), journal, opened };
         let found = measure(&mut other);
         self.journal = other.journal;
         found
