@@ -27,6 +27,11 @@ pub fn device() -> Option<DeviceHandle> {
     DEVICE.get_or_init(open).as_ref().map(|(device, _)| device.clone())
 }
 
+/// Whether the device is Oclgrind, which interprets kernels: a tenth of the rays has to do there.
+pub fn on_oclgrind() -> bool {
+    device().is_some_and(|device| device.info.name.contains("Oclgrind"))
+}
+
 fn choose_device() -> Option<DeviceHandle> {
     let spec = std::env::var("RAYBROOK_DEVICE").ok();
     let reason = match select(Some(spec.as_deref().unwrap_or("cpu"))) {

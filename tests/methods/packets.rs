@@ -1,7 +1,7 @@
 //! Packets of rays with exact hits: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one
 //! that is there. Packets of other triangle tests: `rounded_packets.rs`.
 
-use crate::common::{Random, SEED, device, scene_of, sheet, soup};
+use crate::common::{Random, SEED, device, on_oclgrind, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::low_level::accel::StructureStats;
 use raybrook::low_level::device::DeviceHandle;
@@ -266,7 +266,8 @@ fn what_packets_leave_open_is_decided_all_the_same() {
     let mut random = Random::new(SEED);
     // Rays in the planes of triangles, along edges and through vertices: exact integers decide.
     let triangles = sheet(6).iter().map(|t| t.map(|p| Vec3::new(p.x, p.y, 0.0))).collect::<Vec<_>>();
-    let rays: Vec<_> = (0..320)
+    let count = if on_oclgrind() { 64 } else { 320 };
+    let rays: Vec<_> = (0..count)
         .map(|_| {
             let [from, to] =
                 [(); 2].map(|()| triangles[random.bits() as usize % triangles.len()][random.bits() as usize % 3]);
@@ -278,10 +279,14 @@ fn what_packets_leave_open_is_decided_all_the_same() {
     for options in [PACKETS, KD] {
         let [hits, second] = assert_answers(&device, &options, &triangles, &rays);
         // A ray in a triangle's plane never hits it: every one was open until the end.
-        assert!(hits < rays.len() && second > 100, "{hits} hits, {second} of {} rays in the second pass", rays.len());
+        assert!(
+            hits < rays.len() && second > rays.len() / 4,
+            "{hits} hits, {second} of {} rays in the second pass",
+            rays.len()
+        );
     }
     // From above at vertices and middles of edges: most of it is settled ray by ray behind the packet.
-    let rays: Vec<_> = (0..160)
+    let rays: Vec<_> = (0..count / 2)
         .map(|i| {
             let [a, b, _] = triangles[random.bits() as usize % triangles.len()];
             let from = Vec3::new(0.3, 0.2, 2.0) + 0.01 * random.vec3();
@@ -291,7 +296,8 @@ fn what_packets_leave_open_is_decided_all_the_same() {
     for options in [PACKETS, KD] {
         let [hits, second] = assert_answers(&device, &options, &triangles, &rays);
         // Some miss the sheet at its border.
-        assert!(hits > 100 && second < 100, "{hits} hits, {second} of {} rays in the second pass", rays.len());
+        let most = rays.len() * 5 / 8;
+        assert!(hits > most && second < most, "{hits} hits, {second} of {} rays in the second pass", rays.len());
     }
 }
 
