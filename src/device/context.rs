@@ -24,7 +24,7 @@ pub(super) fn lock_runtime() -> MutexGuard<'static, ()> {
 /// An opened device: context and command queue. Cheap to clone; buffers, programs and kernels keep it alive.
 ///
 /// What is opened anew of the same handle, or of a clone of it, meanwhile has a queue of its own, and shares the context
-/// and the compiled programs: on an H100 both take a quarter of a second.
+/// and the compiled programs: on an H100 both together take a fifth of a second.
 ///
 /// Use one at a time on Oclgrind: kernels of several threads are silently lost there (seen with 21.10).
 #[derive(Debug, Clone)]

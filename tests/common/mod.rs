@@ -27,7 +27,7 @@ pub fn device() -> Option<DeviceHandle> {
     DEVICE.get_or_init(open).as_ref().map(|(device, _)| device.clone())
 }
 
-/// Whether the device is Oclgrind, which interprets kernels: a tenth of the rays has to do there.
+/// Whether the device is Oclgrind, which interprets kernels: tests trace fewer rays there.
 pub fn on_oclgrind() -> bool {
     device().is_some_and(|device| device.info.name.contains("Oclgrind"))
 }

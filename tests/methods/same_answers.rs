@@ -23,6 +23,7 @@
 //!
 //! As a rule a spread: each two values of any two options that go together in at least one combination, on one model;
 //! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
+//! Closest hits are asked of each set of kernels, any hits of one in [`ANY`], pictures of one in [`PICTURES`].
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
 //! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run
