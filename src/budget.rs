@@ -21,6 +21,9 @@ pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Resul
     Ok(values)
 }
 
+/// What takes less memory is not checked: asking the system takes as long as tracing a thousand rays.
+pub(crate) const CHECKED_FROM_BYTES: u64 = 16 << 20;
+
 /// Something that is about to take memory.
 #[derive(Debug, Clone)]
 pub struct Need<'a> {

@@ -27,6 +27,7 @@
 //! assert_eq!((hit.u, hit.v), (0.25, 0.25)); // weights of the triangle's second and third vertex
 //! assert_eq!(hits[1], None);
 //! assert_eq!(tracer.any_hits(&rays)?, [true, false]);
+//! assert_eq!(tracer.count_hits(&rays)?, [1, 0]); // and all_hits() lists them
 //! # Ok::<(), raybrook::Error>(())
 //! ```
 //!
@@ -110,6 +111,7 @@ mod adaptive;
 mod bounds;
 mod budget;
 mod choose;
+mod crossings;
 mod device;
 mod device_info;
 mod error;
@@ -134,7 +136,7 @@ mod work;
 
 pub use device::DeviceKind;
 pub use error::{Error, Result};
-pub use front::{Device, Hit, Picture, Precision, Ray, Tracer, TracerBuilder, View, devices};
+pub use front::{AllHits, Device, Hit, Picture, Precision, Ray, Tracer, TracerBuilder, View, devices};
 pub use glam;
 pub use scene::{Builder, Camera, Light, Material, Scene};
 

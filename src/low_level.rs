@@ -31,6 +31,8 @@ rooms! {
     choose,
     /// Comparisons of pictures and of hits.
     compare in io,
+    /// How often rays cross surfaces, and which points closed meshes contain.
+    crossings,
     /// OpenCL devices: list, choose, compile, upload, launch.
     device,
     /// Rays whose numbers tracing space cannot hold, traced on the host with the same exact answers.

@@ -1,5 +1,9 @@
 //! The one interface of everything that traces rays: OpenCL devices and the scalar reference (thesis, section 6.2.2).
 
+mod all_hits;
+
+pub use all_hits::{AllHits, AllHitsJob};
+
 use crate::error::{Error, Result};
 use crate::io::film::Film;
 use crate::layout::Float4;
@@ -251,6 +255,12 @@ pub trait Backend: Send {
     /// # Errors
     /// The device failed or cannot hold the batch.
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult>;
+
+    /// Finds all hits of the rays of a batch, in the order of the job.
+    ///
+    /// # Errors
+    /// As [`Backend::trace`]; [`Error::OutOfMemory`] when the system has no memory for so many hits.
+    fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits>;
 
     /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them, and what each
     /// stands for. Of a list of rays ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its

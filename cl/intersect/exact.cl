@@ -195,3 +195,5 @@ void surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, Surfac
 }
 
 float error_exactly(float3 p0, float3 p1, float3 p2) { return 0.0f; }
+
+float least_t_exactly(const Hit* hit) { return hit->u; }

@@ -66,11 +66,20 @@ Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float
     return r;
 }
 
-// Of eight rays and their triangles, corner by corner; the lanes where it is sure. `low`: second parts of origins, 0
-// where there are none.
-int8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t,
-                  float8 det_bound, float8 third_bound, float8 u_bound, float8 v_bound, float8* third, float8* u,
-                  float8* v) {
+// The bounds of eight lanes.
+typedef struct {
+    float8 det, third, u, v;
+} FinishBounds8;
+
+// t, or the weight of vertex 0, u and v of eight hits, and the lanes where they are sure.
+typedef struct {
+    float8 third, u, v;
+    int8 is_sure;
+} Finished8;
+
+// Of eight rays and their triangles, corner by corner. `low`: second parts of origins, 0 where there are none.
+Finished8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t,
+                       const FinishBounds8 bounds) {
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
     Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
@@ -84,17 +93,23 @@ int8 finish_eight(const float8* o, const float8* low, const float8* d, const flo
     const double8 det = dot_doubles(&normal, &direction);
     const double8 weight1 = dot_doubles(&edge2, &moment), weight2 = -dot_doubles(&edge1, &moment);
     const double8 inverse = 1.0 / det;
-    const float8 det_error = det_bound / fabs(convert_float8(det));
-    int8 is_sure = det_bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && det_bound <= FLT_MAX && det_error < 0x1p-10f;
-    is_sure = is_sure && round_surely8(weight1, u_bound, inverse, det_error, u);
-    is_sure = is_sure && round_surely8(weight2, v_bound, inverse, det_error, v);
-    if (wants_t) return is_sure && round_surely8(dot_doubles(&normal, &from), third_bound, inverse, det_error, third);
+    const float8 det_error = bounds.det / fabs(convert_float8(det));
+    Finished8 f;
+    int8 is_sure = bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < 0x1p-10f;
+    is_sure = is_sure && round_surely8(weight1, bounds.u, inverse, det_error, &f.u);
+    is_sure = is_sure && round_surely8(weight2, bounds.v, inverse, det_error, &f.v);
+    if (wants_t) {
+        f.is_sure =
+            is_sure && round_surely8(dot_doubles(&normal, &from), bounds.third, inverse, det_error, &f.third);
+        return f;
+    }
     // As finish_extended(): what the others leave of 1 is near enough where it is the largest weight.
-    const float8 rest = (1.0f - *u) - *v;
-    const int8 is_rest = rest >= *u && rest >= *v;
-    is_sure = is_sure && (round_surely8((det - weight1) - weight2, third_bound, inverse, det_error, third) || is_rest);
-    *third = is_rest ? rest : *third;
-    return is_sure;
+    const float8 rest = (1.0f - f.u) - f.v;
+    const int8 is_rest = rest >= f.u && rest >= f.v;
+    const double8 weight0 = (det - weight1) - weight2;
+    f.is_sure = is_sure && (round_surely8(weight0, bounds.third, inverse, det_error, &f.third) || is_rest);
+    f.third = is_rest ? rest : f.third;
+    return f;
 }
 
 // Writes t, or the weight of vertex 0, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles.
@@ -102,8 +117,7 @@ int8 finish_eight(const float8* o, const float8* low, const float8* d, const flo
 int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
                      float16* v) {
     const FinishBounds bounds = finish_bounds(p, corners, wants_t);
-    int8 sure[2];
-    float8 thirds[2], us[2], vs[2];
+    Finished8 found[2];
 #define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
 #pragma unroll
     for (uint part = 0; part < 2u; part++) {
@@ -116,14 +130,14 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
         }
 #pragma unroll
         for (uint i = 0; i < 9u; i++) c[i] = HALF(corners[i]);
-        sure[part] = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, HALF(bounds.det), HALF(bounds.third),
-                                  HALF(bounds.u), HALF(bounds.v), &thirds[part], &us[part], &vs[part]);
+        const FinishBounds8 of_part = {HALF(bounds.det), HALF(bounds.third), HALF(bounds.u), HALF(bounds.v)};
+        found[part] = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, of_part);
     }
 #undef HALF
-    *third = (float16)(thirds[0], thirds[1]);
-    *u = (float16)(us[0], us[1]);
-    *v = (float16)(vs[0], vs[1]);
-    return (int16)(sure[0], sure[1]);
+    *third = (float16)(found[0].third, found[1].third);
+    *u = (float16)(found[0].u, found[1].u);
+    *v = (float16)(found[0].v, found[1].v);
+    return (int16)(found[0].is_sure, found[1].is_sure);
 }
 #else
 // Pairs of floats are better off without vectors.

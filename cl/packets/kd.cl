@@ -16,13 +16,12 @@ typedef struct {
 } KdGroupCell;
 
 // Goes on with one ray of a packet in a cell.
-void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint from, float t_near, float t_far,
-                              const bool any_hit, float16* t_limits, PacketHits* hits, int16* undecided_lanes) {
+void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, KdCell cell, const bool any_hit,
+                              float16* t_limits, PacketHits* hits, int16* undecided_lanes) {
     SingleRay ray = take_single_ray(p, lane, t_limits, hits);
     const float inv[3] = {ray.slabs.inv.x, ray.slabs.inv.y, ray.slabs.inv.z};
     const float enter[3] = {ray.slabs.enter.x, ray.slabs.enter.y, ray.slabs.enter.z};
     const float leave[3] = {ray.slabs.leave.x, ray.slabs.leave.y, ray.slabs.leave.z};
-    KdCell cell = {from, t_near, t_far};
     KdCell stack[STACK_SIZE];
     uint stacked = 0;
     bool is_done = false;
@@ -213,8 +212,9 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
                 const uint k = first_member(open);
                 for (ulong rest = lanes[k]; rest != 0ul; rest = other_lanes8(rest)) {
                     const uint lane = first_lane16(rest);
-                    trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, cell->node, lane_of16(&cell->t_near[k], lane),
-                                             lane_of16(&cell->t_far[k], lane), any_hit, &t_limits[k], &hits[k],
+                    const KdCell of_lane = {cell->node, lane_of16(&cell->t_near[k], lane),
+                                            lane_of16(&cell->t_far[k], lane)};
+                    trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, of_lane, any_hit, &t_limits[k], &hits[k],
                                              &undecided_lanes[k]);
                 }
             }

@@ -53,6 +53,9 @@ typedef struct {
     // Where on it: weights of its vertices; the largest is -1, which means what the others leave of 1. Or all 0: the
     // ray starts at origin, as a camera ray does.
     float3 start_weights;
+#ifdef AFTER_HITS
+    Hit after; // what was found before, as a traversal leaves it: hits that do not come after it do not count
+#endif
 } Ray;
 
 // t in the caller's units: exactly, where it is a normal number in both.

@@ -15,6 +15,7 @@
 //     surface_HITS  the weights of the hit that a traversal has found, finished or not (through a pointer, as
 //                   lift_point())
 //     error_HITS    how far from its triangle a ray that starts there may meet the neighbours
+//     least_t_HITS  what the t of a hit that a traversal has found is not less than
 // `exactly`: exact.cl. `rounded`: tests that need nothing but a function INTERSECT; its t is as good as it gets, and
 // final.
 #define JOIN_NAMES(a, b) a##b
@@ -26,6 +27,7 @@
 #define FINISH_MOSTLY JOIN(finish_mostly_, HITS)
 #define SURFACE_HIT JOIN(surface_, HITS)
 #define LEAVING_ERROR JOIN(error_, HITS)
+#define LEAST_T JOIN(least_t_, HITS)
 
 #ifdef INTERSECT
 void test_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
@@ -51,6 +53,27 @@ void surface_rounded(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, Surfac
     at->primitive = hit->primitive;
 }
 float error_rounded(float3 p0, float3 p1, float3 p2) { return point_error(p0, p1, p2); }
+float least_t_rounded(const Hit* hit) { return hit->t; }
+#endif
+
+#ifdef AFTER_HITS
+// Tests a triangle that counts only if it comes after ray->after: at a larger t, or at the same one with a higher
+// number. The two are compared as two that are both hit would be, so this is as certain as the test is.
+void test_later(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
+    if (primitive == ray->after.primitive) return;
+    Hit found = *hit;
+    TEST(GEOMETRY, ray, primitive, slot, &found);
+    if (found.primitive != primitive || hit->primitive == primitive) return;
+    if (ray->after.primitive != NO_PRIMITIVE) {
+        Hit earlier = ray->after;
+        TEST(GEOMETRY, ray, primitive, slot, &earlier);
+        if (earlier.primitive == primitive) return;
+    }
+    *hit = found;
+}
+#define TEST_OF_LEAF test_later
+#else
+#define TEST_OF_LEAF TEST
 #endif
 
 // Tests the triangle of one reference.
@@ -58,7 +81,7 @@ void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit
     const uint primitive = PRIMITIVE_OF(geometry, LOAD_REFERENCE(geometry, reference));
     if (primitive == ray->skip) return;
     COUNT(geometry, TESTS, 1);
-    TEST(GEOMETRY, ray, primitive, SLOT_OF(reference, primitive), hit);
+    TEST_OF_LEAF(GEOMETRY, ray, primitive, SLOT_OF(reference, primitive), hit);
 }
 
 // Tests the triangles of references first..end. True when that answers the query: any hit will do, and there is one.

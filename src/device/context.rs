@@ -12,7 +12,7 @@ use opencl3::context::Context;
 use opencl3::device::Device;
 use opencl3::error_codes::ClError;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// Held while platforms are asked and contexts made: PoCL 3.1 fails when several threads do so at once (7 of 8 runs).
 static RUNTIME: Mutex<()> = Mutex::new(());
@@ -21,10 +21,13 @@ pub(super) fn lock_runtime() -> MutexGuard<'static, ()> {
     RUNTIME.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// What those share who have a device open, by the device's id.
+static SHARED: Mutex<Vec<(usize, Weak<Shared>)>> = Mutex::new(Vec::new());
+
 /// An opened device: context and command queue. Cheap to clone; buffers, programs and kernels keep it alive.
 ///
-/// What is opened anew of the same handle, or of a clone of it, meanwhile has a queue of its own, and shares the context
-/// and the compiled programs: on an H100 both together take a fifth of a second.
+/// Who opens the same device meanwhile has a queue of its own, and shares the context and the compiled programs: on an
+/// H100 both together take a fifth of a second.
 ///
 /// Use one at a time on Oclgrind: kernels of several threads are silently lost there (seen with 21.10).
 #[derive(Debug, Clone)]
@@ -43,7 +46,7 @@ pub(super) struct Opened {
     pub allocated_bytes: AtomicU64,
 }
 
-/// What those share who opened the same handle.
+/// What those share who have the same device open.
 #[derive(Debug)]
 pub(super) struct Shared {
     // In the order in which they are released.
@@ -54,6 +57,21 @@ pub(super) struct Shared {
 }
 
 impl Shared {
+    /// Of a device that is open already, unless a call failed there; else a new one.
+    fn of(handle: &DeviceHandle) -> Result<Arc<Self>> {
+        let mut known = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        known.retain(|(_, shared)| shared.strong_count() > 0);
+        let id = handle.device.id() as usize;
+        let of_device = known.iter().filter(|(device, _)| *device == id);
+        let mut open = of_device.filter_map(|(_, shared)| shared.upgrade());
+        if let Some(shared) = open.find(|shared| !shared.has_failed.load(Ordering::Relaxed)) {
+            return Ok(shared);
+        }
+        let made = Arc::new(Shared::new(handle)?);
+        known.push((id, Arc::downgrade(&made)));
+        Ok(made)
+    }
+
     fn new(handle: &DeviceHandle) -> Result<Self> {
         let owner = Owner::new(&handle.info.name);
         let watched = watch(&owner, "clCreateContext", Limit::Call);
@@ -84,7 +102,7 @@ impl DeviceContext {
             return Err(Error::NoDevice(format!("device '{}' cannot be used: {reason}", info.name)));
         }
         let _lock = lock_runtime();
-        let shared = handle.shared(|| Shared::new(handle))?;
+        let shared = Shared::of(handle)?;
         let owner = Owner::new(&info.name);
         let queue = create_queue(&owner, &shared.context, &handle.device);
         let queue = queue.map_err(|e| cl_error(&info.name, "clCreateCommandQueue", e))?;

@@ -2,7 +2,7 @@
 //! scene does not need.
 
 use super::CompileOptions;
-use super::entry::{Pass, TRACE_FILE, is_shading};
+use super::entry::{Pass, TRACE_ALL_FILE, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
 use crate::features::Features;
 use crate::options::{
@@ -75,10 +75,13 @@ impl Definitions {
     /// Those of a pass of the kernels in `file`.
     pub fn of_pass(&self, pass: Pass, file: &str) -> CompileOptions {
         let options = if is_shading(file) { &self.shading } else { &self.tracing }.clone();
+        let options = if file == TRACE_ALL_FILE { options.define("AFTER_HITS", 1) } else { options };
         if !self.defers {
             return options;
         }
         match pass {
+            // In one pass.
+            _ if file == TRACE_ALL_FILE => options.most_registers(MOST_REGISTERS),
             Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_UNDECIDED", 1),
             Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_UNDECIDED", 1),
             Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DEFERRED", 1),

@@ -5,7 +5,9 @@ use crate::shared::PACKETS_OF_ITEM;
 
 /// What traces batches.
 pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
-/// The same for packets of rays.
+/// What finds all hits of batches, whose kernels decide everything in one pass.
+pub(super) const TRACE_ALL_FILE: &str = "cl/kernels/trace_all.cl";
+/// What traces batches in packets of rays.
 const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
@@ -14,7 +16,7 @@ pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
 
 /// Whether the kernels of this file shade; the others trace batches.
 pub(super) fn is_shading(file: &str) -> bool {
-    ![TRACE_FILE, TRACE_PACKETS_FILE].contains(&file)
+    ![TRACE_FILE, TRACE_ALL_FILE, TRACE_PACKETS_FILE].contains(&file)
 }
 
 /// A kernel that the host starts.
@@ -24,17 +26,21 @@ pub(super) enum Entry {
     TraceClosest,
     TraceAny,
     TraceNext,
+    CountHits,
+    ListHits,
     TraceClosestPackets,
     TraceAnyPackets,
     RenderPackets,
 }
 
 impl Entry {
-    pub const ALL: [Entry; 7] = [
+    pub const ALL: [Entry; 9] = [
         Entry::Render,
         Entry::TraceClosest,
         Entry::TraceAny,
         Entry::TraceNext,
+        Entry::CountHits,
+        Entry::ListHits,
         Entry::TraceClosestPackets,
         Entry::TraceAnyPackets,
         Entry::RenderPackets,
@@ -79,7 +85,12 @@ impl Entry {
             Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::RenderPackets => {
                 PACKETS_OF_ITEM as usize * PacketSize::Sixteen.rays()
             }
-            Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext | Entry::Render => 1,
+            Entry::TraceClosest
+            | Entry::TraceAny
+            | Entry::TraceNext
+            | Entry::CountHits
+            | Entry::ListHits
+            | Entry::Render => 1,
         }
     }
 
@@ -89,6 +100,8 @@ impl Entry {
             Entry::TraceClosest => "trace_closest",
             Entry::TraceAny => "trace_any",
             Entry::TraceNext => "trace_next",
+            Entry::CountHits => "count_hits",
+            Entry::ListHits => "list_hits",
             Entry::TraceClosestPackets => "trace_closest_packets",
             Entry::TraceAnyPackets => "trace_any_packets",
             Entry::RenderPackets => "render_packets",
@@ -102,6 +115,7 @@ impl Entry {
             Entry::RenderPackets => RENDER_PACKETS_FILE,
             Entry::TraceClosestPackets | Entry::TraceAnyPackets => TRACE_PACKETS_FILE,
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,
+            Entry::CountHits | Entry::ListHits => TRACE_ALL_FILE,
         }
     }
 }
@@ -113,7 +127,8 @@ pub(super) enum Pass {
     Second,
 }
 
-/// The files with the kernels of both passes: of batches, and those that render. A program has the kernels of one.
+/// The files with the kernels of both passes, of closest and any hits and of pictures. A program has the kernels of
+/// one.
 pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {
     let packets = options.packet_size == PacketSize::Sixteen;
     let mut files = vec![TRACE_FILE];

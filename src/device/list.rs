@@ -1,6 +1,6 @@
 //! Every OpenCL device of this computer, with what matters to a tracer.
 
-use super::context::{DeviceContext, Shared, lock_runtime};
+use super::context::{DeviceContext, lock_runtime};
 use super::diagnosis::{Diagnosis, Problem};
 use super::errors::{NOT_FOUND, cl_error, code_name};
 use super::owner::Owner;
@@ -12,8 +12,7 @@ use opencl3::device::{
     CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT, CL_FP_DENORM, CL_FP_FMA, CL_FP_INF_NAN, CL_FP_ROUND_TO_NEAREST, Device,
 };
 use opencl3::platform::{Platform, get_platforms};
-use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The kind that a device says it is.
 fn kind_of_bits(bits: u64) -> DeviceKind {
@@ -37,8 +36,6 @@ pub struct DeviceHandle {
     pub(super) compiler_options: String,
     /// The device, opened already; whoever opens it next has it.
     opened: Arc<Mutex<Option<DeviceContext>>>,
-    /// What those share who have opened it.
-    shared: Arc<Mutex<Weak<Shared>>>,
 }
 
 impl DeviceHandle {
@@ -51,18 +48,6 @@ impl DeviceHandle {
     pub(super) fn take_opened(&self) -> Option<DeviceContext> {
         let kept = self.opened.lock().unwrap_or_else(PoisonError::into_inner).take();
         kept.filter(|context| context.0.compiler_options == self.compiler_options)
-    }
-
-    /// What those share who have opened the device, as long as anyone has it open and nothing failed; else what `make`
-    /// makes.
-    pub(super) fn shared(&self, make: impl FnOnce() -> Result<Shared>) -> Result<Arc<Shared>> {
-        let mut known = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(shared) = known.upgrade().filter(|shared| !shared.has_failed.load(Ordering::Relaxed)) {
-            return Ok(shared);
-        }
-        let made = Arc::new(make()?);
-        *known = Arc::downgrade(&made);
-        Ok(made)
     }
 }
 
@@ -119,13 +104,7 @@ pub fn list_devices() -> Result<DeviceList> {
         for id in devices {
             let device = Device::new(id);
             let info = query(list.devices.len(), platform, &device);
-            list.devices.push(DeviceHandle {
-                info,
-                device,
-                compiler_options: String::new(),
-                opened: Arc::default(),
-                shared: Arc::default(),
-            });
+            list.devices.push(DeviceHandle { info, device, compiler_options: String::new(), opened: Arc::default() });
         }
     }
     list.diagnosis = Diagnosis::of_this_computer(&list);

@@ -22,6 +22,7 @@
 //! ```
 
 mod adaptive;
+mod all_hits;
 mod buffer;
 mod cache;
 mod compiler_options;

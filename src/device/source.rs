@@ -109,6 +109,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
 /// of the others.
 const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace.cl",
+    "cl/kernels/trace_all.cl",
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",
     "cl/kernels/render_packets.cl",

@@ -1,6 +1,7 @@
 //! The OpenCL tracer: uploads a scene once, then traces batches and renders pictures on the device.
 
 use super::adaptive::{AdaptiveProgram, DevicePixels};
+use super::all_hits::Lister;
 use super::defaults::{who_decides, work_group_size};
 use super::deferred::Deferred;
 use super::definitions::Definitions;
@@ -19,9 +20,9 @@ use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
-use crate::reference::extreme::answer_extreme;
+use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, RenderParams};
-use crate::tracer::{Adaptive, Backend, Progress, RenderResult, Task, TraceJob, TraceResult};
+use crate::tracer::{Adaptive, AllHits, AllHitsJob, Backend, Progress, RenderResult, Task, TraceJob, TraceResult};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
@@ -228,6 +229,40 @@ impl Backend for OpenClBackend {
         let mut result =
             trace_in_order(job, &options, &buffers.params, pays, trial, |job| self.trace_batch(job, progress))?;
         answer_extreme(job, &options, &buffers, &mut result);
+        Ok(result)
+    }
+
+    fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {
+        self.passes.prepare(&self.context, Entry::CountHits)?;
+        let extreme = all_extreme(job, &self.buffers);
+        let start = Instant::now();
+        let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
+        let work = self.work_buffer::<RayWork>(job.rays.len())?;
+        self.context.finish()?;
+        let upload_s = start.elapsed().as_secs_f64();
+        let mut lister = Lister {
+            deferred: Deferred::new(&self.context, false, 0)?,
+            plan: LaunchPlan::starting_with(self.first_items, self.context.info().kind),
+            work_group: self.work_group,
+            context: &self.context,
+            scene: &self.scene,
+            passes: &mut self.passes,
+            rays,
+        };
+        let passes = if job.wants_hits { 2.0 } else { 1.0 };
+        let mut done = 0;
+        let (mut counts, count_s) = lister.count(job, &work, |rays| {
+            done += rays;
+            progress(done as f64 / (passes * job.rays.len().max(1) as f64));
+        })?;
+        extreme.count_in(&mut counts);
+        let mut result = AllHits { upload_s, ..AllHits::of_counts(&counts, job)? };
+        let [list_s, read_s] = if job.wants_hits { lister.list(&mut result, progress)? } else { [0.0; 2] };
+        result.kernel_s = [count_s, list_s];
+        let start = Instant::now();
+        result.work = work.map(|work| work.read()).transpose()?;
+        result.read_s = read_s + start.elapsed().as_secs_f64();
+        extreme.list_in(&mut result);
         Ok(result)
     }
 

@@ -3,6 +3,7 @@
 //! It chooses the device and the method as the command line does, says what it chose and why, and prints nothing. It
 //! adds no arithmetic of its own: hits and pictures are those of [`crate::low_level`], bit for bit.
 
+mod all_hits;
 mod builder;
 mod devices;
 mod framing;
@@ -12,6 +13,7 @@ mod scene;
 mod tracer;
 mod view;
 
+pub use all_hits::AllHits;
 pub use builder::{Precision, TracerBuilder};
 pub use devices::{Device, devices};
 pub use picture::Picture;

@@ -1,5 +1,7 @@
 //! Rays and what they hit.
 
+use crate::shared;
+
 /// A ray with an interval of t: its points are `origin + t * direction`.
 ///
 /// Every float32 number is taken as it is given, however large or small; see
@@ -53,4 +55,10 @@ pub struct Hit {
     /// Number of the triangle: of [`Scene::from_mesh`](crate::Scene::from_mesh) its place in the slice; of a file its
     /// place there, after polygons are cut into triangles.
     pub triangle: u32,
+}
+
+impl Hit {
+    pub(super) fn of(hit: &shared::Hit) -> Hit {
+        Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive }
+    }
 }

@@ -1,19 +1,22 @@
 //! The tracer: a scene on a device, asked for hits and pictures.
 
+use super::all_hits::AllHits;
 use super::builder::TracerBuilder;
 use super::framing::{LitScene, framing_camera, is_placed};
 use super::picture::Picture;
 use super::ray::{Hit, Ray};
 use super::view::{Frame, View};
-use crate::budget::{DecidedBy, MemoryBudget, Need};
+use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
+use crate::crossings::{check_closed, contains, require_exact, trace_crossings};
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
 use crate::scene::{Camera, PictureDefaults, Samples, Scene};
 use crate::shared;
-use crate::tracer::{Backend, Progress, is_hit};
+use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use glam::Vec3;
 use std::fmt;
 use std::sync::Arc;
@@ -68,15 +71,14 @@ pub struct Tracer {
     framed: Option<(f32, Camera)>,
     /// Whether the only light is the one that was added.
     has_key_light: bool,
+    /// Whether it is known that the scene is closed.
+    is_closed: bool,
 }
 
 /// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the
 /// caller has them.
 const RAY_BYTES: usize =
     3 * (size_of::<shared::TraceRay>() + size_of::<shared::Hit>()) + size_of::<Ray>() + size_of::<Option<Hit>>();
-
-/// Batches that take less memory are not checked: asking the system takes as long as tracing a thousand rays.
-const CHECKED_FROM_BYTES: u64 = 16 << 20;
 
 impl Tracer {
     /// A tracer of `scene` on the fastest device, by the fastest exact method.
@@ -104,6 +106,7 @@ impl Tracer {
             camera: scene.camera,
             framed: *framed,
             has_key_light: *has_key_light,
+            is_closed: false,
             chosen,
         })
     }
@@ -123,8 +126,7 @@ impl Tracer {
     /// [`Error::OutOfMemory`] and [`Error::TooLarge`] when the batch takes too much memory; [`Error::Build`],
     /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
     pub fn closest_hits(&mut self, rays: &[Ray]) -> Result<Vec<Option<Hit>>> {
-        let front = |hit: shared::Hit| Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive };
-        Ok(self.trace(rays, false)?.into_iter().map(|hit| is_hit(&hit).then(|| front(hit))).collect())
+        Ok(self.trace(rays, false)?.iter().map(|hit| is_hit(hit).then(|| Hit::of(hit))).collect())
     }
 
     /// Whether each ray hits anything, in the order of `rays`. Faster than [`Tracer::closest_hits`], and as right.
@@ -135,7 +137,86 @@ impl Tracer {
         Ok(self.trace(rays, true)?.iter().map(is_hit).collect())
     }
 
+    /// How many triangles each ray hits between its `t_min` and `t_max`, in the order of `rays`. Each counts once; an
+    /// edge or a vertex belongs to all triangles around it.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_hits`].
+    pub fn count_hits(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
+        let found = self.trace_all(rays, u32::MAX, false)?;
+        Ok((0..rays.len()).map(|ray| found.count(ray) as u32).collect())
+    }
+
+    /// All hits of each ray, in the order of `rays`; those of a ray in the order of their t, of those at the same t
+    /// the lower triangle number first. t is compared exactly, also where two hits have the same t once it is rounded.
+    ///
+    /// Takes a traversal for each hit, and one more.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_hits`]; [`Error::OutOfMemory`], too, when there are too many hits.
+    pub fn all_hits(&mut self, rays: &[Ray]) -> Result<AllHits> {
+        self.trace_all(rays, u32::MAX, true).map(AllHits::new)
+    }
+
+    /// The `most` closest hits of each ray, or fewer, as by [`Tracer::all_hits`].
+    ///
+    /// # Errors
+    /// As [`Tracer::all_hits`].
+    pub fn first_hits(&mut self, rays: &[Ray], most: u32) -> Result<AllHits> {
+        self.trace_all(rays, most, true).map(AllHits::new)
+    }
+
+    /// How often each ray crosses a surface between its `t_min` and `t_max`, in the order of `rays`: through an edge or
+    /// a vertex once, and not at all where it only touches one. Exact: of a closed mesh a ray from outside to outside
+    /// crosses an even number. A ray along the plane of a triangle does not cross that triangle.
+    ///
+    /// # Errors
+    /// As [`Tracer::all_hits`]; [`Error::Option`] when the method is not exact.
+    pub fn count_crossings(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
+        let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
+        let (backend, progress) = self.backend(self.depth)?;
+        let ray = |i: usize| {
+            let Ray { origin, direction, t_min, t_max } = rays[i];
+            (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
+        };
+        trace_crossings(backend, &buffers, rays.len(), ray, budget, progress)
+    }
+
+    /// Whether each point is inside of the scene, which must be closed, or exactly on its surface; in the order of
+    /// `points`, in world units. Exact, and with no choice of a direction in it.
+    ///
+    /// Closed is what has every edge in an even number of triangles, whatever their orientation; triangles without area
+    /// do not count. Where closed meshes overlap, what is inside of two is outside.
+    ///
+    /// # Errors
+    /// As [`Tracer::count_crossings`]; [`Error::Scene`] when the scene is not closed.
+    pub fn contains(&mut self, points: &[[f32; 3]]) -> Result<Vec<bool>> {
+        require_exact(self.chosen.options.intersector)?;
+        if !self.is_closed {
+            check_closed(&self.buffers)?;
+            self.is_closed = true;
+        }
+        let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
+        let (backend, progress) = self.backend(self.depth)?;
+        contains(backend, &buffers, points, budget, progress)
+    }
+
+    fn trace_all(&mut self, rays: &[Ray], most: u32, wants_hits: bool) -> Result<tracer::AllHits> {
+        let batch = self.batch(rays)?;
+        let budget = self.chosen.limit;
+        let (backend, progress) = self.backend(self.depth)?;
+        let job = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&batch.job(false, 1)) };
+        backend.trace_all(&job, progress)
+    }
+
     fn trace(&mut self, rays: &[Ray], any_hit: bool) -> Result<Vec<shared::Hit>> {
+        let batch = self.batch(rays)?;
+        let (backend, progress) = self.backend(self.depth)?;
+        Ok(backend.trace(&batch.job(any_hit, 1), progress)?.hits)
+    }
+
+    /// The rays as tracers take them.
+    fn batch(&self, rays: &[Ray]) -> Result<TracingBatch> {
         let bytes = (rays.len() * RAY_BYTES) as u64;
         if bytes >= CHECKED_FROM_BYTES {
             let what = format!("a batch of {} rays", rays.len());
@@ -146,9 +227,7 @@ impl Tracer {
             let Ray { origin, direction, t_min, t_max } = rays[i];
             (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
         };
-        let batch = self.buffers.batch(rays.len(), ray, None);
-        let (backend, progress) = self.backend(self.depth)?;
-        Ok(backend.trace(&batch.job(any_hit, 1), progress)?.hits)
+        Ok(self.buffers.batch(rays.len(), ray, None))
     }
 
     /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved

@@ -19,6 +19,7 @@ use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::io::npz::{NpyArray, NpzFile, write_npz};
 use crate::shared::WorkCounter;
+use crate::tracer::AllHits;
 use crate::work::RayWork;
 
 /// Names of the arrays that a batch may have.
@@ -112,6 +113,33 @@ impl RayBatch {
     }
 }
 
+/// Reads points: the array `point` float32 `[n, 3]` of an `.npz` file; and names of arrays that mean nothing here.
+///
+/// # Errors
+/// As [`RayBatch::read_within`].
+pub fn read_points(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<(Vec<[f32; 3]>, Vec<String>)> {
+    let path = path.as_ref();
+    let mut file = NpzFile::open(path, *budget)?;
+    let others: Vec<_> = file.names().iter().filter(|name| *name != "point").cloned().collect();
+    match file.read_rows("point")? {
+        Some(points) => Ok((points, others)),
+        None => {
+            let found =
+                if others.is_empty() { "it is empty".to_owned() } else { format!("it has {}", others.join(", ")) };
+            Err(Error::input(path, None, format!("there is no array 'point' (float32, [n, 3]); {found}")))
+        }
+    }
+}
+
+/// Writes the array `inside` uint8 of an `.npz` file, 0 or 1 for each point.
+///
+/// # Errors
+/// As [`crate::io::output::write_atomically`].
+pub fn write_inside(path: impl AsRef<Path>, inside: &[bool]) -> Result<()> {
+    let bytes: Vec<u8> = inside.iter().map(|&is_inside| u8::from(is_inside)).collect();
+    write_npz(path.as_ref(), &[bytes_of("inside", &bytes)])
+}
+
 /// What rays met; every array has one entry per ray.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct HitBatch {
@@ -145,24 +173,66 @@ impl HitBatch {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let mut arrays =
             vec![floats("t", &self.t), ints("primitive", &self.primitive), floats("u", &self.u), floats("v", &self.v)];
-        arrays.extend(self.hit.iter().map(|m| NpyArray {
-            name: "hit",
-            type_code: "u1",
-            len: m.len(),
-            columns: None,
-            bytes: m,
-        }));
+        arrays.extend(self.hit.iter().map(|hit| bytes_of("hit", hit)));
         arrays.extend(self.next_t.iter().map(|t| floats("next_t", t)));
         arrays.extend(self.next_primitive.iter().map(|p| ints("next_primitive", p)));
         let work = [("work", &self.work), ("next_work", &self.next_work)];
         let columns: Vec<_> = work.into_iter().flat_map(|(name, work)| columns_of(name, work.as_deref())).collect();
-        arrays.extend(columns.iter().map(|(name, counts)| NpyArray {
-            name,
-            type_code: "u4",
-            len: counts.len(),
-            columns: None,
-            bytes: bytemuck::cast_slice(counts),
-        }));
+        arrays.extend(columns.iter().map(|(name, column)| counts(name, column)));
+        write_npz(path.as_ref(), &arrays)
+    }
+}
+
+/// All hits of rays; or how many there are, if the hits are not there.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct AllHitsBatch {
+    /// How many hits each ray has.
+    pub count: Vec<u32>,
+    /// Of all hits, those of the first ray first, the closest first: distance in units of |direction|.
+    pub t: Vec<f32>,
+    /// Triangle number in file order.
+    pub primitive: Vec<i32>,
+    /// Barycentric weight of vertex 1.
+    pub u: Vec<f32>,
+    /// Barycentric weight of vertex 2.
+    pub v: Vec<f32>,
+    /// Whether hits were wanted.
+    pub has_hits: bool,
+    /// The work on each ray that counting its hits took.
+    pub work: Option<Vec<RayWork>>,
+}
+
+impl AllHitsBatch {
+    /// What a tracer has found.
+    pub fn new(found: &AllHits, has_hits: bool) -> AllHitsBatch {
+        AllHitsBatch {
+            count: (1..found.starts.len()).map(|ray| found.count(ray - 1) as u32).collect(),
+            t: found.hits.iter().map(|hit| hit.t).collect(),
+            primitive: found.hits.iter().map(|hit| hit.primitive as i32).collect(),
+            u: found.hits.iter().map(|hit| hit.u).collect(),
+            v: found.hits.iter().map(|hit| hit.v).collect(),
+            has_hits,
+            work: found.work.clone(),
+        }
+    }
+
+    /// Writes an `.npz` file with `count` uint32 of each ray; with hits `t`, `u`, `v` float32 and `primitive` int32 of
+    /// all hits; and `work_…` as [`HitBatch::write`]. The file appears when it is complete.
+    ///
+    /// # Errors
+    /// As [`crate::io::output::write_atomically`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let mut arrays = vec![counts("count", &self.count)];
+        if self.has_hits {
+            arrays.extend([
+                floats("t", &self.t),
+                ints("primitive", &self.primitive),
+                floats("u", &self.u),
+                floats("v", &self.v),
+            ]);
+        }
+        let columns = columns_of("work", self.work.as_deref());
+        arrays.extend(columns.iter().map(|(name, column)| counts(name, column)));
         write_npz(path.as_ref(), &arrays)
     }
 }
@@ -180,6 +250,14 @@ fn floats<'a>(name: &'static str, numbers: &'a [f32]) -> NpyArray<'a> {
 
 fn rows<'a>(name: &'static str, rows: &'a [[f32; 3]]) -> NpyArray<'a> {
     NpyArray { name, type_code: "f4", len: rows.len(), columns: Some(3), bytes: bytemuck::cast_slice(rows) }
+}
+
+fn bytes_of<'a>(name: &'static str, bytes: &'a [u8]) -> NpyArray<'a> {
+    NpyArray { name, type_code: "u1", len: bytes.len(), columns: None, bytes }
+}
+
+fn counts<'a>(name: &'a str, numbers: &'a [u32]) -> NpyArray<'a> {
+    NpyArray { name, type_code: "u4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
 }
 
 fn ints<'a>(name: &'static str, numbers: &'a [i32]) -> NpyArray<'a> {

@@ -22,7 +22,7 @@ use crate::reference::shared::integer::float_significand;
 use crate::reference::shared::memory::vertices;
 use crate::reference::shared::ray::{NO_HIT, TrianglePoint};
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
-use crate::tracer::{ExtremeRay, TraceJob, TraceResult, is_hit};
+use crate::tracer::{AllHits, AllHitsJob, ExtremeRay, TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -151,15 +151,39 @@ impl World<'_> {
 
     /// The closest hit, or with `any_hit` some hit; never `skip`.
     fn trace(&self, ray: &IntegerRay, skip: u32, any_hit: bool) -> Hit {
+        self.trace_among(ray, any_hit, |primitive, _| primitive != skip)
+    }
+
+    /// The closest hits, at most so many.
+    fn all(&self, ray: &IntegerRay, most: u32) -> Vec<Hit> {
+        let mut hits: Vec<Hit> = Vec::new();
+        while (hits.len() as u64) < u64::from(most) {
+            let last = hits.last().map(|hit| (hit.primitive, self.triangle(hit.primitive)));
+            let is_later = |primitive: u32, triangle: [Vec3; 3]| match last {
+                Some((other, _)) if other == primitive => false,
+                Some((other, vertices)) => !ray.is_nearer([triangle, vertices], primitive < other),
+                None => true,
+            };
+            // What is farther than every float is not hit.
+            match self.trace_among(ray, false, is_later) {
+                hit if is_hit(&hit) && hit.t.is_finite() => hits.push(hit),
+                _ => break,
+            }
+        }
+        hits
+    }
+
+    /// The closest hit of those triangles that are `wanted` if they are hit, or with `any_hit` some hit.
+    fn trace_among(&self, ray: &IntegerRay, any_hit: bool, wanted: impl Fn(u32, [Vec3; 3]) -> bool) -> Hit {
         let line = FilterRay::new(ray);
         let mut best: Option<(u32, [Vec3; 3], f64)> = None; // with a bound of t from above
         let mut test = |primitive: u32| {
             let triangle = self.triangle(primitive);
             let farthest = best.map_or(f64::INFINITY, |best| best.2);
-            let is_candidate = primitive != skip && !(any_hit && best.is_some());
-            let limits = if is_candidate { line.limits(triangle) } else { None };
+            let limits = if any_hit && best.is_some() { None } else { line.limits(triangle) };
             if let Some([_, t_high]) = limits.filter(|[t_low, _]| *t_low <= farthest)
                 && ray.t_inside(triangle).is_some()
+                && wanted(primitive, triangle)
             {
                 let is_nearer =
                     best.is_none_or(|(other, vertices, _)| ray.is_nearer([triangle, vertices], primitive < other));
@@ -314,9 +338,51 @@ pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &S
 }
 
 fn traced(world: &World, ray: &IntegerRay, any_hit: bool) -> Hit {
+    if is_empty(ray) { NO_HIT } else { world.trace(ray, NO_PRIMITIVE, any_hit) }
+}
+
+/// Whether a ray goes nowhere.
+fn is_empty(ray: &IntegerRay) -> bool {
     let [t_min, t_max] = ray.limits;
-    if ray.direction == Vec3::ZERO || t_min.is_nan() || t_max.is_nan() || t_min > t_max {
-        return NO_HIT;
+    ray.direction == Vec3::ZERO || t_min.is_nan() || t_max.is_nan() || t_min > t_max
+}
+
+/// All hits of the extreme rays of a job.
+#[derive(Debug, Default)]
+pub(crate) struct AllOfExtreme {
+    /// Those of each ray, and its number.
+    hits: Vec<(usize, Vec<Hit>)>,
+    seconds: Option<f64>,
+}
+
+impl AllOfExtreme {
+    /// Writes how many hits they have.
+    pub(crate) fn count_in(&self, counts: &mut [u32]) {
+        self.hits.iter().for_each(|(index, hits)| counts[*index] = hits.len() as u32);
     }
-    world.trace(ray, NO_PRIMITIVE, any_hit)
+
+    /// Writes their hits where they are wanted, and how long they took.
+    pub(crate) fn list_in(&self, result: &mut AllHits) {
+        if !result.hits.is_empty() {
+            for (index, hits) in &self.hits {
+                let range = result.range(*index);
+                result.hits[range].copy_from_slice(hits);
+            }
+        }
+        result.extreme_s = self.seconds;
+    }
+}
+
+/// Traces the extreme rays of a job.
+pub(crate) fn all_extreme(job: &AllHitsJob, buffers: &SceneBuffers) -> AllOfExtreme {
+    if job.extreme.is_empty() {
+        return AllOfExtreme::default();
+    }
+    let start = Instant::now();
+    let world = World::new(buffers, job.extreme.len());
+    let all = job.extreme.par_iter().filter(|extreme| !extreme.is_second).map(|extreme| {
+        let ray = world.first_ray(&job.rays[extreme.index], extreme.origin);
+        (extreme.index, if is_empty(&ray) { Vec::new() } else { world.all(&ray, job.most) })
+    });
+    AllOfExtreme { hits: all.collect(), seconds: Some(start.elapsed().as_secs_f64()) }
 }

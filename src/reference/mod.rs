@@ -19,10 +19,11 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
-use crate::tracer::{Backend, Progress, RenderResult, TraceJob, TraceResult};
-use extreme::answer_extreme;
+use crate::tracer::{AllHits, AllHitsJob, Backend, Progress, RenderResult, TraceJob, TraceResult};
+use extreme::{all_extreme, answer_extreme};
 use kernels::render::{PixelRow, render_row};
 use kernels::trace::{trace_chunk, trace_next_chunk};
+use kernels::trace_all::{count_chunk, list_hits};
 use rayon::prelude::*;
 use shade::local_light::requested_colour;
 use shared::fma::with_fma;
@@ -105,6 +106,45 @@ impl Backend for ReferenceBackend {
         let trace = |job: &TraceJob| Ok(self.trace_batch(job, progress));
         let mut result = trace_in_order(job, &self.options, &self.buffers.params, pays, trial, trace)?;
         answer_extreme(job, &self.options, &self.buffers, &mut result);
+        Ok(result)
+    }
+
+    fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {
+        let extreme = all_extreme(job, &self.buffers);
+        let start = Instant::now();
+        let mut counts = vec![0; job.rays.len()];
+        let mut work = self.room_for_work(counts.len());
+        let done = AtomicUsize::new(0);
+        let passes = if job.wants_hits { 2 } else { 1 };
+        let is_done = |rays: usize| {
+            let done = done.fetch_add(rays, Ordering::Relaxed) + rays;
+            progress(done as f64 / (passes * job.rays.len()) as f64);
+        };
+        let chunks = counts.par_chunks_mut(CHUNK).zip(work_of_parts(&mut work, job.rays.len().div_ceil(CHUNK), CHUNK));
+        chunks.zip(job.rays.par_chunks(CHUNK)).for_each(|((counts, work), rays)| {
+            count_chunk(&self.buffers, &self.options, rays, job.most, counts, work);
+            is_done(rays.len());
+        });
+        let count_s = start.elapsed().as_secs_f64();
+        extreme.count_in(&mut counts);
+
+        let mut result = AllHits { work, ..AllHits::of_counts(&counts, job)? };
+        let start = Instant::now();
+        if job.wants_hits {
+            let mut rest = result.hits.as_mut_slice();
+            let of_rays = counts.iter().map(|&count| {
+                let (hits, others) = std::mem::take(&mut rest).split_at_mut(count as usize);
+                rest = others;
+                hits
+            });
+            let mut of_rays: Vec<_> = of_rays.collect();
+            of_rays.par_chunks_mut(CHUNK).zip(job.rays.par_chunks(CHUNK)).for_each(|(lists, rays)| {
+                rays.iter().zip(lists).for_each(|(ray, hits)| list_hits(&self.buffers, &self.options, ray, hits));
+                is_done(rays.len());
+            });
+        }
+        result.kernel_s = [count_s, start.elapsed().as_secs_f64()];
+        extreme.list_in(&mut result);
         Ok(result)
     }
 

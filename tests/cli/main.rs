@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod all_hits;
 mod cache;
 mod choice;
 mod closed;

@@ -11,7 +11,7 @@ use raybrook_lab::stress::{Answers, Case, ExactTracer, Found, Interval, Mesh, Re
 
 /// Closed meshes of several shapes: smooth, with sharp edges in the axes' planes, with a hole, with slivers and a
 /// vertex of 64 triangles, of four triangles, far from the origin, and of two surfaces.
-fn meshes() -> Vec<(&'static str, ClosedMesh)> {
+pub fn meshes() -> Vec<(&'static str, ClosedMesh)> {
     let mut torus = Builder::new();
     torus.material(Material::matt(Vec3::ONE)).torus(1.0, 0.4, 24, 12);
     let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
@@ -54,7 +54,7 @@ fn on_reference(mesh: &ClosedMesh, options: &TraceOptions, rays: u64) -> Leaks {
 }
 
 /// Every structure, and every build and traversal of a kd-tree that finds every hit.
-fn structures() -> Vec<TraceOptions> {
+pub fn structures() -> Vec<TraceOptions> {
     let accels = StructureKind::ALL.iter().map(|&accel| TraceOptions { structure: Structure::of(accel), ..EXACT });
     let builds = Build::ALL
         .iter()

@@ -4,8 +4,10 @@
 mod common;
 
 mod accel;
+mod all_hits;
 mod builds;
 mod closed;
+mod crossings;
 mod exact;
 mod front;
 mod intersect;

@@ -22,6 +22,7 @@ mod explain;
 mod files;
 mod flags;
 mod info;
+mod inside;
 mod kernels;
 mod method;
 mod methods;
@@ -88,6 +89,8 @@ enum Command {
     Render(render::RenderArgs),
     /// Trace a batch of rays from a NumPy .npz file.
     Trace(trace::TraceArgs),
+    /// Tell which points of a NumPy .npz file are inside of a closed mesh.
+    Inside(inside::InsideArgs),
     /// Render on a device and on the reference, and compare; or with --truth, have a judge compare.
     Check(check::CheckArgs),
     /// Tell what is in a scene and how its tree turns out.
@@ -288,6 +291,7 @@ pub fn run() -> Result<ExitCode, Error> {
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
+        Command::Inside(args) => inside::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Check(args) => check::run(&args, cli.talk),
         Command::Info(args) => info::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Devices(args) => devices::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),

@@ -215,6 +215,12 @@ impl IntegerRay {
         with_room!(units.n, is_nearer(&self.start, self.direction, triangles, &units, is_lower))
     }
 
+    /// Where in a triangle that is hit the ray meets it.
+    pub fn meeting(&self, triangle: [Vec3; 3]) -> Meeting {
+        let units = IntegerUnits::new(&self.start, self.direction, &[triangle]);
+        with_room!(units.n, meeting(self, triangle, &units))
+    }
+
     /// t in the caller's units, u and v of a triangle that is hit.
     pub fn finish(&self, triangle: [Vec3; 3]) -> Intersection {
         let units = IntegerUnits::new(&self.start, self.direction, &[triangle]);
@@ -226,6 +232,51 @@ impl IntegerRay {
         let units = IntegerUnits::new(&self.start, self.direction, &[triangle]);
         with_room!(units.n, weight0(&self.start, self.direction, triangle, &units))
     }
+}
+
+/// Where a ray meets a triangle that it hits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Meeting {
+    /// Not at an edge or a vertex.
+    Inside,
+    /// At an edge or a vertex.
+    Seam {
+        /// Whether the ray goes through the inside once it is moved (`src/crossings.rs`).
+        crosses: bool,
+    },
+}
+
+fn meeting<const ROOM: usize>(ray: &IntegerRay, triangle: [Vec3; 3], units: &IntegerUnits) -> Meeting {
+    let n = units.n;
+    let numbers = IntegerNumbers::<ROOM>::new(&ray.start, ray.direction, triangle, units);
+    let side = numbers.det.sign(n);
+    let weights = [numbers.weight0(n), numbers.weight1, numbers.weight2].map(|weight| weight.sign(n));
+    if !weights.contains(&0) {
+        return Meeting::Inside;
+    }
+    let is_inside = |(k, weight): (usize, i32)| match weight {
+        0 => sign_once_moved::<ROOM>(ray, triangle, k, units) == side,
+        sign => sign == side,
+    };
+    Meeting::Seam { crosses: weights.into_iter().enumerate().all(is_inside) }
+}
+
+/// The sign of the weight of vertex `k`, which is zero, once the ray is moved.
+fn sign_once_moved<const ROOM: usize>(ray: &IntegerRay, triangle: [Vec3; 3], k: usize, units: &IntegerUnits) -> i32 {
+    let n = units.n;
+    let integers = |v: Vec3, exponent: i32| v.to_array().map(|x| Integer::<ROOM>::from_float(x, exponent, n));
+    let [to, from] = [triangle[(k + 1) % 3], triangle[(k + 2) % 3]].map(|p| integers(p, units.position));
+    let mut edge = to;
+    edge.iter_mut().zip(&from).for_each(|(edge, from)| edge.add(from, -1, n));
+    let direction = integers(ray.direction, units.direction);
+    let component = |axis: usize| {
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut product = Integer::<ROOM>::ZERO;
+        product.add_product(&edge[i], &direction[j], 1, n);
+        product.add_product(&edge[j], &direction[i], -1, n);
+        product.sign(n)
+    };
+    (0..3).map(component).find(|&sign| sign != 0).unwrap_or(0)
 }
 
 /// Whether the triangle is hit inside of the ray's interval and nearer than `hit`; never [`Decision::Undecided`].

@@ -64,6 +64,8 @@ pub struct Ray {
     pub skip: u32,
     /// Where on it, as weights of its vertices; the largest is -1. All 0: at `origin`.
     pub start_weights: Vec3,
+    /// What was found before, as a traversal leaves it: hits that do not come after it do not count.
+    pub after: Hit,
 }
 
 #[inline(always)]
@@ -110,6 +112,7 @@ impl Ray {
             t_lift,
             skip,
             start_weights: Vec3::ZERO,
+            after: NO_HIT,
         };
         if sound {
             ray.limit(t_near, t_far);

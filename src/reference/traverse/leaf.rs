@@ -4,6 +4,7 @@ use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::intersect::exact::test_exactly;
 use crate::reference::intersect::intersect;
+use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::memory::{Work, load_reference};
 use crate::reference::shared::ray::Ray;
 use crate::shared::{Hit, KdNode, NO_PRIMITIVE, WorkCounter};
@@ -25,6 +26,48 @@ fn test_rounded(
     }
 }
 
+/// Tests a triangle by the method that is chosen.
+#[inline(always)]
+fn test(
+    buffers: &SceneBuffers,
+    options: &TraceOptions,
+    ray: &Ray,
+    primitive: u32,
+    hit: &mut Hit,
+    work: &mut impl Work,
+) {
+    match options.intersector {
+        Intersector::Exact => test_exactly(buffers, ray, primitive, hit, work),
+        rounded => test_rounded(buffers, rounded, ray, primitive, hit, work),
+    }
+}
+
+with_fma! {
+    /// Tests a triangle that counts only if it comes after `ray.after`.
+    fn test_later<W: Work>(
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        ray: &Ray,
+        primitive: u32,
+        hit: &mut Hit,
+        work: &mut W,
+    ) {
+        if primitive == ray.after.primitive {
+            return;
+        }
+        let mut found = *hit;
+        test(buffers, options, ray, primitive, &mut found, work);
+        if found.primitive != primitive || hit.primitive == primitive {
+            return;
+        }
+        let mut earlier = ray.after;
+        test(buffers, options, ray, primitive, &mut earlier, work);
+        if earlier.primitive != primitive {
+            *hit = found;
+        }
+    }
+}
+
 /// Tests the triangle of one reference, whose number is `to_primitive` further on in the scene.
 #[inline(always)]
 fn test_triangle(
@@ -41,9 +84,10 @@ fn test_triangle(
         return;
     }
     work.count(WorkCounter::Tests, 1);
-    match options.intersector {
-        Intersector::Exact => test_exactly(buffers, ray, primitive, hit, work),
-        rounded => test_rounded(buffers, rounded, ray, primitive, hit, work),
+    if ray.after.primitive == NO_PRIMITIVE {
+        test(buffers, options, ray, primitive, hit, work);
+    } else {
+        test_later(buffers, options, ray, primitive, hit, work);
     }
 }
 

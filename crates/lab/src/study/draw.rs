@@ -62,6 +62,11 @@ impl Format {
     fn line(self) -> i32 {
         (self.text * 3 / 2) as i32
     }
+
+    /// How many fit beside each other.
+    fn characters(self) -> usize {
+        (f64::from(self.width) / (f64::from(self.text) * 0.62)) as usize
+    }
 }
 
 /// A chart as SVG.
@@ -73,25 +78,20 @@ pub struct Drawing {
     pub numbered: Vec<String>,
 }
 
-/// The chart as SVG.
+/// The chart as SVG, for a page that tells what its numbers stand for.
 ///
 /// # Errors
 /// What the plotting crate reports.
 pub fn svg(chart: &Chart, table: &Table, format: Format) -> Drawn<Drawing> {
-    prepare_font();
-    let plan = Plan::new(chart, table, format);
-    let mut text = String::new();
-    {
-        let area = SVGBackend::with_string(&mut text, (format.width, plan.height())).into_drawing_area();
-        plan.draw(&area)?;
-        area.present()?;
-    }
-    // On top of all marks: what is transparent is still pointed at.
-    let tips: String = plan.tips.into_inner().iter().map(Tip::markup).collect();
-    if let Some(end) = text.rfind("</svg>") {
-        text.insert_str(end, &tips);
-    }
-    Ok(Drawing { svg: text, numbered: plan.numbered.into_inner() })
+    Plan::new(chart, table, format).svg()
+}
+
+/// The chart as SVG, with what its numbers stand for below it.
+///
+/// # Errors
+/// What the plotting crate reports.
+pub fn lone_svg(chart: &Chart, table: &Table, format: Format) -> Drawn<String> {
+    Ok(Plan::alone(chart, table, format)?.svg()?.svg)
 }
 
 /// What is read of a mark by whoever points at it.
@@ -111,14 +111,13 @@ impl Tip {
     }
 }
 
-/// The chart's width, height and pixels, three bytes each, the top row first; at twice the size, so that text is sharp.
+/// The same as pixels: width, height, and three bytes each, the top row first; at twice the size, so that text is sharp.
 ///
 /// # Errors
 /// What the plotting crate reports.
 pub fn pixels(chart: &Chart, table: &Table, format: Format) -> Drawn<(u32, u32, Vec<u8>)> {
-    prepare_font();
     let format = Format { width: format.width * 2, text: format.text * 2 };
-    let plan = Plan::new(chart, table, format);
+    let plan = Plan::alone(chart, table, format)?;
     let (width, height) = (format.width, plan.height());
     let mut bytes = vec![0; width as usize * height as usize * 3];
     {
@@ -149,6 +148,8 @@ struct Plan<'a> {
     series: Vec<Series>,
     /// Lines of the title.
     title: Vec<String>,
+    /// Lines below the chart.
+    below: Vec<String>,
     /// Found while it is drawn.
     tips: RefCell<Vec<Tip>>,
     numbered: RefCell<Vec<String>>,
@@ -156,9 +157,35 @@ struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     fn new(chart: &'a Chart, table: &'a Table, format: Format) -> Plan<'a> {
-        let title = wrapped(&chart.title, (f64::from(format.width) / (f64::from(format.text) * 0.62)) as usize);
-        let series = series(chart, table);
-        Plan { chart, table, format, series, title, tips: RefCell::default(), numbered: RefCell::default() }
+        prepare_font();
+        let title = wrapped(&chart.title, format.characters());
+        let (series, below) = (series(chart, table), Vec::new());
+        Plan { chart, table, format, series, title, below, tips: RefCell::default(), numbered: RefCell::default() }
+    }
+
+    /// With a list of what the numbers beside points stand for.
+    fn alone(chart: &'a Chart, table: &'a Table, format: Format) -> Drawn<Plan<'a>> {
+        let plan = Plan::new(chart, table, format);
+        // They are known once it is drawn.
+        let numbered = plan.svg()?.numbered;
+        let list: Vec<_> = numbered.iter().enumerate().map(|(i, name)| format!("{}: {name}", i + 1)).collect();
+        Ok(Plan { below: wrapped(&list.join("; "), format.characters()), ..plan })
+    }
+
+    fn svg(&self) -> Drawn<Drawing> {
+        self.tips.borrow_mut().clear();
+        let mut text = String::new();
+        {
+            let area = SVGBackend::with_string(&mut text, (self.format.width, self.height())).into_drawing_area();
+            self.draw(&area)?;
+            area.present()?;
+        }
+        // On top of all marks: what is transparent is still pointed at.
+        let tips: String = self.tips.borrow().iter().map(Tip::markup).collect();
+        if let Some(end) = text.rfind("</svg>") {
+            text.insert_str(end, &tips);
+        }
+        Ok(Drawing { svg: text, numbered: self.numbered.borrow().clone() })
     }
 
     fn top(&self) -> i32 {
@@ -214,7 +241,12 @@ impl<'a> Plan<'a> {
                     + 3 * line
             }
         };
-        (self.top() + self.legend().1 + body) as u32
+        (self.top() + self.legend().1 + body + self.height_below()) as u32
+    }
+
+    fn height_below(&self) -> i32 {
+        let line = self.format.line();
+        self.below.len() as i32 * line + if self.below.is_empty() { 0 } else { line / 2 }
     }
 
     fn is_narrow(&self) -> bool {
@@ -247,6 +279,10 @@ impl<'a> Plan<'a> {
             area.draw(&Text::new(text, (at.0 + line / 2, at.1 + self.lower()), style))?;
         }
         let (_, body) = area.split_vertically(self.top() + legend_height);
+        let (body, below) = body.split_vertically(body.dim_in_pixel().1 as i32 - self.height_below());
+        for (i, text) in self.below.iter().enumerate() {
+            below.draw(&Text::new(text.clone(), (line / 3, i as i32 * line), self.font(MUTED)))?;
+        }
         let has_data = match self.chart.kind {
             ChartKind::Lines | ChartKind::Front => !self.series.is_empty(),
             ChartKind::Bars | ChartKind::Heat => !self.chart.rows(self.table).is_empty(),

@@ -29,7 +29,7 @@ mod studies;
 mod table;
 
 pub use chart::{Chart, ChartKind};
-pub use draw::{Format, pixels, svg};
+pub use draw::{Format, lone_svg, pixels, svg};
 pub use lab::{Lab, PictureVariant, Subject, Variant};
 pub use outcome::Outcome;
 pub use peers::{Peer, export_rays};

@@ -1,0 +1,103 @@
+//! All hits of rays: what is asked, and what comes of it.
+
+use super::{ExtremeRay, TraceJob};
+use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need, try_repeat};
+use crate::error::Result;
+use crate::reference::shared::ray::NO_HIT;
+use crate::shared::{Hit, TraceRay};
+use crate::work::RayWork;
+use std::ops::Range;
+
+/// A batch of rays of which all hits are asked for.
+///
+/// A ray hits each triangle at most once. Hits come in the order of their t; of those at the same t, which edges and
+/// vertices give to all triangles around them, the lower number comes first. t is compared as the triangle test knows
+/// it: exactly, by [`Intersector::Exact`](crate::low_level::options::Intersector::Exact), also where two are the same
+/// once they are rounded.
+#[derive(Debug, Clone, Copy)]
+pub struct AllHitsJob<'a> {
+    /// The rays, as those of [`TraceJob::rays`].
+    pub rays: &'a [TraceRay],
+    /// Those that tracing space cannot hold.
+    pub extreme: &'a [ExtremeRay],
+    /// The most hits of a ray that are looked for: the closest ones.
+    pub most: u32,
+    /// Whether the hits are wanted, or only how many there are.
+    pub wants_hits: bool,
+    /// How much memory the hits may take, which only counting them tells; `None`: what there is then.
+    pub budget: Option<MemoryBudget>,
+}
+
+impl<'a> AllHitsJob<'a> {
+    /// All hits of the rays of `job`.
+    pub fn of(job: &TraceJob<'a>) -> Self {
+        AllHitsJob { rays: job.rays, extreme: job.extreme, most: u32::MAX, wants_hits: true, budget: None }
+    }
+}
+
+/// Bytes of a hit as callers take it.
+const CALLERS_BYTES: usize = 16;
+
+/// All hits of the rays of a batch.
+#[derive(Debug, Clone, Default)]
+pub struct AllHits {
+    /// Where the hits of each ray begin among all, and after the last ray where they end.
+    pub starts: Vec<usize>,
+    /// Those of the first ray, the closest first, then those of the second, and so on; none where they are not wanted.
+    /// t in units of |direction|, as in world space. What is farther than every float is not hit.
+    pub hits: Vec<Hit>,
+    /// With [`crate::options::TraceOptions::counters`] the work on each ray that counting its hits took.
+    pub work: Option<Vec<RayWork>>,
+    /// Seconds of device time that counting took, and listing.
+    pub kernel_s: [f64; 2],
+    /// Seconds that it took to send the rays.
+    pub upload_s: f64,
+    /// Seconds that it took to fetch counts and hits.
+    pub read_s: f64,
+    /// Seconds that the host took for extreme rays; `None` where there were none.
+    pub extreme_s: Option<f64>,
+}
+
+impl AllHits {
+    /// Room for so many hits of each ray of a job.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`] when there is no memory for them.
+    pub(crate) fn of_counts(counts: &[u32], job: &AllHitsJob) -> Result<AllHits> {
+        let mut starts = Vec::with_capacity(counts.len() + 1);
+        let mut end = 0;
+        starts.push(end);
+        starts.extend(counts.iter().map(|&count| {
+            end += count as usize;
+            end
+        }));
+        if !job.wants_hits {
+            return Ok(AllHits { starts, ..AllHits::default() });
+        }
+        let what = format!("{end} hits of {} rays", counts.len());
+        // As devices and callers have them, too.
+        let bytes = (end * (2 * size_of::<Hit>() + CALLERS_BYTES)) as u64;
+        let remedy = "split the batch, ask for fewer hits of each ray, or raise the memory limit";
+        let need = Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy };
+        if bytes >= CHECKED_FROM_BYTES {
+            job.budget.unwrap_or_else(MemoryBudget::available).check(&need)?;
+        }
+        let hits = try_repeat(NO_HIT, end).map_err(|_| need.refused())?;
+        Ok(AllHits { starts, hits, ..AllHits::default() })
+    }
+
+    /// How many hits a ray has.
+    pub fn count(&self, ray: usize) -> usize {
+        self.range(ray).len()
+    }
+
+    /// The hits of a ray, the closest first.
+    pub fn of_ray(&self, ray: usize) -> &[Hit] {
+        &self.hits[self.range(ray)]
+    }
+
+    /// Where they are among all.
+    pub fn range(&self, ray: usize) -> Range<usize> {
+        self.starts[ray]..self.starts[ray + 1]
+    }
+}

@@ -1,0 +1,236 @@
+//! All hits of rays: against exact arithmetic, against closest and any hits, and device against twin.
+
+use super::closed::{meshes, structures};
+use crate::common::{Random, SEED, asked, device};
+use glam::Vec3;
+use raybrook::low_level::device::DeviceHandle;
+use raybrook::low_level::extreme::TracingBatch;
+use raybrook::low_level::options::TraceOptions;
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::open_tracer;
+use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
+use raybrook::low_level::tracer::{AllHits, AllHitsJob, is_hit};
+use raybrook::{Ray, Scene, Tracer};
+use raybrook_lab::stress::closed::ClosedMesh;
+use raybrook_lab::stress::{Crossing, ExactTracer, Interval, Mesh, Ratio, StressRay};
+use std::sync::Arc;
+
+/// Rays of each mesh: half of them aimed at edges and vertices.
+const RAYS: u64 = 240;
+
+/// A mesh, rays that meet much of it, and what exact arithmetic says of them.
+struct Model {
+    name: &'static str,
+    mesh: Mesh,
+    rays: Vec<StressRay>,
+    expected: Vec<Vec<Crossing>>,
+}
+
+impl Model {
+    fn new(name: &'static str, mesh: Mesh, rays: Vec<StressRay>) -> Model {
+        let tracer = ExactTracer::new(&mesh);
+        let expected = rays.iter().map(|ray| crossings(&tracer, mesh.triangles.len(), ray)).collect();
+        Model { name, mesh, rays, expected }
+    }
+
+    fn all() -> Vec<Model> {
+        let mut models: Vec<_> = meshes().into_iter().map(|(name, mesh)| Model::of_closed(name, mesh)).collect();
+        // Sheets of triangles in one place and in one plane, so that all ties are of many.
+        let mut sheets = Mesh::sheet(4, |_, _| 0.0);
+        sheets.append(&Mesh::sheet(3, |_, _| 0.0).turned_around());
+        sheets.append(&Mesh::sheet(4, |_, _| 0.0));
+        sheets.append(&Mesh::sheet(4, |x, y| (x + y) as f32 * 0.25));
+        let mut random = Random::new(SEED);
+        let rays = (0..RAYS).map(|i| {
+            let from = (random.vec3() - 0.5) * 8.0;
+            let to = if i % 2 == 0 { sheets.random_seam(&mut random) } else { random.vec3() };
+            StressRay::to(from, to).within(-2.0, [f32::INFINITY, 1.0, 1.5][i as usize % 3])
+        });
+        let rays = rays.collect();
+        models.push(Model::new("sheets", sheets, rays));
+        models
+    }
+
+    fn of_closed(name: &'static str, closed: ClosedMesh) -> Model {
+        let ray = |index| closed.ray(SEED, index);
+        let rays = (0..RAYS).map(|index| StressRay::new(ray(index).origin, ray(index).direction)).collect();
+        Model::new(name, closed.mesh().clone(), rays)
+    }
+
+    fn batch(&self, buffers: &SceneBuffers) -> TracingBatch {
+        let ray = |i: usize| (self.rays[i].origin, self.rays[i].direction, self.rays[i].t_min, self.rays[i].t_max);
+        buffers.batch(self.rays.len(), ray, None)
+    }
+
+    /// All hits, and what closest and any hits say of the same rays.
+    fn trace(&self, options: &TraceOptions, device: Option<&DeviceHandle>) -> (AllHits, Vec<Hit>, Vec<bool>) {
+        let buffers = Arc::new(SceneBuffers::new(&self.mesh.scene(), options).unwrap());
+        let batch = self.batch(&buffers);
+        let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
+        let all = tracer.trace_all(&AllHitsJob::of(&batch.job(false, 1)), &|_| ()).unwrap();
+        let closest = tracer.trace(&batch.job(false, 1), &|_| ()).unwrap().hits;
+        let any = tracer.trace(&batch.job(true, 1), &|_| ()).unwrap().hits;
+        (all, closest, any.iter().map(is_hit).collect())
+    }
+
+    /// Compares with exact arithmetic, bit for bit.
+    fn check(&self, who: &str, found: &AllHits) {
+        for (i, expected) in self.expected.iter().enumerate() {
+            let bits = |hit: [f32; 3], primitive| (primitive, hit.map(f32::to_bits));
+            let got: Vec<_> = found.of_ray(i).iter().map(|hit| bits([hit.t, hit.u, hit.v], hit.primitive)).collect();
+            let rounded = |hit: &Crossing| [hit.t.to_f32(), hit.u.to_f32(), hit.v.to_f32()];
+            let expected: Vec<_> = expected.iter().map(|hit| bits(rounded(hit), hit.primitive)).collect();
+            assert_eq!(got, expected, "{}, {who}: ray {i} {:?}", self.name, self.rays[i]);
+        }
+    }
+}
+
+/// Every crossing of a ray inside of its limits, by t and number.
+fn crossings(tracer: &ExactTracer, triangles: usize, ray: &StressRay) -> Vec<Crossing> {
+    let Some(line) = tracer.line(ray.origin.as_dvec3(), ray.direction.as_dvec3()) else { return Vec::new() };
+    let limits = Interval { near: ray.t_min, far: ray.t_max, is_open: false };
+    let all = (0..triangles as u32).filter_map(|i| tracer.crossing(&line, i));
+    let mut all: Vec<_> = all.filter(|hit| limits.contains(&hit.t)).collect();
+    all.sort_by(|a, b| a.t.cmp(&b.t).then(a.primitive.cmp(&b.primitive)));
+    all
+}
+
+fn same(hit: &Hit, other: &Hit) -> bool {
+    let bits = |hit: &Hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive];
+    bits(hit) == bits(other)
+}
+
+#[test]
+fn they_are_those_of_exact_arithmetic_in_every_structure() {
+    let mut ties = 0;
+    for model in Model::all() {
+        ties += model.expected.iter().flat_map(|hits| hits.windows(2)).filter(|two| two[0].t == two[1].t).count();
+        for options in structures() {
+            let (all, closest, any) = model.trace(&options, None);
+            model.check(&format!("{options:?}"), &all);
+            for (i, (closest, any)) in closest.iter().zip(any).enumerate() {
+                let first = all.of_ray(i).first();
+                assert!(first.map_or(!is_hit(closest), |first| same(first, closest)), "{} ray {i}", model.name);
+                assert_eq!(any, first.is_some(), "{} ray {i}", model.name);
+            }
+        }
+    }
+    assert!(ties > 1000, "{ties}");
+}
+
+/// What kernels have of their own: structures, records of packets, memory, layouts, and rounded tests.
+const ON_DEVICES: [&str; 7] = [
+    "structure=bvh2",
+    "structure=bvh8 packet_size=16",
+    "structure=kd traversal=ropes",
+    "structure=grid triangles=leaf-order",
+    "structure=bvh2 intersector=watertight",
+    "structure=kd packet_size=16 intersector=moller-trumbore",
+    "structure=bvh8 intersector=precomputed",
+];
+
+#[test]
+fn device_and_twin_agree() {
+    let Some(device) = device() else { return };
+    let models = Model::all();
+    for text in ON_DEVICES {
+        let options = asked(text);
+        for model in &models {
+            let (got, ..) = model.trace(&options, Some(&device));
+            let (expected, ..) = model.trace(&options, None);
+            assert_eq!(got.starts, expected.starts, "{} {text}", model.name);
+            let differing = got.hits.iter().zip(&expected.hits).position(|(got, expected)| !same(got, expected));
+            assert_eq!(differing, None, "{} {text}", model.name);
+            if !text.contains("intersector") {
+                model.check(text, &got);
+            }
+        }
+    }
+}
+
+/// Whoever asks again from the float behind each hit gets the next one whose exact t is not less, never the same one;
+/// all hits are those of the list, which also has what lies between.
+#[test]
+fn asking_again_behind_each_hit_finds_the_others() {
+    let mut steps = 0;
+    for model in Model::all() {
+        let mut tracer = Tracer::builder(&model.mesh.scene()).device("reference").build().unwrap();
+        let ray =
+            |ray: &StressRay| Ray::new(ray.origin.to_array(), ray.direction.to_array()).between(ray.t_min, ray.t_max);
+        let mut rays: Vec<_> = model.rays.iter().map(ray).collect();
+        let all = tracer.all_hits(&rays).unwrap();
+        assert_eq!(all.len(), rays.len());
+        let counts: Vec<_> = all.counts().map(|count| count as u32).collect();
+        assert_eq!(tracer.count_hits(&rays).unwrap(), counts);
+        let two = tracer.first_hits(&rays, 2).unwrap();
+        for i in 0..rays.len() {
+            assert_eq!(two.of_ray(i), &all.of_ray(i)[..all.of_ray(i).len().min(2)]);
+        }
+        loop {
+            let hits = tracer.closest_hits(&rays).unwrap();
+            for (i, hit) in hits.iter().enumerate() {
+                let is_behind = |hit: &Crossing| {
+                    let near = rays[i].t_min;
+                    near.is_finite() && hit.t >= Ratio::from_float(near.into())
+                };
+                let next = model.expected[i].iter().position(is_behind).map(|place| all.of_ray(i)[place]);
+                assert_eq!(*hit, next, "{} ray {i}", model.name);
+            }
+            steps += hits.iter().flatten().count();
+            if hits.iter().all(Option::is_none) {
+                break;
+            }
+            for (ray, hit) in rays.iter_mut().zip(&hits) {
+                *ray = ray.between(hit.map_or(f32::INFINITY, |hit| hit.t.next_up()), ray.t_max);
+            }
+        }
+    }
+    assert!(steps > 3000, "{steps}");
+}
+
+#[test]
+fn extreme_and_unsound_rays_are_told_as_by_closest_hits() {
+    // Two triangles in one place and one behind them, in a scene that tracing space makes 2^70 times as large.
+    let size = 1e-20;
+    let corners = [[0.0, 0.0, 0.0], [size, 0.0, 0.0], [0.0, size, 0.0]];
+    let behind = corners.map(|[x, y, _]| [x, y, -size]);
+    let scene = Scene::from_mesh(&[corners, behind].concat(), &[[0, 1, 2], [3, 4, 5], [0, 1, 2]]).unwrap();
+    let at = |z: f32, t_max: f32| Ray::new([size / 4.0, size / 4.0, z], [0.0, 0.0, -1.0]).between(0.0, t_max);
+    let rays = [
+        at(1e20, f32::INFINITY), // tracing space cannot hold it
+        at(1e30, 1e30),
+        at(1.0, f32::INFINITY),
+        Ray::new([f32::NAN, 0.0, 1.0], [0.0, 0.0, -1.0]),
+        Ray::new([0.0, 0.0, 1.0], [0.0; 3]),
+        at(1.0, f32::NAN),
+    ];
+    let devices = std::iter::once("reference".to_owned()).chain(device().map(|device| device.info.index.to_string()));
+    for device in devices {
+        let mut tracer = Tracer::builder(&scene).device(&device).build().unwrap();
+        let all = tracer.all_hits(&rays).unwrap();
+        let triangles = |i: usize| all.of_ray(i).iter().map(|hit| hit.triangle).collect::<Vec<_>>();
+        assert_eq!((triangles(0), triangles(1)), (vec![0, 2, 1], vec![0, 2]), "{device}");
+        assert_eq!(triangles(2), [0, 2, 1], "{device}");
+        assert!((3..6).all(|i| triangles(i).is_empty()), "{device}");
+        let closest = tracer.closest_hits(&rays).unwrap();
+        for (i, hit) in closest.iter().enumerate() {
+            assert_eq!(hit.as_ref(), all.of_ray(i).first(), "{device} ray {i}");
+        }
+        assert_eq!(tracer.count_hits(&rays).unwrap(), [3, 2, 3, 0, 0, 0], "{device}");
+        assert_eq!(tracer.all_hits(&[]).unwrap().len(), 0);
+    }
+}
+
+#[test]
+fn work_is_counted_alike() {
+    let Some(device) = device() else { return };
+    let model = &Model::all()[0];
+    let options = TraceOptions { counters: true, ..asked("structure=bvh2") };
+    let (got, expected) = (model.trace(&options, Some(&device)).0, model.trace(&options, None).0);
+    assert!(got.work.is_some() && got.work == expected.work);
+    let misses = (0..model.rays.len()).filter(|&i| expected.count(i) == 0).count();
+    assert!(misses < model.rays.len());
+    assert!(
+        expected.hits.iter().all(|hit| hit.primitive != NO_PRIMITIVE && Vec3::new(hit.t, hit.u, hit.v).is_finite())
+    );
+}
