@@ -27,7 +27,7 @@ const STYLE: &str = "
 body { margin: 0 auto; padding: 1rem; max-width: 60rem; background: var(--paper); color: var(--ink); font: 1rem/1.5 system-ui, sans-serif; overflow-wrap: anywhere; }
 h1 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid var(--grid); padding-top: 1rem; }
 a { color: inherit; } code { font-size: .9em; }
-nav ol { columns: 16rem; padding-left: 1.5rem; }
+nav ol { columns: 16rem; column-gap: 2.5rem; padding-left: 1.5rem; }
 figure { margin: 1.5rem 0; } figcaption { color: var(--muted); font-size: .9rem; }
 svg { display: block; width: 100%; height: auto; } .narrow { display: none; }
 @media (max-width: 40rem) { .wide { display: none; } .narrow { display: block; } }
