@@ -161,8 +161,8 @@ pub fn check_closed(buffers: &SceneBuffers) -> Result<()> {
     let open: Vec<_> = edges.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1).map(|same| same[0]).collect();
     let Some([from, to]) = open.first().map(|ends| ends.map(|end| end.map(f32::from_bits))) else { return Ok(()) };
     let message = format!(
-        "it is not closed, so that inside and outside mean nothing: {} of its edges are in an odd number of triangles, such as that \
-         from {from:?} to {to:?}",
+        "it is not closed, so that inside and outside mean nothing: {} of its edges are in an odd number of triangles, \
+         such as that from {from:?} to {to:?}",
         open.len()
     );
     Err(Error::Scene(message))

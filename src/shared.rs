@@ -208,6 +208,11 @@ device_struct! {
     }
 }
 
+impl Hit {
+    /// That of a ray that misses.
+    pub const NONE: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
+}
+
 device_struct! {
     /// What a ray has hit, as surfaces want to know it.
     pub struct SurfaceHit {

@@ -41,8 +41,9 @@ __kernel void count_hits(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
 
 // The hits of rays base + first to base + end, the closest first; those of ray i from starts[i - base] on, as many as
 // up to starts[i - base + 1].
-__kernel void list_hits(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global const uint* restrict starts,
-                        __global Hit* restrict hits, const uint base, const uint first, const uint end) {
+__kernel void list_hits(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
+                        __global const uint* restrict starts, __global Hit* restrict hits, const uint base,
+                        const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     TRAVERSAL_STATE

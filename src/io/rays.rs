@@ -18,8 +18,7 @@ use std::path::Path;
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::io::npz::{NpyArray, NpzFile, write_npz};
-use crate::shared::WorkCounter;
-use crate::tracer::AllHits;
+use crate::shared::{Hit, WorkCounter};
 use crate::work::RayWork;
 
 /// Names of the arrays that a batch may have.
@@ -203,16 +202,17 @@ pub struct AllHitsBatch {
 }
 
 impl AllHitsBatch {
-    /// What a tracer has found.
-    pub fn new(found: &AllHits, has_hits: bool) -> AllHitsBatch {
+    /// How many hits each ray has, and all hits where they are wanted.
+    pub fn new(count: Vec<u32>, hits: Option<&[Hit]>, work: Option<Vec<RayWork>>) -> AllHitsBatch {
+        let all = hits.unwrap_or_default();
         AllHitsBatch {
-            count: (1..found.starts.len()).map(|ray| found.count(ray - 1) as u32).collect(),
-            t: found.hits.iter().map(|hit| hit.t).collect(),
-            primitive: found.hits.iter().map(|hit| hit.primitive as i32).collect(),
-            u: found.hits.iter().map(|hit| hit.u).collect(),
-            v: found.hits.iter().map(|hit| hit.v).collect(),
-            has_hits,
-            work: found.work.clone(),
+            count,
+            t: all.iter().map(|hit| hit.t).collect(),
+            primitive: all.iter().map(|hit| hit.primitive as i32).collect(),
+            u: all.iter().map(|hit| hit.u).collect(),
+            v: all.iter().map(|hit| hit.v).collect(),
+            has_hits: hits.is_some(),
+            work,
         }
     }
 

@@ -3,7 +3,6 @@
 use super::{ExtremeRay, TraceJob};
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need, try_repeat};
 use crate::error::Result;
-use crate::reference::shared::ray::NO_HIT;
 use crate::shared::{Hit, TraceRay};
 use crate::work::RayWork;
 use std::ops::Range;
@@ -82,7 +81,7 @@ impl AllHits {
         if bytes >= CHECKED_FROM_BYTES {
             job.budget.unwrap_or_else(MemoryBudget::available).check(&need)?;
         }
-        let hits = try_repeat(NO_HIT, end).map_err(|_| need.refused())?;
+        let hits = try_repeat(Hit::NONE, end).map_err(|_| need.refused())?;
         Ok(AllHits { starts, hits, ..AllHits::default() })
     }
 

@@ -31,9 +31,9 @@ pub struct TraceArgs {
     rays: PathBuf,
     /// Hits: arrays `t` (inf on a miss), `primitive` (-1 on a miss), `u`, `v`.
     ///
-    /// With --any-hit `hit`, and t, u, v are 0 on a hit; with --all-hits and --count what is said there; with
-    /// next_direction `next_t` and `next_primitive`; with
-    /// --counters `work_steps` and so on, and `next_work_steps` and so on.
+    /// With --any-hit `hit`, and t, u, v are 0 on a hit; with --all-hits, --count and --crossings what is said there;
+    /// with next_direction `next_t` and `next_primitive`; with --counters `work_steps` and so on, and `next_work_steps`
+    /// and so on.
     #[arg(short, long, value_name = "HITS.npz", help_heading = heading::OUTPUT)]
     output: Option<PathBuf>,
     /// Only find out whether each ray hits anything.
@@ -151,10 +151,12 @@ fn trace_all(
         if told.kernel_s.len() < args.repeat as usize {
             continue;
         }
-        let mut batch = AllHitsBatch::new(&found, wants_hits && !args.crossings);
-        if args.crossings {
-            batch.count = count_crossings(buffers, &found, |i| (given.origins[i].into(), given.directions[i].into()));
-        }
+        let count = match args.crossings {
+            true => count_crossings(buffers, &found, |i| (given.origins[i].into(), given.directions[i].into())),
+            false => (0..rays.rays.len()).map(|ray| found.count(ray) as u32).collect(),
+        };
+        let hits = args.all_hits.map(|_| &found.hits[..]);
+        let batch = AllHitsBatch::new(count, hits, found.work.clone());
         if let Some(output) = &args.output {
             batch.write(output)?;
         }

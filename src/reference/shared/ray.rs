@@ -3,8 +3,8 @@
 
 use super::math::{LIFT, abs3, exponent_field, fma3, is_finite3, max_component, max_or, min_or, scale_to_unit};
 use crate::bounds::{PLANE_ERROR, WIDEN_DOWN, WIDEN_UP};
+use crate::shared::Hit;
 use crate::shared::constants::{POINT_ERROR, POINT_PASSES, POINT_TERMS, SHORT_DIRECTION, SMALL_TURN_LIFT};
-use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 
 /// `v` with the component along `axis` exchanged with z.
@@ -217,7 +217,7 @@ fn narrow_interval(t_low: f32, t_high: f32, inv_direction: f32, t_near: &mut f32
 }
 
 /// The hit of a ray that missed.
-pub const NO_HIT: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
+pub const NO_HIT: Hit = Hit::NONE;
 
 /// What a traversal begins with: no hit, but nothing behind the ray's end is nearer.
 #[inline(always)]
