@@ -63,10 +63,11 @@ float3 slab_inverses(const Ray* ray) {
 // D for boxes within low..high of a scene of which few triangles lie so far out that pads for them would be larger than
 // all the rest (src/accel/near.rs): from a start that is within `near_reach` of 0 on all axes, no point of a box that
 // is within it, too, is farther away than twice that. Boxes that reach beyond are larger by what is left out here. In
-// other scenes near_reach is 0.
+// other scenes near_reach is 0, also for a start at 0.
 float pad_distance(const Ray* ray, float3 low, float3 high, float near_reach) {
     const float farthest = farthest_distance(ray, low, high), nearer = 2.0f * near_reach;
-    return largest_component(abs3(ray->origin)) <= near_reach && nearer < farthest ? nearer : farthest;
+    const bool is_near = nearer > 0.0f && largest_component(abs3(ray->origin)) <= near_reach;
+    return is_near && nearer < farthest ? nearer : farthest;
 }
 
 // For boxes within low..high.

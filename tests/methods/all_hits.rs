@@ -1,6 +1,6 @@
 //! All hits of rays: against exact arithmetic, against closest and any hits, and device against twin.
 
-use super::closed::{meshes, structures};
+use super::closed::{meshes, structures, thin};
 use crate::common::{Random, SEED, asked, device};
 use glam::Vec3;
 use raybrook::low_level::device::DeviceHandle;
@@ -13,7 +13,7 @@ use raybrook::low_level::tracer::{AllHits, AllHitsJob, is_hit};
 use raybrook::{Ray, Scene, Tracer};
 use raybrook_lab::stress::closed::ClosedMesh;
 use raybrook_lab::stress::{Crossing, ExactTracer, Interval, Mesh, Ratio, StressRay};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// Rays of each mesh: half of them aimed at edges and vertices.
 const RAYS: u64 = 240;
@@ -33,7 +33,13 @@ impl Model {
         Model { name, mesh, rays, expected }
     }
 
-    fn all() -> Vec<Model> {
+    /// Made once: exact arithmetic takes its time.
+    fn all() -> &'static [Model] {
+        static ALL: LazyLock<Vec<Model>> = LazyLock::new(Model::make_all);
+        &ALL
+    }
+
+    fn make_all() -> Vec<Model> {
         let mut models: Vec<_> = meshes().into_iter().map(|(name, mesh)| Model::of_closed(name, mesh)).collect();
         // Sheets of triangles in one place and in one plane, so that all ties are of many.
         let mut sheets = Mesh::sheet(4, |_, _| 0.0);
@@ -48,6 +54,12 @@ impl Model {
         });
         let rays = rays.collect();
         models.push(Model::new("sheets", sheets, rays));
+        // Rays from exactly 0 along the faces of boxes: pads of boxes must not vanish with the origin.
+        let along = [Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, 1.0, -1.0)];
+        let from_zero = along.iter().flat_map(|&to| {
+            [StressRay::new(Vec3::ZERO, to).within(1.0, f32::INFINITY), StressRay::new(Vec3::ZERO, to)]
+        });
+        models.push(Model::new("from zero", thin(), from_zero.collect()));
         models
     }
 
@@ -135,7 +147,7 @@ fn device_and_twin_agree() {
     let models = Model::all();
     for text in ON_DEVICES {
         let options = asked(text);
-        for model in &models {
+        for model in models {
             let (got, ..) = model.trace(&options, Some(&device));
             let (expected, ..) = model.trace(&options, None);
             assert_eq!(got.starts, expected.starts, "{} {text}", model.name);

@@ -40,7 +40,7 @@ const NOISE: f32 = 6.123234e-17;
 
 /// A pyramid upside down whose base has a corner that is off by noise; the first triangle closes the gap, which is
 /// narrower than any coordinate's last bit.
-fn thin() -> Mesh {
+pub fn thin() -> Mesh {
     let corners =
         [[NOISE, 0.0, 0.0], [8.0, 0.0, 0.0], [8.0, 8.0, 0.0], [0.0, 8.0, 0.0], [4.0, 4.0, 0.0], [4.0, 4.0, -4.0]];
     let triangles = [[0, 2, 4], [0, 1, 2], [4, 2, 3], [0, 4, 3], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]];

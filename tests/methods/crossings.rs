@@ -3,7 +3,7 @@
 use super::closed::meshes;
 use crate::common::{Random, SEED, device};
 use glam::{DVec3, Vec3};
-use raybrook::{Error, Hit, Ray, Scene, Tracer};
+use raybrook::{AllHits, Error, Hit, Ray, Scene, Tracer};
 use raybrook_lab::stress::{ExactTracer, Mesh};
 
 fn devices() -> Vec<String> {
@@ -36,6 +36,33 @@ fn winding(mesh: &Mesh, point: DVec3) -> Option<i32> {
 /// A gap along a ray that is narrower is left out: the point in its middle is too near to the surface.
 const LEAST_GAP: f32 = 1e-3;
 
+/// How often the winding number's evenness changes along each ray, and whether the ray meets what does not change it;
+/// `None` where f64 does not tell.
+fn expected_crossings(mesh: &Mesh, rays: &[Ray], all: &AllHits) -> Vec<Option<(usize, bool)>> {
+    let exact = ExactTracer::new(mesh);
+    let of_ray = |(i, ray): (usize, &Ray)| {
+        let [origin, direction] = [ray.origin, ray.direction].map(|p| Vec3::from(p).as_dvec3());
+        let line = exact.line(origin, direction).unwrap();
+        let t = |hit: &Hit| exact.crossing(&line, hit.triangle).unwrap().t;
+        if all.of_ray(i).windows(2).any(|two| two[0].t == two[1].t && t(&two[0]) != t(&two[1])) {
+            return None; // a gap that rounding closes
+        }
+        let mut places: Vec<f32> = all.of_ray(i).iter().map(|hit| hit.t).collect();
+        places.dedup();
+        let last = places.last().map_or(0.0, |t| t + 1.0);
+        let ends: Vec<f32> = [vec![0.0], places, vec![last]].concat();
+        let length = Vec3::from(ray.direction).length();
+        if ends.windows(2).any(|gap| (gap[1] - gap[0]) * length < LEAST_GAP) {
+            return None;
+        }
+        let middle = |gap: &[f32]| winding(mesh, origin + direction * ((f64::from(gap[0]) + f64::from(gap[1])) / 2.0));
+        let windings = ends.windows(2).map(middle).collect::<Option<Vec<_>>>()?;
+        let changes = windings.windows(2).filter(|two| (two[0] - two[1]) % 2 != 0).count();
+        Some((changes, windings.windows(2).any(|two| two[0] == two[1])))
+    };
+    rays.iter().enumerate().map(of_ray).collect()
+}
+
 #[test]
 fn rays_cross_where_inside_and_outside_change() {
     let (mut tested, mut touches) = (0, 0);
@@ -55,33 +82,21 @@ fn rays_cross_where_inside_and_outside_change() {
             }
         };
         let rays: Vec<_> = (0..800).map(ray).collect();
-        let exact = ExactTracer::new(mesh);
+        let all = tracer_on("reference", mesh).all_hits(&rays).unwrap();
+        let expected = expected_crossings(mesh, &rays, &all);
         for device in devices() {
             let mut tracer = tracer_on(&device, mesh);
-            let all = tracer.all_hits(&rays).unwrap();
+            let found = tracer.all_hits(&rays).unwrap();
+            let differing = (0..rays.len()).find(|&i| found.of_ray(i) != all.of_ray(i));
+            let told = differing.map(|i| (rays[i], found.of_ray(i), all.of_ray(i)));
+            assert!(told.is_none(), "{name} on {device}: {told:?}");
             let counts = tracer.count_crossings(&rays).unwrap();
-            for (i, ray) in rays.iter().enumerate() {
-                let [origin, direction] = [ray.origin, ray.direction].map(|p| Vec3::from(p).as_dvec3());
-                let line = exact.line(origin, direction).unwrap();
-                let t = |hit: &Hit| exact.crossing(&line, hit.triangle).unwrap().t;
-                if all.of_ray(i).windows(2).any(|two| two[0].t == two[1].t && t(&two[0]) != t(&two[1])) {
-                    continue; // a gap that rounding closes
-                }
-                let mut places: Vec<f32> = all.of_ray(i).iter().map(|hit| hit.t).collect();
-                places.dedup();
-                let last = places.last().map_or(0.0, |t| t + 1.0);
-                let ends: Vec<f32> = [vec![0.0], places, vec![last]].concat();
-                let length = Vec3::from(ray.direction).length();
-                if ends.windows(2).any(|gap| (gap[1] - gap[0]) * length < LEAST_GAP) {
-                    continue;
-                }
-                let at = |t: f64| Vec3::from(ray.origin).as_dvec3() + Vec3::from(ray.direction).as_dvec3() * t;
-                let middle = |gap: &[f32]| winding(mesh, at((f64::from(gap[0]) + f64::from(gap[1])) / 2.0));
-                let Some(windings) = ends.windows(2).map(middle).collect::<Option<Vec<_>>>() else { continue };
-                let changes = windings.windows(2).filter(|two| (two[0] - two[1]) % 2 != 0).count();
+            for (i, expected) in expected.iter().enumerate() {
+                let Some((changes, has_touch)) = *expected else { continue };
+                let ray = &rays[i];
                 assert_eq!(counts[i] as usize, changes, "{name} on {device}: ray {i} {ray:?} {:?}", all.of_ray(i));
                 tested += 1;
-                touches += usize::from(windings.windows(2).any(|two| two[0] == two[1]));
+                touches += usize::from(has_touch);
             }
         }
     }
@@ -138,10 +153,11 @@ fn points_are_inside_where_the_mesh_winds_around_them() {
             })
             .collect();
         let points: Vec<_> = free.iter().chain(&mesh.positions).map(|p| p.to_array()).collect();
+        let windings: Vec<_> = free.iter().map(|point| winding(mesh, point.as_dvec3())).collect();
         for device in devices() {
             let found = tracer_on(&device, mesh).contains(&points).unwrap();
-            for (point, &is_inside) in points.iter().zip(&found).take(free.len()) {
-                let Some(winding) = winding(mesh, Vec3::from(*point).as_dvec3()) else { continue };
+            for ((point, &is_inside), winding) in points.iter().zip(&found).zip(&windings) {
+                let Some(winding) = *winding else { continue };
                 assert_eq!(is_inside, winding % 2 != 0, "{name} on {device}: {point:?}");
                 tested += 1;
                 inside += usize::from(is_inside);

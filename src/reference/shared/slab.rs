@@ -47,7 +47,8 @@ pub fn is_padding_enough(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32, padd
 #[inline(always)]
 pub fn pad_distance(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> f32 {
     let (farthest, nearer) = (ray.farthest_distance(low, high), 2.0 * near_reach);
-    if max_component(abs3(ray.origin)) <= near_reach && nearer < farthest { nearer } else { farthest }
+    let is_near = nearer > 0.0 && max_component(abs3(ray.origin)) <= near_reach;
+    if is_near && nearer < farthest { nearer } else { farthest }
 }
 
 impl Slabs {
