@@ -211,6 +211,8 @@ pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
 pub enum Task {
     /// [`Backend::trace`].
     Batch,
+    /// [`Backend::trace_all`].
+    AllHits,
     /// [`Backend::render`].
     Picture,
 }

@@ -92,6 +92,7 @@ impl CompiledAhead {
 fn entry_of(task: Task, options: &TraceOptions) -> Entry {
     match task {
         Task::Batch => Entry::of_batch(false, options.packet_size),
+        Task::AllHits => Entry::CountHits,
         Task::Picture => Entry::of_picture(options.packet_size),
     }
 }
@@ -207,7 +208,7 @@ impl Backend for OpenClBackend {
 
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.picture.kernels) {
-            (Task::Batch, _) | (Task::Picture, Kernels::Mega) => {
+            (Task::Batch | Task::AllHits, _) | (Task::Picture, Kernels::Mega) => {
                 self.passes.prepare(&self.context, entry_of(task, &self.options))
             }
             (Task::Picture, Kernels::Wavefront) => {
@@ -233,7 +234,7 @@ impl Backend for OpenClBackend {
     }
 
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {
-        self.passes.prepare(&self.context, Entry::CountHits)?;
+        self.prepare(Task::AllHits)?;
         let extreme = all_extreme(job, &self.buffers);
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;

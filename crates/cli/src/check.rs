@@ -134,15 +134,8 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     files.read_scene(&loaded.scene);
     let output = args.output(&wanted, files)?;
     open::note_name(&output, &wanted, talk);
-    let chooser = Chooser {
-        method: &args.method,
-        counters: false,
-        pictures: true,
-        device: Some(&device),
-        device_args: &args.device,
-        explain: &args.explain,
-        talk,
-    };
+    let chooser =
+        Chooser { pictures: true, ..Chooser::new((&args.method, &args.device, &args.explain), Some(&device), talk) };
     let chosen = chooser.choose(&loaded.scene)?;
     let options = chosen.options;
     let picture = args.picture.picture(&loaded.scene);

@@ -45,7 +45,16 @@ pub struct Chooser<'a> {
     pub talk: Talk,
 }
 
-impl Chooser<'_> {
+impl<'a> Chooser<'a> {
+    /// For hits alone, which are not counted.
+    pub fn new(
+        (method, device_args, explain): (&'a MethodArgs, &'a DeviceArgs, &'a ExplainArgs),
+        device: Option<&'a DeviceHandle>,
+        talk: Talk,
+    ) -> Chooser<'a> {
+        Chooser { method, counters: false, pictures: false, device, device_args, explain, talk }
+    }
+
     /// Chooses what the user leaves open, and explains it if that is asked for.
     pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
         let workload = Workload::of_scene(self.device.map(|device| &device.info), scene, self.pictures);

@@ -9,6 +9,7 @@ use raybrook::low_level::crossings::{check_closed, contains, require_exact};
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::rays::{read_points, write_inside};
 use raybrook::low_level::shared::{Hit, TraceRay};
+use raybrook::low_level::tracer::Task;
 use raybrook::{Error, Result};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -60,17 +61,10 @@ pub fn run(args: &InsideArgs, talk: Talk) -> Result<()> {
     let loaded = open::load_for_rays(&args.scene.scene, args.scene.allow_empty, &budget, talk)?;
     files.read_scene(&loaded.scene);
     files.write_if(args.output.as_deref(), "-o")?;
-    let chooser = Chooser {
-        method: &args.method,
-        counters: false,
-        pictures: false,
-        device: device.as_ref(),
-        device_args: &args.device,
-        explain: &args.explain,
-        talk,
-    };
-    let chosen = chooser.choose(&loaded.scene)?;
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, (&[], &budget), talk)?;
+    let chosen =
+        Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk).choose(&loaded.scene)?;
+    let tasks = (&[Task::Batch, Task::AllHits][..], &budget);
+    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, tasks, talk)?;
     check_closed(&opened.buffers).map_err(|error| match error {
         Error::Scene(message) => Error::input(&args.scene.scene, None, message),
         other => other,

@@ -118,13 +118,9 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         return Err(Error::option("--measure-error", message));
     }
     let chooser = Chooser {
-        method: &args.method,
         counters,
         pictures: true,
-        device: device.as_ref(),
-        device_args: &args.device,
-        explain: &args.explain,
-        talk,
+        ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
     };
     let chosen = chooser.choose(&loaded.scene)?;
     let picture = args.picture.picture(&loaded.scene);

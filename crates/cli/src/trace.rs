@@ -15,7 +15,7 @@ use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::rays::{AllHitsBatch, HitBatch, RayBatch};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::stats::{RayCount, WorkStats};
-use raybrook::low_level::tracer::{AllHitsJob, Backend, Progress, Task, TraceResult, is_hit};
+use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, Progress, Task, TraceResult, is_hit};
 use raybrook::low_level::work::{RayWork, WorkSum};
 use raybrook::{Error, Result};
 use std::path::PathBuf;
@@ -99,7 +99,6 @@ impl TraceArgs {
 }
 
 /// What is told of a traced batch.
-#[derive(Default)]
 struct Told {
     rays_that_hit: u64,
     /// Hits of all rays, where they were counted.
@@ -144,28 +143,36 @@ fn trace_all(
 ) -> Result<Told> {
     let (budget, wants_hits) = (Some(*budget), !args.count);
     let job = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&rays.job(false, 1)) };
-    let mut told = Told::default();
-    for _ in 0..args.repeat {
-        let found = tracer.trace_all(&job, progress)?;
-        told.kernel_s.push(found.kernel_s.iter().sum());
-        if told.kernel_s.len() < args.repeat as usize {
-            continue;
-        }
+    let mut kernel_s = Vec::new();
+    let mut pass = |number: u32| -> Result<AllHits> {
+        let progress = |done: f64| progress((f64::from(number) + done) / f64::from(args.repeat));
+        let found = tracer.trace_all(&job, &progress)?;
+        kernel_s.push(found.kernel_s.iter().sum());
+        Ok(found)
+    };
+    for number in 1..args.repeat {
+        pass(number - 1)?;
+    }
+    let found = pass(args.repeat - 1)?;
+    if let Some(output) = &args.output {
         let count = match args.crossings {
             true => count_crossings(buffers, &found, |i| (given.origins[i].into(), given.directions[i].into())),
             false => (0..rays.rays.len()).map(|ray| found.count(ray) as u32).collect(),
         };
         let hits = args.all_hits.map(|_| &found.hits[..]);
-        let batch = AllHitsBatch::new(count, hits, found.work.clone());
-        if let Some(output) = &args.output {
-            batch.write(output)?;
-        }
-        told.rays_that_hit = (0..rays.rays.len()).filter(|&ray| found.count(ray) > 0).count() as u64;
-        told.all_hits = found.starts.last().map(|&all| all as u64);
-        told.work = found.work.map(|work| [work, Vec::new()]);
-        (told.extreme_s, told.upload_s, told.read_s) = (found.extreme_s, found.upload_s, found.read_s);
+        AllHitsBatch::new(count, hits, found.work.clone()).write(output)?;
     }
-    Ok(told)
+    Ok(Told {
+        rays_that_hit: (0..rays.rays.len()).filter(|&ray| found.count(ray) > 0).count() as u64,
+        all_hits: found.starts.last().map(|&all| all as u64),
+        work: found.work.map(|work| [work, Vec::new()]),
+        kernel_s,
+        second_pass: None,
+        sort_s: None,
+        extreme_s: found.extreme_s,
+        upload_s: found.upload_s,
+        read_s: found.read_s,
+    })
 }
 
 /// The rays as the tracers take them.
@@ -248,19 +255,15 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     files.read_scene(&loaded.scene);
     args.claim(files)?;
     let chooser = Chooser {
-        method: &args.method,
         counters: args.counters,
-        pictures: false,
-        device: device.as_ref(),
-        device_args: &args.device,
-        explain: &args.explain,
-        talk,
+        ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
     };
     let chosen = chooser.choose(&loaded.scene)?;
     if args.crossings {
         require_exact(chosen.options.intersector)?;
     }
-    let tasks = (&[Task::Batch][..], &budget);
+    let task = if args.most().is_some() { Task::AllHits } else { Task::Batch };
+    let tasks = (&[task][..], &budget);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, tasks, talk)?;
     check_memory(&batch, args, &budget)?;
 

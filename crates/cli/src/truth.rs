@@ -79,15 +79,8 @@ pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Res
     files.read_scene(&loaded.scene);
     let output = args.output(wanted, files)?;
     open::note_name(&output, wanted, talk);
-    let chooser = Chooser {
-        method: &args.method,
-        counters: false,
-        pictures: true,
-        device: device.as_ref(),
-        device_args: &args.device,
-        explain: &args.explain,
-        talk,
-    };
+    let chooser =
+        Chooser { pictures: true, ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk) };
     let chosen = chooser.choose(&loaded.scene)?;
     let options = chosen.options;
     let picture = fixed_samples(args.picture.picture(&loaded.scene));
