@@ -9,7 +9,7 @@ use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
-use raybrook::low_level::tracer::{AllHits, AllHitsJob, is_hit};
+use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, is_hit};
 use raybrook::{Ray, Scene, Tracer};
 use raybrook_lab::stress::closed::ClosedMesh;
 use raybrook_lab::stress::{Crossing, ExactTracer, Interval, Mesh, Ratio, StressRay};
@@ -74,15 +74,23 @@ impl Model {
         buffers.batch(self.rays.len(), ray, None)
     }
 
-    /// All hits, and what closest and any hits say of the same rays.
-    fn trace(&self, options: &TraceOptions, device: Option<&DeviceHandle>) -> (AllHits, Vec<Hit>, Vec<bool>) {
+    fn tracer(&self, options: &TraceOptions, device: Option<&DeviceHandle>) -> (Box<dyn Backend>, TracingBatch) {
         let buffers = Arc::new(SceneBuffers::new(&self.mesh.scene(), options).unwrap());
         let batch = self.batch(&buffers);
-        let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
-        let all = tracer.trace_all(&AllHitsJob::of(&batch.job(false, 1)), &|_| ()).unwrap();
+        (open_tracer(device, &buffers, options, 1, None).unwrap(), batch)
+    }
+
+    fn all_hits(&self, options: &TraceOptions, device: Option<&DeviceHandle>) -> AllHits {
+        let (mut tracer, batch) = self.tracer(options, device);
+        tracer.trace_all(&AllHitsJob::of(&batch.job(false, 1)), &|_| ()).unwrap()
+    }
+
+    /// What closest and any hits say of the same rays.
+    fn closest_and_any(&self, options: &TraceOptions) -> (Vec<Hit>, Vec<bool>) {
+        let (mut tracer, batch) = self.tracer(options, None);
         let closest = tracer.trace(&batch.job(false, 1), &|_| ()).unwrap().hits;
         let any = tracer.trace(&batch.job(true, 1), &|_| ()).unwrap().hits;
-        (all, closest, any.iter().map(is_hit).collect())
+        (closest, any.iter().map(is_hit).collect())
     }
 
     /// Compares with exact arithmetic, bit for bit.
@@ -118,7 +126,8 @@ fn they_are_those_of_exact_arithmetic_in_every_structure() {
     for model in Model::all() {
         ties += model.expected.iter().flat_map(|hits| hits.windows(2)).filter(|two| two[0].t == two[1].t).count();
         for options in structures() {
-            let (all, closest, any) = model.trace(&options, None);
+            let all = model.all_hits(&options, None);
+            let (closest, any) = model.closest_and_any(&options);
             model.check(&format!("{options:?}"), &all);
             for (i, (closest, any)) in closest.iter().zip(any).enumerate() {
                 let first = all.of_ray(i).first();
@@ -148,8 +157,8 @@ fn device_and_twin_agree() {
     for text in ON_DEVICES {
         let options = asked(text);
         for model in models {
-            let (got, ..) = model.trace(&options, Some(&device));
-            let (expected, ..) = model.trace(&options, None);
+            let got = model.all_hits(&options, Some(&device));
+            let expected = model.all_hits(&options, None);
             assert_eq!(got.starts, expected.starts, "{} {text}", model.name);
             let differing = got.hits.iter().zip(&expected.hits).position(|(got, expected)| !same(got, expected));
             assert_eq!(differing, None, "{} {text}", model.name);
@@ -238,7 +247,7 @@ fn work_is_counted_alike() {
     let Some(device) = device() else { return };
     let model = &Model::all()[0];
     let options = TraceOptions { counters: true, ..asked("structure=bvh2") };
-    let (got, expected) = (model.trace(&options, Some(&device)).0, model.trace(&options, None).0);
+    let (got, expected) = (model.all_hits(&options, Some(&device)), model.all_hits(&options, None));
     assert!(got.work.is_some() && got.work == expected.work);
     let misses = (0..model.rays.len()).filter(|&i| expected.count(i) == 0).count();
     assert!(misses < model.rays.len());
