@@ -74,6 +74,12 @@ impl Costs {
         self.intersect * count as f64
     }
 
+    /// The cost of a node whose children, in parts of its cell, cost so much.
+    pub fn inner(&self, cell: &Cell, parts: [&Cell; 2], costs: [f64; 2]) -> f64 {
+        let below = self.measure.of(parts[0]) * costs[0] + self.measure.of(parts[1]) * costs[1];
+        self.traverse + below / self.measure.of(cell)
+    }
+
     /// The costs of the planes across `axis` in `cell`, or `None` for a cell that no ray meets or without room on that
     /// axis.
     pub fn across(&self, cell: &Cell, axis: usize) -> Option<PlaneCost> {

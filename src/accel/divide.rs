@@ -100,7 +100,7 @@ impl<P: Fn(usize, &[u32], &Place) -> f32 + Sync> Divider<'_, P> {
         }
         let plane_cost = self.costs.across(&place.cell, axis)?;
         let split = plane_cost.split(plane, left.len() as u32, 0, right.len() as u32);
-        let (left_place, right_place) = self.stops.children(triangles.len(), place, &split)?;
+        let [left_place, right_place] = self.stops.children(triangles.len(), place, &split)?;
         Some((split, (left, left_place), (right, right_place)))
     }
 }

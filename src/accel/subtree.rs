@@ -101,6 +101,17 @@ impl Subtree {
         self.nodes[node_index].right = self.nodes.len() as u32;
     }
 
+    /// Where the next node and the next reference will be.
+    pub fn size(&self) -> (usize, usize) {
+        (self.nodes.len(), self.references.len())
+    }
+
+    /// Takes away all that was appended since the tree had this [`Subtree::size`].
+    pub fn cut(&mut self, (nodes, references): (usize, usize)) {
+        self.nodes.truncate(nodes);
+        self.references.truncate(references);
+    }
+
     /// Appends a whole subtree; its root becomes the next node.
     pub fn append(&mut self, other: Subtree) {
         let node_offset = self.nodes.len() as u32;
