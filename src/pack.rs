@@ -14,7 +14,7 @@ pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use space::scale_of;
 pub use transforms::triangle_transform;
 
-use crate::accel::BuildOptions;
+use crate::accel::{BuildOptions, KeptBvh};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::features::Features;
@@ -128,6 +128,20 @@ impl SceneBuffers {
     /// [`Scene::check_values`], or when a light is too far away to be a point; [`Option`](crate::Error::Option) when
     /// the options are out of range.
     pub fn within(scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<SceneBuffers> {
+        Self::after(&mut KeptBvh::default(), scene, options, budget)
+    }
+
+    /// As [`SceneBuffers::within`], of a scene that moves: `kept` is what the last call has left, and a hierarchy of
+    /// boxes is refitted where that is as good as building it.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn after(
+        kept: &mut KeptBvh,
+        scene: &Scene,
+        options: &TraceOptions,
+        budget: &MemoryBudget,
+    ) -> Result<SceneBuffers> {
         options.validate()?;
         scene.check_values()?;
         let memory = StructureBudget::for_scene(scene, options, budget)?;
@@ -142,7 +156,7 @@ impl SceneBuffers {
         let traced_count = if is_flat { space.primitives.len() } else { scene.triangle_count() };
         let build_options = BuildOptions::of(options, traced_count);
         let input = StructureInput::new(options, &build_options, &space, &memory);
-        let PackedStructure { structure, stack_entries, objects } = input.pack(scene, &used)?;
+        let PackedStructure { structure, stack_entries, objects } = input.pack(scene, &used, kept)?;
         let build_s = start.elapsed().as_secs_f64();
 
         let (padding, near_reach) = (input.padding, input.near_reach);

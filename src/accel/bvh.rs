@@ -19,6 +19,7 @@
 mod bins;
 mod items;
 mod object;
+mod refit;
 mod reinsert;
 mod spatial;
 mod sweep;
@@ -31,6 +32,7 @@ use glam::Vec3;
 use items::{Extent, Item, PARALLEL_ITEMS, halve};
 use object::ObjectSplit;
 use rayon::prelude::*;
+pub use refit::KeptBvh;
 use spatial::SpatialSplit;
 
 /// A node of a [`Bvh`].

@@ -41,10 +41,7 @@ impl Scene {
         if triangles.is_empty() {
             return Err(Error::Scene("the mesh has no triangles".to_owned()));
         }
-        if let Some(i) = positions.iter().position(|p| !Vec3::from(*p).is_finite()) {
-            let [x, y, z] = positions[i];
-            return Err(Error::Scene(format!("vertex {i} of the mesh is ({x}, {y}, {z}), which is no place")));
-        }
+        check_positions(positions)?;
         let out_of_range = |triangle: &[u32; 3]| triangle.iter().find(|&&i| i as usize >= positions.len()).copied();
         if let Some((i, vertex)) = triangles.iter().enumerate().find_map(|(i, t)| Some((i, out_of_range(t)?))) {
             let count = positions.len();
@@ -58,6 +55,33 @@ impl Scene {
             materials: vec![Material::default()],
             ..Scene::default()
         })
+    }
+
+    /// Moves all vertices: `positions`, world units, one for each of [`Scene::positions`], whose triangles stay.
+    /// [`Tracer::update`](crate::Tracer::update) takes them over.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when there are more or fewer vertices, and names the first position that is not finite.
+    pub fn update_vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        let (given, count) = (positions.len(), self.positions.len());
+        if given != count {
+            return Err(Error::Scene(format!(
+                "the scene has {count} vertices, and there are {given} positions for them"
+            )));
+        }
+        check_positions(positions)?;
+        self.positions.iter_mut().zip(positions).for_each(|(to, &from)| *to = from.into());
+        Ok(())
+    }
+}
+
+fn check_positions(positions: &[[f32; 3]]) -> Result<()> {
+    match positions.iter().position(|p| !Vec3::from(*p).is_finite()) {
+        None => Ok(()),
+        Some(i) => {
+            let [x, y, z] = positions[i];
+            Err(Error::Scene(format!("vertex {i} of the mesh is ({x}, {y}, {z}), which is no place")))
+        }
     }
 }
 

@@ -5,7 +5,9 @@ use super::builder::TracerBuilder;
 use super::framing::{LitScene, framing_camera, is_placed};
 use super::picture::Picture;
 use super::ray::{Hit, Ray};
+use super::scene::check_indices;
 use super::view::{Frame, View};
+use crate::accel::KeptBvh;
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
 use crate::crossings::{check_closed, contains, require_exact, trace_crossings};
 use crate::device::{Cache, DeviceHandle};
@@ -20,6 +22,7 @@ use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use glam::Vec3;
 use std::fmt;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What a builder has chosen.
 pub(super) struct Chosen {
@@ -73,6 +76,8 @@ pub struct Tracer {
     has_key_light: bool,
     /// Whether it is known that the scene is closed.
     is_closed: bool,
+    /// The hierarchy of boxes of the last update, if there was one.
+    kept: KeptBvh,
 }
 
 /// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the
@@ -107,8 +112,50 @@ impl Tracer {
             framed: *framed,
             has_key_light: *has_key_light,
             is_closed: false,
+            kept: KeptBvh::default(),
             chosen,
         })
+    }
+
+    /// Takes over a scene that has changed: vertices ([`Scene::update_vertices`]), transforms of instances
+    /// ([`Instances::set_transform`](crate::scene::Instances::set_transform)), or anything else. Device, method and
+    /// compiled kernels stay; answers and pictures are, to the bit, those of a new tracer of the scene.
+    ///
+    /// From the second update on a hierarchy of boxes (structures `bvh2` and `bvh8`, the default of most devices) gets
+    /// new boxes where the triangles are those that it was built of. That makes rays slower; it is built anew as soon
+    /// as they have lost as much time as building takes. Other structures are built anew each time.
+    ///
+    /// ```
+    /// use raybrook::{Ray, Scene, Tracer};
+    ///
+    /// let mut scene = Scene::from_mesh(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+    /// let mut tracer = Tracer::new(&scene)?;
+    /// let rays = [Ray::new([0.0, 0.0, 5.0], [0.0, 0.0, -1.0])];
+    /// for z in [1.0, 2.0, 3.0] {
+    ///     scene.update_vertices(&[[-1.0, -1.0, z], [1.0, -1.0, z], [0.0, 1.0, z]])?;
+    ///     tracer.update(&scene)?;
+    ///     assert_eq!(tracer.closest_hits(&rays)?[0].map(|hit| hit.t), Some(5.0 - z));
+    /// }
+    /// # Ok::<(), raybrook::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`TracerBuilder::build`]; the tracer then still has the scene that it had.
+    pub fn update(&mut self, scene: &Scene) -> Result<()> {
+        check_indices(scene)?;
+        scene.check_values()?;
+        let Frame { size, samples, .. } = View::default().over(&scene.picture)?;
+        let lit = LitScene::new(scene, samples.aspect(size) as f32);
+        let (options, budget) = (&self.chosen.options, self.chosen.budget());
+        let buffers = Arc::new(SceneBuffers::after(&mut self.kept, &lit.scene, options, &budget)?);
+        // A device may have no room for both; then what was there is opened again when it is needed.
+        self.backend = None;
+        let Chosen { device, options, cache, .. } = &self.chosen;
+        self.backend = Some(open_tracer(device.as_ref(), &buffers, options, self.depth, cache.as_ref())?);
+        (self.buffers, self.is_closed) = (buffers, false);
+        (self.defaults, self.camera) = (scene.picture, scene.camera);
+        (self.framed, self.has_key_light) = (lit.framed, lit.has_key_light);
+        Ok(())
     }
 
     /// The closest hit of each ray, `None` for a miss; in the order of `rays`, which are in world units.
@@ -174,12 +221,13 @@ impl Tracer {
     /// As [`Tracer::all_hits`]; [`Error::Option`] when the method is not exact.
     pub fn count_crossings(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
         let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        let (backend, progress) = self.backend(self.depth)?;
         let ray = |i: usize| {
             let Ray { origin, direction, t_min, t_max } = rays[i];
             (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
         };
-        trace_crossings(backend, &buffers, rays.len(), ray, budget, progress)
+        self.timed(self.depth, |backend, progress| {
+            trace_crossings(backend, &buffers, rays.len(), ray, budget, progress)
+        })
     }
 
     /// Whether each point is inside of the scene, which must be closed, or exactly on its surface; in the order of
@@ -197,22 +245,20 @@ impl Tracer {
             self.is_closed = true;
         }
         let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        let (backend, progress) = self.backend(self.depth)?;
-        contains(backend, &buffers, points, budget, progress)
+        self.timed(self.depth, |backend, progress| contains(backend, &buffers, points, budget, progress))
     }
 
     fn trace_all(&mut self, rays: &[Ray], most: u32, wants_hits: bool) -> Result<tracer::AllHits> {
         let batch = self.batch(rays)?;
         let budget = self.chosen.limit;
-        let (backend, progress) = self.backend(self.depth)?;
         let job = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&batch.job(false, 1)) };
-        backend.trace_all(&job, progress)
+        self.timed(self.depth, |backend, progress| backend.trace_all(&job, progress))
     }
 
     fn trace(&mut self, rays: &[Ray], any_hit: bool) -> Result<Vec<shared::Hit>> {
         let batch = self.batch(rays)?;
-        let (backend, progress) = self.backend(self.depth)?;
-        Ok(backend.trace(&batch.job(any_hit, 1), progress)?.hits)
+        let job = batch.job(any_hit, 1);
+        Ok(self.timed(self.depth, |backend, progress| backend.trace(&job, progress))?.hits)
     }
 
     /// The rays as tracers take them.
@@ -246,9 +292,11 @@ impl Tracer {
         let camera = self.aim(&frame)?;
         self.check_picture(size, samples)?;
         let buffers = self.buffers.clone();
-        let (backend, progress) = self.backend(depth)?;
         let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
-        renderer::render(backend, &buffers, &picture, progress).map(Picture::new)
+        let rendered = |backend: &mut dyn Backend, progress: Progress| {
+            renderer::render(backend, &buffers, &picture, progress).map(Picture::new)
+        };
+        self.timed(depth, rendered)
     }
 
     /// The camera of a picture; the key light, if there is one, is put where it belongs.
@@ -295,6 +343,15 @@ impl Tracer {
         let bytes = picture_bytes(size, samples, &self.chosen.options, self.chosen.device.as_ref(), None);
         let remedy = "ask for a smaller one, or raise the memory limit";
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
+    }
+
+    /// Has the backend trace, and takes note of how long that took.
+    fn timed<T>(&mut self, depth: u32, trace: impl FnOnce(&mut dyn Backend, Progress) -> Result<T>) -> Result<T> {
+        let (backend, progress) = self.backend(depth)?;
+        let start = Instant::now();
+        let traced = trace(backend, progress);
+        self.kept.add_traced(start.elapsed().as_secs_f64());
+        traced
     }
 
     /// What traces chains of up to `depth` rays, opened anew if need be; and what is told of its progress.

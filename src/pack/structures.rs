@@ -5,7 +5,7 @@ use super::instances::{PackedInstances, pack_instances};
 use super::memory::StructureBudget;
 use super::space::TracingSpace;
 use crate::accel::{
-    BuildOptions, Padding, StructureArrays, build_boxes, build_bvh, build_grid_within, build_kd_tree_within,
+    BuildOptions, KeptBvh, Padding, StructureArrays, build_boxes, build_grid_within, build_kd_tree_within,
     build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
 };
 use crate::bounds::{padding_of_boxes, padding_within};
@@ -68,14 +68,15 @@ impl<'a> StructureInput<'a> {
         StructureInput { options, build_options, space, memory, near_reach, padding }
     }
 
-    /// Builds the structure that the options ask for. `scene` and its `used` materials are those of instances.
-    pub fn pack(&self, scene: &Scene, used: &[MaterialId]) -> Result<PackedStructure> {
+    /// Builds the structure that the options ask for. `scene` and its `used` materials are those of instances; `kept`
+    /// is the hierarchy of the same scene when it was packed before.
+    pub fn pack(&self, scene: &Scene, used: &[MaterialId], kept: &mut KeptBvh) -> Result<PackedStructure> {
         Ok(match self.options.structure {
             Structure::Instances(_) => self.pack_objects(scene, used)?,
             Structure::Brute => self.pack_brute().into(),
             Structure::Kd(kd) => self.pack_kd(&kd)?,
-            Structure::Bvh2(_) => self.pack_bvh2()?,
-            Structure::Bvh8(_) => self.pack_bvh8()?,
+            Structure::Bvh2(_) => self.pack_bvh2(kept)?,
+            Structure::Bvh8(_) => self.pack_bvh8(kept)?,
             Structure::Grid(grid) => self.pack_grid(&grid)?.into(),
             Structure::Octree(_) => self.pack_octree()?,
             Structure::Boxes(clusters) => {
@@ -138,18 +139,18 @@ impl<'a> StructureInput<'a> {
         self.build_options.max_depth.max(1)
     }
 
-    fn pack_bvh2(&self) -> Result<PackedStructure> {
-        let tree = build_bvh(self.triangles(), self.primitives(), self.build_options)?;
+    fn pack_bvh2(&self, kept: &mut KeptBvh) -> Result<PackedStructure> {
+        let tree = kept.tree(self.triangles(), self.primitives(), self.build_options)?;
         let stack_entries = tree.depth() + 1; // the last entry says that there are no more
         let padding = Padding { everywhere: self.padding, near_reach: self.near_reach };
-        let structure = pack_bvh2(&tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
+        let structure = pack_bvh2(tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
         Ok(PackedStructure { structure, stack_entries, objects: None })
     }
 
-    fn pack_bvh8(&self) -> Result<PackedStructure> {
-        let tree = build_bvh(self.triangles(), self.primitives(), self.build_options)?;
+    fn pack_bvh8(&self, kept: &mut KeptBvh) -> Result<PackedStructure> {
+        let tree = kept.tree(self.triangles(), self.primitives(), self.build_options)?;
         let padding = Padding { everywhere: 0.0, near_reach: self.near_reach };
-        let packed = pack_bvh8(&tree, self.triangles(), padding)?;
+        let packed = pack_bvh8(tree, self.triangles(), padding)?;
         Ok(PackedStructure { structure: packed.structure, stack_entries: packed.stack_entries, objects: None })
     }
 

@@ -177,17 +177,35 @@ impl Instances {
         let Some(object) = self.objects.get(instance.object as usize) else {
             return Err(Error::Scene(format!("instance: there is no object number {}", instance.object)));
         };
-        let farthest = self.reaches[instance.object as usize].as_dvec3();
-        let reach =
-            |[x, y, z, w]: [f32; 4]| DVec3::new(x.into(), y.into(), z.into()).abs().dot(farthest) + f64::from(w.abs());
-        if instance.transform.rows.into_iter().any(|row| reach(row) > f64::from(f32::MAX) / 2.0) {
-            return Err(Error::Scene("the transform moves an instance out of float32's range".into()));
-        }
+        self.check_reach(instance.object, &instance.transform)?;
         let end = self.ends.last().map_or(0, |&end| u64::from(end)) + object.triangles.len() as u64;
         let end = u32::try_from(end).ok().filter(|&end| end < NO_PRIMITIVE);
         let message = "the instances have more triangles than 32-bit numbers can tell apart";
         self.ends.push(end.ok_or_else(|| Error::Scene(message.into()))?);
         self.placed.push(instance);
+        Ok(())
+    }
+
+    /// Moves the instance of this number, from 0 in the order of their primitives.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when there is no such instance, or when it would reach out of float32's range.
+    pub fn set_transform(&mut self, instance: usize, transform: Transform) -> Result<()> {
+        let Some(object) = self.placed.get(instance).map(|placed| placed.object) else {
+            return Err(Error::Scene(format!("instance: there is no instance number {instance}")));
+        };
+        self.check_reach(object, &transform)?;
+        self.placed[instance].transform = transform;
+        Ok(())
+    }
+
+    fn check_reach(&self, object: ObjectId, transform: &Transform) -> Result<()> {
+        let farthest = self.reaches[object as usize].as_dvec3();
+        let reach =
+            |[x, y, z, w]: [f32; 4]| DVec3::new(x.into(), y.into(), z.into()).abs().dot(farthest) + f64::from(w.abs());
+        if transform.rows.into_iter().any(|row| reach(row) > f64::from(f32::MAX) / 2.0) {
+            return Err(Error::Scene("the transform moves an instance out of float32's range".into()));
+        }
         Ok(())
     }
 

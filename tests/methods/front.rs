@@ -2,7 +2,7 @@
 //! name the culprit.
 
 use crate::common::{SEED, device, scene_of, sheet, soup};
-use glam::Vec3;
+use glam::{DAffine3, DVec3, Vec3};
 use raybrook::low_level::film::Film;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
@@ -10,6 +10,7 @@ use raybrook::low_level::random::Random;
 use raybrook::low_level::renderer::{self, complete, open_tracer};
 use raybrook::low_level::scene::Samples;
 use raybrook::low_level::tracer::is_hit;
+use raybrook::scene::Transform;
 use raybrook::{Builder, Camera, Error, Hit, Light, Material, Precision, Ray, Scene, Tracer, View};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -230,6 +231,89 @@ fn every_method_has_the_same_hits_and_says_what_it_is() {
     }
     let fast = Tracer::builder(&scene).device("reference").precision(Precision::Fast).build().unwrap();
     assert!(fast.choices().iter().any(|choice| choice.starts_with("intersector moller-trumbore")));
+}
+
+/// What a tracer says of rays and in a picture, to the bit.
+fn answers(tracer: &mut Tracer, rays: &[Ray]) -> (Vec<Option<[u32; 4]>>, Vec<u32>, Vec<u8>) {
+    let hits = bits(&tracer.closest_hits(rays).unwrap());
+    let counts = tracer.count_hits(rays).unwrap();
+    (hits, counts, tracer.render(&View::new(24, 16).samples(1)).unwrap().to_srgb8())
+}
+
+#[test]
+fn a_moving_scene_has_the_answers_of_a_new_one() {
+    let mut random = Random::new(SEED);
+    let triangles = [soup(200, 0.2, &mut random), sheet(8)].concat();
+    let positions: Vec<Vec3> = triangles.iter().flatten().copied().collect();
+    let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let rays = rays(&mut random);
+    let at = |amount: f32| -> Vec<[f32; 3]> {
+        let moved = |&p: &Vec3| p + amount * Vec3::new(7.0 * p.y, 7.0 * p.z, 7.0 * p.x).map(f32::sin);
+        positions.iter().map(|p| moved(p).to_array()).collect()
+    };
+    // Triangles that lose their area, and get it back.
+    let flattened: Vec<[f32; 3]> = positions.iter().map(|p| [p.x, p.y, if p.y > 0.3 { 0.5 } else { p.z }]).collect();
+    let collapsed: Vec<[f32; 3]> = (0..positions.len()).map(|i| positions[i / 6 * 6].to_array()).collect();
+    let half: Vec<[f32; 3]> =
+        at(0.1).into_iter().enumerate().map(|(i, p)| if i < 90 { collapsed[i] } else { p }).collect();
+    let shapes = [at(0.0), at(0.01), at(0.3), half, at(0.02), flattened, at(3.0), collapsed, at(0.0)];
+    let methods = devices().into_iter().flat_map(|device| ["bvh2", "bvh8", "kd", "grid"].map(|m| (device.clone(), m)));
+    let mut compared = 0;
+    // Of devices one method: others would only have more kernels compiled.
+    for (device, method) in methods.filter(|(device, method)| device == "reference" || *method == "bvh8") {
+        let open = |scene: &Scene| Tracer::builder(scene).device(&device).method(method).build().unwrap();
+        let mut scene = Scene::from_mesh(&shapes[0], &numbers).unwrap();
+        let mut tracer = open(&scene);
+        for (i, shape) in shapes.iter().enumerate() {
+            scene.update_vertices(shape).unwrap();
+            tracer.update(&scene).unwrap();
+            let expected = answers(&mut open(&scene), &rays);
+            assert!(answers(&mut tracer, &rays) == expected, "{device}, {method}, shape {i}");
+            compared += expected.0.iter().flatten().count();
+        }
+        let mut nowhere = scene.clone();
+        nowhere.positions[0].x = f32::NAN;
+        nowhere.lights.push(Light::point(Vec3::NAN, Vec3::ONE));
+        let before = answers(&mut tracer, &rays);
+        assert!(matches!(tracer.update(&nowhere), Err(Error::Scene(_))));
+        assert!(answers(&mut tracer, &rays) == before, "{device}, {method}: a refused update changes nothing");
+    }
+    assert!(compared > 50_000, "{compared} hits");
+}
+
+#[test]
+fn moving_instances_have_the_answers_of_new_ones() {
+    let mut builder = Builder::new();
+    let object = builder.begin_object().sphere(0.3, 12).end_object();
+    builder.cuboid(Vec3::new(2.0, 0.1, 2.0));
+    for i in 0..4 {
+        builder.push().translate(Vec3::new(0.5 * i as f32 - 0.8, 0.3, 0.0)).instance(object, None).pop();
+    }
+    let mut scene = builder.finish().unwrap();
+    let rays = rays(&mut Random::new(SEED));
+    for method in ["instances", "bvh2"] {
+        let open = |scene: &Scene| Tracer::builder(scene).device("reference").method(method).build().unwrap();
+        let mut tracer = open(&scene);
+        let mut last = answers(&mut tracer, &rays);
+        for turn in 1..4 {
+            let angle = f64::from(turn);
+            let place =
+                DAffine3::from_rotation_y(angle) * DAffine3::from_translation(DVec3::new(0.4, 0.1 * angle, 0.2));
+            scene.instances.set_transform(2, Transform::new(place).unwrap()).unwrap();
+            tracer.update(&scene).unwrap();
+            let found = answers(&mut tracer, &rays);
+            assert!(found == answers(&mut open(&scene), &rays), "{method}, turn {turn}");
+            assert!(found.0 != last.0, "{method}, turn {turn}: the instance has moved");
+            last = found;
+        }
+    }
+    let far = Transform::new(DAffine3::from_translation(DVec3::splat(3e38))).unwrap();
+    let message = |result: raybrook::Result<()>| result.unwrap_err().to_string();
+    assert!(message(scene.instances.set_transform(2, far)).contains("out of float32's range"));
+    assert!(message(scene.instances.set_transform(4, far)).contains("no instance number 4"));
+    assert!(message(scene.update_vertices(&[[0.0; 3]])).contains("there are 1 positions"));
+    let positions = vec![[f32::INFINITY; 3]; scene.positions.len()];
+    assert!(message(scene.update_vertices(&positions)).contains("vertex 0 of the mesh"));
 }
 
 #[test]
