@@ -136,7 +136,9 @@ mod work;
 
 pub use device::DeviceKind;
 pub use error::{Error, Result};
-pub use front::{AllHits, Device, Hit, Picture, Precision, Ray, Tracer, TracerBuilder, View, devices};
+pub use front::{
+    AllHits, Device, Hit, LocalSpace, Picture, Precision, Ray, Rounding, Tracer, TracerBuilder, View, devices,
+};
 pub use glam;
 pub use scene::{Builder, Camera, Light, Material, Scene};
 
