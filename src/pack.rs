@@ -128,16 +128,16 @@ impl SceneBuffers {
     /// [`Scene::check_values`], or when a light is too far away to be a point; [`Option`](crate::Error::Option) when
     /// the options are out of range.
     pub fn within(scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<SceneBuffers> {
-        Self::after(&mut KeptBvh::default(), scene, options, budget)
+        Self::after(&mut Vec::new(), scene, options, budget)
     }
 
-    /// As [`SceneBuffers::within`], of a scene that moves: `kept` is what the last call has left, and a hierarchy of
-    /// boxes is refitted where that is as good as building it.
+    /// As [`SceneBuffers::within`], of a scene that moves: `kept` is what the last call has left, and hierarchies
+    /// of boxes are refitted where that is as good as building them.
     ///
     /// # Errors
     /// As there.
     pub(crate) fn after(
-        kept: &mut KeptBvh,
+        kept: &mut Vec<KeptBvh>,
         scene: &Scene,
         options: &TraceOptions,
         budget: &MemoryBudget,

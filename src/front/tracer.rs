@@ -76,8 +76,8 @@ pub struct Tracer {
     has_key_light: bool,
     /// Whether it is known that the scene is closed.
     is_closed: bool,
-    /// The hierarchy of boxes of the last update, if there was one.
-    kept: KeptBvh,
+    /// The hierarchies of boxes of the last update, if there was one.
+    kept: Vec<KeptBvh>,
 }
 
 /// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the
@@ -112,7 +112,7 @@ impl Tracer {
             framed: *framed,
             has_key_light: *has_key_light,
             is_closed: false,
-            kept: KeptBvh::default(),
+            kept: Vec::new(),
             chosen,
         })
     }
@@ -350,7 +350,8 @@ impl Tracer {
         let (backend, progress) = self.backend(depth)?;
         let start = Instant::now();
         let traced = trace(backend, progress);
-        self.kept.add_traced(start.elapsed().as_secs_f64());
+        let seconds = start.elapsed().as_secs_f64();
+        self.kept.iter_mut().for_each(|kept| kept.add_traced(seconds));
         traced
     }
 

@@ -19,8 +19,8 @@
 
 use super::shading::{ShadingOf, pack_shading};
 use crate::accel::{
-    BuildOptions, Bvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link, leaf_link,
-    move_links, pack_bvh2,
+    BuildOptions, Bvh, KeptBvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link,
+    leaf_link, move_links, pack_bvh2,
 };
 use crate::bounds::{EPSILON, LEAST_PAD};
 use crate::error::{Error, Result};
@@ -178,14 +178,17 @@ pub(super) fn pack_instances(
     used: &[MaterialId],
     scale: f32,
     options: &BuildOptions,
+    kept: &mut Vec<KeptBvh>,
 ) -> Result<PackedInstances> {
     let (meshes, places) = place_all(scene, used, scale)?;
     if places.len() >= BVH_FIRST_MASK as usize {
         let reason = format!("it has {} instances, and a hierarchy of them can number {BVH_FIRST_MASK}", places.len());
         return Err(Error::Scene(reason));
     }
-    let trees: Vec<Bvh> =
-        meshes.par_iter().map(|mesh| build_bvh(&mesh.triangles, &mesh.listed, options)).collect::<Result<_>>()?;
+    kept.resize_with(meshes.len(), KeptBvh::default);
+    let trees: Vec<&Bvh> = (meshes.par_iter().zip(kept))
+        .map(|(mesh, kept)| kept.tree(&mesh.triangles, &mesh.listed, options))
+        .collect::<Result<_>>()?;
     let hittable: Vec<u32> =
         (0..).zip(&places).filter(|(_, place)| !meshes[place.mesh].listed.is_empty()).map(|(i, _)| i).collect();
     // A hierarchy of boxes is one of triangles that fill their boxes from corner to corner.
@@ -220,7 +223,7 @@ pub(super) fn pack_instances(
         first_primitive += count;
     }
     // One more for what leads back out of an instance, one for the end.
-    let deepest = trees.iter().map(Bvh::depth).max().unwrap_or(0);
+    let deepest = trees.iter().map(|tree| tree.depth()).max().unwrap_or(0);
     let stack_entries = top.depth().max(1) + deepest.max(1) + 2;
     let corners = meshes.iter().flat_map(|mesh| mesh.triangles.iter().flatten());
     Ok(PackedInstances {

@@ -69,14 +69,14 @@ impl<'a> StructureInput<'a> {
     }
 
     /// Builds the structure that the options ask for. `scene` and its `used` materials are those of instances; `kept`
-    /// is the hierarchy of the same scene when it was packed before.
-    pub fn pack(&self, scene: &Scene, used: &[MaterialId], kept: &mut KeptBvh) -> Result<PackedStructure> {
+    /// are the hierarchies of boxes of the same scene when it was packed before.
+    pub fn pack(&self, scene: &Scene, used: &[MaterialId], kept: &mut Vec<KeptBvh>) -> Result<PackedStructure> {
         Ok(match self.options.structure {
-            Structure::Instances(_) => self.pack_objects(scene, used)?,
+            Structure::Instances(_) => self.pack_objects(scene, used, kept)?,
             Structure::Brute => self.pack_brute().into(),
             Structure::Kd(kd) => self.pack_kd(&kd)?,
-            Structure::Bvh2(_) => self.pack_bvh2(kept)?,
-            Structure::Bvh8(_) => self.pack_bvh8(kept)?,
+            Structure::Bvh2(_) => self.pack_bvh2(only(kept))?,
+            Structure::Bvh8(_) => self.pack_bvh8(only(kept))?,
             Structure::Grid(grid) => self.pack_grid(&grid)?.into(),
             Structure::Octree(_) => self.pack_octree()?,
             Structure::Boxes(clusters) => {
@@ -101,9 +101,9 @@ impl<'a> StructureInput<'a> {
         if self.options.arrays.memory == Memory::Constant { CONSTANT_NODES } else { 0 }
     }
 
-    fn pack_objects(&self, scene: &Scene, used: &[MaterialId]) -> Result<PackedStructure> {
+    fn pack_objects(&self, scene: &Scene, used: &[MaterialId], kept: &mut Vec<KeptBvh>) -> Result<PackedStructure> {
         let PackedInstances { structure, vertices, shading, instance_count, stack_entries } =
-            pack_instances(scene, used, self.space.scale, self.build_options)?;
+            pack_instances(scene, used, self.space.scale, self.build_options, kept)?;
         let objects = PackedObjects { vertices, shading, reference_count: instance_count };
         Ok(PackedStructure { structure, stack_entries, objects: Some(objects) })
     }
@@ -173,4 +173,10 @@ impl<'a> StructureInput<'a> {
         self.memory.check_growth(&limit)?;
         Ok(PackedStructure { structure, stack_entries: self.depth_limit(), objects: None })
     }
+}
+
+/// The one hierarchy of a scene without instances.
+fn only(kept: &mut Vec<KeptBvh>) -> &mut KeptBvh {
+    kept.resize_with(1, KeptBvh::default);
+    &mut kept[0]
 }
