@@ -51,6 +51,24 @@ pub fn count_crossings(buffers: &SceneBuffers, all: &AllHits, ray: impl Fn(usize
     (0..count).into_par_iter().map(of_ray).collect()
 }
 
+/// Whether a ray that hits two triangles, the second one not nearer than the first, hits both at exactly the same t;
+/// `origin` and `direction` are in world units.
+pub fn is_tie(buffers: &SceneBuffers, triangles: [u32; 2], origin: Vec3, direction: Vec3) -> bool {
+    let triangles = triangles.map(|triangle| buffers.given_triangle(triangle));
+    !exact_ray(origin, direction).is_nearer(triangles, false)
+}
+
+/// A ray without limits, for exact integers.
+fn exact_ray(origin: Vec3, direction: Vec3) -> IntegerRay {
+    IntegerRay {
+        start: TrianglePoint::at(origin),
+        direction,
+        limits: [f32::NEG_INFINITY, f32::INFINITY],
+        t_exponent: 0,
+        leaves: false,
+    }
+}
+
 /// Rays whose hits are listed at a time.
 const RAYS_AT_A_TIME: usize = 1 << 20;
 
@@ -112,13 +130,6 @@ pub fn contains(
 const SURELY_INSIDE: f32 = 4.0 * f32::EPSILON;
 
 fn crossings_of_ray(buffers: &SceneBuffers, hits: &[Hit], origin: Vec3, direction: Vec3) -> u32 {
-    let exact = || IntegerRay {
-        start: TrianglePoint::at(origin),
-        direction,
-        limits: [f32::NEG_INFINITY, f32::INFINITY],
-        t_exponent: 0,
-        leaves: false,
-    };
     let mut count = 0;
     // The last meeting: a triangle of it, and whether the moved ray has crossed an odd number of them so far.
     let mut meeting: Option<([Vec3; 3], bool)> = None;
@@ -127,7 +138,7 @@ fn crossings_of_ray(buffers: &SceneBuffers, hits: &[Hit], origin: Vec3, directio
             count += 1;
             continue;
         }
-        let (ray, triangle) = (exact(), buffers.given_triangle(hit.primitive));
+        let (ray, triangle) = (exact_ray(origin, direction), buffers.given_triangle(hit.primitive));
         match ray.meeting(triangle) {
             Meeting::Inside => count += 1,
             Meeting::Seam { crosses } => {

@@ -92,8 +92,11 @@ impl<'a> TracerBuilder<'a> {
         self
     }
 
-    /// Called from time to time, while rays are traced, with the part of them that is done, 0 to 1. Default: nothing is
-    /// called.
+    /// Called from time to time, while rays are traced, with the part of them that is done, 0 to 1; by any thread.
+    /// Default: nothing is called.
+    ///
+    /// It may unwind ([`resume_unwind`](std::panic::resume_unwind)) to stop the call, which unwinds then. Drop the
+    /// tracer after that.
     pub fn progress(mut self, progress: impl Fn(f64) + Send + Sync + 'static) -> Self {
         self.progress = Some(Box::new(progress));
         self

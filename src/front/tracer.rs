@@ -9,10 +9,10 @@ use super::scene::check_indices;
 use super::view::{Frame, View};
 use crate::accel::KeptBvh;
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
-use crate::crossings::{check_closed, contains, require_exact, trace_crossings};
+use crate::crossings::{check_closed, contains, is_tie, require_exact, trace_crossings};
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
-use crate::options::TraceOptions;
+use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
@@ -20,6 +20,7 @@ use crate::scene::{Camera, PictureDefaults, Samples, Scene};
 use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
@@ -211,6 +212,28 @@ impl Tracer {
     /// As [`Tracer::all_hits`].
     pub fn first_hits(&mut self, rays: &[Ray], most: u32) -> Result<AllHits> {
         self.trace_all(rays, most, true).map(AllHits::new)
+    }
+
+    /// Whether each of `all`'s hits is at the t of the hit before it on its ray: exactly, not only once t is rounded. So
+    /// it is where a ray goes through an edge or a vertex, or where triangles lie in one another. `all`: what
+    /// [`Tracer::all_hits`] or [`Tracer::first_hits`] found for `rays`. Hits that are not exact are compared as they
+    /// are.
+    ///
+    /// # Panics
+    /// Where `all` has more rays than `rays`.
+    pub fn ties(&self, rays: &[Ray], all: &AllHits) -> Vec<bool> {
+        let (buffers, is_exact) = (&self.buffers, self.chosen.options.intersector == Intersector::Exact);
+        let of_ray = |i: usize| {
+            let (ray, hits) = (rays[i], all.of_ray(i));
+            let is_tied = move |k: usize| {
+                let Some([before, hit]) = k.checked_sub(1).map(|before| [hits[before], hits[k]]) else { return false };
+                let triangles = [before.triangle, hit.triangle];
+                let tie = || is_tie(buffers, triangles, ray.origin.into(), ray.direction.into());
+                before.t == hit.t && (!is_exact || tie())
+            };
+            (0..hits.len()).map(is_tied)
+        };
+        (0..all.len()).into_par_iter().flat_map_iter(of_ray).collect()
     }
 
     /// How often each ray crosses a surface between its `t_min` and `t_max`, in the order of `rays`: through an edge or

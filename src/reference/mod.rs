@@ -116,14 +116,10 @@ impl Backend for ReferenceBackend {
         let mut work = self.room_for_work(counts.len());
         let done = AtomicUsize::new(0);
         let passes = if job.wants_hits { 2 } else { 1 };
-        let is_done = |rays: usize| {
-            let done = done.fetch_add(rays, Ordering::Relaxed) + rays;
-            progress(done as f64 / (passes * job.rays.len()) as f64);
-        };
+        let parts = Parts { progress, done: &done, total: passes * job.rays.len() };
         let chunks = counts.par_chunks_mut(CHUNK).zip(work_of_parts(&mut work, job.rays.len().div_ceil(CHUNK), CHUNK));
         chunks.zip(job.rays.par_chunks(CHUNK)).for_each(|((counts, work), rays)| {
-            count_chunk(&self.buffers, &self.options, rays, job.most, counts, work);
-            is_done(rays.len());
+            parts.part(rays.len(), || count_chunk(&self.buffers, &self.options, rays, job.most, counts, work));
         });
         let count_s = start.elapsed().as_secs_f64();
         extreme.count_in(&mut counts);
@@ -139,8 +135,9 @@ impl Backend for ReferenceBackend {
             });
             let mut of_rays: Vec<_> = of_rays.collect();
             of_rays.par_chunks_mut(CHUNK).zip(job.rays.par_chunks(CHUNK)).for_each(|(lists, rays)| {
-                rays.iter().zip(lists).for_each(|(ray, hits)| list_hits(&self.buffers, &self.options, ray, hits));
-                is_done(rays.len());
+                parts.part(rays.len(), || {
+                    rays.iter().zip(lists).for_each(|(ray, hits)| list_hits(&self.buffers, &self.options, ray, hits));
+                });
             });
         }
         result.kernel_s = [count_s, start.elapsed().as_secs_f64()];
@@ -154,6 +151,7 @@ impl Backend for ReferenceBackend {
         let mut pixels = Film::try_pixels(params.film_len())?;
         let mut work = self.room_for_work(pixels.len());
         let done = AtomicUsize::new(0);
+        let parts = Parts { progress, done: &done, total: params.height as usize };
         let counts = pixels
             .par_chunks_mut(width)
             .zip(work_of_parts(&mut work, params.height as usize, width))
@@ -161,8 +159,7 @@ impl Backend for ReferenceBackend {
             .map(|(y, (row, work))| {
                 let mut counts = [0; COUNTERS];
                 let row = PixelRow { y, pixels: row, counts: &mut counts };
-                render_row(&self.buffers, &self.options, params, samples, row, work);
-                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / f64::from(params.height));
+                parts.part(1, || render_row(&self.buffers, &self.options, params, samples, row, work));
                 counts
             })
             .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
@@ -182,6 +179,24 @@ impl Backend for ReferenceBackend {
     }
 }
 
+/// Parts of a job that threads take one by one.
+struct Parts<'a> {
+    progress: Progress<'a>,
+    done: &'a AtomicUsize,
+    total: usize,
+}
+
+impl Parts<'_> {
+    /// Does a part of `size`. Progress is told before it, too: where that unwinds, to stop the job, parts that other
+    /// threads have not begun are not done first.
+    fn part(&self, size: usize, work: impl FnOnce()) {
+        let tell = |done: usize| (self.progress)(done as f64 / self.total as f64);
+        tell(self.done.load(Ordering::Relaxed));
+        work();
+        tell(self.done.fetch_add(size, Ordering::Relaxed) + size);
+    }
+}
+
 impl ReferenceBackend {
     /// Traces a batch in the order of the job.
     fn trace_batch(&self, job: &TraceJob, progress: Progress) -> TraceResult {
@@ -191,14 +206,13 @@ impl ReferenceBackend {
         result.next_work = job.next_directions.and_then(|directions| self.room_for_work(directions.len()));
         let chunks = job.rays.len().div_ceil(CHUNK);
         let done = AtomicUsize::new(0);
-        let total = job.rays.len() * job.repeat as usize;
+        let parts = Parts { progress, done: &done, total: job.rays.len() * job.repeat as usize };
         for _ in 0..job.repeat {
             let start = Instant::now();
             let work = work_of_parts(&mut result.work, chunks, CHUNK);
             let hits = result.hits.par_chunks_mut(CHUNK).zip(work);
             hits.zip(job.rays.par_chunks(CHUNK)).for_each(|((hits, work), rays)| {
-                trace_chunk(&self.buffers, &self.options, rays, job.any_hit, hits, work);
-                progress((done.fetch_add(rays.len(), Ordering::Relaxed) + rays.len()) as f64 / total as f64);
+                parts.part(rays.len(), || trace_chunk(&self.buffers, &self.options, rays, job.any_hit, hits, work));
             });
             if let Some(directions) = job.next_directions {
                 let rays = job.rays.par_chunks(CHUNK).zip(directions.par_chunks(CHUNK));

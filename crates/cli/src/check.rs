@@ -1,6 +1,7 @@
 //! `raybrook check`: the device against the reference, in pictures and in hits; or with `--truth` against a judge of
 //! its own (`truth.rs`).
 
+use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::progress::Bar;
@@ -22,7 +23,6 @@ use raybrook::low_level::tracer::{Backend, RenderResult, Task, TraceJob};
 use raybrook::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// Steps of 8-bit sRGB by which a pixel may differ. The twin repeats the kernels' arithmetic, so that a device of IEEE
 /// division and square root differs nowhere; one step is left for devices whose division is only good to 2.5 ulp.
@@ -111,7 +111,7 @@ fn check_pictures(
     budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
 }
 
-pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
+pub fn run(args: &CheckArgs, talk: Talk) -> Result<Code> {
     args.method.check(false)?;
     let wanted = match &args.output {
         Some(path) => path.clone(),
@@ -180,7 +180,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<ExitCode> {
     if !talk.quiet {
         print_findings(&findings, &on_device, &on_reference, &output);
     }
-    Ok(if findings.passed { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if findings.passed { SUCCESS } else { FOUND_A_DIFFERENCE })
 }
 
 /// One ray through the middle of each pixel, or through its corner.

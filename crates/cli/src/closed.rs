@@ -1,5 +1,6 @@
 //! `raybrook stress --closed`: rays at edges and vertices of closed models, and how many of them slip through.
 
+use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::files::Files;
 use super::progress::Bar;
 use super::stress::{StressArgs, keep, replay_command};
@@ -16,7 +17,6 @@ use raybrook_lab::stress::{Case, Mesh, Method, Replay, StressRay};
 use serde::Serialize;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
 /// Rays of all models together unless told otherwise.
@@ -137,7 +137,7 @@ fn check_memory(path: &Path, scene: &Scene, options: &TraceOptions, budget: &Mem
     })
 }
 
-pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode> {
+pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<Code> {
     let start = Instant::now();
     let mut files = Files::default();
     models.iter().for_each(|path| files.read(path, "a model"));
@@ -185,7 +185,7 @@ pub fn run(args: &StressArgs, models: &[PathBuf], talk: Talk) -> Result<ExitCode
     if let Some(path) = &args.json {
         stop::finish(|| write_json(path, &report))?;
     }
-    Ok(if misses + behind == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if misses + behind == 0 { SUCCESS } else { FOUND_A_DIFFERENCE })
 }
 
 struct Run<'a> {

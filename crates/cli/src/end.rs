@@ -1,11 +1,11 @@
 //! How the program ends when a device failed: with the documented code, and without the exit handlers of its driver.
 
+use super::code::Code;
 use super::{Talk, stop};
 use raybrook::Error;
 use raybrook::low_level::device::watch_driver;
 use std::ffi::c_int;
 use std::io::Write;
-use std::process::ExitCode;
 
 unsafe extern "C" {
     /// Ends the process without exit handlers.
@@ -13,7 +13,7 @@ unsafe extern "C" {
 }
 
 /// Prints the chain of errors and gives the documented code, after which the process ends.
-pub fn fail(error: &Error) -> ExitCode {
+pub fn fail(error: &Error) -> Code {
     const DEVICE: u8 = 4;
     let code = super::print::error(error);
     if error.exit_code() == DEVICE {

@@ -4,12 +4,12 @@
 //! escaped. Standard output is a result: that it cannot be written is an error in the end ([`finish`]). Standard error
 //! is a courtesy: a run whose messages nobody can read goes on.
 
+use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use raybrook::Error;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::fmt::{Arguments, Write as _};
 use std::io::{self, ErrorKind, Write};
-use std::process::ExitCode;
 use std::sync::OnceLock;
 
 /// Prints a line to standard output.
@@ -86,16 +86,16 @@ pub fn message(text: Arguments) {
 }
 
 /// Prints an error and its causes, and returns its exit code.
-pub fn error(error: &Error) -> ExitCode {
+pub fn error(error: &Error) -> Code {
     tell!("raybrook: {}", super::chain(error));
-    ExitCode::from(error.exit_code())
+    error.exit_code()
 }
 
 /// The exit code of a run that ended with `code`, once standard output has all of its text. A reader that has seen
 /// enough (`| head`) is no failure, and a run that failed has told of something worse.
-pub fn finish(code: ExitCode) -> ExitCode {
+pub fn finish(code: Code) -> Code {
     remember(io::stdout().flush());
-    let has_results = code == ExitCode::SUCCESS || code == FOUND_A_DIFFERENCE.into();
+    let has_results = code == SUCCESS || code == FOUND_A_DIFFERENCE;
     match FAILURE.get() {
         Some(failure) if has_results && failure.kind() != ErrorKind::BrokenPipe => {
             let source = io::Error::new(failure.kind(), failure.to_string());
@@ -104,9 +104,6 @@ pub fn finish(code: ExitCode) -> ExitCode {
         _ => code,
     }
 }
-
-/// The exit code of commands that compare and found a difference.
-const FOUND_A_DIFFERENCE: u8 = 1;
 
 #[cfg(test)]
 mod tests {

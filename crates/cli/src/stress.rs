@@ -1,5 +1,6 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
+use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::files::Files;
 use super::values::Named;
 use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, closed, flags, open, print, stop};
@@ -13,7 +14,6 @@ use raybrook::{Error, Result};
 use raybrook_lab::stress::{Answers, Case, Fault, Found, Kind, Method, Replay};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 /// Exact answers take about a kilobyte each, and all of a kind are kept until every method is judged. More rays come
 /// from other seeds.
@@ -132,12 +132,12 @@ struct Run<'a> {
     rays: usize,
 }
 
-pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
+pub fn run(args: &StressArgs, talk: Talk) -> Result<Code> {
     if args.list {
         for kind in Kind::all() {
             say!("{:16} {}", kind.name, kind.about);
         }
-        return Ok(ExitCode::SUCCESS);
+        return Ok(SUCCESS);
     }
     let options = args.method.options(StructureKind::Kd, false)?;
     if let Some(models) = &args.closed {
@@ -176,7 +176,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<ExitCode> {
         let report = run.report(sheets, true);
         stop::finish(|| write_json(path, &report))?;
     }
-    Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if wrong == 0 { SUCCESS } else { FOUND_A_DIFFERENCE })
 }
 
 /// Checks that nothing is written that is read, or written twice.

@@ -239,6 +239,6 @@ fn chosen(names: &[String]) -> Result<Vec<&'static Study>> {
 
 /// What the user typed, but for the place of the program; what is no text is shown with replacements.
 fn command() -> String {
-    let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    let words = super::words().map(|word| word.to_string_lossy().into_owned());
     std::iter::once("raybrook".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }

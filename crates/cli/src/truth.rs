@@ -1,6 +1,7 @@
 //! `raybrook check --truth`: a picture and its rays against a judge who shares no code with what is judged.
 
 use super::check::CheckArgs;
+use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::explain::Chooser;
 use super::files::Files;
 use super::progress::Bar;
@@ -21,7 +22,6 @@ use raybrook_lab::truth::{
 };
 use serde::Serialize;
 use std::path::Path;
-use std::process::ExitCode;
 
 /// Rays of each kind that are judged unless more or fewer are asked for: a second or two of rational arithmetic.
 pub const DEFAULT_RAYS: u32 = 10_000;
@@ -68,7 +68,7 @@ fn check_memory(
 }
 
 /// Renders the picture, judges it and its rays, and writes the findings. `output` and `files` are checked.
-pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Result<ExitCode> {
+pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Result<Code> {
     if args.method.check(false)?.picture.roulette.is_some() {
         let message = "random killing leaves rays to chance, which the judge cannot follow; leave `roulette` out";
         return Err(Error::option("roulette", message));
@@ -133,7 +133,7 @@ pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Res
     if !talk.quiet {
         say_findings(&findings, &output);
     }
-    Ok(if findings.passed { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if findings.passed { SUCCESS } else { FOUND_A_DIFFERENCE })
 }
 
 /// One sample a pixel where nobody asks for a number: which pixels need more is decided by what was seen, and not by

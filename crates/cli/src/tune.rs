@@ -1,5 +1,6 @@
 //! `raybrook tune`: measures what is fastest on a device, prints it, and remembers it for later runs.
 
+use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::{DeviceArgs, MemoryArgs, Talk, open, print};
 use raybrook::Result;
 use raybrook::low_level::budget::MemoryBudget;
@@ -12,7 +13,6 @@ use raybrook::low_level::options::{PacketSize, StructureKind};
 use raybrook::low_level::scene::Scene;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 #[derive(clap::Args)]
 pub struct TuneArgs {
@@ -46,7 +46,7 @@ struct Report<'a> {
     remembered: Option<PathBuf>,
 }
 
-pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
+pub fn run(args: &TuneArgs, talk: Talk) -> Result<Code> {
     let file = cache_folder().map(TunedFile::in_folder);
     if args.forget {
         return forget(file, talk);
@@ -94,12 +94,12 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<ExitCode> {
             "raybrook: {differing} answers differ between structures, so nothing is remembered; `raybrook check` and `raybrook stress` \
              tell more"
         );
-        return Ok(ExitCode::from(1));
+        return Ok(FOUND_A_DIFFERENCE);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(SUCCESS)
 }
 
-fn forget(file: Option<TunedFile>, talk: Talk) -> Result<ExitCode> {
+fn forget(file: Option<TunedFile>, talk: Talk) -> Result<Code> {
     let forgotten = match &file {
         Some(file) => file.forget()?.then(|| file.path()),
         None => None,
@@ -110,7 +110,7 @@ fn forget(file: Option<TunedFile>, talk: Talk) -> Result<ExitCode> {
             None => say!("nothing was remembered"),
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(SUCCESS)
 }
 
 /// Where a scene comes from; it is loaded or made when its turn comes.

@@ -1,0 +1,60 @@
+"""Rendered pictures."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from . import _raybrook
+
+
+class Picture:
+    """A rendered picture. A notebook shows it."""
+
+    def __init__(self, picture: _raybrook.Picture) -> None:
+        self._picture = picture
+
+    @property
+    def width(self) -> int:
+        """Pixels a row."""
+        return self._picture.width
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self._picture.height
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """Linear RGB radiance, float32 ``[height, width, 3]``, top row first. Nothing keeps a value from being above 1."""
+        return self._picture.pixels().reshape(self.height, self.width, 3)
+
+    def to_srgb8(self) -> np.ndarray:
+        """8-bit sRGB, uint8 ``[height, width, 3]``. There is no tone mapping: what is above 1 becomes 255."""
+        return self._picture.srgb8().reshape(self.height, self.width, 3)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the picture, in the format that the ending names: ``.png``, ``.exr`` or ``.pfm``.
+
+        Raises:
+            OptionError: for another ending.
+            OutputError: when the file cannot be written.
+        """
+        self._picture.save(path)
+
+    @property
+    def camera_rays(self) -> int:
+        """How many rays came from the camera."""
+        return self._picture.camera_rays
+
+    @property
+    def all_rays(self) -> int:
+        """How many rays were cast all together: from the camera, towards lights, off mirrors and through glass."""
+        return self._picture.all_rays
+
+    def _repr_png_(self) -> bytes:
+        return bytes(self._picture.png())
+
+    def __repr__(self) -> str:
+        return f"<raybrook.Picture {self.width}x{self.height}>"

@@ -1,0 +1,434 @@
+//! A scene and its tracer.
+
+use crate::error::to_python;
+use crate::output::{Arrays, ClosestHits, HitList, Meshes};
+use crate::picture::Picture;
+use crate::rays::{GivenRays, Rays};
+use crate::run::{Call, Current, Failure, Stopped, run};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use raybrook::{AllHits, Camera, Error, Hit, Precision, Ray, Result, Scene, Tracer, View};
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Rays or points that are traced at a time: enough to fill a device, and their memory on the way is small beside that
+/// of a scene.
+const AT_A_TIME: usize = 1 << 20;
+
+/// What is chosen of a tracer.
+struct Choices {
+    device: Option<String>,
+    method: Option<String>,
+    precision: Option<Precision>,
+    memory_limit: Option<u64>,
+    cache: bool,
+}
+
+impl Choices {
+    fn open(&self, scene: &Scene, current: Current) -> Result<Tracer> {
+        let mut builder = Tracer::builder(scene).cache(self.cache).progress(move |done| current.told(done));
+        if let Some(device) = &self.device {
+            builder = builder.device(device);
+        }
+        if let Some(method) = &self.method {
+            builder = builder.method(method);
+        }
+        if let Some(precision) = self.precision {
+            builder = builder.precision(precision);
+        }
+        if let Some(bytes) = self.memory_limit {
+            builder = builder.memory_limit(bytes);
+        }
+        builder.build()
+    }
+}
+
+/// A scene with what traces it, which is opened when it is first needed.
+#[pyclass(frozen, module = "raybrook._raybrook")]
+pub struct Core {
+    scene: Scene,
+    meshes: Meshes,
+    choices: Choices,
+    current: Current,
+    tracer: Mutex<Option<Tracer>>,
+}
+
+/// The choices as Python has them: device, method, precision, limit of memory, whether the cache is used.
+type GivenChoices = (Option<String>, Option<String>, Option<String>, Option<u64>, bool);
+
+/// Eye, target, up, and the vertical angle in degrees.
+type GivenCamera = ([f32; 3], [f32; 3], [f32; 3], f32);
+
+impl Core {
+    fn of(scene: Scene, starts: Vec<u32>, choices: GivenChoices) -> Result<Core> {
+        let (device, method, precision, memory_limit, cache) = choices;
+        let precision = match precision.as_deref() {
+            None => None,
+            Some("exact") => Some(Precision::Exact),
+            Some("fast") => Some(Precision::Fast),
+            Some(other) => return Err(Error::option("precision", format!("'{other}' is neither 'exact' nor 'fast'"))),
+        };
+        let choices = Choices { device, method, precision, memory_limit, cache };
+        let (current, tracer) = (Current::default(), Mutex::default());
+        Ok(Core { scene, meshes: Meshes { starts }, choices, current, tracer })
+    }
+
+    /// Has `work` done by the tracer, for each part of `count` things. The tracer is gone when it is stopped.
+    fn work(
+        &self,
+        call: &Arc<Call>,
+        count: usize,
+        mut work: impl FnMut(&mut Tracer, Range<usize>) -> Result<()>,
+    ) -> std::result::Result<(), Failure> {
+        let mut place = self.tracer.lock().unwrap_or_else(PoisonError::into_inner);
+        self.current.set(call);
+        let all = || -> Result<()> {
+            if place.is_none() {
+                *place = Some(self.choices.open(&self.scene, self.current.clone())?);
+            }
+            let tracer = place.as_mut().expect("it was opened");
+            for first in (0..count).step_by(AT_A_TIME) {
+                let part = AT_A_TIME.min(count - first);
+                call.begin_part(first as f64 / count as f64, part as f64 / count as f64);
+                work(tracer, first..first + part)?;
+            }
+            Ok(())
+        };
+        match catch_unwind(AssertUnwindSafe(all)) {
+            Ok(result) => Ok(result?),
+            Err(cause) => {
+                *place = None;
+                if cause.is::<Stopped>() { Err(Failure::Stopped) } else { resume_unwind(cause) }
+            }
+        }
+    }
+
+    /// One number for each of `count` things, from `work`, which gets a part of them and tells as many numbers.
+    fn numbers<'py, T: numpy::Element + Copy>(
+        &self,
+        py: Python<'py>,
+        count: usize,
+        progress: Option<&Bound<PyAny>>,
+        mut work: impl FnMut(&mut Tracer, Range<usize>) -> Result<Vec<T>> + Send,
+    ) -> PyResult<Bound<'py, PyArray1<T>>> {
+        let numbers = PyArray1::zeros(py, count, false);
+        // SAFETY: nobody else has the new array yet.
+        let results: &mut [T] = unsafe { numbers.as_slice_mut() }?;
+        run(py, progress, |call| {
+            self.work(call, count, |tracer, part| {
+                results[part.clone()].copy_from_slice(&work(tracer, part)?);
+                Ok(())
+            })
+        })?;
+        Ok(numbers)
+    }
+
+    /// Visits the hits of each ray that are listed, with mesh and triangle, and then `None`. Of those of a mesh that tie
+    /// only the first one is listed; nothing ties where `ties` is empty.
+    fn for_each_hit(
+        &self,
+        (all, ties): (&AllHits, &[bool]),
+        most: usize,
+        mut visit: impl FnMut(Option<(&Hit, (u32, u32))>),
+    ) {
+        let mut ties = ties.iter();
+        for i in 0..all.len() {
+            let (mut count, mut last_mesh) = (0, u32::MAX);
+            for found in all.of_ray(i) {
+                let place = self.meshes.place(found.triangle);
+                let is_same = *ties.next().unwrap_or(&false) && place.0 == last_mesh;
+                if !is_same && count < most {
+                    visit(Some((found, place)));
+                    count += 1;
+                }
+                last_mesh = place.0;
+            }
+            visit(None);
+        }
+    }
+
+    /// All hits of rays, or as many of each as are wanted, and whether they tie; nothing of ties if these are not
+    /// merged.
+    fn all_hits(
+        &self,
+        tracer: &mut Tracer,
+        rays: &[Ray],
+        most: Option<u32>,
+        merge: bool,
+    ) -> Result<(AllHits, Vec<bool>)> {
+        let all = match most {
+            Some(most) if !merge => tracer.first_hits(rays, most)?,
+            _ => tracer.all_hits(rays)?,
+        };
+        let ties = if merge { tracer.ties(rays, &all) } else { Vec::new() };
+        Ok((all, ties))
+    }
+}
+
+/// The arrays of closest hits: t, u and v by twos, triangle, mesh, normals by threes.
+type ClosestArrays<'py> = (
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<u32>>,
+    Bound<'py, PyArray1<u32>>,
+    Bound<'py, PyArray1<f32>>,
+);
+
+/// Meshes of one scene: positions and triangles. With `is_strict` vertices must be finite.
+fn join(
+    meshes: &[(PyReadonlyArray2<f32>, PyReadonlyArray2<u32>)],
+    is_strict: bool,
+) -> PyResult<Result<(Scene, Vec<u32>)>> {
+    let (mut scene, mut starts) = (Scene::default(), Vec::new());
+    for (i, (positions, triangles)) in meshes.iter().enumerate() {
+        let (positions, triangles) = (positions.as_slice()?.as_chunks().0, triangles.as_slice()?.as_chunks().0);
+        starts.push(scene.triangles.len() as u32);
+        if let Err(error) = add_mesh(&mut scene, positions, triangles, is_strict) {
+            return Ok(Err(match error {
+                Error::Scene(message) if meshes.len() > 1 => Error::Scene(format!("mesh {i}: {message}")),
+                other => other,
+            }));
+        }
+    }
+    Ok(Ok((scene, starts)))
+}
+
+fn add_mesh(scene: &mut Scene, positions: &[[f32; 3]], triangles: &[[u32; 3]], is_strict: bool) -> Result<()> {
+    if triangles.is_empty() {
+        return Ok(());
+    }
+    // Numbers of vertices and triangles have 32 bits, and the last one says that there is none.
+    let too_many = |own: usize, new: usize| own + new >= u32::MAX as usize;
+    if too_many(scene.positions.len(), positions.len()) || too_many(scene.triangles.len(), triangles.len()) {
+        return Err(Error::Scene("there are more triangles or vertices than 32-bit numbers can tell apart".into()));
+    }
+    let is_finite = |p: &[f32; 3]| p.iter().all(|x| x.is_finite());
+    let invisible: Vec<_> = if is_strict { vec![] } else { positions.iter().map(|p| !is_finite(p)).collect() };
+    let kept: Vec<[f32; 3]>;
+    let checked = if invisible.contains(&true) {
+        kept = positions.iter().map(|p| if is_finite(p) { *p } else { [0.0; 3] }).collect();
+        &kept
+    } else {
+        positions
+    };
+    let mut mesh = Scene::from_mesh(checked, triangles)?;
+    for (i, _) in invisible.iter().enumerate().filter(|(_, is_invisible)| **is_invisible) {
+        mesh.positions[i] = positions[i].into();
+    }
+    let first = scene.positions.len() as u32;
+    mesh.triangles.iter_mut().for_each(|triangle| triangle.positions = triangle.positions.map(|i| i + first));
+    if scene.triangles.is_empty() {
+        *scene = mesh;
+    } else {
+        scene.positions.append(&mut mesh.positions);
+        scene.triangles.append(&mut mesh.triangles);
+    }
+    Ok(())
+}
+
+#[pymethods]
+impl Core {
+    /// A scene of meshes: float32 [n,3] and uint32 [m,3] each. With `is_strict` all vertices must be finite; without it
+    /// triangles with others are never hit.
+    #[new]
+    fn new(
+        py: Python,
+        meshes: Vec<(PyReadonlyArray2<f32>, PyReadonlyArray2<u32>)>,
+        is_strict: bool,
+        choices: GivenChoices,
+    ) -> PyResult<Core> {
+        let made = join(&meshes, is_strict)?.and_then(|(scene, starts)| Core::of(scene, starts, choices));
+        made.map_err(|error| to_python(py, &error))
+    }
+
+    /// The scene of a file, as one mesh.
+    #[staticmethod]
+    fn load(py: Python, path: PathBuf, choices: GivenChoices) -> PyResult<Core> {
+        let load = || Core::of(Scene::load(path)?, vec![0], choices);
+        py.detach(load).map_err(|error| to_python(py, &error))
+    }
+
+    #[getter]
+    fn triangle_count(&self) -> usize {
+        self.scene.triangle_count()
+    }
+
+    /// What was repaired, ignored or left out of a file, a sentence each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.scene.warnings.clone()
+    }
+
+    /// The smallest box around all triangles that can be hit.
+    fn bounds(&self, py: Python) -> Option<([f32; 3], [f32; 3])> {
+        py.detach(|| self.scene.bounds()).map(|(low, high)| (low.to_array(), high.to_array()))
+    }
+
+    /// The corners of all triangles, nine numbers each.
+    fn corners<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        let corners = |i: usize| self.scene.vertices(i).into_iter().flat_map(|corner| corner.to_array());
+        PyArray1::from_iter(py, (0..self.scene.triangle_count()).flat_map(corners))
+    }
+
+    /// Opens the device and builds the structure, unless that was done; tells the device's name, what was chosen and
+    /// why, and what a curious user should know.
+    fn open(&self, py: Python) -> PyResult<(String, Vec<String>, Vec<String>)> {
+        run(py, None, |call| {
+            let mut about = None;
+            self.work(call, 1, |tracer, _| {
+                about = Some((tracer.device_name().to_owned(), tracer.choices().to_vec(), tracer.notes()));
+                Ok(())
+            })?;
+            Ok(about.expect("it was told"))
+        })
+    }
+
+    /// The closest hit of each ray; normals only where they are wanted.
+    fn closest_hits<'py>(
+        &self,
+        py: Python<'py>,
+        rays: GivenRays,
+        normals: bool,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<ClosestArrays<'py>> {
+        let rays = Rays::new(&rays)?;
+        let count = rays.len();
+        let (t, uv) = (PyArray1::zeros(py, count, false), PyArray1::zeros(py, 2 * count, false));
+        let (triangle, mesh) = (PyArray1::zeros(py, count, false), PyArray1::zeros(py, count, false));
+        let normal = PyArray1::zeros(py, if normals { 3 * count } else { 0 }, false);
+        // SAFETY: nobody else has the new arrays yet.
+        let mut results = unsafe {
+            ClosestHits {
+                t: t.as_slice_mut()?,
+                uv: uv.as_slice_mut()?,
+                triangle: triangle.as_slice_mut()?,
+                mesh: mesh.as_slice_mut()?,
+                normals: normal.as_slice_mut()?,
+            }
+        };
+        run(py, progress, |call| {
+            self.work(call, count, |tracer, part| {
+                let places = results.split(part.len());
+                places.write(&tracer.closest_hits(&rays.part(part))?, &self.meshes, &self.scene);
+                Ok(())
+            })
+        })?;
+        Ok((t, uv, triangle, mesh, normal))
+    }
+
+    /// Whether each ray hits anything.
+    fn any_hit<'py>(
+        &self,
+        py: Python<'py>,
+        rays: GivenRays,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let rays = Rays::new(&rays)?;
+        self.numbers(py, rays.len(), progress, |tracer, part| tracer.any_hits(&rays.part(part)))
+    }
+
+    /// How many triangles each ray hits; with `merge` those of one mesh at the same t count once.
+    fn count<'py>(
+        &self,
+        py: Python<'py>,
+        rays: GivenRays,
+        merge: bool,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        let rays = Rays::new(&rays)?;
+        self.numbers(py, rays.len(), progress, |tracer, part| {
+            let rays = rays.part(part);
+            if !merge {
+                return tracer.count_hits(&rays);
+            }
+            let (all, ties) = self.all_hits(tracer, &rays, None, true)?;
+            let (mut counts, mut count) = (Vec::with_capacity(rays.len()), 0);
+            self.for_each_hit((&all, &ties), usize::MAX, |hit| match hit {
+                Some(_) => count += 1,
+                None => counts.push(std::mem::take(&mut count)),
+            });
+            Ok(counts)
+        })
+    }
+
+    /// How often each ray crosses a surface.
+    fn count_crossings<'py>(
+        &self,
+        py: Python<'py>,
+        rays: GivenRays,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        let rays = Rays::new(&rays)?;
+        self.numbers(py, rays.len(), progress, |tracer, part| tracer.count_crossings(&rays.part(part)))
+    }
+
+    /// All hits of each ray, the closest first, or the closest `most`; with `merge` of those of one mesh at the same t
+    /// the first one only.
+    fn list_hits<'py>(
+        &self,
+        py: Python<'py>,
+        rays: GivenRays,
+        most: Option<u32>,
+        merge: bool,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Arrays<'py>> {
+        let rays = Rays::new(&rays)?;
+        let list = run(py, progress, |call| {
+            let mut list = HitList::new();
+            self.work(call, rays.len(), |tracer, part| {
+                let rays = rays.part(part);
+                let (all, ties) = self.all_hits(tracer, &rays, most, merge)?;
+                let most = most.map_or(usize::MAX, |most| most as usize);
+                self.for_each_hit((&all, &ties), most, |hit| match hit {
+                    Some((hit, place)) => list.push(hit, place),
+                    None => list.end_ray(),
+                });
+                Ok(())
+            })?;
+            Ok(list)
+        })?;
+        Ok(list.into_arrays(py))
+    }
+
+    /// Whether each point is inside of the scene or on its surface.
+    fn contains<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f32>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let points = points.as_slice()?.as_chunks().0;
+        self.numbers(py, points.len(), progress, |tracer, part| tracer.contains(&points[part]))
+    }
+
+    /// A picture.
+    #[allow(clippy::too_many_arguments)] // Python names them
+    fn render(
+        &self,
+        py: Python,
+        size: Option<(u32, u32)>,
+        camera: Option<GivenCamera>,
+        samples: Option<u32>,
+        error: Option<f32>,
+        depth: Option<u32>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Picture> {
+        let mut view = size.map_or_else(View::default, |(width, height)| View::new(width, height));
+        if let Some((eye, target, up, fov_degrees)) = camera {
+            view = view.camera(Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_degrees });
+        }
+        view = samples.map_or(view, |samples| view.samples(samples));
+        view = error.map_or(view, |error| view.error(error));
+        view = depth.map_or(view, |depth| view.depth(depth));
+        run(py, progress, |call| {
+            let mut picture = None;
+            self.work(call, 1, |tracer, _| {
+                picture = Some(tracer.render(&view)?);
+                Ok(())
+            })?;
+            Ok(Picture(picture.expect("it was rendered")))
+        })
+    }
+}

@@ -1,0 +1,33 @@
+//! Errors of the library as exceptions of Python.
+
+use pyo3::prelude::*;
+use raybrook::Error;
+use std::error::Error as _;
+
+/// The class of `raybrook._errors` for an error: those of one class have one exit code of the command line.
+fn class(error: &Error) -> &'static str {
+    match (error, error.exit_code()) {
+        (Error::OutOfMemory { .. }, _) => "OutOfMemoryError",
+        (_, 2) => "OptionError",
+        (_, 3) => "InputError",
+        (_, 5) => "OutputError",
+        _ => "DeviceError",
+    }
+}
+
+/// The exception, with the words of the command line: the error and what caused it.
+pub fn to_python(py: Python, error: &Error) -> PyErr {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(source) = cause {
+        text += &format!(": {source}");
+        cause = source.source();
+    }
+    raise(py, class(error), &text)
+}
+
+/// An exception of a class of `raybrook._errors`.
+pub fn raise(py: Python, class: &str, text: &str) -> PyErr {
+    let made = py.import("raybrook._errors").and_then(|module| module.getattr(class)).and_then(|c| c.call1((text,)));
+    made.map_or_else(|failure| failure, PyErr::from_value)
+}

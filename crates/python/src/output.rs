@@ -1,0 +1,125 @@
+//! Hits as arrays of numbers.
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use raybrook::{Hit, Scene};
+use rayon::prelude::*;
+
+/// Marks a ray that hits nothing, as triangle and as mesh.
+pub const NO_HIT: u32 = u32::MAX;
+
+/// Which mesh a triangle belongs to.
+pub struct Meshes {
+    /// Of each mesh the number of its first triangle in the scene, ascending.
+    pub starts: Vec<u32>,
+}
+
+impl Meshes {
+    /// The mesh of a triangle of the scene, and the triangle's number in it. Of meshes without triangles, that start
+    /// at the same number, the last one has the triangle.
+    pub fn place(&self, triangle: u32) -> (u32, u32) {
+        let mesh = self.starts.partition_point(|&start| start <= triangle) - 1;
+        (mesh as u32, triangle - self.starts[mesh])
+    }
+}
+
+/// Where the closest hits of some rays go, an element of each for a ray: u and v, and normals, by twos and threes.
+pub struct ClosestHits<'a> {
+    pub t: &'a mut [f32],
+    pub uv: &'a mut [f32],
+    pub triangle: &'a mut [u32],
+    pub mesh: &'a mut [u32],
+    /// Empty where they are not wanted.
+    pub normals: &'a mut [f32],
+}
+
+impl<'a> ClosestHits<'a> {
+    /// Takes the places of the first `count` rays away.
+    pub fn split(&mut self, count: usize) -> ClosestHits<'a> {
+        fn take<'a, T>(all: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+            let (first, rest) = std::mem::take(all).split_at_mut(count);
+            *all = rest;
+            first
+        }
+        let normals = if self.normals.is_empty() { 0 } else { 3 * count };
+        ClosestHits {
+            t: take(&mut self.t, count),
+            uv: take(&mut self.uv, 2 * count),
+            triangle: take(&mut self.triangle, count),
+            mesh: take(&mut self.mesh, count),
+            normals: take(&mut self.normals, normals),
+        }
+    }
+
+    /// Writes the hits of all rays.
+    pub fn write(self, hits: &[Option<Hit>], meshes: &Meshes, scene: &Scene) {
+        let ids = self.triangle.par_iter_mut().zip(self.mesh);
+        let numbers = self.t.par_iter_mut().zip(self.uv.par_chunks_mut(2));
+        hits.par_iter().zip(ids.zip(numbers)).for_each(|(hit, ((triangle, mesh), (t, uv)))| match hit {
+            Some(hit) => {
+                (*mesh, *triangle) = meshes.place(hit.triangle);
+                *t = hit.t;
+                uv.copy_from_slice(&[hit.u, hit.v]);
+            }
+            None => {
+                (*mesh, *triangle) = (NO_HIT, NO_HIT);
+                *t = f32::INFINITY;
+                uv.fill(0.0);
+            }
+        });
+        self.normals.par_chunks_mut(3).zip(hits).for_each(|(normal, hit)| {
+            normal.copy_from_slice(&hit.map_or([0.0; 3], |hit| unit_normal(scene, hit.triangle)));
+        });
+    }
+}
+
+/// The unit normal of a triangle, on the side from which its vertices go counter-clockwise.
+pub fn unit_normal(scene: &Scene, triangle: u32) -> [f32; 3] {
+    let [a, b, c] = scene.vertices(triangle as usize).map(|vertex| vertex.as_dvec3());
+    (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array()
+}
+
+/// All hits of rays, ray after ray.
+#[derive(Default)]
+pub struct HitList {
+    /// Where the hits of each ray start, and where those of the last one end.
+    pub starts: Vec<i64>,
+    t: Vec<f32>,
+    uv: Vec<f32>,
+    triangle: Vec<u32>,
+    mesh: Vec<u32>,
+}
+
+/// The arrays of a list: starts, t, u and v by twos, triangle, mesh.
+pub type Arrays<'py> = (
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<u32>>,
+    Bound<'py, PyArray1<u32>>,
+);
+
+impl HitList {
+    pub fn new() -> HitList {
+        HitList { starts: vec![0], ..HitList::default() }
+    }
+
+    /// Adds a hit to the ray that is under way.
+    pub fn push(&mut self, hit: &Hit, (mesh, triangle): (u32, u32)) {
+        self.t.push(hit.t);
+        self.uv.extend([hit.u, hit.v]);
+        self.triangle.push(triangle);
+        self.mesh.push(mesh);
+    }
+
+    /// Ends the ray that is under way.
+    pub fn end_ray(&mut self) {
+        self.starts.push(self.t.len() as i64);
+    }
+
+    pub fn into_arrays(self, py: Python<'_>) -> Arrays<'_> {
+        let HitList { starts, t, uv, triangle, mesh } = self;
+        let numbers = (t.into_pyarray(py), uv.into_pyarray(py));
+        (starts.into_pyarray(py), numbers.0, numbers.1, triangle.into_pyarray(py), mesh.into_pyarray(py))
+    }
+}

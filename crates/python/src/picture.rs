@@ -1,0 +1,63 @@
+//! Pictures.
+
+use crate::error::{raise, to_python};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::path::PathBuf;
+
+/// A rendered picture.
+#[pyclass(frozen, module = "raybrook._raybrook")]
+pub struct Picture(pub raybrook::Picture);
+
+#[pymethods]
+impl Picture {
+    #[getter]
+    fn width(&self) -> u32 {
+        self.0.width()
+    }
+
+    #[getter]
+    fn height(&self) -> u32 {
+        self.0.height()
+    }
+
+    /// Linear RGB radiance, three numbers a pixel, top row first.
+    fn pixels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        PyArray1::from_slice(py, self.0.pixels().as_flattened())
+    }
+
+    /// 8-bit sRGB, three bytes a pixel, top row first.
+    fn srgb8<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        PyArray1::from_vec(py, self.0.to_srgb8())
+    }
+
+    /// The bytes of a PNG file.
+    fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let mut bytes = Vec::new();
+        let write = |bytes: &mut Vec<u8>| {
+            let mut encoder = png::Encoder::new(bytes, self.0.width(), self.0.height());
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_depth(png::BitDepth::Eight);
+            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+            encoder.write_header()?.write_image_data(&self.0.to_srgb8())
+        };
+        py.detach(|| write(&mut bytes)).map_err(|error| raise(py, "OutputError", &error.to_string()))?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// Writes a .png, .exr or .pfm file.
+    fn save(&self, py: Python, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.0.save(path)).map_err(|error| to_python(py, &error))
+    }
+
+    #[getter]
+    fn camera_rays(&self) -> u64 {
+        self.0.camera_rays()
+    }
+
+    #[getter]
+    fn all_rays(&self) -> u64 {
+        self.0.all_rays()
+    }
+}

@@ -1,0 +1,60 @@
+"""Pictures, and what notebooks show."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from conftest import SQUARES, SQUARES_FACES
+
+from raybrook import Scene
+
+
+def decoded(png):
+    """The bytes of an 8-bit RGB picture without interlacing."""
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    place, parts = 8, {}
+    while place < len(png):
+        length, kind = struct.unpack(">I4s", png[place : place + 8])
+        parts[kind] = parts.get(kind, b"") + png[place + 8 : place + 8 + length]
+        place += 12 + length
+    width, height, depth, colour = struct.unpack(">IIBB", parts[b"IHDR"][:10])
+    assert (depth, colour) == (8, 2)
+    lines = np.frombuffer(zlib.decompress(parts[b"IDAT"]), np.uint8).reshape(height, 1 + 3 * width)
+    rows = np.zeros((height + 1, width + 1, 3), int)
+    for y, line in enumerate(lines):
+        for x, given in enumerate(line[1:].reshape(width, 3).astype(int)):
+            left, above, corner = rows[y + 1, x], rows[y, x + 1], rows[y, x]
+            guess = left + above - corner
+            near = np.abs(guess - left), np.abs(guess - above), np.abs(guess - corner)
+            paeth = np.where((near[0] <= near[1]) & (near[0] <= near[2]), left, np.where(near[1] <= near[2], above, corner))
+            rows[y + 1, x + 1] = (given + [0, left, above, (left + above) // 2, paeth][line[0]]) % 256
+    return rows[1:, 1:]
+
+
+def test_a_picture(squares, tmp_path):
+    picture = squares.render(24, 16, samples=4)
+    assert (picture.width, picture.height) == (24, 16)
+    assert (picture.pixels.shape, picture.pixels.dtype) == ((16, 24, 3), np.float32)
+    assert (picture.to_srgb8().shape, picture.to_srgb8().dtype) == ((16, 24, 3), np.uint8)
+    assert picture.all_rays >= picture.camera_rays == 24 * 16 * 4
+    assert np.array_equal(decoded(picture._repr_png_()), picture.to_srgb8())
+    picture.save(tmp_path / "picture.png")
+    assert np.array_equal(decoded((tmp_path / "picture.png").read_bytes()), picture.to_srgb8())
+    assert "24x16" in repr(picture)
+
+
+def test_a_camera(squares):
+    picture = squares.render(9, 9, eye=(2, 2, 9), target=(2, 2, 0), fov=20, samples=1)
+    away = squares.render(9, 9, eye=(2, 2, 9), target=(2, 2, 99), fov=20, samples=1)
+    assert picture.pixels[4, 4].max() > away.pixels[4, 4].max()
+    for wrong in ({"eye": (1, 2, 3)}, {"width": 3}, {"samples": 1, "error": 1.0}):
+        with pytest.raises(TypeError, match="together"):
+            squares.render(**wrong)
+
+
+def test_a_scene_shows_itself():
+    scene = Scene(SQUARES, SQUARES_FACES)
+    preview = scene.preview()
+    assert (preview.width, preview.height) == (320, 240)
+    assert scene._repr_png_() == preview._repr_png_()
