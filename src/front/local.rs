@@ -82,6 +82,19 @@ impl LocalSpace {
         LocalSpace { origin: [0, 1, 2].map(|axis| round_middle(points.iter().map(|p| p[axis]))) }
     }
 
+    /// The space with (0, 0, 0) at `origin`.
+    pub fn at(origin: [f64; 3]) -> LocalSpace {
+        LocalSpace { origin }
+    }
+
+    /// A coordinate on `axis` (0, 1 or 2) in float32, from the origin on, and what got lost.
+    ///
+    /// # Panics
+    /// When there is no such axis.
+    pub fn coordinate(&self, axis: usize, given: f64) -> (f32, Rounding) {
+        Rounding::of(given, self.origin[axis])
+    }
+
     /// Where (0, 0, 0) is.
     pub fn origin(&self) -> [f64; 3] {
         self.origin
@@ -89,29 +102,29 @@ impl LocalSpace {
 
     /// Points in float32, from the origin on, and what got lost.
     pub fn points(&self, points: &[[f64; 3]]) -> (Vec<[f32; 3]>, Rounding) {
-        rounded(points, self.origin)
+        self.rounded(points)
     }
 
     /// Directions in float32, and what got lost.
     pub fn directions(&self, directions: &[[f64; 3]]) -> (Vec<[f32; 3]>, Rounding) {
-        rounded(directions, [0.0; 3])
+        LocalSpace::default().rounded(directions)
     }
 
     /// Where a point is in the world.
     pub fn world_point(&self, point: [f32; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| f64::from(point[axis]) + self.origin[axis])
     }
-}
 
-fn rounded(points: &[[f64; 3]], origin: [f64; 3]) -> (Vec<[f32; 3]>, Rounding) {
-    let mut rounding = Rounding::default();
-    let mut local = |given: f64, axis: usize| {
-        let (local, lost) = Rounding::of(given, origin[axis]);
-        rounding += lost;
-        local
-    };
-    let points = points.iter().map(|p| [local(p[0], 0), local(p[1], 1), local(p[2], 2)]).collect();
-    (points, rounding)
+    fn rounded(&self, points: &[[f64; 3]]) -> (Vec<[f32; 3]>, Rounding) {
+        let mut rounding = Rounding::default();
+        let mut coordinate = |axis: usize, given: f64| {
+            let (local, lost) = self.coordinate(axis, given);
+            rounding += lost;
+            local
+        };
+        let points = points.iter().map(|p| [coordinate(0, p[0]), coordinate(1, p[1]), coordinate(2, p[2])]).collect();
+        (points, rounding)
+    }
 }
 
 /// A number near the middle of `numbers` that is a multiple of a power of two not below their extent: it has so few

@@ -18,6 +18,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const AT_A_TIME: usize = 1 << 20;
 
 /// What is chosen of a tracer.
+#[derive(Clone)]
 struct Choices {
     device: Option<String>,
     method: Option<String>,
@@ -241,6 +242,29 @@ impl Core {
     ) -> PyResult<Core> {
         let made = join(&meshes, is_strict)?.and_then(|(scene, starts)| Core::of(scene, starts, choices));
         made.map_err(|error| to_python(py, &error))
+    }
+
+    /// This scene with other meshes. What traces it takes them over, if it is open, and this one opens another one when
+    /// it is asked again.
+    fn moved(
+        &self,
+        py: Python,
+        meshes: Vec<(PyReadonlyArray2<f32>, PyReadonlyArray2<u32>)>,
+        is_strict: bool,
+    ) -> PyResult<Core> {
+        let (scene, starts) = join(&meshes, is_strict)?.map_err(|error| to_python(py, &error))?;
+        let mut tracer = None;
+        run(py, None, |call| {
+            self.current.set(call);
+            let mut place = self.tracer.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(open) = place.as_mut() {
+                open.update(&scene)?;
+                tracer = place.take();
+            }
+            Ok(())
+        })?;
+        let (choices, current) = (self.choices.clone(), self.current.clone());
+        Ok(Core { scene, meshes: Meshes { starts }, choices, current, tracer: Mutex::new(tracer) })
     }
 
     /// The scene of a file, as one mesh.

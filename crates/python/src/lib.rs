@@ -24,7 +24,7 @@ mod _raybrook {
     #[pymodule_export]
     use super::picture::Picture;
     #[pymodule_export]
-    use super::round::round_to_float32;
+    use super::round::{origin_around, round_to_float32};
 
     /// The version of the Rust package.
     #[pymodule_export]

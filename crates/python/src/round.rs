@@ -1,37 +1,49 @@
 //! float64 numbers as float32.
 
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use raybrook::{LocalSpace, Rounding};
 use rayon::prelude::*;
 
-/// Numbers that one task rounds.
-const PART: usize = 1 << 16;
+/// Rows that one task rounds.
+const ROWS: usize = 1 << 14;
 
-/// `numbers` rounded to the nearest float32 numbers; how many that changed, and the largest change. NaN stays NaN.
+/// Rows of `width` numbers, of which the first three count from `origin` on, rounded to the nearest float32 numbers; how
+/// many that changed, and the largest change. NaN stays NaN.
 #[pyfunction]
 pub fn round_to_float32<'py>(
     py: Python<'py>,
     numbers: PyReadonlyArray1<'py, f64>,
+    width: usize,
+    origin: [f64; 3],
 ) -> PyResult<(Bound<'py, PyArray1<f32>>, usize, f64)> {
-    let numbers = numbers.as_slice()?;
+    let (numbers, space) = (numbers.as_slice()?, LocalSpace::at(origin));
     let rounded = PyArray1::zeros(py, numbers.len(), false);
     // SAFETY: nobody else has the new array yet.
     let results: &mut [f32] = unsafe { rounded.as_slice_mut() }?;
-    let (changed, largest) = py.detach(|| {
-        let parts = results.par_chunks_mut(PART).zip(numbers.par_chunks(PART));
-        let round = |(results, numbers): (&mut [f32], &[f64])| {
-            let (mut changed, mut largest) = (0, 0.0f64);
-            for (result, &number) in results.iter_mut().zip(numbers) {
-                *result = number as f32;
-                let back = f64::from(*result);
-                if back != number && !number.is_nan() {
-                    changed += 1;
-                    largest = largest.max((back - number).abs());
-                }
-            }
-            (changed, largest)
-        };
-        parts.map(round).reduce(|| (0, 0.0), |a, b| (a.0 + b.0, a.1.max(b.1)))
+    let round = |(results, numbers): (&mut [f32], &[f64])| {
+        let mut rounding = Rounding::default();
+        for (i, (result, &number)) in results.iter_mut().zip(numbers).enumerate() {
+            let column = i % width;
+            let in_space = if column < 3 { space } else { LocalSpace::default() };
+            let (number, lost) = in_space.coordinate(column % 3, number);
+            *result = number;
+            rounding += lost;
+        }
+        rounding
+    };
+    let rounding = py.detach(|| {
+        let size = ROWS * width;
+        results.par_chunks_mut(size).zip(numbers.par_chunks(size)).map(round).reduce(Rounding::default, |mut a, b| {
+            a += b;
+            a
+        })
     });
-    Ok((rounded, changed, largest))
+    Ok((rounded, rounding.rounded, rounding.largest))
+}
+
+/// Where float32 numbers for what is around `points` best count from.
+#[pyfunction]
+pub fn origin_around(points: PyReadonlyArray2<f64>) -> PyResult<[f64; 3]> {
+    Ok(LocalSpace::around(points.as_slice()?.as_chunks().0).origin())
 }

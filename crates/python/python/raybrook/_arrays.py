@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any, Optional
 
 import numpy as np
@@ -24,19 +26,25 @@ def as_array(name: str, value: Any) -> np.ndarray:
     return np.asarray(value)
 
 
-def float32(name: str, *values: Any) -> list[np.ndarray]:
-    """``values`` as contiguous float32 numbers. What is rounded is told by one `RoundingWarning`."""
+NO_ORIGIN = (0.0, 0.0, 0.0)
+
+
+def float32(name: str, *values: Any, origins: Sequence[Sequence[float]] = ()) -> list[np.ndarray]:
+    """``values`` as contiguous float32 numbers. What is rounded is told by one `RoundingWarning`.
+
+    Of a value that has one of ``origins`` which is not 0 the first three of the last dimension count from there."""
     arrays, total, changed, largest = [], 0, 0, 0.0
-    for value in values:
+    for value, origin in zip_longest(values, origins[: len(values)], fillvalue=NO_ORIGIN):
         array = as_array(name, value)
         if array.dtype.kind not in "fiub":
             raise TypeError(f"{name}: numbers are needed, not {array.dtype}")
         total += array.size
-        if _is_exact(array.dtype):
+        if _is_exact(array.dtype) and not any(origin):
             arrays.append(np.ascontiguousarray(array, dtype=np.float32).reshape(array.shape))
             continue
         flat = np.ascontiguousarray(array, dtype=np.float64).reshape(-1)
-        rounded, of_array, by = _raybrook.round_to_float32(flat)
+        width = max(array.shape[-1], 1) if any(origin) else 3
+        rounded, of_array, by = _raybrook.round_to_float32(flat, width, origin)
         arrays.append(rounded.reshape(array.shape))
         changed, largest = changed + of_array, max(largest, by)
     if changed:
@@ -63,21 +71,21 @@ def rows(array: np.ndarray) -> np.ndarray:
     return array.reshape(math.prod(array.shape[:-1]), array.shape[-1])
 
 
-def points(name: str, value: Any) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Points as rows, and their leading shape."""
-    [array] = float32(name, value)
-    return rows(with_last(name, array, (3,))), array.shape[:-1]
+def points(name: str, value: Any, origin: Sequence[float]) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Points as rows, from ``origin`` on, and their leading shape."""
+    [array] = float32(name, with_last(name, as_array(name, value), (3,)), origins=[origin])
+    return rows(array), array.shape[:-1]
 
 
 GivenRays = tuple[np.ndarray, Optional[np.ndarray], tuple[float, float]]
 
 
-def rays(value: Any, t_min: float, t_max: float) -> tuple[GivenRays, tuple[int, ...]]:
-    """Rays as the module in Rust takes them, and their leading shape."""
+def rays(value: Any, t_min: float, t_max: float, origin: Sequence[float]) -> tuple[GivenRays, tuple[int, ...]]:
+    """Rays as the module in Rust takes them, from ``origin`` on, and their leading shape."""
     limits = (float(t_min), float(t_max))
     if isinstance(value, tuple) and len(value) == 2 and np.shape(value[1])[-1:] == (3,):
-        origins, directions = float32("rays", *value)
-        with_last("origins", origins, (3,))
+        starts = with_last("origins", as_array("origins", value[0]), (3,))
+        origins, directions = float32("rays", starts, value[1], origins=[origin])
         try:
             origins, directions = np.broadcast_arrays(origins, directions)
         except ValueError:
@@ -85,8 +93,7 @@ def rays(value: Any, t_min: float, t_max: float) -> tuple[GivenRays, tuple[int, 
             raise ValueError(text) from None
         given = (rows(np.ascontiguousarray(origins)), rows(np.ascontiguousarray(directions)), limits)
         return given, origins.shape[:-1]
-    [array] = float32("rays", value)
-    with_last("rays", array, (6, 8))
+    [array] = float32("rays", with_last("rays", as_array("rays", value), (6, 8)), origins=[origin])
     if array.shape[-1] == 8 and limits != (0.0, math.inf):
         raise ValueError("rays: t_min and t_max are given twice, by the rays' last two numbers and by name")
     return (rows(array), None, limits), array.shape[:-1]

@@ -68,6 +68,10 @@ class Scene:
         vertices: ``[n, 3]``, world units. None: a scene without a mesh, for `add_mesh`.
         faces: integers ``[m, 3]``; row i is triangle i.
         transform: ``[4, 4]`` or ``[3, 4]``, from the mesh to the world, applied in float64.
+        origin: a place, float64, from which the scene's float32 numbers count, or ``auto``: a round place among the
+            vertices of the first mesh. For coordinates far from 0, as surveys have them, of which float32 would lose
+            much. Vertices, rays, points and answers are in the caller's coordinates as ever, but places in answers are
+            float64.
         device: ``gpu``, ``cpu``, ``reference`` (scalar code on all cores, without OpenCL), a number of `devices` or a
             part of a name. None: ``$RAYBROOK_DEVICE``, else the fastest.
         method: structure and more, as ``--method`` of the command line, such as ``bvh8``. None: the fastest.
@@ -86,6 +90,7 @@ class Scene:
         faces: Any = None,
         *,
         transform: Any = None,
+        origin: Any = None,
         device: str | int | None = None,
         method: str | None = None,
         precision: str | None = None,
@@ -94,6 +99,9 @@ class Scene:
     ) -> None:
         self._choices = dict(device=device, method=method, precision=precision, memory_limit=memory_limit, cache=cache)
         self._meshes: list[tuple[np.ndarray, np.ndarray]] = []
+        self._origin = origin if origin is None or isinstance(origin, str) else _vector("origin", origin)
+        if isinstance(self._origin, str) and self._origin != "auto":
+            raise ValueError(f"origin: '{origin}' is neither a place nor 'auto'")
         self._is_strict = True
         self._path: str | None = None
         self._core: _raybrook.Core | None = None
@@ -116,6 +124,8 @@ class Scene:
             InputError: the file is missing, or cannot be used; the message names file and line.
         """
         scene = cls(**choices)
+        if scene._origin is not None:
+            raise TypeError("a scene from a file counts from 0: it takes no origin")
         scene._path = os.path.abspath(os.fspath(path))
         faults = scene._get().warnings
         more = f" (and {len(faults) - 1} more: Scene.warnings)" if len(faults) > 1 else ""
@@ -136,19 +146,65 @@ class Scene:
             raise TypeError("a scene from a file takes no more meshes")
         if vertices is None or faces is None:
             raise TypeError("a mesh needs vertices and faces")
-        if transform is not None:
-            vertices = _moved(_arrays.as_array("vertices", vertices), np.asarray(transform, dtype=np.float64))
-        [positions] = _arrays.float32("vertices", vertices)
-        if positions.size == 0:
-            positions = np.zeros((0, 3), np.float32)
-        if positions.ndim != 2 or positions.shape[1] != 3:
-            raise ValueError(f"vertices: the shape must be (n, 3), but is {positions.shape}")
         with self._lock:
             # What is added later does not change what the caller's arrays say now.
-            self._meshes.append((positions.copy(), _arrays.indices("faces", faces).copy()))
+            self._meshes.append((self._positions(vertices, transform), _arrays.indices("faces", faces).copy()))
             self._core = self._corners = None
             self._is_open = False
             return len(self._meshes) - 1
+
+    def update_vertices(self, vertices: Any, mesh: int = 0, transform: Any = None) -> None:
+        """Move the vertices of a mesh; its faces stay. Answers are those of a new scene, to the bit, in less time:
+        device and kernels stay, and the structure is refitted while that is faster than building it.
+
+        Args:
+            vertices: ``[n, 3]``, as many as the mesh has.
+            mesh: its number.
+            transform: as of `Scene`.
+
+        Raises:
+            InputError: a vertex is not finite; the scene stays as it was.
+        """
+        if self._path is not None:
+            raise TypeError("the vertices of a scene from a file stay where they are")
+        with self._lock:
+            if not 0 <= mesh < len(self._meshes):
+                raise ValueError(f"mesh: there is no mesh {mesh}: the scene has {len(self._meshes)}")
+            positions, meshes = self._positions(vertices, transform), list(self._meshes)
+            before, faces = meshes[mesh]
+            if len(positions) != len(before):
+                raise ValueError(f"vertices: the mesh has {len(before)}, and {len(positions)} are given")
+            meshes[mesh] = (positions, faces)
+            if self._core is not None:
+                self._core = self._core.moved(meshes, self._is_strict)
+            self._meshes, self._corners = meshes, None
+
+    def _positions(self, vertices: Any, transform: Any) -> np.ndarray:
+        """A copy of vertices in the world, from the scene's origin on."""
+        given = _arrays.as_array("vertices", vertices)
+        if transform is not None:
+            given = _moved(given, np.asarray(transform, dtype=np.float64))
+        if given.size == 0:
+            return np.zeros((0, 3), np.float32)
+        if given.ndim != 2 or given.shape[1] != 3:
+            raise ValueError(f"vertices: the shape must be (n, 3), but is {given.shape}")
+        if self._origin == "auto":
+            self._origin = tuple(_raybrook.origin_around(np.ascontiguousarray(given, dtype=np.float64)))
+        [positions] = _arrays.float32("vertices", given, origins=[self._from])
+        return positions.copy()
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Where the scene's float32 numbers count from, float64 ``[3]``."""
+        return np.array(self._from)
+
+    @property
+    def _from(self) -> tuple[float, float, float]:
+        return _arrays.NO_ORIGIN if self._origin is None or self._origin == "auto" else self._origin
+
+    def _in_world(self, places: np.ndarray) -> np.ndarray:
+        """Places of the scene in the caller's coordinates."""
+        return places if self._origin is None else places + np.array(self._from)
 
     def _get(self) -> _raybrook.Core:
         with self._lock:
@@ -200,7 +256,7 @@ class Scene:
     def _closest(
         self, rays: Any, t_min: float, t_max: float, normals: bool, progress: Progress | None
     ) -> tuple[np.ndarray, ...]:
-        given, shape = _arrays.rays(rays, t_min, t_max)
+        given, shape = _arrays.rays(rays, t_min, t_max, self._from)
         t, uv, triangle, mesh, normal = self._opened().closest_hits(given, normals, progress)
         of_shape = (array.reshape(shape) for array in (triangle, mesh))
         normal = normal.reshape(*shape, 3) if normals else normal
@@ -210,7 +266,7 @@ class Scene:
         self, rays: Any, *, t_min: float = 0.0, t_max: float = math.inf, progress: Progress | None = None
     ) -> np.ndarray:
         """Whether each ray hits anything, bool: faster than `closest_hits`, whose arguments it has."""
-        given, shape = _arrays.rays(rays, t_min, t_max)
+        given, shape = _arrays.rays(rays, t_min, t_max, self._from)
         return self._opened().any_hit(given, progress).reshape(shape)
 
     def count(
@@ -220,7 +276,7 @@ class Scene:
 
         Arguments: those of `closest_hits`.
         """
-        given, shape = _arrays.rays(rays, t_min, t_max)
+        given, shape = _arrays.rays(rays, t_min, t_max, self._from)
         return self._opened().count(given, False, progress).reshape(shape)
 
     def count_crossings(
@@ -231,7 +287,7 @@ class Scene:
 
         Arguments: those of `closest_hits`.
         """
-        given, shape = _arrays.rays(rays, t_min, t_max)
+        given, shape = _arrays.rays(rays, t_min, t_max, self._from)
         return self._opened().count_crossings(given, progress).reshape(shape)
 
     def list_hits(
@@ -255,7 +311,7 @@ class Scene:
         """
         if most is not None and most < 0:
             raise ValueError(f"most: {most} is below 0")
-        given, _ = _arrays.rays(rays, t_min, t_max)
+        given, _ = _arrays.rays(rays, t_min, t_max, self._from)
         starts, t, uv, triangle, mesh = self._opened().list_hits(given, most, merge, progress)
         return HitList(starts, t, triangle, mesh, uv.reshape(-1, 2))
 
@@ -271,7 +327,7 @@ class Scene:
         Raises:
             InputError: the scene is not closed: an edge is in an odd number of triangles.
         """
-        given, shape = _arrays.points("points", points)
+        given, shape = _arrays.points("points", points, self._from)
         return self._opened().contains(given, progress).reshape(shape)
 
     def points(self, hits: Hits | HitList) -> np.ndarray:
@@ -288,7 +344,7 @@ class Scene:
         found = corners[:, 0] + v[:, :1] * (corners[:, 1] - corners[:, 0]) + v[:, 1:] * (corners[:, 2] - corners[:, 0])
         points = np.full((*hits.t.shape, 3), math.nan)
         points[is_hit] = found
-        return points
+        return self._in_world(points)
 
     def _first_triangles(self) -> np.ndarray:
         counts = [len(faces) for _, faces in self._meshes[:-1]]
@@ -330,8 +386,8 @@ class Scene:
         size = None if width is None else (width, height)
         camera = None
         if eye is not None:
-            places = (("eye", eye), ("target", target), ("up", up))
-            camera = (*(_vector(name, place) for name, place in places), float(fov))
+            places = (("eye", eye, self._from), ("target", target, self._from), ("up", up, _arrays.NO_ORIGIN))
+            camera = (*(_vector(name, place, origin) for name, place, origin in places), float(fov))
         return Picture(self._opened().render(size, camera, samples, error, depth, progress))
 
     def preview(self) -> Picture:
@@ -353,9 +409,10 @@ class Scene:
 
     @property
     def bounds(self) -> np.ndarray | None:
-        """The smallest box around all triangles that can be hit, float32 ``[2, 3]``; None where there is none."""
+        """The smallest box around all triangles that can be hit, float32 ``[2, 3]``, float64 if the scene has an
+        origin; None where there is none."""
         bounds = self._get().bounds()
-        return None if bounds is None else np.array(bounds, dtype=np.float32)
+        return None if bounds is None else self._in_world(np.array(bounds, dtype=np.float32))
 
     @property
     def warnings(self) -> list[str]:
@@ -373,15 +430,15 @@ class Scene:
         return self._opened().open()[1]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self._path, self._meshes, self._is_strict, self._choices)
+        return _restored, (self._path, self._meshes, self._is_strict, self._choices, self._origin)
 
     def __repr__(self) -> str:
         return f"<raybrook.Scene of {self.mesh_count} meshes, {self.triangle_count} triangles>"
 
 
-def _restored(path: str | None, meshes: list[Any], is_strict: bool, choices: dict[str, Any]) -> Scene:
+def _restored(path: str | None, meshes: list[Any], is_strict: bool, choices: dict[str, Any], origin: Any) -> Scene:
     """A scene that was pickled: by its arrays, or by the path of its file."""
-    scene = Scene(**choices)
+    scene = Scene(**choices, origin=origin)
     scene._path, scene._meshes, scene._is_strict = path, list(meshes), is_strict
     return scene
 
@@ -398,6 +455,6 @@ def _moved(vertices: np.ndarray, transform: np.ndarray) -> np.ndarray:
     return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]], axis=-1)
 
 
-def _vector(name: str, value: Any) -> tuple[float, float, float]:
-    x, y, z = np.asarray(value, dtype=np.float64).reshape(3)
+def _vector(name: str, value: Any, origin: tuple[float, float, float] = _arrays.NO_ORIGIN) -> tuple[float, float, float]:
+    x, y, z = np.asarray(value, dtype=np.float64).reshape(3) - np.array(origin)
     return float(x), float(y), float(z)

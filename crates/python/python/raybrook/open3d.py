@@ -116,7 +116,7 @@ class RaycastingScene:
 
     def count_intersections(self, rays: Any, nthreads: int = 0) -> Any:
         """How many intersections each ray has: int32 ``{..}``. One through an edge of a mesh counts once."""
-        given, shape = _arrays.rays(_rays(rays), 0.0, math.inf)
+        given, shape = _arrays.rays(_rays(rays), 0.0, math.inf, self._scene._from)
         counts = self._scene._opened().count(given, True, None).reshape(shape)
         return _like(rays, counts.astype(np.int32))
 
