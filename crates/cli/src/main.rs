@@ -17,6 +17,7 @@ mod book;
 mod check;
 mod closed;
 mod devices;
+mod distance;
 mod end;
 mod explain;
 mod files;
@@ -27,6 +28,7 @@ mod kernels;
 mod method;
 mod methods;
 mod open;
+mod points;
 mod progress;
 mod render;
 mod shell;
@@ -91,6 +93,8 @@ enum Command {
     Trace(trace::TraceArgs),
     /// Tell which points of a NumPy .npz file are inside of a closed mesh.
     Inside(inside::InsideArgs),
+    /// Find what of a scene is closest to the points of a NumPy .npz file, and how far it is.
+    Distance(distance::DistanceArgs),
     /// Render on a device and on the reference, and compare; or with --truth, have a judge compare.
     Check(check::CheckArgs),
     /// Tell what is in a scene and how its tree turns out.
@@ -292,6 +296,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
+        Command::Distance(args) => distance::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Check(args) => check::run(&args, cli.talk),
         Command::Info(args) => info::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
         Command::Devices(args) => devices::run(&args, cli.talk).map(|()| ExitCode::SUCCESS),
