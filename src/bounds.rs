@@ -51,6 +51,21 @@ device_const! {
     pub const THICKEST: f32 = (1u128 << 126) as f32;
 }
 
+device_const! {
+    /// Distances of points: `cl/kernels/closest_point.cl`.
+    pub group DISTANCE_BOUNDS;
+    /// What bounds of a triangle's distance are off by, in units of the distance of its farthest corner.
+    pub const DISTANCE_ERROR: f32 = 32.0 * EPSILON;
+    /// What they are off by, however near the triangle is.
+    pub const LEAST_DISTANCE_ERROR: f32 = 1.0 / (1u128 << 60) as f32;
+    /// What makes up for the roundings of a distance from the middle of a box.
+    pub const BOX_DISTANCE_DOWN: f32 = 1.0 - 4.0 * EPSILON;
+    /// What makes up for the roundings of squared distances of boxes.
+    pub const BOX_LIMIT_UP: f32 = 1.0 + 16.0 * EPSILON;
+    /// Triangles that a point's list has room for.
+    pub const MOST_CANDIDATES: u32 = 16;
+}
+
 /// Rays that start no farther away than this from any corner of the scene's box, on any axis, in units of the box's
 /// largest side, want no more than the padding of its boxes: those that start in it, and from cameras three times its
 /// size beside it. Others take pads. As much again would make boxes larger by a hundred thousandth of the scene.

@@ -28,6 +28,7 @@
 //! assert_eq!(hits[1], None);
 //! assert_eq!(tracer.any_hits(&rays)?, [true, false]);
 //! assert_eq!(tracer.count_hits(&rays)?, [1, 0]); // and all_hits() lists them
+//! assert_eq!(tracer.distances(&[[1.0, 2.0, 5.0]])?, [5.0]); // and closest_points() tells where
 //! # Ok::<(), raybrook::Error>(())
 //! ```
 //!
@@ -81,6 +82,7 @@
 //! | [`device`](low_level::device) | OpenCL: list, choose, compile, upload, launch |
 //! | [`mod@reference`](low_level::reference) | the scalar twin, and an oracle in f64 with a hierarchy of its own |
 //! | [`tracer`](low_level::tracer), [`renderer`](low_level::renderer) | the interface of device and reference; from a scene to one that is ready |
+//! | [`crossings`](low_level::crossings), [`closest`](low_level::closest), [`winding`](low_level::winding) | crossings of surfaces, points inside; closest points and distances; winding numbers |
 //! | [`extreme`](low_level::extreme) | rays whose numbers tracing space cannot hold |
 //! | [`adaptive`](low_level::adaptive), [`features`](low_level::features) | pictures of bounded error; what a scene needs of the kernels that shade |
 //! | [`options`](low_level::options) | what can be chosen, and what goes together |
@@ -111,6 +113,7 @@ mod adaptive;
 mod bounds;
 mod budget;
 mod choose;
+mod closest;
 mod crossings;
 mod device;
 mod device_info;
@@ -132,12 +135,14 @@ pub mod scene;
 mod shared;
 mod stats;
 mod tracer;
+mod winding;
 mod work;
 
 pub use device::DeviceKind;
 pub use error::{Error, Result};
 pub use front::{
-    AllHits, Device, Hit, LocalSpace, Picture, Precision, Ray, Rounding, Tracer, TracerBuilder, View, devices,
+    AllHits, ClosestPoint, Device, Hit, LocalSpace, Picture, Precision, Ray, Rounding, Tracer, TracerBuilder, View,
+    devices,
 };
 pub use glam;
 pub use scene::{Builder, Camera, Light, Material, Scene};

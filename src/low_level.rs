@@ -29,6 +29,8 @@ rooms! {
     budget,
     /// What is taken where nothing is asked for: by the model, or by measuring.
     choose,
+    /// Closest points of scenes to points, and distances.
+    closest,
     /// Comparisons of pictures and of hits.
     compare in io,
     /// How often rays cross surfaces, and which points closed meshes contain.
@@ -69,6 +71,8 @@ rooms! {
     stats,
     /// The interface of everything that traces rays: batches and pictures, on a device or on the reference.
     tracer,
+    /// Generalised winding numbers, of open meshes, too.
+    winding,
     /// Counted work, and its sums.
     work,
 }

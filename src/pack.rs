@@ -3,6 +3,7 @@
 mod arrangement;
 mod instances;
 mod memory;
+mod points;
 mod shading;
 mod space;
 mod structures;
@@ -11,6 +12,7 @@ mod textures;
 mod transforms;
 
 pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
+pub use points::PointScene;
 pub use space::scale_of;
 pub use transforms::triangle_transform;
 
@@ -83,6 +85,8 @@ pub struct SceneBuffers {
     made_for: MadeFor,
     /// The triangles in world units, where those in tracing space have lost bits.
     given_vertices: Option<Vec<[Vec3; 3]>>,
+    /// The triangles of a scene without instances that cannot be hit, world units; those of objects are in `vertices`.
+    left_out: Vec<(u32, [Vec3; 3])>,
     triangle_count: usize,
 }
 
@@ -202,6 +206,10 @@ impl SceneBuffers {
             build_s,
             made_for,
             given_vertices,
+            left_out: match is_flat {
+                true => points::left_out(scene.triangle_count(), &space.primitives, |i| scene.vertices(i)),
+                false => Vec::new(),
+            },
             triangle_count: scene.triangle_count(),
         })
     }
@@ -222,6 +230,12 @@ impl SceneBuffers {
     /// The triangles in world units, where those in tracing space have lost bits.
     pub(crate) fn given_vertices(&self) -> Option<&[[Vec3; 3]]> {
         self.given_vertices.as_deref()
+    }
+
+    /// The vertices of a triangle that cannot be hit, world units; none of one that can, nor with instances.
+    pub(crate) fn left_out(&self, primitive: u32) -> Option<[Vec3; 3]> {
+        let place = self.left_out.binary_search_by_key(&primitive, |(number, _)| *number);
+        place.ok().map(|place| self.left_out[place].1)
     }
 
     /// Triangles that hits can name, each of an instance counted for itself.

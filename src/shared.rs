@@ -12,7 +12,7 @@ mod wavefront;
 pub use feature::Feature;
 pub use wavefront::*;
 
-use crate::bounds::{ROUNDING_BOUNDS, SLAB_BOUNDS, SPHERE_BOUNDS};
+use crate::bounds::{DISTANCE_BOUNDS, ROUNDING_BOUNDS, SLAB_BOUNDS, SPHERE_BOUNDS};
 use crate::layout::{ConstantGroup, Float4, Int4, StructLayout, device_const, device_struct};
 use crate::names::names;
 
@@ -506,7 +506,7 @@ pub fn constants_cl() -> String {
         "// GENERATED from src/bounds.rs and src/shared/ by `UPDATE=1 cargo test --test device layout`; do not edit.\n\
          // The constants that host and kernels share; the rest of their documentation is there.\n",
     );
-    let bounds = [ROUNDING_BOUNDS, SPHERE_BOUNDS, SLAB_BOUNDS];
+    let bounds = [ROUNDING_BOUNDS, SPHERE_BOUNDS, SLAB_BOUNDS, DISTANCE_BOUNDS];
     for group in RECORDS.iter().chain(&bounds).chain(&constants::ARITHMETIC) {
         text += &format!("\n{}", group.cl_definitions());
     }

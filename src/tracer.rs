@@ -1,8 +1,10 @@
 //! The one interface of everything that traces rays: OpenCL devices and the scalar reference (thesis, section 6.2.2).
 
 mod all_hits;
+mod candidates;
 
 pub use all_hits::{AllHits, AllHitsJob};
+pub use candidates::{Candidates, CandidatesJob};
 
 use crate::error::{Error, Result};
 use crate::io::film::Film;
@@ -213,6 +215,8 @@ pub enum Task {
     Batch,
     /// [`Backend::trace_all`].
     AllHits,
+    /// [`Backend::find_candidates`].
+    Points,
     /// [`Backend::render`].
     Picture,
 }
@@ -263,6 +267,12 @@ pub trait Backend: Send {
     /// # Errors
     /// As [`Backend::trace`]; [`Error::OutOfMemory`] when the system has no memory for so many hits.
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits>;
+
+    /// Finds the triangles that may be the nearest ones of points.
+    ///
+    /// # Errors
+    /// As [`Backend::trace`].
+    fn find_candidates(&mut self, job: &CandidatesJob, progress: Progress) -> Result<Candidates>;
 
     /// Renders a picture; `samples` are positions in the pixel, [`RenderParams::sample_count`] of them, and what each
     /// stands for. Of a list of rays ([`RenderParams::of_list`]) they are positions in the picture, in pixels from its

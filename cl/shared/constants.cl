@@ -77,6 +77,13 @@
 #define OBJECT_ORIGIN_ERROR 0x1.8p-21f // The same for a start far from 0 in the object
 #define THICKEST 0x1p126f // With thicker pads a ray meets every box of an object
 
+// Distances of points: `cl/kernels/closest_point.cl`.
+#define DISTANCE_ERROR 0x1p-19f // What bounds of a triangle's distance are off by, in units of the distance of its farthest corner
+#define LEAST_DISTANCE_ERROR 0x1p-60f // What they are off by, however near the triangle is
+#define BOX_DISTANCE_DOWN 0x1.fffff8p-1f // What makes up for the roundings of a distance from the middle of a box
+#define BOX_LIMIT_UP 0x1.00001p0f // What makes up for the roundings of squared distances of boxes
+#define MOST_CANDIDATES 16u // Triangles that a point's list has room for
+
 // Rays: `cl/shared/ray.cl`.
 #define SHORT_DIRECTION 0x1p-100f // A direction whose components are all below this is lifted by LIFT
 #define SMALL_TURN_LIFT 0x1p60f // What a direction is lifted by where its least component would lose bits

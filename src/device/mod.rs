@@ -43,6 +43,7 @@ mod list;
 mod owner;
 mod passes;
 mod picture;
+mod points;
 mod program;
 mod ptxas;
 mod report;

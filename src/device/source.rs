@@ -126,6 +126,10 @@ const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 const ADAPTIVE_FILES: &[(&str, &str)] =
     kernel_files!["cl/shared/types.cl", "cl/shared/constants.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
 
+/// The kernel of point queries, and what it needs.
+const CLOSEST_POINT_FILES: &[(&str, &str)] =
+    kernel_files!["cl/shared/types.cl", "cl/shared/constants.cl", "cl/shared/math.cl", "cl/kernels/closest_point.cl"];
+
 /// A program that measures the device.
 const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];
 
@@ -156,6 +160,11 @@ impl ProgramSource {
     /// The kernels that decide what is traced next of a picture, behind `constants`, which they have from the host.
     pub(super) fn adaptive(constants: &str) -> Self {
         Self::new([("constants", constants)].into_iter().chain(ADAPTIVE_FILES.iter().copied()))
+    }
+
+    /// The kernel of point queries.
+    pub fn closest_point() -> Self {
+        Self::new(CLOSEST_POINT_FILES.iter().copied())
     }
 
     /// The kernels that measure what the device can do at most.

@@ -9,6 +9,7 @@ use super::entry::Entry;
 use super::launch::{FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::Passes;
 use super::picture::{Launches, PictureBuffers, RenderLists, Rendered, items_of};
+use super::points::PointProgram;
 use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::wavefront::WavefrontPipeline;
@@ -22,7 +23,10 @@ use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
 use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, RenderParams};
-use crate::tracer::{Adaptive, AllHits, AllHitsJob, Backend, Progress, RenderResult, Task, TraceJob, TraceResult};
+use crate::tracer::{
+    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Task, TraceJob,
+    TraceResult,
+};
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
@@ -46,6 +50,8 @@ pub struct OpenClBackend {
     wavefront: Option<Box<WavefrontPipeline>>,
     /// What decides which pixels have more samples, once it was needed.
     adaptive: Option<AdaptiveProgram>,
+    /// What finds triangles near points, once it was needed.
+    points: Option<PointProgram>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
     trace_plan: LaunchPlan,
@@ -80,20 +86,21 @@ impl CompiledAhead {
         let mut passes = Passes::new(definitions, cache, context.info(), notes_on(context.info()));
         // What is in constant memory the scene decides; wavefront kernels are compiled when their pipeline is made.
         if options.arrays.memory != Memory::Constant && options.picture.kernels == Kernels::Mega {
-            for &task in tasks {
-                passes.prepare(&context, entry_of(task, options))?;
+            for entry in tasks.iter().filter_map(|&task| entry_of(task, options)) {
+                passes.prepare(&context, entry)?;
             }
         }
         Ok(CompiledAhead { context, passes })
     }
 }
 
-/// The first kernel that a task of the mega-kernel's needs.
-fn entry_of(task: Task, options: &TraceOptions) -> Entry {
+/// The first kernel that a task of the mega-kernel's needs; that of points has a program of its own.
+fn entry_of(task: Task, options: &TraceOptions) -> Option<Entry> {
     match task {
-        Task::Batch => Entry::of_batch(false, options.packet_size),
-        Task::AllHits => Entry::CountHits,
-        Task::Picture => Entry::of_picture(options.packet_size),
+        Task::Batch => Some(Entry::of_batch(false, options.packet_size)),
+        Task::AllHits => Some(Entry::CountHits),
+        Task::Points => None,
+        Task::Picture => Some(Entry::of_picture(options.packet_size)),
     }
 }
 
@@ -164,6 +171,7 @@ impl OpenClBackend {
             passes,
             wavefront: None,
             adaptive: None,
+            points: None,
             buffers: buffers.clone(),
             options: *options,
             trace_plan: LaunchPlan::starting_with(first_items, context.info().kind),
@@ -209,7 +217,13 @@ impl Backend for OpenClBackend {
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.picture.kernels) {
             (Task::Batch | Task::AllHits, _) | (Task::Picture, Kernels::Mega) => {
-                self.passes.prepare(&self.context, entry_of(task, &self.options))
+                entry_of(task, &self.options).map_or(Ok(()), |entry| self.passes.prepare(&self.context, entry))
+            }
+            (Task::Points, _) => {
+                if self.points.is_none() {
+                    self.points = Some(PointProgram::new(&self.context, &mut self.passes)?);
+                }
+                Ok(())
             }
             (Task::Picture, Kernels::Wavefront) => {
                 if self.wavefront.is_none() {
@@ -265,6 +279,12 @@ impl Backend for OpenClBackend {
         result.read_s = read_s + start.elapsed().as_secs_f64();
         extreme.list_in(&mut result);
         Ok(result)
+    }
+
+    fn find_candidates(&mut self, job: &CandidatesJob, progress: Progress) -> Result<Candidates> {
+        self.prepare(Task::Points)?;
+        let points = self.points.as_mut().expect("it was just prepared");
+        points.run(&self.context, job, self.work_group, progress)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {

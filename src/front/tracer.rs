@@ -4,21 +4,24 @@ use super::all_hits::AllHits;
 use super::builder::TracerBuilder;
 use super::framing::{LitScene, framing_camera, is_placed};
 use super::picture::Picture;
+use super::point::ClosestPoint;
 use super::ray::{Hit, Ray};
 use super::scene::check_indices;
 use super::view::{Frame, View};
 use crate::accel::KeptBvh;
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
+use crate::closest::{self, Closest, closest_points, point_scene, take_signs};
 use crate::crossings::{check_closed, contains, is_tie, require_exact, trace_crossings};
 use crate::device::{Cache, DeviceHandle};
 use crate::error::{Error, Result};
 use crate::options::{Intersector, TraceOptions};
-use crate::pack::SceneBuffers;
+use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
 use crate::scene::{Camera, PictureDefaults, Samples, Scene};
 use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
+use crate::winding::WindingTree;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::fmt;
@@ -79,12 +82,19 @@ pub struct Tracer {
     is_closed: bool,
     /// The hierarchies of boxes of the last update, if there was one.
     kept: Vec<KeptBvh>,
+    /// What point queries go through, once there was one.
+    points: Option<Arc<PointScene>>,
+    /// What tells winding numbers, once one was asked for.
+    winding: Option<WindingTree>,
 }
 
 /// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as the
 /// caller has them.
 const RAY_BYTES: usize =
     3 * (size_of::<shared::TraceRay>() + size_of::<shared::Hit>()) + size_of::<Ray>() + size_of::<Option<Hit>>();
+
+/// Bytes of a point's answer, as it is found and as the caller has it.
+const POINT_BYTES: usize = size_of::<Option<Closest>>() + size_of::<Option<ClosestPoint>>();
 
 impl Tracer {
     /// A tracer of `scene` on the fastest device, by the fastest exact method.
@@ -114,6 +124,8 @@ impl Tracer {
             has_key_light: *has_key_light,
             is_closed: false,
             kept: Vec::new(),
+            points: None,
+            winding: None,
             chosen,
         })
     }
@@ -154,6 +166,7 @@ impl Tracer {
         let Chosen { device, options, cache, .. } = &self.chosen;
         self.backend = Some(open_tracer(device.as_ref(), &buffers, options, self.depth, cache.as_ref())?);
         (self.buffers, self.is_closed) = (buffers, false);
+        (self.points, self.winding) = (None, None);
         (self.defaults, self.camera) = (scene.picture, scene.camera);
         (self.framed, self.has_key_light) = (lit.framed, lit.has_key_light);
         Ok(())
@@ -262,13 +275,124 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::count_crossings`]; [`Error::Scene`] when the scene is not closed.
     pub fn contains(&mut self, points: &[[f32; 3]]) -> Result<Vec<bool>> {
+        self.require_closed()?;
+        let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
+        self.timed(self.depth, |backend, progress| contains(backend, &buffers, points, budget, progress))
+    }
+
+    fn require_closed(&mut self) -> Result<()> {
         require_exact(self.chosen.options.intersector)?;
         if !self.is_closed {
             check_closed(&self.buffers)?;
             self.is_closed = true;
         }
+        Ok(())
+    }
+
+    /// The closest point of the scene to each point, in the order of `points`, in world units. Exact, whatever the
+    /// device, the method and its precision, and the size of the numbers: the nearest triangle is that of exact
+    /// arithmetic on the float32 numbers of point and vertices, of several that are as near that of the lowest number,
+    /// and each number of the answer is the exact one, rounded once. Triangles without area count as the segments and
+    /// points that they are; those with a vertex that is not finite do not count.
+    ///
+    /// `None` for a point with a number that is NaN or infinite, and in a scene without triangles.
+    ///
+    /// The first query builds a binary hierarchy of boxes, unless the structure is one (`bvh2`) and there are no
+    /// triangles without area.
+    ///
+    /// ```
+    /// use raybrook::{Scene, Tracer};
+    ///
+    /// let scene = Scene::from_mesh(&[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]], &[[0, 1, 2]])?;
+    /// let mut tracer = Tracer::new(&scene)?;
+    /// let closest = tracer.closest_points(&[[1.0, 2.0, 3.0], [8.0, -3.0, 0.0]])?;
+    /// let above = closest[0].expect("there is a triangle");
+    /// assert_eq!((above.point, above.distance), ([1.0, 2.0, 0.0], 3.0));
+    /// assert_eq!((above.triangle, above.u, above.v), (0, 0.25, 0.5));
+    /// assert_eq!(closest[1].map(|closest| (closest.point, closest.distance)), Some(([4.0, 0.0, 0.0], 5.0)));
+    /// # Ok::<(), raybrook::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_hits`]; [`Error::Scene`] when there are more triangles than a hierarchy has room for.
+    pub fn closest_points(&mut self, points: &[[f32; 3]]) -> Result<Vec<Option<ClosestPoint>>> {
+        let closest = self.find_closest(points)?;
+        Ok(closest.iter().map(|closest| closest.as_ref().map(ClosestPoint::of)).collect())
+    }
+
+    /// The distance of the scene from each point, in the order of `points`, in world units: that of
+    /// [`Tracer::closest_points`], the exact one rounded once. NaN for a point with a number that is NaN or infinite;
+    /// infinite in a scene without triangles, and beyond the largest float.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_points`].
+    pub fn distances(&mut self, points: &[[f32; 3]]) -> Result<Vec<f32>> {
+        Ok(closest::distances(points, &self.find_closest(points)?))
+    }
+
+    /// As [`Tracer::distances`], but negative inside of the scene, which must be closed as for [`Tracer::contains`].
+    /// Both the number and its sign are exact; 0 exactly on the surface.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_points`] and [`Tracer::contains`].
+    pub fn signed_distances(&mut self, points: &[[f32; 3]]) -> Result<Vec<f32>> {
+        self.require_closed()?;
+        let mut distances = self.distances(points)?;
         let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        self.timed(self.depth, |backend, progress| contains(backend, &buffers, points, budget, progress))
+        self.timed(self.depth, |backend, progress| {
+            take_signs(backend, &buffers, points, &mut distances, budget, progress)
+        })?;
+        Ok(distances)
+    }
+
+    /// How often the scene winds around each point, in the order of `points`, in world units: 1 inside of a closed mesh
+    /// whose triangles are turned outwards, 0 outside, and between them near the holes of an open one, so that 0.5 tells
+    /// inside from outside where [`Tracer::contains`] refuses to (Jacobson, Kavan and Sorkine-Hornung, SIGGRAPH 2013).
+    ///
+    /// The exact number up to f64's rounding, computed on the host, whatever the device. On a face it is half of the
+    /// numbers on both sides. NaN for a point with a number that is NaN or infinite; 0 in a scene without triangles.
+    ///
+    /// ```
+    /// use raybrook::{Scene, Tracer};
+    ///
+    /// let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    /// let scene = Scene::from_mesh(&corners, &[[0, 2, 1], [0, 1, 3], [0, 3, 2]])?; // a tetrahedron without its lid
+    /// let mut tracer = Tracer::new(&scene)?;
+    /// let numbers = tracer.winding_numbers(&[[0.1, 0.1, 0.1], [0.5, 0.5, 0.5]])?;
+    /// assert!(numbers[0] > 0.5 && numbers[1] < 0.5);
+    /// assert!(tracer.contains(&[[0.1, 0.1, 0.1]]).is_err());
+    /// # Ok::<(), raybrook::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Scene`] when there are more triangles than a hierarchy has room for.
+    pub fn winding_numbers(&mut self, points: &[[f32; 3]]) -> Result<Vec<f64>> {
+        let known = self.winding.take().map_or_else(|| WindingTree::new(&self.buffers), Ok)?;
+        Ok(self.winding.insert(known).winding_numbers(points))
+    }
+
+    fn find_closest(&mut self, points: &[[f32; 3]]) -> Result<Vec<Option<Closest>>> {
+        let scene = self.point_scene()?;
+        self.check_points(points.len())?;
+        let (backend, progress) = self.backend(self.depth)?;
+        closest_points(backend, &scene, points, progress)
+    }
+
+    /// What point queries go through, built when it is first needed.
+    fn point_scene(&mut self) -> Result<Arc<PointScene>> {
+        let known = self.points.take().map_or_else(|| point_scene(&self.buffers), Ok)?;
+        Ok(self.points.insert(known).clone())
+    }
+
+    fn check_points(&self, count: usize) -> Result<()> {
+        let what = format!("finding what is closest to {count} points");
+        let remedy = "split the points, or raise the memory limit";
+        let bytes = (count * POINT_BYTES) as u64;
+        self.check_bytes(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
+    }
+
+    fn check_bytes(&self, need: &Need) -> Result<()> {
+        if need.bytes >= CHECKED_FROM_BYTES { self.chosen.budget().check(need) } else { Ok(()) }
     }
 
     fn trace_all(&mut self, rays: &[Ray], most: u32, wants_hits: bool) -> Result<tracer::AllHits> {
@@ -287,11 +411,9 @@ impl Tracer {
     /// The rays as tracers take them.
     fn batch(&self, rays: &[Ray]) -> Result<TracingBatch> {
         let bytes = (rays.len() * RAY_BYTES) as u64;
-        if bytes >= CHECKED_FROM_BYTES {
-            let what = format!("a batch of {} rays", rays.len());
-            let remedy = "split the batch, or raise the memory limit";
-            self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
-        }
+        let what = format!("a batch of {} rays", rays.len());
+        let remedy = "split the batch, or raise the memory limit";
+        self.check_bytes(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
         let ray = |i: usize| {
             let Ray { origin, direction, t_min, t_max } = rays[i];
             (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
@@ -355,7 +477,7 @@ impl Tracer {
     fn set_key_light(&mut self, camera: &Camera) -> Result<()> {
         let light = self.buffers.packed_light(&Scene::key_light(camera))?;
         if self.buffers.lights != [light] {
-            self.backend = None; // it shares the arrays
+            (self.backend, self.points) = (None, None); // they share the arrays
             Arc::make_mut(&mut self.buffers).lights = vec![light];
         }
         Ok(())

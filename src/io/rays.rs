@@ -130,13 +130,48 @@ pub fn read_points(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<(Vec
     }
 }
 
-/// Writes the array `inside` uint8 of an `.npz` file, 0 or 1 for each point.
+/// Writes the array `inside` uint8 of an `.npz` file, 0 or 1 for each point, and, if there are any, winding numbers as
+/// the array `winding` float64.
 ///
 /// # Errors
 /// As [`crate::io::output::write_atomically`].
-pub fn write_inside(path: impl AsRef<Path>, inside: &[bool]) -> Result<()> {
+pub fn write_inside(path: impl AsRef<Path>, inside: &[bool], winding: Option<&[f64]>) -> Result<()> {
     let bytes: Vec<u8> = inside.iter().map(|&is_inside| u8::from(is_inside)).collect();
-    write_npz(path.as_ref(), &[bytes_of("inside", &bytes)])
+    let mut arrays = vec![bytes_of("inside", &bytes)];
+    arrays.extend(winding.map(|numbers| doubles("winding", numbers)));
+    write_npz(path.as_ref(), &arrays)
+}
+
+/// What is closest to points; every array has one entry per point.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ClosestBatch {
+    /// How far it is, world units; negative inside where signs were asked for.
+    pub distance: Vec<f32>,
+    /// Where it is, world units; NaN where there is none.
+    pub closest: Vec<[f32; 3]>,
+    /// Triangle number in file order; -1 where there is none.
+    pub primitive: Vec<i32>,
+    /// Barycentric weight of vertex 1.
+    pub u: Vec<f32>,
+    /// Barycentric weight of vertex 2.
+    pub v: Vec<f32>,
+}
+
+impl ClosestBatch {
+    /// Writes an `.npz` file with an array for each field. The file appears when it is complete.
+    ///
+    /// # Errors
+    /// As [`crate::io::output::write_atomically`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let arrays = [
+            floats("distance", &self.distance),
+            rows("closest", &self.closest),
+            ints("primitive", &self.primitive),
+            floats("u", &self.u),
+            floats("v", &self.v),
+        ];
+        write_npz(path.as_ref(), &arrays)
+    }
 }
 
 /// What rays met; every array has one entry per ray.
@@ -246,6 +281,10 @@ fn columns_of(name: &str, work: Option<&[RayWork]>) -> Vec<(String, Vec<u32>)> {
 
 fn floats<'a>(name: &'static str, numbers: &'a [f32]) -> NpyArray<'a> {
     NpyArray { name, type_code: "f4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
+}
+
+fn doubles<'a>(name: &'static str, numbers: &'a [f64]) -> NpyArray<'a> {
+    NpyArray { name, type_code: "f8", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
 }
 
 fn rows<'a>(name: &'static str, rows: &'a [[f32; 3]]) -> NpyArray<'a> {

@@ -13,7 +13,7 @@ const LARGEST_COORDINATE_EXPONENT: i32 = 0;
 const LARGEST_SCALE_EXPONENT: i32 = 100;
 
 /// The power of two that takes `bounds` to tracing space.
-fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
+pub(super) fn tracing_scale(low: Vec3, high: Vec3) -> f32 {
     let largest = low.abs().max(high.abs()).max_element();
     if largest == 0.0 {
         return 1.0;

@@ -12,6 +12,7 @@ pub mod shade;
 pub mod shared;
 pub mod traverse;
 
+use crate::bounds::MOST_CANDIDATES;
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::layout::Float4;
@@ -19,8 +20,11 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
-use crate::tracer::{AllHits, AllHitsJob, Backend, Progress, RenderResult, TraceJob, TraceResult};
+use crate::tracer::{
+    AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
+};
 use extreme::{all_extreme, answer_extreme};
+use kernels::closest_point::list_candidates;
 use kernels::render::{PixelRow, render_row};
 use kernels::trace::{trace_chunk, trace_next_chunk};
 use kernels::trace_all::{count_chunk, list_hits};
@@ -143,6 +147,19 @@ impl Backend for ReferenceBackend {
         result.kernel_s = [count_s, start.elapsed().as_secs_f64()];
         extreme.list_in(&mut result);
         Ok(result)
+    }
+
+    fn find_candidates(&mut self, job: &CandidatesJob, progress: Progress) -> Result<Candidates> {
+        let start = Instant::now();
+        let (total, most) = (job.points.len(), MOST_CANDIDATES as usize);
+        let (mut counts, mut listed) = (vec![0; total], vec![0; most * total]);
+        let done = AtomicUsize::new(0);
+        let chunks = counts.par_chunks_mut(CHUNK).zip(listed.par_chunks_mut(most * CHUNK));
+        chunks.zip(job.points.par_chunks(CHUNK)).for_each(|((counts, listed), points)| {
+            list_candidates(job.scene, points, counts, listed);
+            progress((done.fetch_add(points.len(), Ordering::Relaxed) + points.len()) as f64 / total as f64);
+        });
+        Ok(Candidates { counts, listed, kernel_s: start.elapsed().as_secs_f64() })
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {

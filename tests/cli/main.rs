@@ -9,6 +9,7 @@ mod choice;
 mod closed;
 mod compiler_options;
 mod device_faults;
+mod distance;
 mod explain;
 mod limits;
 mod losses;

@@ -17,7 +17,7 @@ fn tracer_on(device: &str, mesh: &Mesh) -> Tracer {
 /// How often the mesh winds around a point, by the solid angles of its triangles: van Oosterom and Strackee, "The Solid
 /// Angle of a Plane Triangle", IEEE Transactions on Biomedical Engineering 30(2), 1983. `None` near the surface, where
 /// f64 does not tell.
-fn winding(mesh: &Mesh, point: DVec3) -> Option<i32> {
+pub fn winding(mesh: &Mesh, point: DVec3) -> Option<i32> {
     let mut sum = 0.0;
     for i in 0..mesh.triangles.len() {
         let [a, b, c] = mesh.corners(i).map(|corner| corner.as_dvec3() - point);

@@ -233,10 +233,13 @@ fn every_method_has_the_same_hits_and_says_what_it_is() {
     assert!(fast.choices().iter().any(|choice| choice.starts_with("intersector moller-trumbore")));
 }
 
-/// What a tracer says of rays and in a picture, to the bit.
+/// What a tracer says of rays (closest hits, counts), of points where some of them start, and in a picture, to the bit.
 fn answers(tracer: &mut Tracer, rays: &[Ray]) -> (Vec<Option<[u32; 4]>>, Vec<u32>, Vec<u8>) {
     let hits = bits(&tracer.closest_hits(rays).unwrap());
-    let counts = tracer.count_hits(rays).unwrap();
+    let mut counts = tracer.count_hits(rays).unwrap();
+    let origins: Vec<[f32; 3]> = rays[..100].iter().map(|ray| ray.origin).collect();
+    counts.extend(tracer.distances(&origins).unwrap().iter().map(|distance| distance.to_bits()));
+    counts.extend(tracer.winding_numbers(&origins).unwrap().iter().map(|number| (*number as f32).to_bits()));
     (hits, counts, tracer.render(&View::new(24, 16).samples(1)).unwrap().to_srgb8())
 }
 

@@ -8,6 +8,7 @@ mod all_hits;
 mod builds;
 mod closed;
 mod crossings;
+mod distance;
 mod exact;
 mod front;
 mod intersect;

@@ -20,6 +20,7 @@ mod check;
 mod closed;
 mod code;
 mod devices;
+mod distance;
 mod end;
 mod explain;
 mod files;
@@ -30,6 +31,7 @@ mod kernels;
 mod method;
 mod methods;
 mod open;
+mod points;
 mod progress;
 mod render;
 mod shell;
@@ -95,6 +97,8 @@ enum Command {
     Trace(trace::TraceArgs),
     /// Tell which points of a NumPy .npz file are inside of a closed mesh.
     Inside(inside::InsideArgs),
+    /// Find what of a scene is closest to the points of a NumPy .npz file, and how far it is.
+    Distance(distance::DistanceArgs),
     /// Render on a device and on the reference, and compare; or with --truth, have a judge compare.
     Check(check::CheckArgs),
     /// Tell what is in a scene and how its tree turns out.
@@ -312,6 +316,7 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::Distance(args) => distance::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Check(args) => check::run(&args, cli.talk),
         Command::Info(args) => info::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Devices(args) => devices::run(&args, cli.talk).map(|()| SUCCESS),

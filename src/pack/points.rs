@@ -1,0 +1,115 @@
+//! What point queries go through: a binary hierarchy of boxes over all triangles, also those without area, which rays
+//! never hit but which have a closest point.
+//!
+//! That is the tracer's own structure where it is such a hierarchy and all triangles are in it. Else one is built when
+//! the first point is asked for, and kept.
+
+use super::SceneBuffers;
+use super::space::tracing_scale;
+use crate::accel::{Aabb, BuildOptions, StructureArrays, build_bvh, pack_bvh2};
+use crate::error::Result;
+use crate::layout::Float4;
+use crate::options::{BvhOptions, StructureKind};
+use crate::shared::KdNode;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A scene as point queries want it.
+#[derive(Debug, Clone)]
+pub struct PointScene {
+    buffers: Arc<SceneBuffers>,
+    /// What was built for points; `None`: the arrays are those of rays.
+    own: Option<OwnArrays>,
+    scale: f32,
+    /// Triangles that have a closest point.
+    count: usize,
+}
+
+/// A hierarchy for points alone.
+#[derive(Debug, Clone)]
+struct OwnArrays {
+    structure: StructureArrays,
+    vertices: Vec<Float4>,
+}
+
+impl PointScene {
+    /// Of a scene that is packed; `given` tells the vertices of each triangle in world units, also of one without area.
+    ///
+    /// # Errors
+    /// [`Error::Scene`](crate::Error::Scene) when there are too many triangles.
+    pub fn new(buffers: &Arc<SceneBuffers>, given: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<PointScene> {
+        let all = 0..buffers.triangle_count() as u32;
+        let buffers = buffers.clone();
+        if buffers.made_for.accel == StructureKind::Bvh2 && buffers.left_out.is_empty() {
+            return Ok(PointScene { own: None, scale: buffers.params.scale, count: all.len(), buffers });
+        }
+        let is_sound = |&i: &u32| given(i).iter().all(|corner| corner.is_finite());
+        let sound: Vec<u32> = all.clone().into_par_iter().filter(is_sound).collect();
+        let bounds = sound.par_iter().map(|&i| Aabb::of_triangle(&given(i))).reduce(|| Aabb::EMPTY, Aabb::union);
+        let scale = if sound.is_empty() { 1.0 } else { tracing_scale(bounds.low, bounds.high) };
+        let scaled = |i: u32| given(i).map(|p| if p.is_finite() { p * scale + 0.0 } else { Vec3::ZERO });
+        let triangles: Vec<[Vec3; 3]> = all.into_par_iter().map(scaled).collect();
+        let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
+        let structure = pack_bvh2(&build_bvh(&triangles, &sound, &options)?, 0, 0.0)?;
+        let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
+        Ok(PointScene { own: Some(OwnArrays { structure, vertices }), scale, count: sound.len(), buffers })
+    }
+
+    /// The scene as rays want it.
+    pub fn buffers(&self) -> &Arc<SceneBuffers> {
+        &self.buffers
+    }
+
+    /// Whether the arrays are those of rays.
+    pub fn is_shared(&self) -> bool {
+        self.own.is_none()
+    }
+
+    /// Tracing space of point queries is world units times this.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Triangles that have a closest point.
+    pub fn triangle_count(&self) -> usize {
+        self.count
+    }
+
+    /// The nodes, as `src/accel/bvh2.rs` has them.
+    pub fn nodes(&self) -> &[KdNode] {
+        self.own.as_ref().map_or(&self.buffers.nodes, |own| &own.structure.nodes)
+    }
+
+    /// Triangle numbers: the leaves' ranges.
+    pub fn references(&self) -> &[u32] {
+        self.own.as_ref().map_or(&self.buffers.references, |own| &own.structure.references)
+    }
+
+    /// Vertices, three for each triangle.
+    pub fn all_vertices(&self) -> &[Float4] {
+        self.own.as_ref().map_or(&self.buffers.vertices, |own| &own.vertices)
+    }
+
+    /// The vertices of a triangle.
+    #[inline(always)]
+    pub fn vertices(&self, primitive: u32) -> [Vec3; 3] {
+        let first = 3 * primitive as usize;
+        let vertices = self.all_vertices();
+        [vertices[first].xyz(), vertices[first + 1].xyz(), vertices[first + 2].xyz()]
+    }
+}
+
+/// The triangles that rays cannot hit, and what they are where they lie: by number.
+pub(super) fn left_out(
+    triangle_count: usize,
+    hittable: &[u32],
+    vertices: impl Fn(usize) -> [Vec3; 3],
+) -> Vec<(u32, [Vec3; 3])> {
+    if hittable.len() == triangle_count {
+        return Vec::new();
+    }
+    let mut hittable = hittable.iter().peekable();
+    let is_left_out = |i: &u32| hittable.next_if_eq(&i).is_none();
+    (0..triangle_count as u32).filter(is_left_out).map(|i| (i, vertices(i as usize))).collect()
+}
