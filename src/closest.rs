@@ -36,9 +36,9 @@ const FARTHEST_POINT: f32 = (1u64 << 40) as f32;
 /// A scene as point queries want it.
 ///
 /// # Errors
-/// [`Error::Scene`](crate::Error::Scene) when there are too many triangles.
-pub fn point_scene(buffers: &Arc<SceneBuffers>) -> Result<Arc<PointScene>> {
-    PointScene::new(buffers, |i| given_triangle(buffers, i)).map(Arc::new)
+/// As [`PointScene::new`].
+pub fn point_scene(buffers: &Arc<SceneBuffers>, budget: &MemoryBudget) -> Result<Arc<PointScene>> {
+    PointScene::new(buffers, |i| given_triangle(buffers, i), budget).map(Arc::new)
 }
 
 /// The vertices of a triangle in world units, also of one without area; some are not finite of one that has no closest

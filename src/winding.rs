@@ -13,9 +13,10 @@
 //! are as long as they are many; millions of points, which devices would answer faster.
 
 use crate::accel::{Aabb, BuildOptions, Bvh, build_bvh};
+use crate::budget::MemoryBudget;
 use crate::error::Result;
 use crate::options::{BvhOptions, StructureKind};
-use crate::pack::SceneBuffers;
+use crate::pack::{SceneBuffers, check_point_memory};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use robust::Coord3D;
@@ -46,8 +47,10 @@ impl WindingTree {
     /// Of the triangles of a scene that have an area.
     ///
     /// # Errors
-    /// [`Error::Scene`](crate::Error::Scene) when there are too many of them.
-    pub fn new(buffers: &SceneBuffers) -> Result<WindingTree> {
+    /// [`OutOfMemory`](crate::Error::OutOfMemory) when it takes more memory than `budget` has;
+    /// [`Scene`](crate::Error::Scene) when there are too many triangles.
+    pub fn new(buffers: &SceneBuffers, budget: &MemoryBudget) -> Result<WindingTree> {
+        check_point_memory("winding numbers", buffers.triangle_count(), budget)?;
         let scale = buffers.params.scale;
         let given: Vec<_> =
             (0..buffers.triangle_count() as u32).into_par_iter().map(|i| buffers.given_triangle(i)).collect();

@@ -293,9 +293,10 @@ impl Tracer {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Scene`] when there are more triangles than a hierarchy has room for.
+    /// [`Error::OutOfMemory`] when the hierarchy takes too much memory; [`Error::Scene`] when there are more triangles than
+    /// it has room for.
     pub fn winding_numbers(&mut self, points: &[[f32; 3]]) -> Result<Vec<f64>> {
-        let known = self.winding.take().map_or_else(|| WindingTree::new(&self.buffers), Ok)?;
+        let known = self.winding.take().map_or_else(|| WindingTree::new(&self.buffers, &self.chosen.budget()), Ok)?;
         Ok(self.winding.insert(known).winding_numbers(points))
     }
 
@@ -308,7 +309,7 @@ impl Tracer {
 
     /// What point queries go through, built when it is first needed.
     fn point_scene(&mut self) -> Result<Arc<PointScene>> {
-        let known = self.points.take().map_or_else(|| point_scene(&self.buffers), Ok)?;
+        let known = self.points.take().map_or_else(|| point_scene(&self.buffers, &self.chosen.budget()), Ok)?;
         Ok(self.points.insert(known).clone())
     }
 

@@ -54,7 +54,9 @@ fn open_meshes_are_refused_without_winding_numbers() {
     let signed = ["distance", "closed.obj", "points.npz", "--signed", "--intersector=plucker", "--device=reference"];
     assert_fails(&raybrook(at, &signed), 2, &["--intersector", "exact"]);
 
-    assert!(said(at, &["inside", "open.obj", "points.npz", "--winding"]).starts_with("4 points, 1 inside, 3 triangles"));
+    assert!(
+        said(at, &["inside", "open.obj", "points.npz", "--winding"]).starts_with("4 points, 1 inside, 3 triangles")
+    );
     let winding: Vec<_> = read_npz(&at.join("answers.npz"), "winding");
     assert_eq!(winding.len(), 2 * 4); // halves of doubles
     let number = f64::from_bits(u64::from(winding[2]) | u64::from(winding[3]) << 32);
