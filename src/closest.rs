@@ -1,8 +1,8 @@
 //! The closest points of scenes to points, distances, and on which side of a closed surface points are: exactly.
 //!
 //! A device, or the twin, lists for each point the few triangles that may be the nearest one
-//! (`cl/kernels/closest_point.cl`); the host decides among them exactly (`closest/decide.rs`). Which ones are listed
-//! is up to rounding, the answer is not: it is the same, to the bit, on every device and by every structure. Each number
+//! (`cl/kernels/closest_point.cl`); the host decides among them exactly (`closest/decide.rs`). Which ones are listed is
+//! up to rounding, the answer is not: it is the same, to the bit, on every device and by every structure. Each number
 //! is the exact one, rounded once.
 //!
 //! Triangles without area have closest points, too. Points that tracing space cannot hold, and those with more

@@ -62,8 +62,8 @@ impl PointProgram {
         Ok(PointProgram { kernel: program.kernel("list_candidates")?, scene: None, plan })
     }
 
-    /// Finds the candidates of a job; `work_group` items at a time. `of_rays`: the arrays that rays go through, if the job
-    /// is about the same scene.
+    /// Finds the candidates of a job; `work_group` items at a time. `of_rays`: the arrays that rays go through, if the
+    /// job is about the same scene.
     pub fn run(
         &mut self,
         context: &DeviceContext,
