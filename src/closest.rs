@@ -1,8 +1,8 @@
 //! The closest points of scenes to points, distances, and on which side of a closed surface points are: exactly.
 //!
 //! A device, or the twin, lists for each point the few triangles that may be the nearest one
-//! (`cl/kernels/closest_point.cl`); the host decides among them exactly (`closest/decide.rs`). Which ones are listed
-//! is up to rounding, the answer is not: it is the same, to the bit, on every device and by every structure. Each number
+//! (`cl/kernels/closest_point.cl`); the host decides among them exactly (`closest/decide.rs`). Which ones are listed is
+//! up to rounding, the answer is not: it is the same, to the bit, on every device and by every structure. Each number
 //! is the exact one, rounded once.
 //!
 //! Triangles without area have closest points, too. Points that tracing space cannot hold, and those with more
@@ -36,9 +36,9 @@ const FARTHEST_POINT: f32 = (1u64 << 40) as f32;
 /// A scene as point queries want it.
 ///
 /// # Errors
-/// [`Error::Scene`](crate::Error::Scene) when there are too many triangles.
-pub fn point_scene(buffers: &Arc<SceneBuffers>) -> Result<Arc<PointScene>> {
-    PointScene::new(buffers, |i| given_triangle(buffers, i)).map(Arc::new)
+/// As [`PointScene::new`].
+pub fn point_scene(buffers: &Arc<SceneBuffers>, budget: &MemoryBudget) -> Result<Arc<PointScene>> {
+    PointScene::new(buffers, |i| given_triangle(buffers, i), budget).map(Arc::new)
 }
 
 /// The vertices of a triangle in world units, also of one without area; some are not finite of one that has no closest

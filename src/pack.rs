@@ -13,6 +13,7 @@ mod transforms;
 
 pub use arrangement::{Arrangement, CONSTANT_BYTES, CONSTANT_NODES};
 pub use points::PointScene;
+pub(crate) use points::check_memory as check_point_memory;
 pub use space::scale_of;
 pub use transforms::triangle_transform;
 

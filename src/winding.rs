@@ -1,21 +1,23 @@
-//! Generalised winding numbers: how often a surface winds around a point, also where it is open or in disorder. 1 inside
-//! of a closed mesh whose triangles are turned outwards, 0 outside, something between near the holes of an open one.
+//! Generalised winding numbers: how often a surface winds around a point, also where it is open or in disorder. 1
+//! inside of a closed mesh whose triangles are turned outwards, 0 outside, something between near the holes of an open
+//! one.
 //!
-//! Jacobson, Kavan and Sorkine-Hornung, "Robust Inside-Outside Segmentation using Generalized Winding Numbers", SIGGRAPH
-//! 2013. The number is the sum of the solid angles of all triangles over that of a whole sphere; each by van Oosterom and
-//! Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on Biomedical Engineering 30(2), 1983. Whoever is
-//! outside of a box around some of the triangles sees them under the same angle as any other surface with the same
-//! border within the box, such as a fan over that border, which mostly has far fewer triangles (the paper's section 4).
-//! This is no approximation: only f64 rounds. On which side of each triangle a point is, is decided exactly (`robust`);
-//! a point in a triangle's plane sees it under no angle, so that one on a face is half inside.
+//! Jacobson, Kavan and Sorkine-Hornung, "Robust Inside-Outside Segmentation using Generalized Winding Numbers",
+//! SIGGRAPH 2013. The number is the sum of the solid angles of all triangles over that of a whole sphere; each by van
+//! Oosterom and Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on Biomedical Engineering 30(2),
+//! 1983. Whoever is outside of a box around some of the triangles sees them under the same angle as any other surface
+//! with the same border within the box, such as a fan over that border, which mostly has far fewer triangles (the
+//! paper's section 4). This is no approximation: only f64 rounds. On which side of each triangle a point is, is decided
+//! exactly (`robust`); a point in a triangle's plane sees it under no angle, so that one on a face is half inside.
 //!
 //! All is done on the host, in f64, which not every device has. Bad at: triangles that share no vertices, whose borders
 //! are as long as they are many; millions of points, which devices would answer faster.
 
 use crate::accel::{Aabb, BuildOptions, Bvh, build_bvh};
+use crate::budget::MemoryBudget;
 use crate::error::Result;
 use crate::options::{BvhOptions, StructureKind};
-use crate::pack::SceneBuffers;
+use crate::pack::{SceneBuffers, check_point_memory};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use robust::Coord3D;
@@ -46,8 +48,10 @@ impl WindingTree {
     /// Of the triangles of a scene that have an area.
     ///
     /// # Errors
-    /// [`Error::Scene`](crate::Error::Scene) when there are too many of them.
-    pub fn new(buffers: &SceneBuffers) -> Result<WindingTree> {
+    /// [`OutOfMemory`](crate::Error::OutOfMemory) when it takes more memory than `budget` has;
+    /// [`Scene`](crate::Error::Scene) when there are too many triangles.
+    pub fn new(buffers: &SceneBuffers, budget: &MemoryBudget) -> Result<WindingTree> {
+        check_point_memory("winding numbers", buffers.triangle_count(), budget)?;
         let scale = buffers.params.scale;
         let given: Vec<_> =
             (0..buffers.triangle_count() as u32).into_par_iter().map(|i| buffers.given_triangle(i)).collect();
@@ -171,7 +175,8 @@ fn add(border: &mut Border, [from, to]: [u32; 2], times: i32) {
     }
 }
 
-/// Whether a point is outside of a box, and not on its surface. Both are scaled, which may round, but keeps their order.
+/// Whether a point is outside of a box, and not on its surface. Both are scaled, which may round, but keeps their
+/// order.
 fn is_outside(bounds: &Aabb, point: Vec3) -> bool {
     point.cmplt(bounds.low).any() || point.cmpgt(bounds.high).any()
 }

@@ -1,8 +1,8 @@
 // Point queries: which triangles may be the nearest one of a point. A work-item takes a point and goes down a binary
 // hierarchy of boxes (src/accel/bvh2.rs) twice, nearer boxes first. The first time it looks for a distance within which
-// there surely is a triangle; the second time it lists all triangles that may be within it. Mostly that is one triangle,
-// or those around one edge or vertex; the host decides among them exactly (src/closest.rs). So the answer does not
-// depend on this kernel's roundings, as long as the bounds below hold.
+// there surely is a triangle; the second time it lists all triangles that may be within it. Mostly that is one
+// triangle, or those around one edge or vertex; the host decides among them exactly (src/closest.rs). So the answer
+// does not depend on this kernel's roundings, as long as the bounds below hold.
 //
 // Roussopoulos, Kelley and Vincent, "Nearest Neighbor Queries", SIGMOD 1995 (depth first, nearer boxes first, boxes
 // farther than the best so far left out); Ericson, "Real-Time Collision Detection", 2005, section 5.1.5 (the closest
@@ -79,8 +79,8 @@ float farthest_distance(float3 a, float3 b, float3 c) {
 }
 
 // A bound from below of the distance; negative where little is known. Of a point inside of a face or an edge the
-// direction to it is mostly rounding where it is near: the face's normal is taken in its place, and what of the direction
-// is along the edge is taken out.
+// direction to it is mostly rounding where it is near: the face's normal is taken in its place, and what of the
+// direction is along the edge is taken out.
 float least_distance(float3 a, float3 b, float3 c) {
     const Nearest nearest = nearest_of_triangle(a, b, c);
     float3 direction = nearest.to;

@@ -1,8 +1,8 @@
 //! The nearest of some triangles, exactly, and its closest point with each number rounded once.
 //!
 //! f64 with bounds of its errors decides what it can, exact integers the rest. Points as far from several triangles are
-//! no exception: a vertex that is the nearest point belongs to all triangles around it. These are told by their feature:
-//! distances to the same vertex, or to the same edge, are the same, whatever the triangle.
+//! no exception: a vertex that is the nearest point belongs to all triangles around it. These are told by their
+//! feature: distances to the same vertex, or to the same edge, are the same, whatever the triangle.
 
 use super::near::distance_bounds;
 use super::number::{Ball, Exact, Number, dot};
@@ -49,9 +49,10 @@ macro_rules! exactly {
     }};
 }
 
-/// The unit of which all coordinates are whole numbers, as an exponent of 2, and the limbs that numbers take. A distance
-/// of one triangle compared with that of another one takes ten differences, of a bit more than a coordinate each, and
-/// four bits for the sums of three products; a distance compared with a float takes four, and the float's square.
+/// The unit of which all coordinates are whole numbers, as an exponent of 2, and the limbs that numbers take. A
+/// distance of one triangle compared with that of another one takes ten differences, of a bit more than a coordinate
+/// each, and four bits for the sums of three products; a distance compared with a float takes four, and the float's
+/// square.
 fn units_of<'a>(positions: impl IntoIterator<Item = &'a Vec3>) -> (i32, usize) {
     let (mut low, mut high) = (i32::MAX, i32::MIN);
     for position in positions {

@@ -1,5 +1,5 @@
-//! The bounds of `cl/kernels/closest_point.cl` in f64 and in world units, in which nothing gets lost: what they leave of
-//! a list is mostly one triangle, or those around one edge or vertex.
+//! The bounds of `cl/kernels/closest_point.cl` in f64 and in world units, in which nothing gets lost: what they leave
+//! of a list is mostly one triangle, or those around one edge or vertex.
 
 use crate::bounds::DISTANCE_ERROR;
 use glam::{DVec3, Vec3};

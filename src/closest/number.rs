@@ -1,9 +1,9 @@
 //! Two kinds of numbers in which the closest point of a triangle is computed by the same text: f64 with bounds of its
 //! errors, which says so where it cannot tell a sign, and exact integers, which always can.
 //!
-//! The bounds grow with every step, after Rump, "Fast and Parallel Interval Arithmetic", BIT 39(3), 1999 (a middle and a
-//! radius). Coordinates are floats and no expression is of a higher degree than 6, so that no product leaves f64's range:
-//! what is not zero is at least 2^-894 and less than 2^780.
+//! The bounds grow with every step, after Rump, "Fast and Parallel Interval Arithmetic", BIT 39(3), 1999 (a middle and
+//! a radius). Coordinates are floats and no expression is of a higher degree than 6, so that no product leaves f64's
+//! range: what is not zero is at least 2^-894 and less than 2^780.
 
 use crate::reference::shared::integer::Integer;
 

@@ -136,6 +136,11 @@ impl<T: Pod> Buffer<T> {
         Ok(Buffer { memory, len, kind: PhantomData })
     }
 
+    /// Another handle of the same memory.
+    pub(super) fn share(&self) -> Self {
+        Buffer { memory: self.memory.clone(), len: self.len, kind: PhantomData }
+    }
+
     /// Number of elements.
     pub fn len(&self) -> usize {
         self.len

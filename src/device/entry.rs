@@ -2,6 +2,7 @@
 
 use crate::options::{Kernels, PacketSize, TraceOptions};
 use crate::shared::PACKETS_OF_ITEM;
+use crate::tracer::Task;
 
 /// What traces batches.
 pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
@@ -45,6 +46,16 @@ impl Entry {
         Entry::TraceAnyPackets,
         Entry::RenderPackets,
     ];
+
+    /// The first kernel that a task of the mega-kernel's needs; that of points has a program of its own.
+    pub fn of_task(task: Task, options: &TraceOptions) -> Option<Entry> {
+        match task {
+            Task::Batch => Some(Entry::of_batch(false, options.packet_size)),
+            Task::AllHits => Some(Entry::CountHits),
+            Task::Points => None,
+            Task::Picture => Some(Entry::of_picture(options.packet_size)),
+        }
+    }
 
     /// What traces a batch.
     pub fn of_batch(any_hit: bool, packet_size: PacketSize) -> Entry {

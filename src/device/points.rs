@@ -2,6 +2,7 @@
 
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan, Shape, launch};
 use super::passes::Passes;
+use super::scene::{Array, DeviceScene};
 use super::{Buffer, CompileOptions, DeviceContext, DeviceKind, Kernel, ProgramSource};
 use crate::bounds::MOST_CANDIDATES;
 use crate::error::Result;
@@ -28,11 +29,22 @@ struct DevicePointScene {
 }
 
 impl DevicePointScene {
-    fn upload(context: &DeviceContext, scene: &Arc<PointScene>) -> Result<Self> {
+    /// Sends what the device does not have, for rays, as kernels of points read it.
+    fn upload(context: &DeviceContext, scene: &Arc<PointScene>, of_rays: Option<&DeviceScene>) -> Result<Self> {
+        let of_rays = of_rays.filter(|_| scene.is_shared());
         let uploaded = DevicePointScene {
-            nodes: Buffer::from_slice(context, "nodes for points", scene.nodes())?,
-            references: Buffer::from_slice(context, "references for points", scene.references())?,
-            vertices: Buffer::from_slice(context, "vertices for points", scene.all_vertices())?,
+            nodes: match of_rays.map(|of_rays| &of_rays.nodes) {
+                Some(Array::Buffer(nodes)) => nodes.share(),
+                _ => Buffer::from_slice(context, "nodes for points", scene.nodes())?,
+            },
+            references: match of_rays.map(|of_rays| &of_rays.references) {
+                Some(Array::Buffer(references)) => references.share(),
+                _ => Buffer::from_slice(context, "references for points", scene.references())?,
+            },
+            vertices: match of_rays.and_then(DeviceScene::indexed_vertices) {
+                Some(vertices) => vertices.share(),
+                None => Buffer::from_slice(context, "vertices for points", scene.all_vertices())?,
+            },
             scene: scene.clone(),
         };
         context.finish()?;
@@ -50,17 +62,19 @@ impl PointProgram {
         Ok(PointProgram { kernel: program.kernel("list_candidates")?, scene: None, plan })
     }
 
-    /// Finds the candidates of a job; `work_group` items at a time.
+    /// Finds the candidates of a job; `work_group` items at a time. `of_rays`: the arrays that rays go through, if the
+    /// job is about the same scene.
     pub fn run(
         &mut self,
         context: &DeviceContext,
+        of_rays: Option<&DeviceScene>,
         job: &CandidatesJob,
         work_group: usize,
         progress: Progress,
     ) -> Result<Candidates> {
         let scene = match self.scene.take().filter(|known| Arc::ptr_eq(&known.scene, job.scene)) {
             Some(known) => known,
-            None => DevicePointScene::upload(context, job.scene)?,
+            None => DevicePointScene::upload(context, job.scene, of_rays)?,
         };
         let scene = self.scene.insert(scene);
         let total = job.points.len();

@@ -9,6 +9,7 @@ use crate::options::{Layout, Memory, StructureKind, TraceOptions, TriangleOrder}
 use crate::pack::{CONSTANT_BYTES, CONSTANT_NODES, SceneBuffers};
 use crate::shared::{KdNode, Light, Material, SceneParams, TextureInfo};
 use bytemuck::Pod;
+use std::borrow::Cow;
 
 /// An array that traversal reads.
 pub(super) enum Array<T: Pod> {
@@ -44,6 +45,8 @@ pub(super) struct DeviceScene {
     pub transforms: Array<Float4>,
     pub constant_nodes: Option<Buffer<KdNode>>,
     pub surface_vertices: Option<Buffer<Float4>>,
+    /// Whether `vertices` are those of triangles in their order, and nothing else.
+    has_plain_triangles: bool,
     pub params: Buffer<SceneParams>,
     pub shading: Buffer<u32>,
     pub materials: Buffer<Material>,
@@ -82,6 +85,7 @@ impl DeviceScene {
             transforms: Array::new(context, "triangle transforms", &arranged.transforms, memory)?,
             constant_nodes,
             surface_vertices,
+            has_plain_triangles: matches!(arranged.vertices, Cow::Borrowed(_)),
             params: Buffer::from_slice(context, "scene parameters", &[buffers.params])?,
             shading: Buffer::from_slice(context, "shading data", &arranged.shading)?,
             materials: Buffer::from_slice(context, "materials", &buffers.materials)?,
@@ -92,6 +96,15 @@ impl DeviceScene {
         };
         context.finish()?;
         Ok(scene)
+    }
+
+    /// Three vertices of each triangle in a buffer, w = 0, if they are there like that.
+    pub fn indexed_vertices(&self) -> Option<&Buffer<Float4>> {
+        match (&self.surface_vertices, &self.vertices) {
+            (Some(vertices), _) => Some(vertices),
+            (None, Array::Buffer(vertices)) if self.has_plain_triangles => Some(vertices),
+            _ => None,
+        }
     }
 
     /// Sets what every tracing kernel's arguments begin with: `GEOMETRY_ARGUMENTS` of `cl/memory/geometry.cl`.

@@ -86,21 +86,11 @@ impl CompiledAhead {
         let mut passes = Passes::new(definitions, cache, context.info(), notes_on(context.info()));
         // What is in constant memory the scene decides; wavefront kernels are compiled when their pipeline is made.
         if options.arrays.memory != Memory::Constant && options.picture.kernels == Kernels::Mega {
-            for entry in tasks.iter().filter_map(|&task| entry_of(task, options)) {
+            for entry in tasks.iter().filter_map(|&task| Entry::of_task(task, options)) {
                 passes.prepare(&context, entry)?;
             }
         }
         Ok(CompiledAhead { context, passes })
-    }
-}
-
-/// The first kernel that a task of the mega-kernel's needs; that of points has a program of its own.
-fn entry_of(task: Task, options: &TraceOptions) -> Option<Entry> {
-    match task {
-        Task::Batch => Some(Entry::of_batch(false, options.packet_size)),
-        Task::AllHits => Some(Entry::CountHits),
-        Task::Points => None,
-        Task::Picture => Some(Entry::of_picture(options.packet_size)),
     }
 }
 
@@ -217,7 +207,7 @@ impl Backend for OpenClBackend {
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.picture.kernels) {
             (Task::Batch | Task::AllHits, _) | (Task::Picture, Kernels::Mega) => {
-                entry_of(task, &self.options).map_or(Ok(()), |entry| self.passes.prepare(&self.context, entry))
+                Entry::of_task(task, &self.options).map_or(Ok(()), |entry| self.passes.prepare(&self.context, entry))
             }
             (Task::Points, _) => {
                 if self.points.is_none() {
@@ -284,7 +274,8 @@ impl Backend for OpenClBackend {
     fn find_candidates(&mut self, job: &CandidatesJob, progress: Progress) -> Result<Candidates> {
         self.prepare(Task::Points)?;
         let points = self.points.as_mut().expect("it was just prepared");
-        points.run(&self.context, job, self.work_group, progress)
+        let of_rays = Arc::ptr_eq(job.scene.buffers(), &self.buffers).then_some(&self.scene);
+        points.run(&self.context, of_rays, job, self.work_group, progress)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {

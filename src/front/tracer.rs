@@ -346,8 +346,9 @@ impl Tracer {
     }
 
     /// How often the scene winds around each point, in the order of `points`, in world units: 1 inside of a closed mesh
-    /// whose triangles are turned outwards, 0 outside, and between them near the holes of an open one, so that 0.5 tells
-    /// inside from outside where [`Tracer::contains`] refuses to (Jacobson, Kavan and Sorkine-Hornung, SIGGRAPH 2013).
+    /// whose triangles are turned outwards, 0 outside, and between them near the holes of an open one, so that 0.5
+    /// tells inside from outside where [`Tracer::contains`] refuses to (Jacobson, Kavan and Sorkine-Hornung, SIGGRAPH
+    /// 2013).
     ///
     /// The exact number up to f64's rounding, computed on the host, whatever the device. On a face it is half of the
     /// numbers on both sides. NaN for a point with a number that is NaN or infinite; 0 in a scene without triangles.
@@ -365,9 +366,10 @@ impl Tracer {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Scene`] when there are more triangles than a hierarchy has room for.
+    /// [`Error::OutOfMemory`] when the hierarchy takes too much memory; [`Error::Scene`] when there are more triangles
+    /// than it has room for.
     pub fn winding_numbers(&mut self, points: &[[f32; 3]]) -> Result<Vec<f64>> {
-        let known = self.winding.take().map_or_else(|| WindingTree::new(&self.buffers), Ok)?;
+        let known = self.winding.take().map_or_else(|| WindingTree::new(&self.buffers, &self.chosen.budget()), Ok)?;
         Ok(self.winding.insert(known).winding_numbers(points))
     }
 
@@ -380,7 +382,7 @@ impl Tracer {
 
     /// What point queries go through, built when it is first needed.
     fn point_scene(&mut self) -> Result<Arc<PointScene>> {
-        let known = self.points.take().map_or_else(|| point_scene(&self.buffers), Ok)?;
+        let known = self.points.take().map_or_else(|| point_scene(&self.buffers, &self.chosen.budget()), Ok)?;
         Ok(self.points.insert(known).clone())
     }
 

@@ -7,6 +7,7 @@
 use super::SceneBuffers;
 use super::space::tracing_scale;
 use crate::accel::{Aabb, BuildOptions, StructureArrays, build_bvh, pack_bvh2};
+use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
 use crate::error::Result;
 use crate::layout::Float4;
 use crate::options::{BvhOptions, StructureKind};
@@ -37,13 +38,19 @@ impl PointScene {
     /// Of a scene that is packed; `given` tells the vertices of each triangle in world units, also of one without area.
     ///
     /// # Errors
-    /// [`Error::Scene`](crate::Error::Scene) when there are too many triangles.
-    pub fn new(buffers: &Arc<SceneBuffers>, given: impl Fn(u32) -> [Vec3; 3] + Sync) -> Result<PointScene> {
+    /// [`OutOfMemory`](crate::Error::OutOfMemory) when what has to be built takes more than `budget` has;
+    /// [`Scene`](crate::Error::Scene) when there are too many triangles.
+    pub fn new(
+        buffers: &Arc<SceneBuffers>,
+        given: impl Fn(u32) -> [Vec3; 3] + Sync,
+        budget: &MemoryBudget,
+    ) -> Result<PointScene> {
         let all = 0..buffers.triangle_count() as u32;
         let buffers = buffers.clone();
         if buffers.made_for.accel == StructureKind::Bvh2 && buffers.left_out.is_empty() {
             return Ok(PointScene { own: None, scale: buffers.params.scale, count: all.len(), buffers });
         }
+        check_memory("a hierarchy of boxes for points", all.len(), budget)?;
         let is_sound = |&i: &u32| given(i).iter().all(|corner| corner.is_finite());
         let sound: Vec<u32> = all.clone().into_par_iter().filter(is_sound).collect();
         let bounds = sound.par_iter().map(|&i| Aabb::of_triangle(&given(i))).reduce(|| Aabb::EMPTY, Aabb::union);
@@ -98,6 +105,21 @@ impl PointScene {
         let vertices = self.all_vertices();
         [vertices[first].xyz(), vertices[first + 1].xyz(), vertices[first + 2].xyz()]
     }
+}
+
+/// Bytes of each triangle that point queries take at the most at a time: a binary hierarchy while it is built (270, as
+/// `src/accel/memory.rs` has measured), the triangle itself twice, and what a device on the host has of both.
+const POINT_TRIANGLE_BYTES: usize = 270 + 2 * 48 + 130;
+
+/// Checks that there is memory for a hierarchy of so many triangles that is built for points.
+pub(crate) fn check_memory(what: &str, triangles: usize, budget: &MemoryBudget) -> Result<()> {
+    let bytes = (triangles * POINT_TRIANGLE_BYTES) as u64;
+    if bytes < CHECKED_FROM_BYTES {
+        return Ok(());
+    }
+    let what = format!("{what} of {triangles} triangles");
+    let remedy = "raise the memory limit";
+    budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
 }
 
 /// The triangles that rays cannot hit, and what they are where they lie: by number.

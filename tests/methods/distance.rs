@@ -6,6 +6,7 @@ use super::crossings::winding;
 use crate::common::{Random, SEED, asked, device, scene_of, soup};
 use glam::{DVec3, Vec3};
 use num_bigint::BigInt;
+use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::closest::point_scene;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::pack::SceneBuffers;
@@ -300,7 +301,7 @@ fn device_and_twin_list_the_same_candidates() {
     for model in models() {
         for options in ["structure=bvh2", "structure=bvh2 spatial_splits=1", "structure=grid"].map(asked) {
             let buffers = Arc::new(SceneBuffers::new(&scene_of(&model.triangles), &options).unwrap());
-            let scene = point_scene(&buffers).unwrap();
+            let scene = point_scene(&buffers, &MemoryBudget::available()).unwrap();
             let scaled = |point: &[f32; 3]| Float4::new(Vec3::from(*point) * scene.scale(), 0.0);
             let points: Vec<_> = model.points.iter().map(scaled).chain([Float4::new(Vec3::NAN, 0.0)]).collect();
             let found = |device| -> Candidates {

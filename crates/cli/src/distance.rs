@@ -37,7 +37,7 @@ pub fn run(args: &DistanceArgs, talk: Talk) -> Result<()> {
     if args.signed {
         args.points.require_closed(&opened)?;
     }
-    let scene = point_scene(&opened.buffers)?;
+    let scene = point_scene(&opened.buffers, &budget)?;
 
     let bar = Bar::new("find", talk);
     let share = if args.signed { 0.5 } else { 1.0 };

@@ -40,7 +40,7 @@ pub fn run(args: &InsideArgs, talk: Talk) -> Result<()> {
         args.points.open(args.output.as_deref(), tasks, POINT_BYTES, talk)?;
     let (inside, winding) = match args.winding {
         Some(threshold) => {
-            let winding = WindingTree::new(&opened.buffers)?.winding_numbers(&points);
+            let winding = WindingTree::new(&opened.buffers, &budget)?.winding_numbers(&points);
             (winding.iter().map(|&number| number >= threshold).collect(), Some(winding))
         }
         None => {

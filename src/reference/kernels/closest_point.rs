@@ -218,7 +218,8 @@ mod tests {
         if is_above { of_edges.min(normal.dot(a).abs() / normal.length()) } else { of_edges }
     }
 
-    /// Corners from a point whose distance is that of the triangle's size or far less, above a face, an edge or a vertex.
+    /// Corners from a point whose distance is that of the triangle's size or far less, above a face, an edge or a
+    /// vertex.
     fn corners(i: usize, random: &mut Random) -> ([Vec3; 3], Vec3) {
         let triangle = [(); 3].map(|()| random.vec3());
         let [a, b, c] = triangle;
