@@ -11,6 +11,7 @@ mod crossings;
 mod exact;
 mod front;
 mod intersect;
+mod lists;
 mod math;
 mod packets;
 mod rounded_packets;

@@ -12,6 +12,7 @@ mod heading {
     pub const DIAGNOSIS: &str = "Diagnosis";
 }
 
+mod asked;
 #[cfg(test)]
 mod book;
 mod check;
