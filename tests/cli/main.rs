@@ -564,6 +564,43 @@ fn stress_counts_wrong_answers_and_writes_them_for_replay() {
 }
 
 #[test]
+fn stress_judges_lists_and_walks_and_writes_them_for_replay() {
+    let folder = folder();
+    let at = folder.path();
+    for (ask, wrong_method) in [("lists", "moller-trumbore"), ("walks", "thesis")] {
+        let fixed = ["stress", "edges", "stack-vertices", "--rays", "60", "--ask", ask, "--device", "reference"];
+        let right = raybrook(at, &[&fixed[..], &["--json", "right.json"]].concat());
+        let said = String::from_utf8_lossy(&right.stdout).into_owned();
+        assert_eq!(right.status.code(), Some(0), "{}", stderr(&right));
+        assert!(said.contains("0 wrong of 120 rays") && said.contains("twice"), "{said}");
+        let read = |name: &str| -> serde_json::Value {
+            serde_json::from_slice(&std::fs::read(at.join(name)).unwrap()).unwrap()
+        };
+        let report = read("right.json");
+        assert_eq!(report["asked"], ask);
+        assert!(report["methods"][0]["kinds"][1]["hits"].as_u64().unwrap() > 60, "{report}");
+
+        let spoilt = ["--intersector", wrong_method, "--json", "wrong.json", "--write", "wrong"];
+        let wrong = raybrook(at, &[&fixed[..], &spoilt].concat());
+        let said = String::from_utf8_lossy(&wrong.stdout).into_owned();
+        assert_eq!(wrong.status.code(), Some(1), "{}", stderr(&wrong));
+        let count = read("wrong.json")["methods"][0]["kinds"][1]["wrong"].as_u64().unwrap();
+        let command = said.lines().rfind(|line| line.starts_with("raybrook stress --replay")).expect(&said);
+        assert!(
+            command.contains("stack-vertices-1-1") && command.contains(&format!("-{wrong_method}-{ask}.npz")),
+            "{command}"
+        );
+        let words: Vec<&str> = command.split(' ').skip(1).map(|word| word.trim_matches('\'')).collect();
+        let again = raybrook(at, &words);
+        let said = String::from_utf8_lossy(&again.stdout).into_owned();
+        assert_eq!(again.status.code(), Some(1), "{}", stderr(&again));
+        assert!(said.contains("  exact  ") && said.contains("hits\n    0: triangle"), "{said}");
+        // Each of its two scenes has files of its own; these are the last one's.
+        assert!(count > 0 && said.contains(" rays wrong"), "{said}");
+    }
+}
+
+#[test]
 fn stress_lists_kinds_and_refuses_what_it_does_not_know() {
     let folder = folder();
     let at = folder.path();

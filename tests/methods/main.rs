@@ -12,6 +12,7 @@ mod distance;
 mod exact;
 mod front;
 mod intersect;
+mod lists;
 mod math;
 mod packets;
 mod rounded_packets;

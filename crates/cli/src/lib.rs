@@ -14,6 +14,7 @@ mod heading {
     pub const DIAGNOSIS: &str = "Diagnosis";
 }
 
+mod asked;
 #[cfg(test)]
 mod book;
 mod check;

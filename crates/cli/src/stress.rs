@@ -3,15 +3,14 @@
 use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::files::Files;
 use super::values::Named;
-use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, closed, flags, open, print, stop};
+use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, asked, closed, flags, open, print, stop};
 use clap::builder::{PossibleValue, StringValueParser};
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::output::{check_writable, write_json};
 use raybrook::low_level::scene;
-use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
 use raybrook::{Error, Result};
-use raybrook_lab::stress::{Answers, Case, Fault, Found, Kind, Method, Replay};
+use raybrook_lab::stress::{Case, Exact, Fault, Kind, Method, Question, Replay};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -23,8 +22,13 @@ const DEFAULT_RAYS: u64 = 1000;
 
 /// Any text: what is no kind is told together with the one that is nearest.
 fn kind_names() -> Named<StringValueParser> {
-    let kinds = Kind::all().map(|kind| PossibleValue::new(kind.name).help(kind.about));
+    let kinds = every_kind().map(|kind| PossibleValue::new(kind.name).help(kind.about));
     Named::new(kinds.chain([PossibleValue::new("all")]), StringValueParser::new())
+}
+
+/// With those that only lists and walks are asked of.
+fn every_kind() -> impl Iterator<Item = &'static Kind> {
+    Kind::all().chain(Kind::stacks())
 }
 
 /// A whole number, also as 1e9.
@@ -45,6 +49,10 @@ pub struct StressArgs {
     /// List the kinds.
     #[arg(long)]
     list: bool,
+    /// What to ask of each ray. Lists and walks are judged as strictly as `exact` whatever the triangle test, and have
+    /// kinds of their own besides, which begin with `stack-`.
+    #[arg(long, value_name = "QUESTION", default_value = Question::default().name(), value_parser = asked::parser())]
+    ask: Question,
     /// Which rays: the same number makes the same ones everywhere.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
@@ -63,11 +71,11 @@ pub struct StressArgs {
     #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"])]
     replay: Option<Vec<PathBuf>>,
     /// With --replay: any hit within the limits will do, as for shadows.
-    #[arg(long, requires = "replay")]
+    #[arg(long, requires = "replay", conflicts_with = "ask")]
     any_hit: bool,
     /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must
     /// hit for a reason that needs no exact answer. Models that are not closed are named and left out.
-    #[arg(long, num_args = 1.., value_name = "MODEL", conflicts_with_all = ["kinds", "list", "strict", "methods", "replay"])]
+    #[arg(long, num_args = 1.., value_name = "MODEL", conflicts_with_all = ["kinds", "list", "ask", "strict", "methods", "replay"])]
     closed: Option<Vec<PathBuf>>,
     /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.
     #[arg(long, value_name = "DIR")]
@@ -89,7 +97,10 @@ struct Row {
     kind: String,
     rays: usize,
     wrong: usize,
-    /// By [`Fault::ALL`].
+    /// How many hits the lists or walks have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hits: Option<usize>,
+    /// By [`Question::faults`].
     faults: serde_json::Map<String, serde_json::Value>,
 }
 
@@ -102,6 +113,8 @@ struct Sheet {
     rays: usize,
     wrong: usize,
     wrong_per_million: f64,
+    #[serde(skip)]
+    question: Question,
     kinds: Vec<Row>,
 }
 
@@ -110,6 +123,7 @@ struct Sheet {
 struct Report {
     seed: Option<u64>,
     device: String,
+    asked: &'static str,
     /// False where the run was stopped: these are the kinds until then.
     finished: bool,
     methods: Vec<Sheet>,
@@ -134,7 +148,7 @@ struct Run<'a> {
 
 pub fn run(args: &StressArgs, talk: Talk) -> Result<Code> {
     if args.list {
-        for kind in Kind::all() {
+        for kind in every_kind() {
             say!("{:16} {}", kind.name, kind.about);
         }
         return Ok(SUCCESS);
@@ -148,7 +162,7 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<Code> {
         Some(names) if names.iter().all(String::is_empty) => Method::all(options),
         Some(names) => names.iter().map(|name| method_named(name, options)).collect::<Result<_>>()?,
     };
-    let kinds = chosen_kinds(&args.kinds)?;
+    let kinds = chosen_kinds(args)?;
     claim(args, &kinds, &methods)?;
     args.json.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
@@ -189,7 +203,7 @@ fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
     let Some(folder) = &args.write else { return Ok(()) };
     let rays = args.rays.unwrap_or(DEFAULT_RAYS) as usize;
     for (kind, scene) in kinds.iter().flat_map(|kind| (0..kind.scene_count(rays)).map(move |scene| (kind, scene))) {
-        let written = methods.iter().map(|method| replay_of(folder, kind, scene, args.seed, method));
+        let written = methods.iter().map(|method| replay_of(folder, kind, scene, args, method));
         let mut written: Vec<_> = written.collect();
         // All methods have the same mesh.
         written.dedup_by(|a, b| a.mesh == b.mesh && a.rays == b.rays);
@@ -202,17 +216,18 @@ fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
 }
 
 /// The files of the rays of a scene of `kind` that a method gets wrong.
-fn replay_of(folder: &Path, kind: &Kind, scene: usize, seed: u64, method: &Method) -> Replay {
+fn replay_of(folder: &Path, kind: &Kind, scene: usize, args: &StressArgs, method: &Method) -> Replay {
     let of_scene = if scene == 0 { String::new() } else { format!("-{scene}") };
-    let mesh = format!("{}-{seed}{of_scene}", kind.name);
-    Replay::in_folder(folder, &mesh, &format!("{mesh}-{}", method.name))
+    let mesh = format!("{}-{}{of_scene}", kind.name, args.seed);
+    let of_question = if args.ask == Question::Closest { String::new() } else { format!("-{}", args.ask.name()) };
+    Replay::in_folder(folder, &mesh, &format!("{mesh}-{}{of_question}", method.name))
 }
 
-fn chosen_kinds(names: &[String]) -> Result<Vec<&'static Kind>> {
-    if names.iter().any(|name| name == "all") {
-        return Ok(Kind::all().collect());
+fn chosen_kinds(args: &StressArgs) -> Result<Vec<&'static Kind>> {
+    if args.kinds.iter().any(|name| name == "all") {
+        return Ok(args.ask.kinds().collect());
     }
-    names.iter().map(|name| Kind::find(name)).collect()
+    args.kinds.iter().map(|name| Kind::find(name)).collect()
 }
 
 impl Run<'_> {
@@ -221,32 +236,38 @@ impl Run<'_> {
             method: method.name.clone(),
             options: method.options,
             // The exact test promises as much.
-            strict: self.args.strict || method.options.intersector == Intersector::Exact,
+            strict: self.args.strict
+                || self.args.ask != Question::Closest
+                || method.options.intersector == Intersector::Exact,
             rays: 0,
             wrong: 0,
             wrong_per_million: 0.0,
+            question: self.args.ask,
             kinds: Vec::new(),
         }
     }
 
     fn report(&self, methods: Vec<Sheet>, finished: bool) -> Report {
         let device = self.device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
-        Report { seed: self.args.replay.is_none().then_some(self.args.seed), device, finished, methods }
+        let seed = self.args.replay.is_none().then_some(self.args.seed);
+        Report { seed, device, asked: self.args.ask.name(), finished, methods }
     }
 
     fn all_kinds(&self, kinds: &[&Kind], methods: &[Method], sheets: &mut [Sheet]) -> Result<()> {
-        let table = Table { methods, is_wide: self.args.methods.is_some() };
+        let table = Table { methods, question: self.args.ask, is_wide: self.args.methods.is_some() };
         let mut commands = Vec::new();
         if !self.talk.quiet {
             table.say_head();
         }
         for kind in kinds {
             let mut faults = vec![Vec::new(); methods.len()];
+            let mut hits = None;
             for (scene, case) in kind.cases(self.args.seed, self.rays).enumerate() {
-                let answers = Answers::new(&case);
+                let exact = Exact::new(self.args.ask, &case);
+                hits = exact.hit_count(&case).map(|count| count + hits.unwrap_or(0));
                 for ((method, sheet), faults) in methods.iter().zip(&*sheets).zip(&mut faults) {
-                    let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
-                    let of_case = found.faults(&answers, sheet.strict);
+                    let given = exact.ask(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
+                    let of_case = exact.faults(&given, sheet.strict);
                     if let Some(folder) = self.args.write.as_deref().filter(|_| !of_case.is_empty()) {
                         commands.push(self.write(folder, (kind, scene), &case, method, &of_case)?);
                     }
@@ -254,7 +275,7 @@ impl Run<'_> {
                 }
             }
             for (sheet, faults) in sheets.iter_mut().zip(&faults) {
-                sheet.add(kind.name, self.rays, faults);
+                sheet.add(kind.name, (self.rays, hits), faults);
             }
             if let Some(path) = self.args.json.clone() {
                 let report = self.report(sheets.to_vec(), false);
@@ -283,7 +304,7 @@ impl Run<'_> {
         faults: &[(usize, Fault)],
     ) -> Result<String> {
         let numbers: Vec<usize> = faults.iter().map(|&(i, _)| i).collect();
-        let replay = replay_of(folder, kind, scene, self.args.seed, method);
+        let replay = replay_of(folder, kind, scene, self.args, method);
         replay.write(case, &numbers)?;
         Ok(replay_command(&replay, case.any_hit, method, self.args))
     }
@@ -300,22 +321,16 @@ impl Run<'_> {
         files_read.write_if(self.args.json.as_deref(), "--json")?;
         let read = Replay { mesh: mesh.clone(), rays: rays.clone() }.case_of(&scene, &budget)?;
         let case = Case { any_hit: self.args.any_hit, ..read };
-        let answers = Answers::new(&case);
-        let found = Found::new(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
-        let faults = found.faults(&answers, sheet.strict);
-        sheet.add(&rays.display().to_string(), case.rays.len(), &faults);
+        let exact = Exact::new(self.args.ask, &case);
+        let given = exact.ask(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
+        let faults = exact.faults(&given, sheet.strict);
+        sheet.add(&rays.display().to_string(), (case.rays.len(), exact.hit_count(&case)), &faults);
         if self.talk.quiet {
             return Ok(());
         }
         for &(i, fault) in &faults {
-            let (exact, exact_next) = answers.rounded(i);
             say!("ray {i}: {}", fault.name());
-            say!("  exact  {}", in_words(&exact));
-            say!("  found  {}", in_words(&found.hits[i]));
-            if let (Some(exact), Some(hits)) = (exact_next, &found.next_hits) {
-                say!("  exact second  {}", in_words(&exact));
-                say!("  found second  {}", in_words(&hits[i]));
-            }
+            asked::say_answers(&exact, &given, i);
         }
         say!("{} of {} rays wrong", sheet.wrong, sheet.rays);
         Ok(())
@@ -335,6 +350,7 @@ pub(super) fn replay_command(replay: &Replay, any_hit: bool, method: &Method, ar
     let mut words = vec!["raybrook stress --replay".to_owned()];
     words.extend([&replay.mesh, &replay.rays].map(|path| path.display().to_string()));
     words.extend(flags::arguments(&method.options));
+    words.extend((args.ask != Question::Closest).then(|| format!("--ask {}", args.ask.name())));
     words.extend(any_hit.then(|| "--any-hit".to_owned()));
     words.extend(args.strict.then(|| "--strict".to_owned()));
     words.extend(args.device.device.iter().map(|name| format!("--device '{name}'")));
@@ -342,21 +358,15 @@ pub(super) fn replay_command(replay: &Replay, any_hit: bool, method: &Method, ar
     words.join(" ")
 }
 
-fn in_words(hit: &Hit) -> String {
-    if hit.primitive == NO_PRIMITIVE {
-        return "miss".into();
-    }
-    format!("triangle {} t {:e} u {:e} v {:e}", hit.primitive, hit.t, hit.u, hit.v)
-}
-
 impl Sheet {
-    fn add(&mut self, kind: &str, rays: usize, faults: &[(usize, Fault)]) {
+    fn add(&mut self, kind: &str, (rays, hits): (usize, Option<usize>), faults: &[(usize, Fault)]) {
         let count = |sort: Fault| faults.iter().filter(|&&(_, fault)| fault == sort).count();
         self.kinds.push(Row {
             kind: kind.to_owned(),
             rays,
             wrong: faults.len(),
-            faults: Fault::ALL.iter().map(|&sort| (sort.name().to_owned(), count(sort).into())).collect(),
+            hits,
+            faults: self.question.faults().iter().map(|&sort| (sort.name().to_owned(), count(sort).into())).collect(),
         });
         self.rays += rays;
         self.wrong += faults.len();
@@ -367,6 +377,7 @@ impl Sheet {
 /// Counts in columns: the sorts of one method's faults, or wrong answers by method.
 struct Table<'a> {
     methods: &'a [Method],
+    question: Question,
     is_wide: bool,
 }
 
@@ -381,10 +392,11 @@ impl Table<'_> {
         let columns: String = if self.is_wide {
             self.methods.iter().map(|m| format!(" {:>1$}", m.name, Self::method_width(m))).collect()
         } else {
-            Fault::ALL.iter().map(|sort| format!(" {:>1$}", sort.name(), Self::SORT_WIDTH)).collect()
+            self.question.faults().iter().map(|sort| format!(" {:>1$}", sort.name(), Self::SORT_WIDTH)).collect()
         };
         let wrong = if self.is_wide { "" } else { "   wrong" };
-        say!("{:16} {:>8}{wrong}{columns}", "kind", "rays");
+        let hits = if self.question == Question::Closest { "" } else { "      hits" };
+        say!("{:16} {:>8}{hits}{wrong}{columns}", "kind", "rays");
     }
 
     fn say_row<'r>(&self, kind: &str, rows: impl Iterator<Item = &'r Row>) {
@@ -392,6 +404,7 @@ impl Table<'_> {
         for (row, method) in rows.zip(self.methods) {
             if line.is_empty() {
                 line = format!("{kind:16} {:>8}", row.rays);
+                line += &row.hits.map_or_else(String::new, |hits| format!(" {hits:>9}"));
             }
             if self.is_wide {
                 line += &format!(" {:>1$}", row.wrong, Self::method_width(method));
@@ -416,7 +429,8 @@ impl Table<'_> {
             let pairs = sheets.iter().zip(self.methods);
             pairs.map(|(sheet, method)| format!(" {:>1$}", text(sheet), Self::method_width(method))).collect()
         };
-        say!("{:25}{}", "wrong", columns(&|sheet| sheet.wrong.to_string()));
-        say!("{:25}{}", "per million", columns(&|sheet| format!("{:.0}", sheet.wrong_per_million)));
+        let width = if self.question == Question::Closest { 25 } else { 35 };
+        say!("{:width$}{}", "wrong", columns(&|sheet| sheet.wrong.to_string()));
+        say!("{:width$}{}", "per million", columns(&|sheet| format!("{:.0}", sheet.wrong_per_million)));
     }
 }

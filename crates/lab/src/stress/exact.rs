@@ -70,7 +70,7 @@ impl Line {
         let [a, b, c] = corners.map(|p| minus(&whole3(p, unit), &origin));
         let direction_unit = smallest_unit([&self.direction]);
         let d = whole3(self.direction, direction_unit);
-        let weights = [dot(&d, &cross(&c, &b)), dot(&d, &cross(&a, &c)), dot(&d, &cross(&b, &a))];
+        let weights = weights_of(&d, [&a, &b, &c]);
         let det: BigInt = weights.iter().sum();
         let opposite = match det.sign() {
             Sign::NoSign => return None,
@@ -85,6 +85,31 @@ impl Line {
         let [_, weight1, weight2] = weights;
         let t = Ratio::new(distance, det.clone(), unit - direction_unit);
         Some([t, Ratio::new(weight1, det.clone(), 0), Ratio::new(weight2, det, 0)])
+    }
+
+    /// Whether the line, which is not parallel to the triangle, crosses it when it starts at its origin + (h, h^2,
+    /// h^3), with an h less than any number. Each weight is linear in the origin, so that its gains by a step along each
+    /// axis tell its sign: it is that of the weight, or where this is zero of the first gain that is not.
+    pub fn crosses_when_moved(&self, corners: [DVec3; 3]) -> bool {
+        let unit = self.unit().min(smallest_unit(&corners));
+        let origin = self.whole_origin(unit);
+        let corners = corners.map(|p| whole3(p, unit));
+        let d = whole3(self.direction, smallest_unit([&self.direction]));
+        let weights_from = |origin: &Whole3| {
+            let [a, b, c] = [0, 1, 2].map(|k| minus(&corners[k], origin));
+            weights_of(&d, [&a, &b, &c])
+        };
+        let weights = weights_from(&origin);
+        let moved: [_; 3] = std::array::from_fn(|axis| {
+            let mut moved = origin.clone();
+            moved[axis] += 1;
+            weights_from(&moved)
+        });
+        let signs: [_; 3] = std::array::from_fn(|k| {
+            let gains = moved.iter().map(|moved| (&moved[k] - &weights[k]).sign());
+            std::iter::once(weights[k].sign()).chain(gains).find(|&sign| sign != Sign::NoSign)
+        });
+        signs[0].is_some() && signs.iter().all(|sign| *sign == signs[0])
     }
 }
 
@@ -108,6 +133,11 @@ impl Crossing {
         let denominator = u.denominator() * v.denominator();
         let numerator = &denominator - u.numerator() * v.denominator() - v.numerator() * u.denominator();
         Ratio::new(numerator, denominator, 0)
+    }
+
+    /// Whether it is exactly on an edge or a vertex.
+    pub fn is_on_edge(&self) -> bool {
+        [&self.u, &self.v, &self.weight0()].iter().any(|weight| weight.numerator().sign() == Sign::NoSign)
     }
 }
 
@@ -279,6 +309,18 @@ impl ExactTracer {
         Some(closest)
     }
 
+    /// All crossings inside of `interval`, by t, those at exactly the same t by number.
+    pub fn all(&self, line: &Line, interval: Interval) -> Vec<Crossing> {
+        let may_be_inside = |candidate: Candidate| {
+            candidate.high >= f64::from(interval.near) && candidate.low <= f64::from(interval.far)
+        };
+        let near = self.boxes.near(line).filter(|&i| self.candidate(line, i).is_some_and(may_be_inside));
+        let crossings = near.filter_map(|i| self.crossing(line, i));
+        let mut all: Vec<_> = crossings.filter(|crossing| interval.contains(&crossing.t)).collect();
+        all.sort_by(|a, b| a.t.cmp(&b.t).then(a.primitive.cmp(&b.primitive)));
+        all
+    }
+
     /// What doubles know; `None` when the line surely misses the triangle.
     fn candidate(&self, line: &Line, primitive: u32) -> Option<Candidate> {
         let corners = self.corners(primitive)?;
@@ -335,4 +377,9 @@ fn cross(a: &Whole3, b: &Whole3) -> Whole3 {
 
 fn dot(a: &Whole3, b: &Whole3) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+/// The weights of a triangle's corners, which are relative to the origin, times the determinant.
+fn weights_of(d: &Whole3, [a, b, c]: [&Whole3; 3]) -> [BigInt; 3] {
+    [dot(d, &cross(c, b)), dot(d, &cross(a, c)), dot(d, &cross(b, a))]
 }

@@ -46,12 +46,23 @@ pub enum Fault {
     SelfHit,
     /// The second ray passed through what it had to hit.
     Leak,
+    /// A list or a walk has a triangle more than once.
+    Twice,
+    /// The right triangles in another order.
+    Order,
+    /// The right list, but another number of crossings of surfaces.
+    Crossings,
 }
 
 impl Fault {
-    /// All sorts, in the order in which they are reported.
-    pub const ALL: [Fault; 7] =
+    /// Those of closest hits, in the order in which they are reported.
+    pub const OF_CLOSEST: [Fault; 7] =
         [Fault::Miss, Fault::False, Fault::Primitive, Fault::T, Fault::Weights, Fault::SelfHit, Fault::Leak];
+    /// Those of lists: a miss and a false hit are triangles that a list lacks, or should lack.
+    pub const OF_LISTS: [Fault; 7] =
+        [Fault::Miss, Fault::False, Fault::Twice, Fault::Order, Fault::T, Fault::Weights, Fault::Crossings];
+    /// Those of walks.
+    pub const OF_WALKS: [Fault; 6] = [Fault::Miss, Fault::False, Fault::Twice, Fault::Order, Fault::T, Fault::Weights];
 
     /// As it is printed.
     pub fn name(self) -> &'static str {
@@ -63,6 +74,9 @@ impl Fault {
             Fault::Weights => "uv",
             Fault::SelfHit => "self",
             Fault::Leak => "leak",
+            Fault::Twice => "twice",
+            Fault::Order => "order",
+            Fault::Crossings => "cross",
         }
     }
 }

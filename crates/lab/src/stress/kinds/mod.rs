@@ -11,6 +11,7 @@ mod scales;
 mod seams;
 mod second;
 mod sizes;
+mod stacks;
 mod starts;
 mod surfaces;
 mod wild;
@@ -21,6 +22,8 @@ use raybrook::{Error, Result};
 
 /// Kinds of which one scene tells little: few triangles of wild numbers, another few in each scene.
 const OF_MANY_SCENES: [&[Kind]; 4] = [lattices::KINDS, wild::KINDS, far::KINDS, starts::KINDS];
+/// Kinds that are made for lists and walks, of many scenes, too.
+const STACKS: &[Kind] = stacks::KINDS;
 /// Rays through one of many scenes, if there are not so many rays that there are more scenes than the most.
 const RAYS_OF_SCENE: usize = 40;
 /// Scenes of a kind at most: a device takes a while for each.
@@ -36,7 +39,7 @@ pub struct Kind {
 }
 
 impl Kind {
-    /// Every kind.
+    /// Every kind for closest hits.
     pub fn all() -> impl Iterator<Item = &'static Kind> {
         [seams::KINDS, directions::KINDS, surfaces::KINDS, sizes::KINDS, limits::KINDS, scales::KINDS, second::KINDS]
             .into_iter()
@@ -44,13 +47,18 @@ impl Kind {
             .flatten()
     }
 
-    /// The kind of this name.
+    /// The kinds that are made for lists and walks.
+    pub fn stacks() -> impl Iterator<Item = &'static Kind> {
+        STACKS.iter()
+    }
+
+    /// The kind of this name, of both.
     ///
     /// # Errors
     /// [`Error::Option`] when there is none; the message has the nearest name.
     pub fn find(name: &str) -> Result<&'static Kind> {
-        Kind::all().find(|kind| kind.name == name).ok_or_else(|| {
-            let nearest = Kind::all().max_by(|a, b| {
+        Kind::all().chain(Kind::stacks()).find(|kind| kind.name == name).ok_or_else(|| {
+            let nearest = Kind::all().chain(Kind::stacks()).max_by(|a, b| {
                 let likeness = |kind: &Kind| strsim::jaro_winkler(kind.name, name);
                 likeness(a).total_cmp(&likeness(b))
             });
@@ -61,7 +69,7 @@ impl Kind {
 
     /// How many scenes `rays` of them come from.
     pub fn scene_count(&self, rays: usize) -> usize {
-        let is_one = !OF_MANY_SCENES.into_iter().flatten().any(|kind| kind.name == self.name);
+        let is_one = !OF_MANY_SCENES.into_iter().chain([STACKS]).flatten().any(|kind| kind.name == self.name);
         if is_one { 1 } else { rays.div_ceil(RAYS_OF_SCENE).clamp(1, MOST_SCENES) }
     }
 

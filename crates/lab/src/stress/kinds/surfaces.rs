@@ -113,7 +113,7 @@ fn back_faces(random: &mut Random, rays: usize) -> Case {
 }
 
 /// `x` moved on by `steps` floats.
-fn moved(x: f32, steps: i32) -> f32 {
+pub(super) fn moved(x: f32, steps: i32) -> f32 {
     (0..steps.unsigned_abs()).fold(x, |x, _| if steps < 0 { x.next_down() } else { x.next_up() })
 }
 

@@ -102,7 +102,7 @@ fn of_stress(case: &Case, answers: &Answers, mode: &str, peer: &Peer, results: R
     let mut out = row([("method", json!(peer.label())), ("mode", json!(mode)), ("call", json!(results.call))]);
     out.extend(errors(faults.len(), case.rays.len()));
     let count = |sort: Fault| faults.iter().filter(|(_, fault)| *fault == sort).count();
-    let counted = Fault::ALL.into_iter().map(|sort| (sort.name(), count(sort))).filter(|(_, count)| *count > 0);
+    let counted = Fault::OF_CLOSEST.into_iter().map(|sort| (sort.name(), count(sort))).filter(|(_, count)| *count > 0);
     let sorts: Vec<_> = counted.map(|(name, count)| format!("{name} {count}")).collect();
     if !sorts.is_empty() {
         out.insert("faults".to_owned(), json!(sorts.join(", ")));
