@@ -21,7 +21,7 @@ import raybrook.open3d  # noqa: E402
 
 
 def batches(vertices, faces, count):
-    """Rays by name: from one eye through the pixels of a picture, the same shuffled, and aimed at edges and vertices."""
+    """Rays by name: from an eye through the pixels of a picture, the same shuffled, and aimed at edges and vertices."""
     side = int(count**0.5)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     eye = ((low + high) / 2 + [0, 0, 1.5 * np.linalg.norm(high - low)]).astype(np.float32)
@@ -114,7 +114,9 @@ def main():
                     tracers[name][question](rays)
                     if round_number > 0:  # the first one compiles and fills caches
                         taken.append(time.perf_counter() - start)
-            rates = [f"{len(rays) / statistics.median(times[name]) / 1e6:.2f}" if name in times else "" for name in tracers]
+            rates = [
+                f"{len(rays) / statistics.median(times[name]) / 1e6:.2f}" if name in times else "" for name in tracers
+            ]
             print(f"| {batch} | {question} | " + " | ".join(rates) + " |", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""The right answers to rays, by fractions of whole numbers: nothing is rounded. Slow, and short enough to be checked."""
+"""The right answers to rays, by fractions of whole numbers: nothing is rounded. Slow, and short enough to check."""
 
 from fractions import Fraction
 

@@ -3,14 +3,16 @@
 import numpy as np
 
 
-def sphere(divisions=5):
+def sphere(divisions=4):
     """A ball of 20 * 4^divisions triangles: an icosahedron, each triangle of it divided into four, again and again."""
     golden = (1 + 5**0.5) / 2
     corners = [(s, t * golden, 0) for s in (-1, 1) for t in (-1, 1)]
     vertices = np.array([np.roll(corner, turn) for turn in range(3) for corner in corners])
     distances = np.linalg.norm(vertices[:, None] - vertices[None], axis=-1)
     near = np.isclose(distances, 2)
-    faces = [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
+    faces = [
+        (a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]
+    ]
     faces = np.array(faces)
     for _ in range(divisions):
         edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -19,11 +21,13 @@ def sphere(divisions=5):
         vertices = np.concatenate([vertices, vertices[unique].mean(axis=1)])
         a, b, c = faces.T
         ab, bc, ca = middles.T
-        faces = np.concatenate([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+        faces = np.concatenate(
+            [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
     return (vertices / np.linalg.norm(vertices, axis=1, keepdims=True)).astype(np.float32), faces
 
 
-def knot(around=400, across=24):
+def knot(around=240, across=12):
     """A tube along a trefoil knot, of 2 * around * across triangles."""
     s = np.linspace(0, 2 * np.pi, around, endpoint=False)
 
@@ -40,7 +44,9 @@ def knot(around=400, across=24):
     vertices = line(s)[:, None] + 0.4 * (np.cos(turn) * sides[:, None] + np.sin(turn) * ups[:, None])
     i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
     corner = [((i + di) % around * across + (j + dj) % across).ravel() for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    faces = np.concatenate([np.stack([corner[0], corner[1], corner[2]], 1), np.stack([corner[0], corner[2], corner[3]], 1)])
+    faces = np.concatenate(
+        [np.stack([corner[0], corner[1], corner[2]], 1), np.stack([corner[0], corner[2], corner[3]], 1)]
+    )
     return vertices.reshape(-1, 3).astype(np.float32), faces
 
 
@@ -58,7 +64,10 @@ def on_a_grid(mesh):
 
 
 _STEPS = 2**16
-MESHES = {name: lambda make=make: on_a_grid(make()) for name, make in dict(sphere=sphere, knot=knot, crumpled=crumpled).items()}
+MESHES = {
+    name: lambda make=make: on_a_grid(make())
+    for name, make in dict(sphere=sphere, knot=knot, crumpled=crumpled).items()
+}
 
 
 def aimed_rays(vertices, faces, count, seed=1):

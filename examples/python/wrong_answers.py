@@ -41,7 +41,8 @@ def by_trimesh(vertices, faces, rays):
     import trimesh
 
     mesh = trimesh.Trimesh(vertices, faces, process=False, use_embree=False)
-    return mesh.ray.intersects_first(rays[:, :3].astype(float), rays[:, 3:].astype(float))
+    parts = np.array_split(rays.astype(float), len(rays) // 1000 + 1)  # it takes much memory for each ray
+    return np.concatenate([mesh.ray.intersects_first(part[:, :3], part[:, 3:]) for part in parts])
 
 
 TRACERS = {"Open3D": by_open3d, "embreex": by_embreex, "trimesh's own": by_trimesh, "raybrook": by_raybrook}

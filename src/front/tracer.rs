@@ -227,8 +227,8 @@ impl Tracer {
         self.trace_all(rays, most, true).map(AllHits::new)
     }
 
-    /// Whether each of `all`'s hits is at the t of the hit before it on its ray: exactly, not only once t is rounded. So
-    /// it is where a ray goes through an edge or a vertex, or where triangles lie in one another. `all`: what
+    /// Whether each of the hits of `all` is at the t of the hit before it on its ray: exactly, not only once t is
+    /// rounded. So it is where a ray goes through an edge or a vertex, or where triangles lie in one another. `all`: what
     /// [`Tracer::all_hits`] or [`Tracer::first_hits`] found for `rays`. Hits that are not exact are compared as they
     /// are.
     ///

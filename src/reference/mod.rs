@@ -153,11 +153,10 @@ impl Backend for ReferenceBackend {
         let start = Instant::now();
         let (total, most) = (job.points.len(), MOST_CANDIDATES as usize);
         let (mut counts, mut listed) = (vec![0; total], vec![0; most * total]);
-        let done = AtomicUsize::new(0);
+        let parts = Parts { progress, done: &AtomicUsize::new(0), total };
         let chunks = counts.par_chunks_mut(CHUNK).zip(listed.par_chunks_mut(most * CHUNK));
         chunks.zip(job.points.par_chunks(CHUNK)).for_each(|((counts, listed), points)| {
-            list_candidates(job.scene, points, counts, listed);
-            progress((done.fetch_add(points.len(), Ordering::Relaxed) + points.len()) as f64 / total as f64);
+            parts.part(points.len(), || list_candidates(job.scene, points, counts, listed));
         });
         Ok(Candidates { counts, listed, kernel_s: start.elapsed().as_secs_f64() })
     }

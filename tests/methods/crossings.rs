@@ -103,6 +103,46 @@ fn rays_cross_where_inside_and_outside_change() {
     assert!(tested > 2000 && touches > 50, "{tested} {touches}");
 }
 
+#[test]
+fn ties_are_those_of_exact_arithmetic() {
+    let (mut ties, mut others) = (0, 0);
+    for (name, closed) in meshes() {
+        let mesh = closed.mesh();
+        let mut random = Random::new(SEED);
+        let ray = |index: u64| {
+            let aimed = closed.ray(SEED, index);
+            // Straight at a vertex from so far away that t is the same number for what lies near it.
+            let to = mesh.random_vertex(&mut random);
+            let axis = random.pick(&[Vec3::X, Vec3::Y, Vec3::NEG_Z]);
+            match index % 2 {
+                0 => Ray::new((to - axis * 1e6).to_array(), axis.to_array()),
+                _ => Ray::new(aimed.origin.to_array(), aimed.direction.to_array()),
+            }
+        };
+        let rays: Vec<_> = (0..150).map(ray).collect();
+        let exact = ExactTracer::new(mesh);
+        for device in devices() {
+            let mut tracer = tracer_on(&device, mesh);
+            let all = tracer.all_hits(&rays).unwrap();
+            let mut found = tracer.ties(&rays, &all).into_iter();
+            for (i, ray) in rays.iter().enumerate() {
+                let [origin, direction] = [ray.origin, ray.direction].map(|p| Vec3::from(p).as_dvec3());
+                let line = exact.line(origin, direction).unwrap();
+                let t = |hit: &Hit| exact.crossing(&line, hit.triangle).unwrap().t;
+                let hits = all.of_ray(i);
+                for k in 0..hits.len() {
+                    let is_tie = k > 0 && hits[k - 1].t == hits[k].t && t(&hits[k - 1]) == t(&hits[k]);
+                    assert_eq!(found.next(), Some(is_tie), "{name} on {device}: hit {k} of {ray:?}");
+                    ties += usize::from(is_tie);
+                    others += usize::from(!is_tie && k > 0 && hits[k - 1].t == hits[k].t);
+                }
+            }
+            assert_eq!(found.next(), None);
+        }
+    }
+    assert!(ties > 400 && others > 4, "{ties} {others}");
+}
+
 fn cube() -> Mesh {
     Mesh::cube(Vec3::ZERO, Vec3::ONE)
 }

@@ -61,6 +61,21 @@ def test_arrays_that_are_not_contiguous(scene):
     assert backwards.closest_hits(RAYS).t.tolist() == EXPECTED
 
 
+def test_arrays_at_odd_addresses(scene):
+    def moved(array):
+        room = np.zeros(array.nbytes + 1, np.uint8)
+        room[1:] = np.frombuffer(array.tobytes(), np.uint8)
+        odd = np.frombuffer(room.data, array.dtype, offset=1).reshape(array.shape)
+        assert not odd.flags.aligned
+        return odd
+
+    for rays in (RAYS.astype("f4"), RAYS.astype("f8")):
+        assert scene.closest_hits(moved(rays)).t.tolist() == EXPECTED
+        assert scene.closest_hits((moved(rays[:, :3]), moved(rays[:, 3:]))).t.tolist() == EXPECTED
+    again = Scene(moved(SQUARES), moved(SQUARES_FACES), device="reference")
+    assert again.closest_hits(RAYS).t.tolist() == EXPECTED
+
+
 def test_read_only_arrays(scene):
     rays = RAYS.astype("f4")
     rays.flags.writeable = False

@@ -1,7 +1,9 @@
 """Errors and notes: of the command line's kinds and in its words."""
 
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +69,19 @@ def test_the_command_line():
     script = Path(sys.executable).parent / "raybrook"
     if script.exists():
         assert subprocess.run([script, "--version"], capture_output=True, text=True).stdout == run.stdout
+
+
+def test_the_command_line_is_stopped_as_the_program(tmp_path):
+    scene = ROOT / "scenes" / "vase.obj"
+    words = ["render", scene, "--size", "3000x3000", "--samples", "256", "--device", "reference", "-o", "vase.png"]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "raybrook", *map(str, words)], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(1)
+    run.send_signal(signal.SIGINT)
+    assert "stopped by SIGINT" in run.communicate(timeout=30)[1]
+    assert run.returncode == 128 + signal.SIGINT
+    assert not list(tmp_path.iterdir())
 
 
 def test_pictures_of_the_command_line_are_the_packages(tmp_path):

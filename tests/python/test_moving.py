@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from conftest import CUBE, CUBE_FACES, SQUARE, SQUARE_FACES, down
+from conftest import CUBE, CUBE_FACES, ROOT, SQUARE, SQUARE_FACES, down
 
 import raybrook
 
@@ -57,7 +57,7 @@ def test_what_cannot_be_moved_is_refused_and_stays(squares):
         squares.update_vertices(np.full((8, 3), np.nan, np.float32))
     assert answers(squares, rays_around(2)) == before
     with pytest.raises(TypeError, match="from a file"):
-        raybrook.Scene.load("scenes/vase.obj").update_vertices(SQUARE)
+        raybrook.Scene.load(ROOT / "scenes" / "vase.obj").update_vertices(SQUARE)
 
 
 FAR = np.array([500_000.25, 4_649_776.125, 0.0])
@@ -94,4 +94,4 @@ def test_without_an_origin_rounding_is_told():
     with pytest.raises(ValueError, match="neither a place nor 'auto'"):
         raybrook.Scene(SQUARE, SQUARE_FACES, origin="here")
     with pytest.raises(TypeError, match="takes no origin"):
-        raybrook.Scene.load("scenes/vase.obj", origin="auto")
+        raybrook.Scene.load(ROOT / "scenes" / "vase.obj", origin="auto")

@@ -1,4 +1,4 @@
-"""The interface of Open3D: with NumPy always, with Open3D's own tensors and beside its own answers where it is installed.
+"""The interface of Open3D: with NumPy, and where Open3D is installed, with its tensors and beside its answers.
 
 The behaviour is that of Open3D's test_raycasting_scene.py, whose cases stand here in our own words."""
 
@@ -143,7 +143,9 @@ def test_arguments(triangle):
 
 
 def test_meshes_with_attributes_of_open3d():
-    mesh = SimpleNamespace(vertex=SimpleNamespace(positions=CUBE), triangle=SimpleNamespace(indices=CUBE_FACES.astype("i8")))
+    mesh = SimpleNamespace(
+        vertex=SimpleNamespace(positions=CUBE), triangle=SimpleNamespace(indices=CUBE_FACES.astype("i8"))
+    )
     for add in (lambda scene: scene.add_triangles(mesh), lambda scene: scene.add_triangles(mesh=mesh)):
         scene = RaycastingScene()
         assert add(scene) == 0
@@ -217,5 +219,7 @@ def test_the_same_keys_shapes_and_dtypes_as_open3d(o3d):
         assert expected.dtype == found.dtype
         assert np.array_equal(expected.numpy(), found.numpy())
     pinhole = dict(fov_deg=60, center=[0, 0, 0], eye=[1, 2, 3], up=[0, 1, 0], width_px=7, height_px=5)
-    expected, found = (kind.create_rays_pinhole(**pinhole) for kind in (o3d.t.geometry.RaycastingScene, RaycastingScene))
+    expected, found = (
+        kind.create_rays_pinhole(**pinhole) for kind in (o3d.t.geometry.RaycastingScene, RaycastingScene)
+    )
     np.testing.assert_allclose(found, expected.numpy(), atol=2e-7)

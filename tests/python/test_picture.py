@@ -27,7 +27,9 @@ def decoded(png):
             left, above, corner = rows[y + 1, x], rows[y, x + 1], rows[y, x]
             guess = left + above - corner
             near = np.abs(guess - left), np.abs(guess - above), np.abs(guess - corner)
-            paeth = np.where((near[0] <= near[1]) & (near[0] <= near[2]), left, np.where(near[1] <= near[2], above, corner))
+            paeth = np.where(
+                (near[0] <= near[1]) & (near[0] <= near[2]), left, np.where(near[1] <= near[2], above, corner)
+            )
             rows[y + 1, x + 1] = (given + [0, left, above, (left + above) // 2, paeth][line[0]]) % 256
     return rows[1:, 1:]
 

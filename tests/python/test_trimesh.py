@@ -2,12 +2,14 @@
 
 import copy
 import pickle
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import CUBE, CUBE_FACES, SQUARES, SQUARES_FACES
 
+from raybrook import RoundingWarning
 from raybrook.trimesh import RayMeshIntersector
 
 DOWN = np.array([[3, 1, 3], [9, 1, 3], [2, 2, 3]]), np.array([[0, 0, -1.0]] * 3)
@@ -83,7 +85,11 @@ def test_arguments_that_are_none(squares):
 
 def test_lists_integers_and_strides_are_taken(squares):
     origins, directions = np.repeat(DOWN[0], 2, axis=0)[::2], np.asfortranarray(DOWN[1])
-    for rays in ((origins, directions), (origins.tolist(), directions.tolist()), (origins.astype(int), DOWN[1].astype(int))):
+    for rays in (
+        (origins, directions),
+        (origins.tolist(), directions.tolist()),
+        (origins.astype(int), DOWN[1].astype(int)),
+    ):
         assert squares.intersects_first(*rays).tolist() == [2, -1, 2]
 
 
@@ -106,6 +112,35 @@ def test_changes_of_the_mesh_are_noticed(squares):
     squares.mesh.vertices = squares.mesh.vertices + [6, 0, 0]
     assert squares.intersects_any(*DOWN).tolist() == [False, True, False]
     assert squares.intersects_location(*DOWN)[0][:, 2].tolist() == [1, 0]
+
+
+def test_a_mesh_far_from_the_origin_keeps_its_shape(device):
+    far = np.array([528980.85, 183526.1, 12.3])
+    mesh = mesh_of(CUBE * 0.1 + far, CUBE_FACES)
+    with pytest.warns(RoundingWarning, match="rays"):
+        ray = RayMeshIntersector(mesh, device=device)
+        above = far + [0.025, 0.075, 1]
+        locations, *_ = ray.intersects_location([above], [[0, 0, -1]])
+    np.testing.assert_allclose(locations, [far + [0.025, 0.075, 0.1], far + [0.025, 0.075, 0]], atol=1e-7)
+    just_above = far + [0.025, 0.075, 0.1001]
+    assert ray.intersects_any([just_above, just_above], [[0, 0, 1], [0, 0, -1]]).tolist() == [False, True]
+    assert ray.contains_points([far + 0.05, far + 0.1001, far - 0.0001]).tolist() == [True, False, False]
+    with pytest.warns(RoundingWarning, match="by at most 0.0"):
+        as_it_is = RayMeshIntersector(mesh, scale_to_box=False, device=device)
+        as_it_is.intersects_any([above], [[0, 0, -1]])
+
+
+def test_float32_numbers_stay_as_they_are(squares):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        squares.mesh.vertices = squares.mesh.vertices + [2**20, 0, 0]
+        assert squares.intersects_any(DOWN[0] + [2**20, 0, 0], DOWN[1]).tolist() == [True, False, True]
+
+
+def test_any_object_with_vertices_and_faces(device):
+    ray = RayMeshIntersector(SimpleNamespace(vertices=SQUARES, faces=SQUARES_FACES), device=device)
+    assert ray.intersects_first(*DOWN).tolist() == [2, -1, 2]
+    assert ray.intersects_any(*DOWN).tolist() == [True, False, True]
 
 
 def test_copies_and_pickles(squares):

@@ -29,7 +29,18 @@ def folder(tmp_path_factory):
     if not MODELS.is_dir():
         pytest.skip(f"the models of trimesh's tests are not in {MODELS}")
     folder = tmp_path_factory.mktemp("trimesh")
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:", "--dest", folder]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--no-deps",
+        "--no-binary",
+        ":all:",
+        "--dest",
+        folder,
+    ]
     try:
         command.append(f"trimesh=={trimesh.__version__}")
         subprocess.run(command, check=True, capture_output=True, timeout=DOWNLOAD_LIMIT_S)

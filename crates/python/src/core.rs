@@ -1,8 +1,10 @@
 //! A scene and its tracer.
 
 use crate::error::to_python;
-use crate::output::{Arrays, ClosestHits, HitList, Meshes};
+use crate::meshes::{Meshes, join};
+use crate::output::{Arrays, ClosestHits, HitList};
 use crate::picture::Picture;
+use crate::points::{PointArrays, PointList};
 use crate::rays::{GivenRays, Rays};
 use crate::run::{Call, Current, Failure, Stopped, run};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -126,8 +128,8 @@ impl Core {
         Ok(numbers)
     }
 
-    /// Visits the hits of each ray that are listed, with mesh and triangle, and then `None`. Of those of a mesh that tie
-    /// only the first one is listed; nothing ties where `ties` is empty.
+    /// Visits the hits of each ray that are listed, with mesh and triangle, and then `None`. Of those of a mesh that
+    /// tie only the first one is listed; nothing ties where `ties` is empty.
     fn for_each_hit(
         &self,
         (all, ties): (&AllHits, &[bool]),
@@ -176,58 +178,6 @@ type ClosestArrays<'py> = (
     Bound<'py, PyArray1<u32>>,
     Bound<'py, PyArray1<f32>>,
 );
-
-/// Meshes of one scene: positions and triangles. With `is_strict` vertices must be finite.
-fn join(
-    meshes: &[(PyReadonlyArray2<f32>, PyReadonlyArray2<u32>)],
-    is_strict: bool,
-) -> PyResult<Result<(Scene, Vec<u32>)>> {
-    let (mut scene, mut starts) = (Scene::default(), Vec::new());
-    for (i, (positions, triangles)) in meshes.iter().enumerate() {
-        let (positions, triangles) = (positions.as_slice()?.as_chunks().0, triangles.as_slice()?.as_chunks().0);
-        starts.push(scene.triangles.len() as u32);
-        if let Err(error) = add_mesh(&mut scene, positions, triangles, is_strict) {
-            return Ok(Err(match error {
-                Error::Scene(message) if meshes.len() > 1 => Error::Scene(format!("mesh {i}: {message}")),
-                other => other,
-            }));
-        }
-    }
-    Ok(Ok((scene, starts)))
-}
-
-fn add_mesh(scene: &mut Scene, positions: &[[f32; 3]], triangles: &[[u32; 3]], is_strict: bool) -> Result<()> {
-    if triangles.is_empty() {
-        return Ok(());
-    }
-    // Numbers of vertices and triangles have 32 bits, and the last one says that there is none.
-    let too_many = |own: usize, new: usize| own + new >= u32::MAX as usize;
-    if too_many(scene.positions.len(), positions.len()) || too_many(scene.triangles.len(), triangles.len()) {
-        return Err(Error::Scene("there are more triangles or vertices than 32-bit numbers can tell apart".into()));
-    }
-    let is_finite = |p: &[f32; 3]| p.iter().all(|x| x.is_finite());
-    let invisible: Vec<_> = if is_strict { vec![] } else { positions.iter().map(|p| !is_finite(p)).collect() };
-    let kept: Vec<[f32; 3]>;
-    let checked = if invisible.contains(&true) {
-        kept = positions.iter().map(|p| if is_finite(p) { *p } else { [0.0; 3] }).collect();
-        &kept
-    } else {
-        positions
-    };
-    let mut mesh = Scene::from_mesh(checked, triangles)?;
-    for (i, _) in invisible.iter().enumerate().filter(|(_, is_invisible)| **is_invisible) {
-        mesh.positions[i] = positions[i].into();
-    }
-    let first = scene.positions.len() as u32;
-    mesh.triangles.iter_mut().for_each(|triangle| triangle.positions = triangle.positions.map(|i| i + first));
-    if scene.triangles.is_empty() {
-        *scene = mesh;
-    } else {
-        scene.positions.append(&mut mesh.positions);
-        scene.triangles.append(&mut mesh.triangles);
-    }
-    Ok(())
-}
 
 #[pymethods]
 impl Core {
@@ -425,6 +375,59 @@ impl Core {
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let points = points.as_slice()?.as_chunks().0;
         self.numbers(py, points.len(), progress, |tracer, part| tracer.contains(&points[part]))
+    }
+
+    /// The closest point of the scene to each point; normals only where they are wanted.
+    fn closest_points<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f32>,
+        normals: bool,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<PointArrays<'py>> {
+        let points = points.as_slice()?.as_chunks().0;
+        let list = run(py, progress, |call| {
+            let mut list = PointList::default();
+            self.work(call, points.len(), |tracer, part| {
+                list.extend(&tracer.closest_points(&points[part])?, &self.meshes, normals.then_some(&self.scene));
+                Ok(())
+            })?;
+            Ok(list)
+        })?;
+        Ok(list.into_arrays(py))
+    }
+
+    /// The distance of the scene from each point.
+    fn distances<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f32>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let points = points.as_slice()?.as_chunks().0;
+        self.numbers(py, points.len(), progress, |tracer, part| tracer.distances(&points[part]))
+    }
+
+    /// As `distances`, but negative inside.
+    fn signed_distances<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f32>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let points = points.as_slice()?.as_chunks().0;
+        self.numbers(py, points.len(), progress, |tracer, part| tracer.signed_distances(&points[part]))
+    }
+
+    /// How often the scene winds around each point.
+    fn winding_numbers<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f32>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let points = points.as_slice()?.as_chunks().0;
+        self.numbers(py, points.len(), progress, |tracer, part| tracer.winding_numbers(&points[part]))
     }
 
     /// A picture.

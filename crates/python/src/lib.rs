@@ -1,13 +1,15 @@
-//! The Python package's module in Rust, `raybrook._raybrook`: what takes time or needs the library. What users see, with
-//! its documentation, is written in Python, in `python/raybrook`: it checks shapes and makes all arrays contiguous
+//! The Python package's module in Rust, `raybrook._raybrook`: what takes time or needs the library. What users see,
+//! with its documentation, is written in Python, in `python/raybrook`: it checks shapes and makes all arrays contiguous
 //! before they come here.
 
 use pyo3::prelude::*;
 
 mod core;
 mod error;
+mod meshes;
 mod output;
 mod picture;
+mod points;
 mod rays;
 mod round;
 mod run;

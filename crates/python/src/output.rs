@@ -1,5 +1,6 @@
 //! Hits as arrays of numbers.
 
+use crate::meshes::Meshes;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use raybrook::{Hit, Scene};
@@ -7,21 +8,6 @@ use rayon::prelude::*;
 
 /// Marks a ray that hits nothing, as triangle and as mesh.
 pub const NO_HIT: u32 = u32::MAX;
-
-/// Which mesh a triangle belongs to.
-pub struct Meshes {
-    /// Of each mesh the number of its first triangle in the scene, ascending.
-    pub starts: Vec<u32>,
-}
-
-impl Meshes {
-    /// The mesh of a triangle of the scene, and the triangle's number in it. Of meshes without triangles, that start
-    /// at the same number, the last one has the triangle.
-    pub fn place(&self, triangle: u32) -> (u32, u32) {
-        let mesh = self.starts.partition_point(|&start| start <= triangle) - 1;
-        (mesh as u32, triangle - self.starts[mesh])
-    }
-}
 
 /// Where the closest hits of some rays go, an element of each for a ray: u and v, and normals, by twos and threes.
 pub struct ClosestHits<'a> {

@@ -51,7 +51,9 @@ impl Call {
 
     fn told(&self, done: f64) {
         let [start, share] = [&self.start, &self.share].map(|bits| f64::from_bits(bits.load(Ordering::Relaxed)));
-        self.done.store((start + done * share).to_bits(), Ordering::Relaxed);
+        // A call may ask several things of the library, of which each tells its own progress. Bits of numbers that are
+        // not negative are in the order of the numbers.
+        self.done.fetch_max((start + done * share).to_bits(), Ordering::Relaxed);
         if self.is_stopped.load(Ordering::Relaxed) {
             resume_unwind(Box::new(Stopped));
         }
@@ -87,8 +89,8 @@ fn check_process(py: Python) -> PyResult<()> {
     let this = std::process::id();
     match PROCESS.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
         Err(first) if first != this => {
-            let text = "this process was forked from one that has used raybrook, and threads do not outlive that; start \
-                        processes by 'spawn' or 'forkserver' (multiprocessing.set_start_method)";
+            let text = "this process was forked from one that has used raybrook, and threads do not outlive that; \
+                        start processes by 'spawn' or 'forkserver' (multiprocessing.set_start_method)";
             Err(raise(py, "DeviceError", text))
         }
         _ => Ok(()),

@@ -19,13 +19,14 @@ from ._errors import (
     OutputError,
     RoundingWarning,
 )
-from ._hits import NO_HIT, HitList, Hits
+from ._hits import NO_HIT, ClosestPoints, HitList, Hits
 from ._picture import Picture
 from ._raybrook import __version__
 from ._scene import Device, Scene, devices
 
 __all__ = [
     "NO_HIT",
+    "ClosestPoints",
     "Device",
     "DeviceError",
     "Error",

@@ -29,6 +29,11 @@ def as_array(name: str, value: Any) -> np.ndarray:
 NO_ORIGIN = (0.0, 0.0, 0.0)
 
 
+def plain(array: np.ndarray, dtype: Any) -> np.ndarray:
+    """``array`` in rows without gaps, at an address that the processor likes: not all are that other libraries sent."""
+    return np.require(array, dtype, ("C_CONTIGUOUS", "ALIGNED"))
+
+
 def float32(name: str, *values: Any, origins: Sequence[Sequence[float]] = ()) -> list[np.ndarray]:
     """``values`` as contiguous float32 numbers. What is rounded is told by one `RoundingWarning`.
 
@@ -40,9 +45,9 @@ def float32(name: str, *values: Any, origins: Sequence[Sequence[float]] = ()) ->
             raise TypeError(f"{name}: numbers are needed, not {array.dtype}")
         total += array.size
         if _is_exact(array.dtype) and not any(origin):
-            arrays.append(np.ascontiguousarray(array, dtype=np.float32).reshape(array.shape))
+            arrays.append(plain(array, np.float32))
             continue
-        flat = np.ascontiguousarray(array, dtype=np.float64).reshape(-1)
+        flat = plain(array, np.float64).reshape(-1)
         width = max(array.shape[-1], 1) if any(origin) else 3
         rounded, of_array, by = _raybrook.round_to_float32(flat, width, origin)
         arrays.append(rounded.reshape(array.shape))
@@ -89,9 +94,11 @@ def rays(value: Any, t_min: float, t_max: float, origin: Sequence[float]) -> tup
         try:
             origins, directions = np.broadcast_arrays(origins, directions)
         except ValueError:
-            text = f"rays: origins of shape {origins.shape} and directions of shape {directions.shape} do not go together"
+            text = (
+                f"rays: origins of shape {origins.shape} and directions of shape {directions.shape} do not go together"
+            )
             raise ValueError(text) from None
-        given = (rows(np.ascontiguousarray(origins)), rows(np.ascontiguousarray(directions)), limits)
+        given = (rows(plain(origins, np.float32)), rows(plain(directions, np.float32)), limits)
         return given, origins.shape[:-1]
     [array] = float32("rays", with_last("rays", as_array("rays", value), (6, 8)), origins=[origin])
     if array.shape[-1] == 8 and limits != (0.0, math.inf):
@@ -110,4 +117,4 @@ def indices(name: str, value: Any) -> np.ndarray:
         raise ValueError(f"{name}: the shape must be (n, 3), but is {array.shape}")
     if array.dtype.kind == "i" and array.min() < 0 or array.dtype.itemsize > 4 and array.max() > 0xFFFF_FFFF:
         raise ValueError(f"{name}: the numbers of vertices must be from 0 to {0xFFFF_FFFF}")
-    return np.ascontiguousarray(array, dtype=np.uint32)
+    return plain(array, np.uint32)

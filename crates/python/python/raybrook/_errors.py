@@ -1,8 +1,11 @@
 """Exceptions and warnings. The classes of errors are those that the command line tells apart by its exit code."""
 
+from __future__ import annotations
+
 import os
 import sys
 import warnings
+from types import FrameType
 
 _FOLDER = os.path.dirname(__file__) + os.sep
 
@@ -54,7 +57,8 @@ class NoteWarning(UserWarning):
 
 def warn(text: str, category: type[Warning]) -> None:
     """Warn whoever called the package, however deep in it this is."""
-    frame, level = sys._getframe(1), 2
+    frame: FrameType | None = sys._getframe(1)
+    level = 2
     while frame is not None and frame.f_code.co_filename.startswith(_FOLDER):
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)

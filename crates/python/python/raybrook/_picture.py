@@ -27,7 +27,7 @@ class Picture:
 
     @property
     def pixels(self) -> np.ndarray:
-        """Linear RGB radiance, float32 ``[height, width, 3]``, top row first. Nothing keeps a value from being above 1."""
+        """Linear RGB radiance, float32 ``[height, width, 3]``, top row first. A value may be above 1."""
         return self._picture.pixels().reshape(self.height, self.width, 3)
 
     def to_srgb8(self) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _arrays, _raybrook
 from ._errors import NoteWarning, warn
-from ._hits import NO_HIT, HitList, Hits
+from ._hits import NO_HIT, ClosestPoints, HitList, Hits
 from ._picture import Picture
 
 Progress = Callable[[float], object]
@@ -99,7 +99,8 @@ class Scene:
     ) -> None:
         self._choices = dict(device=device, method=method, precision=precision, memory_limit=memory_limit, cache=cache)
         self._meshes: list[tuple[np.ndarray, np.ndarray]] = []
-        self._origin = origin if origin is None or isinstance(origin, str) else _vector("origin", origin)
+        is_place = origin is not None and not isinstance(origin, str)
+        self._origin: tuple[float, float, float] | str | None = _vector("origin", origin) if is_place else origin
         if isinstance(self._origin, str) and self._origin != "auto":
             raise ValueError(f"origin: '{origin}' is neither a place nor 'auto'")
         self._is_strict = True
@@ -189,7 +190,8 @@ class Scene:
         if given.ndim != 2 or given.shape[1] != 3:
             raise ValueError(f"vertices: the shape must be (n, 3), but is {given.shape}")
         if self._origin == "auto":
-            self._origin = tuple(_raybrook.origin_around(np.ascontiguousarray(given, dtype=np.float64)))
+            x, y, z = _raybrook.origin_around(_arrays.plain(given, np.float64))
+            self._origin = (x, y, z)
         [positions] = _arrays.float32("vertices", given, origins=[self._from])
         return positions.copy()
 
@@ -200,7 +202,7 @@ class Scene:
 
     @property
     def _from(self) -> tuple[float, float, float]:
-        return _arrays.NO_ORIGIN if self._origin is None or self._origin == "auto" else self._origin
+        return _arrays.NO_ORIGIN if self._origin is None or isinstance(self._origin, str) else self._origin
 
     def _in_world(self, places: np.ndarray) -> np.ndarray:
         """Places of the scene in the caller's coordinates."""
@@ -330,7 +332,60 @@ class Scene:
         given, shape = _arrays.points("points", points, self._from)
         return self._opened().contains(given, progress).reshape(shape)
 
-    def points(self, hits: Hits | HitList) -> np.ndarray:
+    def closest_point(self, points: Any, *, progress: Progress | None = None) -> ClosestPoints:
+        """The closest point of the scene to each point: exact, each number rounded once.
+
+        Of several triangles that are as near the one of the lower mesh, or the lower number, is told. There is no
+        closest point to one with a number that is NaN or infinite, and none in a scene without triangles.
+
+        Args:
+            points: ``[..., 3]``.
+            progress: as of `closest_hits`.
+        """
+        return self._closest_point(points, False, progress)[0]
+
+    def _closest_point(self, points: Any, normals: bool, progress: Progress | None) -> tuple[ClosestPoints, np.ndarray]:
+        given, shape = _arrays.points("points", points, self._from)
+        point, distance, triangle, mesh, uv, normal = self._opened().closest_points(given, normals, progress)
+        distance, triangle, mesh = (array.reshape(shape) for array in (distance, triangle, mesh))
+        place = self._in_world(point.reshape(*shape, 3))
+        found = ClosestPoints(place, distance, triangle, mesh, uv.reshape(*shape, 2))
+        return found, normal.reshape(*shape, 3) if normals else normal
+
+    def distance(self, points: Any, *, progress: Progress | None = None) -> np.ndarray:
+        """The distance of the scene from each point, float32: the exact one, rounded once.
+
+        NaN for a point with a number that is NaN or infinite; infinity in a scene without triangles.
+
+        Arguments: those of `closest_point`.
+        """
+        given, shape = _arrays.points("points", points, self._from)
+        return self._opened().distances(given, progress).reshape(shape)
+
+    def signed_distance(self, points: Any, *, progress: Progress | None = None) -> np.ndarray:
+        """As `distance`, but negative inside of the scene. Number and sign are exact; 0 exactly on the surface.
+
+        Arguments: those of `closest_point`.
+
+        Raises:
+            InputError: the scene is not closed: an edge is in an odd number of triangles.
+        """
+        given, shape = _arrays.points("points", points, self._from)
+        return self._opened().signed_distances(given, progress).reshape(shape)
+
+    def winding_number(self, points: Any, *, progress: Progress | None = None) -> np.ndarray:
+        """How often the scene winds around each point, float64: 1 inside of a closed mesh whose triangles are turned
+        outwards, 0 outside, and between them near the holes of an open one. So 0.5 tells inside from outside where
+        `contains` refuses to.
+
+        The exact number up to float64's rounding. NaN for a point with a number that is NaN or infinite.
+
+        Arguments: those of `closest_point`.
+        """
+        given, shape = _arrays.points("points", points, self._from)
+        return self._opened().winding_numbers(given, progress).reshape(shape)
+
+    def points(self, hits: Hits | HitList | ClosestPoints) -> np.ndarray:
         """Where hits of this scene are: float64 ``[..., 3]``, from u, v and the triangles' vertices, which is more
         exact than from t. NaN for misses."""
         core = self._get()
@@ -342,7 +397,7 @@ class Scene:
         corners = corners[(self._first_triangles()[hits.mesh[is_hit]] + hits.triangle[is_hit])].astype(np.float64)
         v = hits.uv[is_hit].astype(np.float64)
         found = corners[:, 0] + v[:, :1] * (corners[:, 1] - corners[:, 0]) + v[:, 1:] * (corners[:, 2] - corners[:, 0])
-        points = np.full((*hits.t.shape, 3), math.nan)
+        points = np.full((*hits.triangle.shape, 3), math.nan)
         points[is_hit] = found
         return self._in_world(points)
 
@@ -377,17 +432,19 @@ class Scene:
             depth: the longest chain of reflected and refracted rays, the camera's ray counted.
             progress: as of `closest_hits`.
         """
-        if (width is None) != (height is None):
-            raise TypeError("width and height go together")
         if (eye is None) != (target is None):
             raise TypeError("eye and target go together")
         if samples is not None and error is not None:
             raise TypeError("samples and error do not go together")
-        size = None if width is None else (width, height)
+        size = None
+        if width is not None and height is not None:
+            size = (width, height)
+        elif width is not None or height is not None:
+            raise TypeError("width and height go together")
         camera = None
         if eye is not None:
-            places = (("eye", eye, self._from), ("target", target, self._from), ("up", up, _arrays.NO_ORIGIN))
-            camera = (*(_vector(name, place, origin) for name, place, origin in places), float(fov))
+            places = (_vector("eye", eye, self._from), _vector("target", target, self._from), _vector("up", up))
+            camera = (*places, float(fov))
         return Picture(self._opened().render(size, camera, samples, error, depth, progress))
 
     def preview(self) -> Picture:
@@ -439,7 +496,8 @@ class Scene:
 def _restored(path: str | None, meshes: list[Any], is_strict: bool, choices: dict[str, Any], origin: Any) -> Scene:
     """A scene that was pickled: by its arrays, or by the path of its file."""
     scene = Scene(**choices, origin=origin)
-    scene._path, scene._meshes, scene._is_strict = path, list(meshes), is_strict
+    scene._path, scene._is_strict = path, is_strict
+    scene._meshes = [(_arrays.plain(v, np.float32), _arrays.plain(f, np.uint32)) for v, f in meshes]
     return scene
 
 
@@ -455,6 +513,11 @@ def _moved(vertices: np.ndarray, transform: np.ndarray) -> np.ndarray:
     return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]], axis=-1)
 
 
-def _vector(name: str, value: Any, origin: tuple[float, float, float] = _arrays.NO_ORIGIN) -> tuple[float, float, float]:
-    x, y, z = np.asarray(value, dtype=np.float64).reshape(3) - np.array(origin)
+def _vector(
+    name: str, value: Any, origin: tuple[float, float, float] = _arrays.NO_ORIGIN
+) -> tuple[float, float, float]:
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (3,):
+        raise ValueError(f"{name}: the shape must be (3,), but is {vector.shape}")
+    x, y, z = vector - np.array(origin)
     return float(x), float(y), float(z)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from . import _arrays
+from ._errors import InputError
 from ._hits import NO_HIT
 from ._scene import Scene
 
@@ -49,7 +50,7 @@ def _plain(value: Any) -> Any:
 def _like(given: Any, array: np.ndarray) -> Any:
     """``array`` as a tensor, if ``given`` is one."""
     if _is_tensor(given):
-        import open3d
+        import open3d  # type: ignore[import-not-found, unused-ignore]
 
         return open3d.core.Tensor.from_numpy(np.ascontiguousarray(array))
     return array.view(Array)
@@ -138,6 +139,63 @@ class RaycastingScene:
         }
         return {key: _like(rays, array) for key, array in found.items()}
 
+    def compute_closest_points(self, query_points: Any, nthreads: int = 0) -> dict[str, Any]:
+        """The closest point of the surface to each point ``{.., 3}``.
+
+        Returns:
+            ``points`` ``{.., 3}``; ``geometry_ids`` and ``primitive_ids`` ``{..}``, `INVALID_ID` where there is none;
+            ``primitive_uvs`` ``{.., 2}``; ``primitive_normals`` ``{.., 3}``.
+        """
+        closest, normals = self._scene._closest_point(_points(query_points), True, None)
+        found = {
+            "points": closest.point,
+            "geometry_ids": closest.mesh,
+            "primitive_ids": closest.triangle,
+            "primitive_uvs": closest.uv,
+            "primitive_normals": normals,
+        }
+        return {key: _like(query_points, array) for key, array in found.items()}
+
+    def compute_distance(self, query_points: Any, nthreads: int = 0) -> Any:
+        """The distance of each point ``{.., 3}`` from the surface: float32 ``{..}``."""
+        return _like(query_points, self._scene.distance(_points(query_points)))
+
+    def compute_signed_distance(self, query_points: Any, nthreads: int = 0, nsamples: int = 1) -> Any:
+        """As `compute_distance`, but negative inside: float32 ``{..}``.
+
+        Args:
+            query_points: ``{.., 3}``.
+            nthreads: without effect.
+            nsamples: an odd number, without effect: one ray tells exactly what is inside.
+        """
+        _check_samples(nsamples)
+        points = _points(query_points)
+        try:
+            distance = self._scene.signed_distance(points)
+        except InputError:
+            distance = self._scene.distance(points)
+            distance = np.where(self._is_inside_of_open(points), -distance, distance)
+        return _like(query_points, distance)
+
+    def compute_occupancy(self, query_points: Any, nthreads: int = 0, nsamples: int = 1) -> Any:
+        """1 inside of a closed surface and on it, 0 outside: float32 ``{..}``.
+
+        Arguments are those of `compute_signed_distance`. Where the surface is not closed, that is inside from where a ray leaves through an odd number of surfaces.
+        """
+        _check_samples(nsamples)
+        points = _points(query_points)
+        try:
+            inside = self._scene.contains(points)
+        except InputError:
+            inside = self._is_inside_of_open(points)
+        return _like(query_points, inside.astype(np.float32))
+
+    def _is_inside_of_open(self, points: np.ndarray) -> np.ndarray:
+        """Whether an odd number of surfaces is crossed in the direction that Open3D takes for its first ray."""
+        crossings = self._scene.count_crossings((points, np.array([1, 1, 1], np.float32)))
+        is_odd: np.ndarray = crossings % 2 == 1
+        return is_odd
+
     @staticmethod
     def create_rays_pinhole(*args: Any, **kwargs: Any) -> Any:
         """Rays of a pinhole camera: float32 ``{height_px, width_px, 6}``.
@@ -167,11 +225,25 @@ def _device(device: Any) -> Any:
     raise ValueError(f"device: {device} is none of raybrook's; raybrook.devices() lists them")
 
 
-def _rays(rays: Any) -> Any:
-    array = _arrays.with_last("rays", _arrays.as_array("rays", _plain(rays)), (6,))
+def _rays(rays: Any) -> np.ndarray:
+    return _rows("rays", rays, 6)
+
+
+def _points(query_points: Any) -> np.ndarray:
+    # Rounded once, and not by each question that an answer takes.
+    return _arrays.float32("query_points", _rows("query_points", query_points, 3))[0]
+
+
+def _rows(name: str, value: Any, last: int) -> np.ndarray:
+    array = _arrays.with_last(name, _arrays.as_array(name, _plain(value)), (last,))
     if array.ndim < 2:
-        raise ValueError(f"rays: the shape must be {{.., 6}} with two dimensions or more, but is {array.shape}")
+        raise ValueError(f"{name}: the shape must be {{.., {last}}} with two dimensions or more, but is {array.shape}")
     return array
+
+
+def _check_samples(nsamples: int) -> None:
+    if nsamples < 1 or nsamples % 2 == 0:
+        raise ValueError(f"nsamples: {nsamples} is not an odd number from 1 on")
 
 
 def _by_matrices(intrinsic_matrix: Any, extrinsic_matrix: Any, width_px: int, height_px: int) -> np.ndarray:
@@ -202,7 +274,8 @@ def _by_angle(fov_deg: float, center: Any, eye: Any, up: Any, width_px: int, hei
     intrinsic = np.array([[focal_length, 0, 0.5 * width_px], [0, focal_length, 0.5 * height_px], [0, 0, 1]])
 
     def unit(vector: np.ndarray) -> np.ndarray:
-        return vector / np.linalg.norm(vector)
+        of_length_1: np.ndarray = vector / np.linalg.norm(vector)
+        return of_length_1
 
     forward = unit(vectors["center"] - vectors["eye"])
     right = unit(np.cross(unit(vectors["up"]), forward))

@@ -11,11 +11,12 @@ direction. trimesh need not be installed: any object with ``vertices`` and ``fac
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from . import _arrays
+from . import _arrays, _raybrook
 from ._errors import InputError
 from ._scene import Scene
 
@@ -29,8 +30,10 @@ class RayMeshIntersector:
     """Ray queries for one mesh.
 
     Args:
-        geometry: a ``trimesh.Trimesh``, or any object with ``vertices`` and ``faces``. Changes of a Trimesh are noticed.
-        scale_to_box: accepted and without effect: exact answers need no scaling.
+        geometry: a ``trimesh.Trimesh``, or any object with ``vertices`` and ``faces``. Changes of a Trimesh are
+            noticed.
+        scale_to_box: where vertices are no float32 numbers, count from a place among them, as ``raybrook.Scene`` does
+            with ``origin="auto"``: less is lost of a mesh that is far from 0. Nothing is scaled: there is no need.
         choices: device, method, precision, memory_limit and cache, as of `raybrook.Scene`.
     """
 
@@ -44,9 +47,9 @@ class RayMeshIntersector:
 
     def _get(self) -> Scene:
         """The scene of the mesh as it is now."""
-        current = hash(self.mesh)
+        current = _state(self.mesh)
         if self._scene is None or current != self._hash:
-            scene = Scene(**self._choices)
+            scene = Scene(**self._choices, origin="auto" if self._scale_to_box else None)
             # Vertices that are not finite belong to triangles that are never hit, as in trimesh.
             scene._is_strict = False
             scene._add(np.asarray(self.mesh.vertices), np.asarray(self.mesh.faces), None)
@@ -76,8 +79,8 @@ class RayMeshIntersector:
             index_ray: int64 ``(m,)``.
             locations: float64 ``(m, 3)``, if they were asked for.
         """
-        rays = _rays(ray_origins, ray_directions)
         scene = self._get()
+        rays = _rays(ray_origins, ray_directions)
         if multiple_hits:
             hits = scene.list_hits(rays, most=max_hits, merge=True)
             index_ray, triangle, uv = hits.ray, hits.triangle, hits.uv
@@ -95,7 +98,8 @@ class RayMeshIntersector:
         vertices, faces = np.asarray(self.mesh.vertices, np.float64), np.asarray(self.mesh.faces)[index_tri]
         p0, p1, p2 = (vertices[faces[:, corner]] for corner in range(3))
         u, v = uv[:, :1].astype(np.float64), uv[:, 1:].astype(np.float64)
-        return p0 + u * (p1 - p0) + v * (p2 - p0)
+        locations: np.ndarray = p0 + u * (p1 - p0) + v * (p2 - p0)
+        return locations
 
     def intersects_location(
         self, ray_origins: Any, ray_directions: Any, multiple_hits: bool = True, **kwargs: Any
@@ -114,14 +118,12 @@ class RayMeshIntersector:
 
     def intersects_first(self, ray_origins: Any, ray_directions: Any) -> np.ndarray:
         """The first triangle that each ray hits: int64 ``(n,)``, -1 for a miss."""
-        rays = _rays(ray_origins, ray_directions)
-        hits = self._get().closest_hits(rays)
+        hits = self._get().closest_hits(_rays(ray_origins, ray_directions))
         return np.where(hits.hit, hits.triangle.astype(np.int64), -1)
 
     def intersects_any(self, ray_origins: Any, ray_directions: Any) -> np.ndarray:
         """Whether each ray hits the mesh: bool ``(n,)``."""
-        rays = _rays(ray_origins, ray_directions)
-        return self._get().any_hit(rays)
+        return self._get().any_hit(_rays(ray_origins, ray_directions))
 
     def contains_points(self, points: Any) -> np.ndarray:
         """Whether each of the points ``(n, 3)`` is inside of the mesh: bool ``(n,)``.
@@ -130,16 +132,17 @@ class RayMeshIntersector:
         both ways along a direction leave through an odd number of surfaces; where they disagree another direction is
         tried, and a point that can be left without crossing anything is outside.
         """
-        [points] = _arrays.float32("points", points)
-        if points.ndim != 2 or points.shape[1] != 3:
+        if np.ndim(points) != 2 or np.shape(points)[1] != 3:
             raise ValueError("points must be (n,3)")
         scene = self._get()
+        given, _ = _arrays.points("points", points, scene._from)
+        core = scene._opened()
         if self._is_closed:
             try:
-                return scene.contains(points)
+                return core.contains(given, None)
             except InputError:
                 self._is_closed = False
-        return _contained_by_vote(scene, points)
+        return _contained_by_vote(core, given)
 
     def __getstate__(self) -> dict[str, Any]:
         # The hash of another process's mesh says nothing here.
@@ -152,22 +155,31 @@ class RayMeshIntersector:
         return self.__copy__()
 
 
-def _rays(ray_origins: Any, ray_directions: Any) -> tuple[np.ndarray, np.ndarray]:
-    origins, directions = _arrays.float32("rays", ray_origins, ray_directions)
-    if origins.shape != directions.shape:
+def _state(mesh: Any) -> int:
+    """What changes with a mesh: trimesh's hash tells its contents. Changes of other objects are not noticed."""
+    try:
+        return hash(mesh)
+    except TypeError:
+        return id(mesh)
+
+
+def _rays(ray_origins: Any, ray_directions: Any) -> tuple[Any, Any]:
+    """Rays as a scene takes them, if they are any."""
+    if np.shape(ray_origins) != np.shape(ray_directions):
         raise ValueError("Ray origin and direction don't match!")
-    if origins.size == 0:
+    if np.size(ray_origins) == 0:
         return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
-    if origins.ndim != 2 or origins.shape[1] != 3:
-        raise ValueError(f"ray_origins: the shape must be (n, 3), but is {origins.shape}")
-    return origins, directions
+    if np.ndim(ray_origins) != 2 or np.shape(ray_origins)[1] != 3:
+        raise ValueError(f"ray_origins: the shape must be (n, 3), but is {np.shape(ray_origins)}")
+    return ray_origins, ray_directions
 
 
-def _contained_by_vote(scene: Scene, points: np.ndarray) -> np.ndarray:
+def _contained_by_vote(core: _raybrook.Core, points: np.ndarray) -> np.ndarray:
     inside = np.zeros(len(points), dtype=bool)
     left = np.arange(len(points))
     for direction in np.array(_DIRECTIONS, np.float32):
-        there, back = (scene.count_crossings((points[left], way)) for way in (direction, -direction))
+        ways = (np.tile(way, (len(left), 1)) for way in (direction, -direction))
+        there, back = (core.count_crossings((points[left], way, (0.0, math.inf)), None) for way in ways)
         agree = there % 2 == back % 2
         inside[left[agree]] = there[agree] % 2 == 1
         left = left[~agree & (there > 0) & (back > 0)]

@@ -1,0 +1,53 @@
+"""The examples and benches work, and the exact judge agrees with raybrook."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from raybrook import Scene
+
+EXAMPLES = ROOT / "examples" / "python"
+sys.path.insert(0, str(EXAMPLES))
+
+from exact_judge import nearest  # noqa: E402
+from hard_rays import aimed_rays, crumpled, knot, on_a_grid, sphere  # noqa: E402
+
+
+@pytest.mark.parametrize("mesh", [sphere(2), crumpled(2), knot(60, 8)], ids=["sphere", "crumpled", "knot"])
+def test_all_hits_are_the_exact_judges(mesh, device):
+    vertices, faces = on_a_grid(mesh)
+    rays = aimed_rays(vertices, faces, 600)
+    right = nearest(vertices[faces], rays)
+    scene = Scene(vertices, faces, device=device)
+    hits = scene.closest_hits(rays)
+    assert hits.hit.tolist() == list(map(bool, right))
+    assert all(found in triangles for found, triangles in zip(hits.triangle, right) if triangles)
+    assert np.array_equal(scene.any_hit(rays), hits.hit)
+    assert sum(len(triangles) > 1 for triangles in right) > 100  # through edges and vertices, exactly
+
+
+def test_the_judge_knows_what_is_easy():
+    triangle = np.float32([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    rays = np.float32([[0.25, 0.25, 1, 0, 0, -1], [2, 2, 1, 0, 0, -1], [0, 0, 1, 0, 0, -1], [0.25, 0.25, 1, 0, 0, 1]])
+    assert nearest(triangle, rays) == [{0}, set(), {0}, set()]
+    assert nearest(triangle[:, ::-1], rays) == [{0}, set(), {0}, set()]
+
+
+@pytest.mark.parametrize("program", [["benches/python/rates.py", "--rays=400", "--rounds=1"]])
+def test_programs(program, tmp_path):
+    run = subprocess.run(
+        [sys.executable, ROOT / program[0], *program[1:]], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("\n| ") == 17
+
+
+def test_the_table_of_wrong_answers(tmp_path):
+    model = ROOT / "scenes" / "vase.obj"
+    command = [sys.executable, EXAMPLES / "wrong_answers.py", "--rays=200", model]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert "| raybrook | 0 | 0 | 0 | 0 |" in run.stdout
