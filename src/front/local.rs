@@ -134,7 +134,8 @@ fn round_middle(numbers: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
     // Halves, so that the extent is a number.
     let (middle, half_extent) = (0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low);
-    if !(half_extent < middle.abs()) {
+    let is_far_away = half_extent < middle.abs(); // not so of no numbers at all, either
+    if !is_far_away {
         return 0.0;
     }
     if half_extent == 0.0 {

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 /// Rows that one task rounds.
 const ROWS: usize = 1 << 14;
 
-/// Rows of `width` numbers, of which the first three count from `origin` on, rounded to the nearest float32 numbers; how
-/// many that changed, and the largest change. NaN stays NaN.
+/// Rows of `width` numbers, of which the first three count from `origin` on, rounded to the nearest float32 numbers;
+/// how many that changed, and the largest change. NaN stays NaN.
 #[pyfunction]
 pub fn round_to_float32<'py>(
     py: Python<'py>,

@@ -180,7 +180,8 @@ class RaycastingScene:
     def compute_occupancy(self, query_points: Any, nthreads: int = 0, nsamples: int = 1) -> Any:
         """1 inside of a closed surface and on it, 0 outside: float32 ``{..}``.
 
-        Arguments are those of `compute_signed_distance`. Where the surface is not closed, that is inside from where a ray leaves through an odd number of surfaces.
+        Arguments are those of `compute_signed_distance`. Where the surface is not closed, that is inside from where a
+        ray leaves through an odd number of surfaces.
         """
         _check_samples(nsamples)
         points = _points(query_points)
