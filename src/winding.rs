@@ -137,7 +137,7 @@ impl WindingTree {
     fn angle(&self, index: usize, point: Vec3) -> f64 {
         let node = &self.tree.nodes[index];
         if let Some(fan) = self.fan_of[index].clone()
-            && is_outside(&node.bounds, point * self.scale)
+            && is_well_outside(&node.bounds, point * self.scale)
         {
             let angle = |(corners, times): &([u32; 3], i32)| f64::from(*times) * self.half_angle(*corners, point);
             return self.fans[fan].iter().map(angle).sum();
@@ -175,8 +175,13 @@ fn add(border: &mut Border, [from, to]: [u32; 2], times: i32) {
     }
 }
 
-/// Whether a point is outside of a box, and not on its surface. Both are scaled, which may round, but keeps their
-/// order.
-fn is_outside(bounds: &Aabb, point: Vec3) -> bool {
-    point.cmplt(bounds.low).any() || point.cmpgt(bounds.high).any()
+/// From within this share of a box's size a fan is not taken: f64 does not know the angle of a triangle well from near
+/// its edges, and those of a fan may be where there is nothing of the surface. An angle is off by about f64's rounding
+/// over the distance from the nearest edge in units of the triangle's size.
+const FAN_DISTANCE: f32 = 1.0 / 1024.0;
+
+/// Whether a point is outside of a box, and not near it. Both are scaled, which rounds, but keeps their order.
+fn is_well_outside(bounds: &Aabb, point: Vec3) -> bool {
+    let distance = FAN_DISTANCE * (bounds.high - bounds.low).max_element();
+    point.cmplt(bounds.low - distance).any() || point.cmpgt(bounds.high + distance).any()
 }

@@ -366,7 +366,11 @@ fn winding_numbers_are_sums_of_solid_angles() {
                 let error = if distances[i] > 1e-3 { 1e-12 } else { 1e-8 };
                 let sum = solid_angles(&mesh, point);
                 assert!((number - sum).abs() < error, "{name} {point:?}: {number}, not {sum}");
-                if !is_open && let Some(times) = winding(&mesh, point) {
+                // Nearer than this the other sum, whose signs are rounded, may be on the wrong side.
+                if !is_open
+                    && distances[i] > 1e-9
+                    && let Some(times) = winding(&mesh, point)
+                {
                     assert!((number - f64::from(times)).abs() < error, "{name} {point:?}: {number}, not {times}");
                     tested += 1;
                 }
@@ -378,7 +382,7 @@ fn winding_numbers_are_sums_of_solid_angles() {
     assert!(tested > 500 && halves > 50, "{tested} {halves}");
 }
 
-/// The winding number by every triangle, of which those whose plane has the point count nothing.
+/// The winding number by every triangle, with exact signs; those whose plane has the point count nothing.
 fn solid_angles(mesh: &Mesh, point: DVec3) -> f64 {
     let of_triangle = |i: usize| {
         let corners = mesh.corners(i);
@@ -386,13 +390,15 @@ fn solid_angles(mesh: &Mesh, point: DVec3) -> f64 {
         let units = |p: Vec3| p.to_array().map(|x| whole(x, exponent));
         let at = units(point.as_vec3());
         let [a, b, c] = corners.map(|corner| minus(&units(corner), &at));
-        if dot(&a, &cross(&b, &c)) == BigInt::ZERO {
+        let across = dot(&a, &cross(&b, &c));
+        if across == BigInt::ZERO {
             return 0.0;
         }
+        let across = Ratio::new(across, 1.into(), 3 * exponent).to_f64();
         let [a, b, c] = corners.map(|corner| DVec3::from(corner) - point);
         let sizes = [a, b, c].map(DVec3::length);
         let along = sizes.iter().product::<f64>() + a.dot(b) * sizes[2] + b.dot(c) * sizes[0] + c.dot(a) * sizes[1];
-        a.dot(b.cross(c)).atan2(along) / std::f64::consts::TAU
+        across.atan2(along) / std::f64::consts::TAU
     };
     (0..mesh.triangles.len()).map(of_triangle).sum()
 }
