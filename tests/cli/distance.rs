@@ -62,4 +62,8 @@ fn open_meshes_are_refused_without_winding_numbers() {
     let number = f64::from_bits(u64::from(winding[2]) | u64::from(winding[3]) << 32);
     assert!((0.5..1.0).contains(&number), "{number}");
     assert!(said(at, &["inside", "open.obj", "points.npz", "--winding=0.99"]).starts_with("4 points, 0 inside"));
+    for threshold in ["nan", "inf", "half"] {
+        let inside = ["inside", "open.obj", "points.npz", &format!("--winding={threshold}")];
+        assert_fails(&raybrook(at, &inside), 2, &[threshold, "expected a number, such as 0.5"]);
+    }
 }

@@ -23,12 +23,19 @@ pub struct InsideArgs {
     ///
     /// The generalised winding number is 1 inside of a closed mesh whose triangles are turned outwards, 0 outside, and
     /// between them near the holes of an open one. The output also has it, as the array `winding` float64.
-    #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, require_equals = true, default_missing_value = "0.5")]
+    #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, require_equals = true, default_missing_value = "0.5", value_parser = parse_threshold)]
     winding: Option<f64>,
 }
 
 /// Bytes of a point as a ray and its hit, once more where these are sorted or on a device; and of a winding number.
 const POINT_BYTES: usize = 3 * (size_of::<TraceRay>() + size_of::<Hit>()) + 2 + size_of::<f64>();
+
+fn parse_threshold(text: &str) -> std::result::Result<f64, String> {
+    match text.parse() {
+        Ok(number) if f64::is_finite(number) => Ok(number),
+        _ => Err("expected a number, such as 0.5".into()),
+    }
+}
 
 pub fn run(args: &InsideArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
