@@ -133,7 +133,7 @@ impl SceneBuffers {
     /// [`Scene::check_values`], or when a light is too far away to be a point; [`Option`](crate::Error::Option) when
     /// the options are out of range.
     pub fn within(scene: &Scene, options: &TraceOptions, budget: &MemoryBudget) -> Result<SceneBuffers> {
-        Self::after(&mut Vec::new(), scene, options, budget)
+        Self::made(None, scene, options, budget)
     }
 
     /// As [`SceneBuffers::within`], of a scene that moves: `kept` is what the last call has left, and hierarchies
@@ -143,6 +143,15 @@ impl SceneBuffers {
     /// As there.
     pub(crate) fn after(
         kept: &mut Vec<KeptBvh>,
+        scene: &Scene,
+        options: &TraceOptions,
+        budget: &MemoryBudget,
+    ) -> Result<SceneBuffers> {
+        Self::made(Some(kept), scene, options, budget)
+    }
+
+    fn made(
+        kept: Option<&mut Vec<KeptBvh>>,
         scene: &Scene,
         options: &TraceOptions,
         budget: &MemoryBudget,

@@ -32,7 +32,7 @@ use glam::Vec3;
 use items::{Extent, Item, PARALLEL_ITEMS, halve};
 use object::ObjectSplit;
 use rayon::prelude::*;
-pub use refit::KeptBvh;
+pub use refit::{KeptBvh, tree_of};
 use spatial::SpatialSplit;
 
 /// A node of a [`Bvh`].

@@ -27,7 +27,7 @@ mod subtree;
 mod validate;
 mod volumes;
 
-pub use bvh::{Bvh, BvhNode, KeptBvh, build_bvh};
+pub use bvh::{Bvh, BvhNode, KeptBvh, build_bvh, tree_of};
 #[cfg(test)]
 pub(crate) use bvh2::{Middle, NOWHERE};
 pub use bvh2::{move_links, pack_bvh2};

@@ -376,8 +376,7 @@ impl Tracer {
     fn find_closest(&mut self, points: &[[f32; 3]]) -> Result<Vec<Option<Closest>>> {
         let scene = self.point_scene()?;
         self.check_points(points.len())?;
-        let (backend, progress) = self.backend(self.depth)?;
-        closest_points(backend, &scene, points, progress)
+        self.timed(self.depth, |backend, progress| closest_points(backend, &scene, points, progress))
     }
 
     /// What point queries go through, built when it is first needed.

@@ -20,7 +20,7 @@
 use super::shading::{ShadingOf, pack_shading};
 use crate::accel::{
     BuildOptions, Bvh, KeptBvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link,
-    leaf_link, move_links, pack_bvh2,
+    leaf_link, move_links, pack_bvh2, tree_of,
 };
 use crate::bounds::{EPSILON, LEAST_PAD};
 use crate::error::{Error, Result};
@@ -32,6 +32,7 @@ use crate::shared::{
 };
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -178,16 +179,22 @@ pub(super) fn pack_instances(
     used: &[MaterialId],
     scale: f32,
     options: &BuildOptions,
-    kept: &mut Vec<KeptBvh>,
+    kept: Option<&mut Vec<KeptBvh>>,
 ) -> Result<PackedInstances> {
     let (meshes, places) = place_all(scene, used, scale)?;
     if places.len() >= BVH_FIRST_MASK as usize {
         let reason = format!("it has {} instances, and a hierarchy of them can number {BVH_FIRST_MASK}", places.len());
         return Err(Error::Scene(reason));
     }
-    kept.resize_with(meshes.len(), KeptBvh::default);
-    let trees: Vec<&Bvh> = (meshes.par_iter().zip(kept))
-        .map(|(mesh, kept)| kept.tree(&mesh.triangles, &mesh.listed, options))
+    let kept: Vec<Option<&mut KeptBvh>> = match kept {
+        Some(kept) => {
+            kept.resize_with(meshes.len(), KeptBvh::default);
+            kept.iter_mut().map(Some).collect()
+        }
+        None => meshes.iter().map(|_| None).collect(),
+    };
+    let trees: Vec<Cow<Bvh>> = (meshes.par_iter().zip(kept))
+        .map(|(mesh, kept)| tree_of(kept, &mesh.triangles, &mesh.listed, options))
         .collect::<Result<_>>()?;
     let hittable: Vec<u32> =
         (0..).zip(&places).filter(|(_, place)| !meshes[place.mesh].listed.is_empty()).map(|(i, _)| i).collect();

@@ -7,6 +7,7 @@ use super::space::TracingSpace;
 use crate::accel::{
     BuildOptions, KeptBvh, Padding, StructureArrays, build_boxes, build_grid_within, build_kd_tree_within,
     build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
+    tree_of,
 };
 use crate::bounds::{padding_of_boxes, padding_within};
 use crate::error::Result;
@@ -69,8 +70,8 @@ impl<'a> StructureInput<'a> {
     }
 
     /// Builds the structure that the options ask for. `scene` and its `used` materials are those of instances; `kept`
-    /// are the hierarchies of boxes of the same scene when it was packed before.
-    pub fn pack(&self, scene: &Scene, used: &[MaterialId], kept: &mut Vec<KeptBvh>) -> Result<PackedStructure> {
+    /// are the hierarchies of boxes of the same scene when it was packed before, if it moves.
+    pub fn pack(&self, scene: &Scene, used: &[MaterialId], kept: Option<&mut Vec<KeptBvh>>) -> Result<PackedStructure> {
         Ok(match self.options.structure {
             Structure::Instances(_) => self.pack_objects(scene, used, kept)?,
             Structure::Brute => self.pack_brute().into(),
@@ -101,7 +102,12 @@ impl<'a> StructureInput<'a> {
         if self.options.arrays.memory == Memory::Constant { CONSTANT_NODES } else { 0 }
     }
 
-    fn pack_objects(&self, scene: &Scene, used: &[MaterialId], kept: &mut Vec<KeptBvh>) -> Result<PackedStructure> {
+    fn pack_objects(
+        &self,
+        scene: &Scene,
+        used: &[MaterialId],
+        kept: Option<&mut Vec<KeptBvh>>,
+    ) -> Result<PackedStructure> {
         let PackedInstances { structure, vertices, shading, instance_count, stack_entries } =
             pack_instances(scene, used, self.space.scale, self.build_options, kept)?;
         let objects = PackedObjects { vertices, shading, reference_count: instance_count };
@@ -139,18 +145,18 @@ impl<'a> StructureInput<'a> {
         self.build_options.max_depth.max(1)
     }
 
-    fn pack_bvh2(&self, kept: &mut KeptBvh) -> Result<PackedStructure> {
-        let tree = kept.tree(self.triangles(), self.primitives(), self.build_options)?;
+    fn pack_bvh2(&self, kept: Option<&mut KeptBvh>) -> Result<PackedStructure> {
+        let tree = tree_of(kept, self.triangles(), self.primitives(), self.build_options)?;
         let stack_entries = tree.depth() + 1; // the last entry says that there are no more
         let padding = Padding { everywhere: self.padding, near_reach: self.near_reach };
-        let structure = pack_bvh2(tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
+        let structure = pack_bvh2(&tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
         Ok(PackedStructure { structure, stack_entries, objects: None })
     }
 
-    fn pack_bvh8(&self, kept: &mut KeptBvh) -> Result<PackedStructure> {
-        let tree = kept.tree(self.triangles(), self.primitives(), self.build_options)?;
+    fn pack_bvh8(&self, kept: Option<&mut KeptBvh>) -> Result<PackedStructure> {
+        let tree = tree_of(kept, self.triangles(), self.primitives(), self.build_options)?;
         let padding = Padding { everywhere: 0.0, near_reach: self.near_reach };
-        let packed = pack_bvh8(tree, self.triangles(), padding)?;
+        let packed = pack_bvh8(&tree, self.triangles(), padding)?;
         Ok(PackedStructure { structure: packed.structure, stack_entries: packed.stack_entries, objects: None })
     }
 
@@ -176,7 +182,8 @@ impl<'a> StructureInput<'a> {
 }
 
 /// The one hierarchy of a scene without instances.
-fn only(kept: &mut Vec<KeptBvh>) -> &mut KeptBvh {
+fn only(kept: Option<&mut Vec<KeptBvh>>) -> Option<&mut KeptBvh> {
+    let kept = kept?;
     kept.resize_with(1, KeptBvh::default);
-    &mut kept[0]
+    kept.first_mut()
 }

@@ -8,6 +8,7 @@ use super::{Bvh, build_bvh};
 use crate::accel::{Aabb, BuildOptions};
 use crate::error::Result;
 use glam::Vec3;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// A tree that is kept from one shape of a moving scene to the next.
@@ -47,13 +48,30 @@ impl KeptBvh {
     ///
     /// # Errors
     /// As [`build_bvh`].
-    pub fn tree(&mut self, vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Result<&Bvh> {
+    fn tree(&mut self, vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Result<&Bvh> {
         let is_worth_it = |kept: &Kept| kept.primitives == primitives && kept.lost_s < kept.build_s;
         let kept = match self.kept.take().filter(is_worth_it) {
             Some(kept) => kept.refitted(vertices, options),
             None => Kept::new(vertices, primitives, options)?,
         };
         Ok(&self.kept.insert(kept).tree)
+    }
+}
+
+/// As [`KeptBvh::tree`], and as [`build_bvh`] where nothing is kept: of a scene that does not move the tree then takes no
+/// memory once it is packed.
+///
+/// # Errors
+/// As [`build_bvh`].
+pub fn tree_of<'a>(
+    kept: Option<&'a mut KeptBvh>,
+    vertices: &[[Vec3; 3]],
+    primitives: &[u32],
+    options: &BuildOptions,
+) -> Result<Cow<'a, Bvh>> {
+    match kept {
+        Some(kept) => kept.tree(vertices, primitives, options).map(Cow::Borrowed),
+        None => build_bvh(vertices, primitives, options).map(Cow::Owned),
     }
 }
 
