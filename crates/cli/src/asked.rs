@@ -26,7 +26,7 @@ pub(super) fn say_answers(exact: &Exact, given: &Given, ray: usize) {
             }
         }
         (Exact::Lists(lists, question), Given::Lists(found)) => {
-            let due = if *question == Question::Walks { lists.walk(ray) } else { lists.list(ray) };
+            let due = question.hits(lists, ray);
             let hits = &found.hits[ray];
             let are_same = due.iter().zip(hits).take_while(|(due, hit)| due == hit).count();
             say!("  exact  {}", list_in_words(&due, are_same));

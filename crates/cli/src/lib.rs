@@ -354,7 +354,11 @@ fn end_of_arguments(other: &clap::Error) -> Code {
 
 /// An error and what caused it, in one line.
 fn chain(error: &Error) -> String {
-    let mut text = flags::message(error);
+    with_causes(flags::message(error), error)
+}
+
+/// `text`, which tells of `error`, and behind it what caused that.
+pub fn with_causes(mut text: String, error: &Error) -> String {
     let mut next = std::error::Error::source(error);
     while let Some(cause) = next {
         text += &format!(": {cause}");

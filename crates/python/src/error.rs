@@ -2,7 +2,6 @@
 
 use pyo3::prelude::*;
 use raybrook::Error;
-use std::error::Error as _;
 
 /// The class of `raybrook._errors` for an error: those of one class have one exit code of the command line.
 fn class(error: &Error) -> &'static str {
@@ -17,13 +16,7 @@ fn class(error: &Error) -> &'static str {
 
 /// The exception, with the words of the command line: the error and what caused it.
 pub fn to_python(py: Python, error: &Error) -> PyErr {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(source) = cause {
-        text += &format!(": {source}");
-        cause = source.source();
-    }
-    raise(py, class(error), &text)
+    raise(py, class(error), &raybrook_cli::with_causes(error.to_string(), error))
 }
 
 /// An exception of a class of `raybrook._errors`.

@@ -56,6 +56,12 @@ pub struct Case {
 }
 
 impl Case {
+    /// Origin, direction, t_min and t_max of a ray.
+    pub fn ray(&self, index: usize) -> (Vec3, Vec3, f32, f32) {
+        let ray = &self.rays[index];
+        (ray.origin, ray.direction, ray.t_min, ray.t_max)
+    }
+
     /// `count` rays, each made by `ray` from the mesh, random numbers and its number.
     pub fn new(
         mesh: Mesh,

@@ -4,18 +4,15 @@ use super::case::Case;
 use super::judge::{Answers, Fault};
 use super::kinds::Kind;
 use super::lists::{Lists, fault_of_list};
-use super::run::Found;
+use super::run::{Found, open};
 use glam::Vec3;
 use raybrook::Result;
 use raybrook::low_level::crossings::count_crossings;
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{Intersector, TraceOptions};
-use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::Hit;
 use raybrook::low_level::tracer::{AllHitsJob, is_hit};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// What is asked of each ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -60,6 +57,11 @@ impl Question {
         }
     }
 
+    /// The exact hits of a ray, of those of [`Question::Walks`] where that is asked.
+    pub fn hits(self, lists: &Lists, ray: usize) -> Vec<Hit> {
+        if self == Question::Walks { lists.walk(ray) } else { lists.list(ray) }
+    }
+
     /// The kinds of rays that are asked unless told otherwise.
     pub fn kinds(self) -> impl Iterator<Item = &'static Kind> {
         let stacks = (self != Question::Closest).then(Kind::stacks);
@@ -88,7 +90,7 @@ impl<'a> Exact<'a> {
     pub fn hit_count(&self, case: &Case) -> Option<usize> {
         match self {
             Exact::Closest(_) => None,
-            Exact::Lists(lists, question) => Some((0..case.rays.len()).map(|i| due(lists, *question, i).len()).sum()),
+            Exact::Lists(lists, question) => Some((0..case.rays.len()).map(|i| question.hits(lists, i).len()).sum()),
         }
     }
 
@@ -123,10 +125,6 @@ impl<'a> Exact<'a> {
     }
 }
 
-fn due(lists: &Lists, question: Question, index: usize) -> Vec<Hit> {
-    if question == Question::Walks { lists.walk(index) } else { lists.list(index) }
-}
-
 /// What a tracer answered.
 #[derive(Debug, Clone)]
 pub enum Given {
@@ -156,13 +154,8 @@ impl FoundLists {
         device: Option<&DeviceHandle>,
         cache: Option<&Cache>,
     ) -> Result<FoundLists> {
-        let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
-        let ray = |i: usize| {
-            let ray = &case.rays[i];
-            (ray.origin, ray.direction, ray.t_min, ray.t_max)
-        };
-        let batch = buffers.batch(case.rays.len(), ray, None);
-        let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
+        let (buffers, mut tracer) = open(case, options, device, cache)?;
+        let batch = buffers.batch(case.rays.len(), |i| case.ray(i), None);
         let all = tracer.trace_all(&AllHitsJob::of(&batch.job(false, 1)), &|_| ())?;
         let of_ray = |i: usize| -> (Vec3, Vec3) { (case.rays[i].origin, case.rays[i].direction) };
         let is_exact = options.intersector == Intersector::Exact;
@@ -181,8 +174,7 @@ impl FoundLists {
         device: Option<&DeviceHandle>,
         cache: Option<&Cache>,
     ) -> Result<FoundLists> {
-        let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
-        let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
+        let (buffers, mut tracer) = open(case, options, device, cache)?;
         let mut hits = vec![Vec::new(); case.rays.len()];
         // Those that walk on, and from which t.
         let mut walking: Vec<(usize, f32)> = case.rays.iter().map(|ray| ray.t_min).enumerate().collect();
@@ -190,7 +182,8 @@ impl FoundLists {
         for _ in 0..=case.mesh.triangles.len() {
             let ray = |k: usize| {
                 let (i, t_min) = walking[k];
-                (case.rays[i].origin, case.rays[i].direction, t_min, case.rays[i].t_max)
+                let (origin, direction, _, t_max) = case.ray(i);
+                (origin, direction, t_min, t_max)
             };
             let batch = buffers.batch(walking.len(), ray, None);
             let closest = tracer.trace(&batch.job(false, 1), &|_| ())?.hits;
@@ -211,7 +204,7 @@ impl FoundLists {
     fn faults(&self, lists: &Lists, question: Question) -> Vec<(usize, Fault)> {
         let fault = |i: usize| {
             let crosses_wrongly = || self.crossings.as_ref().is_some_and(|found| found[i] != lists.crossings(i));
-            let of_list = fault_of_list(&self.hits[i], &due(lists, question, i));
+            let of_list = fault_of_list(&self.hits[i], &question.hits(lists, i));
             of_list.or_else(|| crosses_wrongly().then_some(Fault::Crossings))
         };
         (0..self.hits.len()).into_par_iter().filter_map(|i| Some((i, fault(i)?))).collect()

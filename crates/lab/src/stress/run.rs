@@ -9,6 +9,7 @@ use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::Hit;
+use raybrook::low_level::tracer::Backend;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -19,6 +20,18 @@ pub struct Found {
     pub hits: Vec<Hit>,
     /// Those of the second rays, if the case has some.
     pub next_hits: Option<Vec<Hit>>,
+}
+
+/// The scene of a case, packed, and what traces it.
+pub(super) fn open(
+    case: &Case,
+    options: &TraceOptions,
+    device: Option<&DeviceHandle>,
+    cache: Option<&Cache>,
+) -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> {
+    let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
+    let tracer = open_tracer(device, &buffers, options, 1, cache)?;
+    Ok((buffers, tracer))
 }
 
 impl Found {
@@ -32,15 +45,10 @@ impl Found {
         device: Option<&DeviceHandle>,
         cache: Option<&Cache>,
     ) -> Result<Found> {
-        let buffers = Arc::new(SceneBuffers::new(&case.mesh.scene(), options)?);
-        let ray = |i: usize| {
-            let ray = &case.rays[i];
-            (ray.origin, ray.direction, ray.t_min, ray.t_max)
-        };
+        let (buffers, mut tracer) = open(case, options, device, cache)?;
         let next = |i: usize| case.rays[i].next.unwrap_or(Vec3::ZERO);
         let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = if case.has_second_rays() { Some(&next) } else { None };
-        let batch = buffers.batch(case.rays.len(), ray, next);
-        let mut tracer = open_tracer(device, &buffers, options, 1, cache)?;
+        let batch = buffers.batch(case.rays.len(), |i| case.ray(i), next);
         let result = tracer.trace(&batch.job(case.any_hit, 1), &|_| ())?;
         Ok(Found { hits: result.hits, next_hits: result.next_hits })
     }
