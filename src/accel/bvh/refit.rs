@@ -58,8 +58,8 @@ impl KeptBvh {
     }
 }
 
-/// As [`KeptBvh::tree`], and as [`build_bvh`] where nothing is kept: of a scene that does not move the tree then takes no
-/// memory once it is packed.
+/// The tree of the triangles `primitives` of `vertices`: what is kept, with new boxes, while that is worth it, else a new
+/// one. Of a scene that does not move nothing is kept, so that its tree takes no memory once it is packed.
 ///
 /// # Errors
 /// As [`build_bvh`].
