@@ -25,7 +25,7 @@ use crate::tracer::{
 };
 use crate::work::PixelWork;
 pub(crate) use estimate::{COUNTED, CURVE, Choice, Promises, cl_constants};
-use estimate::{Estimates, display_steps, variance_of_mean};
+use estimate::{Estimates, display_steps, mean, variance_of_mean};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -43,9 +43,9 @@ const AIM: f64 = 0.85;
 /// Pixels whose positions one thread makes at a time.
 const PIXELS_AT_A_TIME: usize = 1 << 12;
 
-/// Bytes for each pixel of a picture whose pixels the host keeps, beside the picture: sums, estimates, their errors and
-/// order, and the list of pixels that are traced next.
-const PIXEL_BYTES: u64 = Film::PIXEL_BYTES + estimate::PIXEL_BYTES + size_of::<usize>() as u64;
+/// Bytes for each pixel of a picture whose pixels the host keeps, beside the picture: estimates, their errors, and the
+/// list of pixels that are traced next.
+const PIXEL_BYTES: u64 = estimate::PIXEL_BYTES + size_of::<usize>() as u64;
 
 /// Bytes for each ray of a list: its position twice, where parts of the list are joined, and its radiance.
 const RAY_BYTES: u64 = 2 * size_of::<CameraSample>() as u64 + Film::PIXEL_BYTES;
@@ -188,11 +188,10 @@ pub fn render_adaptive(
     if let Some(result) = tracer.render_by_error(params, adaptive, progress)? {
         return Ok(result);
     }
-    let mut sampler = Sampler::new(tracer, params, adaptive)?;
+    let mut sampler = Sampler::new(tracer, params, adaptive);
     let size = sampler.size;
     let stats = refine(&mut sampler, size, adaptive, progress)?;
-    let stats = AdaptiveStats { decide_s: sampler.decide_s, ..stats };
-    Ok(RenderResult { adaptive: Some(stats), ..sampler.result })
+    Ok(sampler.finish(stats))
 }
 
 /// A picture on its way whose pixels the host keeps.
@@ -201,20 +200,23 @@ struct Sampler<'a> {
     params: RenderParams,
     sequence: Vec<CameraSample>,
     size: (usize, usize),
-    list_rays: usize,
-    /// Sums of the samples of each pixel.
-    sums: Vec<[f32; 3]>,
+    adaptive: Adaptive,
     estimates: Estimates,
+    /// Its film has the sum of the samples of each pixel that has any, until all are there.
     result: RenderResult,
     decide_s: f64,
 }
 
 impl Pixels for Sampler<'_> {
     fn raise(&mut self, choice: Option<Choice>) -> Result<()> {
-        let pixels = self.on_host(|sampler| match choice {
-            Some(choice) => sampler.estimates.chosen(choice),
-            None => sampler.estimates.pixels_of_lattice(),
-        });
+        let pixels = match choice {
+            Some(choice) => self.on_host(|sampler| sampler.estimates.chosen(choice)),
+            None if self.adaptive.step() == 1 => return self.raise_all(),
+            None => {
+                self.result.film.pixels = Film::try_pixels(self.size.0 * self.size.1)?;
+                self.on_host(|sampler| sampler.estimates.pixels_of_lattice())
+            }
+        };
         let mut rest = pixels.as_slice();
         while !rest.is_empty() {
             let (firsts, positions) = self.on_host(|sampler| sampler.list(rest));
@@ -240,21 +242,55 @@ impl Pixels for Sampler<'_> {
 }
 
 impl<'a> Sampler<'a> {
-    fn new(tracer: &'a mut dyn Backend, params: &RenderParams, adaptive: Adaptive) -> Result<Self> {
+    fn new(tracer: &'a mut dyn Backend, params: &RenderParams, adaptive: Adaptive) -> Self {
         let size = (params.width as usize, params.height as usize);
-        let pixels = Film::try_pixels(size.0 * size.1)?;
-        let film = Film { width: params.width, height: params.height, pixels };
-        Ok(Sampler {
+        let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
+        Sampler {
             tracer,
             params: *params,
             sequence: sample_sequence(),
             size,
-            list_rays: adaptive.list_rays,
-            sums: Film::try_pixels(size.0 * size.1)?,
+            adaptive,
             estimates: Estimates::new(size, adaptive.step()),
             result: RenderResult::of_film(film),
             decide_s: 0.0,
-        })
+        }
+    }
+
+    /// Takes the first sample of every pixel: of a picture that has no more, so that nothing is listed.
+    fn raise_all(&mut self) -> Result<()> {
+        let params = RenderParams { sample_count: 1, sample_weight: 1.0, ..self.params };
+        let mut traced = self.tracer.render(&params, &self.sequence[..1], &|_| ())?;
+        self.on_host(|sampler| {
+            sampler.result.add(&traced);
+            sampler.result.work = traced.work.take();
+            sampler.result.film = traced.film;
+            let in_row = TILE_SIDE as usize * sampler.size.0;
+            let films = sampler.result.film.pixels.par_chunks_mut(in_row);
+            films.zip(sampler.estimates.tile_rows()).for_each(|(film, mut estimates)| {
+                for (at, pixel) in film.iter_mut().enumerate() {
+                    let raised = raise_pixel([0.0; 3], &[*pixel]);
+                    *pixel = raised.sum;
+                    estimates.raise(at, raised.shown, raised.variance);
+                }
+            });
+        });
+        Ok(())
+    }
+
+    /// The picture, whose film has sums until now.
+    fn finish(mut self, stats: AdaptiveStats) -> RenderResult {
+        self.on_host(|sampler| {
+            let in_row = TILE_SIDE as usize * sampler.size.0;
+            let films = sampler.result.film.pixels.par_chunks_mut(in_row);
+            films.zip(sampler.estimates.tile_rows()).for_each(|(film, estimates)| {
+                for (at, pixel) in film.iter_mut().enumerate() {
+                    *pixel = mean(*pixel, estimates.level(at));
+                }
+            });
+        });
+        let stats = AdaptiveStats { decide_s: self.decide_s, ..stats };
+        RenderResult { adaptive: Some(stats), ..self.result }
     }
 
     /// Counts the time of what the host does.
@@ -272,7 +308,7 @@ impl<'a> Sampler<'a> {
         let mut firsts = vec![0];
         for &pixel in pixels {
             let end = firsts[firsts.len() - 1] + estimates.new_samples(pixel).len();
-            if firsts.len() > 1 && end > self.list_rays {
+            if firsts.len() > 1 && end > self.adaptive.list_rays {
                 break;
             }
             firsts.push(end);
@@ -292,7 +328,8 @@ impl<'a> Sampler<'a> {
         // Pixels are listed by rows of tiles: what one thread writes is apart from what others do.
         let in_row = TILE_SIDE as usize * self.size.0;
         let mut end = 0;
-        let rows: Vec<_> = (0..self.sums.len().div_ceil(in_row))
+        let count = self.result.film.pixels.len();
+        let rows: Vec<_> = (0..count.div_ceil(in_row))
             .map(|row| {
                 let start = end;
                 end += pixels[start..].partition_point(|&pixel| pixel / in_row <= row);
@@ -300,26 +337,24 @@ impl<'a> Sampler<'a> {
             })
             .collect();
         let was_interpolated = self.estimates.is_interpolated();
-        let sums = self.sums.par_chunks_mut(in_row);
-        let shown = self.result.film.pixels.par_chunks_mut(in_row);
-        let estimates = self.estimates.chunks_mut(in_row);
-        let news =
-            sums.zip(shown).zip(estimates).zip(rows).enumerate().map(|(row, (((sums, shown), estimates), list))| {
-                let mut news = Vec::new();
-                for index in list {
-                    let (pixel, at) = (pixels[index], pixels[index] - row * in_row);
-                    let raised = raise_pixel(sums[at], &traced.film.pixels[samples(index)]);
-                    sums[at] = raised.sum;
-                    shown[at] = raised.mean;
-                    let change = estimates[at].raise(raised.shown, raised.variance);
-                    news.extend(change.filter(|_| was_interpolated).map(|change| (pixel, change)));
-                }
-                news
-            });
+        let sums = self.result.film.pixels.par_chunks_mut(in_row);
+        let news = sums.zip(self.estimates.tile_rows()).zip(rows).enumerate();
+        let news = news.map(|(row, ((sums, mut estimates), list))| {
+            let mut news = Vec::new();
+            for index in list {
+                let (pixel, at) = (pixels[index], pixels[index] - row * in_row);
+                let old = if estimates.level(at) > 0 { sums[at] } else { [0.0; 3] };
+                let raised = raise_pixel(old, &traced.film.pixels[samples(index)]);
+                sums[at] = raised.sum;
+                let change = estimates.raise(at, raised.shown, raised.variance);
+                news.extend(change.filter(|_| was_interpolated).map(|change| (pixel, change)));
+            }
+            news
+        });
         let news: Vec<Vec<_>> = news.collect();
         self.estimates.tell_neighbours(news.into_iter().flatten());
         if let Some(work) = &traced.work {
-            let all = self.result.work.get_or_insert_with(|| vec![PixelWork::default(); self.sums.len()]);
+            let all = self.result.work.get_or_insert_with(|| vec![PixelWork::default(); count]);
             for (index, &pixel) in pixels.iter().enumerate() {
                 work[samples(index)].iter().for_each(|one| all[pixel].add(one));
             }
@@ -330,7 +365,6 @@ impl<'a> Sampler<'a> {
 /// A pixel at its next level.
 struct Raised {
     sum: [f32; 3],
-    mean: [f32; 3],
     /// As [`display_steps`].
     shown: [f32; 3],
     /// Of that.
@@ -353,7 +387,7 @@ fn raise_pixel(old: [f32; 3], new: &[[f32; 3]]) -> Raised {
         }
         variance = variance_of_mean(&quarters);
     }
-    Raised { sum, mean, shown: display_steps(mean), variance }
+    Raised { sum, shown: display_steps(mean), variance }
 }
 
 fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

@@ -111,6 +111,9 @@ pub struct RunStats {
     /// With [`TraceOptions::counters`]: the work on those rays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub work: Option<WorkStats>,
+    /// Finding the device: most of it the drivers' own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device_s: Option<f64>,
     /// Reading the scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub load_s: Option<f64>,
@@ -139,6 +142,9 @@ pub struct RunStats {
     /// Copying the result back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub read_s: Option<f64>,
+    /// Encoding and writing the picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub write_s: Option<f64>,
     /// How the wavefront kernels went; files keep the name that they had.
     #[serde(rename = "split", skip_serializing_if = "Option::is_none")]
     pub wavefront: Option<WavefrontStats>,

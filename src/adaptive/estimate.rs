@@ -3,6 +3,7 @@
 use crate::io::film::srgb_from_linear;
 use crate::shared::TILE_SIDE;
 use crate::tracer::{LAST_LEVEL, LEVEL_SAMPLES};
+use bytemuck::{Zeroable, zeroed_vec};
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
@@ -55,8 +56,8 @@ fn squared([r, g, b]: [f32; 3]) -> f32 {
     (r * r + g * g + b * b) * (1.0 / 3.0)
 }
 
-/// What is known of a pixel.
-#[derive(Debug, Clone, Copy)]
+/// What is known of a pixel: nothing where all is zero.
+#[derive(Debug, Clone, Copy, Zeroable)]
 pub struct Estimate {
     /// As [`display_steps`].
     shown: [f32; 3],
@@ -64,33 +65,64 @@ pub struct Estimate {
     /// neighbours turned out to be.
     own: f32,
     level: u8,
-    /// Whether it has new samples since the last estimate of errors.
-    is_new: bool,
+    /// Whether its samples were there when errors were estimated last.
+    is_old: bool,
 }
 
 impl Estimate {
     /// Takes note of the samples that raised the pixel by a level: what it shows now, and the variance of that. Returns
     /// the square of how much these are not what was there, if they are the first.
-    pub fn raise(&mut self, shown: [f32; 3], variance: f32) -> Option<f32> {
-        let before = std::mem::replace(self, Estimate { shown, own: variance, level: self.level + 1, is_new: true });
+    fn raise(&mut self, shown: [f32; 3], variance: f32) -> Option<f32> {
+        let before = std::mem::replace(self, Estimate { shown, own: variance, level: self.level + 1, is_old: false });
         (before.level == 0).then(|| squared(std::array::from_fn(|c| shown[c] - before.shown[c])))
     }
 }
 
-/// Bytes of [`Estimates`] for each pixel: the estimate itself, its place in the order, and its error.
-pub const PIXEL_BYTES: u64 = (size_of::<Estimate>() + size_of::<u32>() + size_of::<f32>()) as u64;
+/// Bytes of [`Estimates`] for each pixel: the estimate itself, its error, and points of the lattice while others are
+/// interpolated.
+pub const PIXEL_BYTES: u64 = (size_of::<Estimate>() + size_of::<f32>() + size_of::<[f32; 3]>() / 4) as u64;
+
+/// Pixels of a tile's side. Estimates are made anew, and pixels looked for, in the tiles alone where there is something.
+const SIDE: usize = TILE_SIDE as usize;
+
+/// Of so many pixels of a tile, contrasts of all are computed together as soon as of those alone.
+const CONTRASTS_TOGETHER: u32 = 16;
 
 /// The estimates of a picture.
 pub struct Estimates {
     size: (usize, usize),
     lattice: usize,
     pixels: Vec<Estimate>,
-    /// All pixels, in the order in which they are traced.
-    order: Vec<u32>,
     /// Squared errors of the pixels.
     errors: Vec<f32>,
     /// Squared errors of the interpolation in each cell of the lattice.
     cells: Vec<f32>,
+    /// Which tiles have pixels that are new.
+    has_news: Vec<bool>,
+    /// The highest class in each tile.
+    highest: Vec<u16>,
+    /// Of all pixels; `None` before errors were estimated.
+    promises: Option<Promises>,
+}
+
+/// The estimates of the pixels in a row of tiles.
+pub struct TileRow<'a> {
+    width: usize,
+    pixels: &'a mut [Estimate],
+    has_news: &'a mut [bool],
+}
+
+impl TileRow<'_> {
+    /// Of the pixel `at` so many behind the first of the row.
+    pub fn level(&self, at: usize) -> u8 {
+        self.pixels[at].level
+    }
+
+    /// As [`Estimate::raise`], of the pixel `at` so many behind the first of the row.
+    pub fn raise(&mut self, at: usize, shown: [f32; 3], variance: f32) -> Option<f32> {
+        self.has_news[at % self.width / SIDE] = true;
+        self.pixels[at].raise(shown, variance)
+    }
 }
 
 impl Estimates {
@@ -99,11 +131,33 @@ impl Estimates {
         Estimates {
             size,
             lattice,
-            pixels: vec![Estimate { shown: [0.0; 3], own: 0.0, level: 0, is_new: true }; count],
-            order: pixels_in_tiles(size).map(|(x, y)| (y * size.0 + x) as u32).collect(),
+            // Memory that is taken when it is written.
+            pixels: zeroed_vec(count),
             errors: vec![0.0; count],
             cells: Vec::new(),
+            has_news: vec![true; size.0.div_ceil(SIDE) * size.1.div_ceil(SIDE)],
+            highest: vec![0; size.0.div_ceil(SIDE) * size.1.div_ceil(SIDE)],
+            promises: None,
         }
+    }
+
+    /// Tiles across.
+    fn columns(&self) -> usize {
+        self.size.0.div_ceil(SIDE)
+    }
+
+    /// The pixels of the tiles that are `wanted`, tile after tile, so that neighbours in a list are neighbours in the
+    /// picture.
+    fn pixels_of_tiles(
+        &self,
+        wanted: impl Fn(usize) -> bool + Send + Sync,
+    ) -> impl ParallelIterator<Item = (usize, usize)> {
+        let ((width, height), columns) = (self.size, self.columns());
+        let tiles = (0..self.has_news.len()).into_par_iter().filter(move |&tile| wanted(tile));
+        tiles.flat_map_iter(move |tile| {
+            let (left, top) = (tile % columns * SIDE, tile / columns * SIDE);
+            (top..height.min(top + SIDE)).flat_map(move |y| (left..width.min(left + SIDE)).map(move |x| (x, y)))
+        })
     }
 
     pub fn level(&self, pixel: usize) -> u8 {
@@ -116,17 +170,19 @@ impl Estimates {
         LEVEL_SAMPLES[level] as usize..LEVEL_SAMPLES[level + 1] as usize
     }
 
-    /// So many pixels at a time, row by row.
-    pub fn chunks_mut(&mut self, count: usize) -> rayon::slice::ChunksMut<'_, Estimate> {
-        self.pixels.par_chunks_mut(count)
+    /// The rows of tiles.
+    pub fn tile_rows(&mut self) -> impl IndexedParallelIterator<Item = TileRow<'_>> {
+        let (width, columns) = (self.size.0, self.columns());
+        let rows = self.pixels.par_chunks_mut(SIDE * width).zip(self.has_news.par_chunks_mut(columns));
+        rows.map(move |(pixels, has_news)| TileRow { width, pixels, has_news })
     }
 
     /// Those that are traced first: every so many across and down, and the last.
     pub fn pixels_of_lattice(&self) -> Vec<usize> {
         let (width, height) = self.size;
         let on_lattice = |i: usize, end: usize| i.is_multiple_of(self.lattice) || i + 1 == end;
-        let pixels = self.order.par_iter().map(|&pixel| pixel as usize);
-        pixels.filter(|pixel| on_lattice(pixel % width, width) && on_lattice(pixel / width, height)).collect()
+        let pixels = self.pixels_of_tiles(|_| true);
+        pixels.filter(|&(x, y)| on_lattice(x, width) && on_lattice(y, height)).map(|(x, y)| y * width + x).collect()
     }
 
     /// Interpolated pixels that have their first samples, and what [`Estimate::raise`] said of them: where one was
@@ -148,31 +204,40 @@ impl Estimates {
     }
 
     /// Gives the pixels without samples what lies between those of the lattice.
+    /// `pixels` are sums of samples where there are any.
     pub fn interpolate(&mut self, pixels: &mut [[f32; 3]]) {
         let ((width, height), lattice) = (self.size, self.lattice);
-        // The corners have samples: nobody writes them.
-        let value = |pixels: &[[f32; 3]], x: usize, y: usize| {
-            let ((x0, x1, across_x), (y0, y1, across_y)) = (between(x, lattice, width), between(y, lattice, height));
-            let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| pixels[y * width + x]);
-            std::array::from_fn(|i| {
-                let upper = (b[i] - a[i]).mul_add(across_x, a[i]);
-                let lower = (d[i] - c[i]).mul_add(across_x, c[i]);
-                (lower - upper).mul_add(across_y, upper)
+        let columns = self.cells_per_row();
+        let place = |cell: usize, end: usize| (cell * lattice).min(end - 1);
+        // A copy of the points of the lattice, so that rows can be written by different threads.
+        let corners: Vec<_> = (0..=(height - 1) / lattice + 1)
+            .into_par_iter()
+            .flat_map_iter(|row| (0..=columns).map(move |column| (column, row)))
+            .map(|(column, row)| {
+                let pixel = place(row, height) * width + place(column, width);
+                mean(pixels[pixel], self.pixels[pixel].level)
             })
-        };
-        let rows = self.pixels.par_chunks_mut(width).enumerate().map(|(y, estimates)| {
-            let without = estimates.iter_mut().enumerate().filter(|(_, estimate)| estimate.level == 0);
-            without
-                .map(|(x, estimate)| {
-                    let value = value(pixels, x, y);
-                    estimate.shown = display_steps(value);
-                    (x, value)
-                })
-                .collect()
-        });
-        let rows: Vec<Vec<_>> = rows.collect();
-        pixels.par_chunks_mut(width).zip(rows).for_each(|(row, values)| {
-            values.into_iter().for_each(|(x, value)| row[x] = value);
+            .collect();
+        let rows = self.pixels.par_chunks_mut(width).zip(pixels.par_chunks_mut(width));
+        rows.enumerate().for_each(|(y, (estimates, pixels))| {
+            let across_y = part_of(y, y / lattice * lattice, place(y / lattice + 1, height));
+            for cell in 0..columns {
+                let (x0, x1) = (cell * lattice, place(cell + 1, width));
+                let at = y / lattice * (columns + 1) + cell;
+                let [a, b, c, d] = [at, at + 1, at + columns + 1, at + columns + 2].map(|i| corners[i]);
+                for x in x0..width.min(x0 + lattice) {
+                    if estimates[x].level > 0 {
+                        continue;
+                    }
+                    let across_x = part_of(x, x0, x1);
+                    pixels[x] = std::array::from_fn(|i| {
+                        let upper = (b[i] - a[i]).mul_add(across_x, a[i]);
+                        let lower = (d[i] - c[i]).mul_add(across_x, c[i]);
+                        (lower - upper).mul_add(across_y, upper)
+                    });
+                    estimates[x].shown = display_steps(pixels[x]);
+                }
+            }
         });
         if !self.is_interpolated() {
             self.estimate_cells();
@@ -214,34 +279,124 @@ impl Estimates {
     /// Estimates the errors of all pixels anew.
     pub fn update(&mut self) -> Promises {
         let mut errors = std::mem::take(&mut self.errors);
-        let width = self.size.0;
-        let rows = errors.par_chunks_mut(width).enumerate().map(|(y, row)| {
-            // What has changed has changed what is said of its neighbours.
-            let rows = y.saturating_sub(1)..self.size.1.min(y + 2);
-            let changed = |x: usize| rows.clone().any(|row| self.pixels[row * width + x].is_new);
-            let mut near = [false, changed(0)];
-            for (x, error) in row.iter_mut().enumerate() {
-                let next = x + 1 < width && changed(x + 1);
-                if near[0] || near[1] || next {
-                    *error = self.estimate(x, y);
+        let mut highest = std::mem::take(&mut self.highest);
+        let rows = errors.par_chunks_mut(SIDE * self.size.0).zip(highest.par_chunks_mut(self.columns()));
+        let change = rows.enumerate().fold(Promises::default, |mut change, (row, (errors, highest))| {
+            for (column, highest) in highest.iter_mut().enumerate() {
+                if self.has_news_near(column, row) {
+                    *highest = self.update_tile((column, row), errors, &mut change);
                 }
-                near = [near[1], next];
             }
-            (y, &*row)
+            change
         });
-        let promises = rows.fold(Promises::default, |mut all, (y, row)| {
-            let pixels = &self.pixels[y * width..];
-            row.iter().zip(pixels).for_each(|(&error, pixel)| all.count(pixel.level, error));
-            all
+        let change = change.reduce(Promises::default, Promises::plus);
+        (self.errors, self.highest) = (errors, highest);
+        let promises = self.promises.take().unwrap_or_default().plus(change);
+        self.promises = Some(promises.clone());
+        self.tile_rows().for_each(|row| {
+            for column in (0..row.has_news.len()).filter(|&column| row.has_news[column]) {
+                let columns = column * SIDE..row.width.min((column + 1) * SIDE);
+                let pixels = row.pixels.chunks_mut(row.width).flat_map(|pixels| &mut pixels[columns.clone()]);
+                pixels.for_each(|pixel| pixel.is_old = true);
+            }
+            row.has_news.fill(false);
         });
-        let promises = promises.reduce(Promises::default, Promises::plus);
-        self.errors = errors;
-        self.pixels.par_iter_mut().for_each(|pixel| pixel.is_new = false);
         promises
     }
 
-    /// The squared error of a pixel.
-    fn estimate(&self, x: usize, y: usize) -> f32 {
+    /// Whether a tile, or one of those around it, has pixels that are new.
+    fn has_news_near(&self, column: usize, row: usize) -> bool {
+        let columns = self.columns();
+        let rows = row.saturating_sub(1)..self.size.1.div_ceil(SIDE).min(row + 2);
+        let near = column.saturating_sub(1)..columns.min(column + 2);
+        rows.into_iter().any(|row| self.has_news[row * columns..][near.clone()].contains(&true))
+    }
+
+    /// Estimates the errors in a tile anew, of which `errors` has the row; adds to `change` what is promised more than
+    /// before. Returns the highest class.
+    fn update_tile(&self, (column, row): (usize, usize), errors: &mut [f32], change: &mut Promises) -> u16 {
+        let (width, height) = self.size;
+        let (left, top) = (column * SIDE, row * SIDE);
+        let columns = left..width.min(left + SIDE);
+        // What has changed has changed what is said of its neighbours.
+        let near = self.near_news(left, top);
+        let is_inside = left > 0 && top > 0 && left + SIDE < width && top + SIDE < height;
+        let is_worth_it = near.iter().map(|row| row.count_ones()).sum::<u32>() >= CONTRASTS_TOGETHER;
+        let contrasts = (is_inside && is_worth_it).then(|| self.contrasts(left, top));
+        let mut highest = 0;
+        for y in top..height.min(top + SIDE) {
+            for x in columns.clone() {
+                let error = &mut errors[(y - top) * width + x];
+                let pixel = self.pixels[y * width + x];
+                if near[y - top] >> (x - left) & 1 != 0 {
+                    if self.promises.is_some() {
+                        change.forget(pixel.level - u8::from(!pixel.is_old), *error);
+                    }
+                    *error = self.estimate(x, y, contrasts.as_ref().map(|rows| rows[y - top][x - left]));
+                    change.count(pixel.level, *error);
+                }
+                highest = highest.max(class(pixel.level, *error).unwrap_or(0));
+            }
+        }
+        highest as u16
+    }
+
+    /// Which pixels of a tile are new or beside a new one: a bit for each column in each row.
+    fn near_news(&self, left: usize, top: usize) -> [u32; SIDE] {
+        let (width, height) = self.size;
+        if self.promises.is_none() {
+            return [!0; SIDE];
+        }
+        let columns = left.saturating_sub(1)..width.min(left + SIDE + 1);
+        // A bit for each column; that of the one to the left of the tile is the lowest.
+        let mut news = [0; SIDE + 2];
+        for y in top.saturating_sub(1)..height.min(top + SIDE + 1) {
+            for (x, pixel) in columns.clone().zip(&self.pixels[y * width..][columns.clone()]) {
+                news[y + 1 - top] |= u32::from(!pixel.is_old) << (x + 1 - left);
+            }
+        }
+        std::array::from_fn(|row| {
+            let bits = news[row] | news[row + 1] | news[row + 2];
+            bits | bits >> 1 | bits >> 2
+        })
+    }
+
+    /// [`Estimates::contrast`] of all pixels of a tile that has pixels all around.
+    fn contrasts(&self, left: usize, top: usize) -> [[f32; SIDE]; SIDE] {
+        // By channel, so that pixels in a row are taken together.
+        let mut shown = [[[0.0; SIDE + 2]; SIDE + 2]; 3];
+        for row in 0..SIDE + 2 {
+            let pixels = &self.pixels[(top + row - 1) * self.size.0 + left - 1..][..SIDE + 2];
+            for (column, pixel) in pixels.iter().enumerate() {
+                (0..3).for_each(|c| shown[c][row][column] = pixel.shown[c]);
+            }
+        }
+        // Where the two around a pixel lie, by row and column of `shown`, behind the pixel's own in its tile.
+        const AROUND: [[(usize, usize); 2]; 4] =
+            [[(1, 0), (1, 2)], [(0, 1), (2, 1)], [(0, 0), (2, 2)], [(0, 2), (2, 0)]];
+        let mut contrasts = [[0.0; SIDE]; SIDE];
+        for (row, contrasts) in contrasts.iter_mut().enumerate() {
+            for [before, after] in AROUND {
+                let mut sum = [0.0; SIDE];
+                for shown in &shown {
+                    let of = |(down, right): (usize, usize)| &shown[row + down][right..][..SIDE];
+                    let (a, here, b) = (of(before), of((1, 1)), of(after));
+                    for i in 0..SIDE {
+                        let bend = a[i] - 2.0 * here[i] + b[i];
+                        sum[i] += bend * bend;
+                    }
+                }
+                for i in 0..SIDE {
+                    let squared = sum[i] * (1.0 / 3.0);
+                    contrasts[i] = if squared > contrasts[i] { squared } else { contrasts[i] };
+                }
+            }
+        }
+        contrasts
+    }
+
+    /// The squared error of a pixel, whose contrast may be known.
+    fn estimate(&self, x: usize, y: usize, contrast: Option<f32>) -> f32 {
         let pixel = y * self.size.0 + x;
         let Estimate { level, own, .. } = self.pixels[pixel];
         if level == 0 {
@@ -249,14 +404,15 @@ impl Estimates {
             return own.max(self.cells[cell]);
         }
         let [of_quarters, of_contrast, of_neighbours] = PARTS[usize::from(level)];
-        let of_one = (of_contrast * self.contrast(pixel)).max(of_neighbours * self.around(pixel));
+        let of_one =
+            (of_contrast * contrast.unwrap_or_else(|| self.contrast(x, y))).max(of_neighbours * self.around(x, y));
         (of_quarters * own).max(of_one / edge_samples(level))
     }
 
     /// The largest squared second difference in the four directions around a pixel.
-    fn contrast(&self, pixel: usize) -> f32 {
+    fn contrast(&self, x: usize, y: usize) -> f32 {
         let (width, height) = self.size;
-        let (x, y) = (pixel % width, pixel / width);
+        let pixel = y * width + x;
         let shown = |pixel: usize| self.pixels[pixel].shown;
         let here = shown(pixel);
         let bend = |a, b| {
@@ -275,13 +431,19 @@ impl Estimates {
     }
 
     /// What the pixels around one turned out to be: the mean squared error that one sample of them would have.
-    fn around(&self, pixel: usize) -> f32 {
-        neighbours(pixel, self.size)
-            .map(|near| &self.pixels[near])
-            .filter(|near| near.level > 1)
-            .map(|near| near.own * edge_samples(near.level))
-            .sum::<f32>()
-            / 8.0
+    fn around(&self, x: usize, y: usize) -> f32 {
+        let (width, height) = self.size;
+        let columns = x.saturating_sub(1)..width.min(x + 2);
+        let mut sum = 0.0;
+        for row in y.saturating_sub(1)..height.min(y + 2) {
+            for column in columns.clone().filter(|&column| (column, row) != (x, y)) {
+                let near = &self.pixels[row * width + column];
+                if near.level > 1 {
+                    sum += near.own * edge_samples(near.level);
+                }
+            }
+        }
+        sum / 8.0
     }
 
     /// The pixels of a choice, in the order in which they are traced.
@@ -290,7 +452,8 @@ impl Estimates {
             let level = self.level(*pixel);
             class(level, self.errors[*pixel]).is_some_and(|class| choice.includes(level, class))
         };
-        self.order.par_iter().map(|&pixel| pixel as usize).filter(is_chosen).collect()
+        let pixels = self.pixels_of_tiles(|tile| usize::from(self.highest[tile]) >= choice.lowest);
+        pixels.map(|(x, y)| y * self.size.0 + x).filter(is_chosen).collect()
     }
 }
 
@@ -321,13 +484,23 @@ impl Promises {
     fn count(&mut self, level: u8, error: f32) {
         self.error = self.error.wrapping_add((error * ERROR_UNITS) as u64);
         if let Some(class) = class(level, error) {
-            self.pixels[usize::from(level) * CLASSES + class] += 1;
+            let count = &mut self.pixels[usize::from(level) * CLASSES + class];
+            *count = count.wrapping_add(1);
+        }
+    }
+
+    /// The opposite of [`Promises::count`].
+    fn forget(&mut self, level: u8, error: f32) {
+        self.error = self.error.wrapping_sub((error * ERROR_UNITS) as u64);
+        if let Some(class) = class(level, error) {
+            let count = &mut self.pixels[usize::from(level) * CLASSES + class];
+            *count = count.wrapping_sub(1);
         }
     }
 
     fn plus(mut self, other: Promises) -> Promises {
         self.error = self.error.wrapping_add(other.error);
-        self.pixels.iter_mut().zip(other.pixels).for_each(|(count, more)| *count += more);
+        self.pixels.iter_mut().zip(other.pixels).for_each(|(count, more)| *count = count.wrapping_add(more));
         self
     }
 
@@ -460,11 +633,15 @@ fn edge_samples(level: u8) -> f32 {
     (1 << (3 * (level - 1))) as f32
 }
 
-/// The points of the lattice around `i`, and how far it is from the first to the second.
-fn between(i: usize, lattice: usize, end: usize) -> (usize, usize, f32) {
-    let low = i / lattice * lattice;
-    let high = (low + lattice).min(end - 1);
-    (low, high, if high > low { (i - low) as f32 / (high - low) as f32 } else { 0.0 })
+/// What a pixel shows: the mean of its samples, or, without any, what it was interpolated to be.
+pub fn mean(sum: [f32; 3], level: u8) -> [f32; 3] {
+    let part = 1.0 / LEVEL_SAMPLES[usize::from(level)].max(1) as f32;
+    sum.map(|sum| sum * part)
+}
+
+/// How far `i` is from `low` to `high`.
+fn part_of(i: usize, low: usize, high: usize) -> f32 {
+    if high > low { (i - low) as f32 / (high - low) as f32 } else { 0.0 }
 }
 
 /// The pixels around one.
@@ -475,13 +652,76 @@ fn neighbours(pixel: usize, (width, height): (usize, usize)) -> impl Iterator<It
         .filter(move |&near| near != pixel)
 }
 
-/// The places of all pixels, tile after tile, so that neighbours in a list are neighbours in the picture.
-fn pixels_in_tiles((width, height): (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
-    let side = TILE_SIDE as usize;
-    (0..height).step_by(side).flat_map(move |top| {
-        (0..width).step_by(side).flat_map(move |left| {
-            let rows = top..height.min(top + side);
-            rows.flat_map(move |y| (left..width.min(left + side)).map(move |x| (x, y)))
-        })
-    })
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    fn colour(random: &mut Random) -> [f32; 3] {
+        // Most pixels are like their neighbours.
+        if random.below(8) > 0 { [0.25; 3] } else { std::array::from_fn(|_| random.unit()) }
+    }
+
+    /// Raises some pixels, one in so many.
+    fn raise(estimates: &mut Estimates, one_in: usize, random: &mut Random) {
+        let (width, last) = (estimates.size.0, LAST_LEVEL as u8);
+        let count = estimates.pixels.len();
+        let mut wanted: Vec<bool> = (0..count).map(|_| random.below(one_in) == 0).collect();
+        wanted.iter_mut().zip(&estimates.pixels).for_each(|(wanted, pixel)| *wanted &= pixel.level < last);
+        let values: Vec<_> = (0..count).map(|_| (display_steps(colour(random)), 30.0 * random.unit())).collect();
+        let news: Vec<_> = estimates
+            .tile_rows()
+            .enumerate()
+            .flat_map_iter(|(row, mut pixels)| {
+                let first = row * SIDE * width;
+                let end = count.min(first + SIDE * width);
+                let of_row: Vec<_> = (first..end)
+                    .filter(|&i| wanted[i])
+                    .filter_map(|i| Some((i, pixels.raise(i - first, values[i].0, values[i].1)?)))
+                    .collect();
+                of_row
+            })
+            .collect();
+        estimates.tell_neighbours(news.into_iter());
+    }
+
+    /// What `update` must return: everything counted anew.
+    fn promises(estimates: &Estimates) -> Promises {
+        let mut all = Promises::default();
+        for (pixel, estimate) in estimates.pixels.iter().enumerate() {
+            let (x, y) = (pixel % estimates.size.0, pixel / estimates.size.0);
+            let error = estimates.estimate(x, y, None);
+            assert_eq!(error.to_bits(), estimates.errors[pixel].to_bits(), "pixel {x}, {y} of {:?}", estimates.size);
+            all.count(estimate.level, error);
+        }
+        all
+    }
+
+    #[test]
+    fn what_is_updated_is_what_is_counted_anew() {
+        let mut random = Random::new(5);
+        for (size, lattice) in [((1, 1), 1), ((7, 9), 1), ((8, 8), 2), ((33, 50), 1), ((64, 40), 4), ((71, 35), 2)] {
+            let mut estimates = Estimates::new(size, lattice);
+            let first = estimates.pixels_of_lattice();
+            let width = size.0;
+            for &pixel in &first {
+                let shown = display_steps(colour(&mut random));
+                let (row, at) = (pixel / (SIDE * width), pixel % (SIDE * width));
+                let mut rows: Vec<_> = estimates.tile_rows().collect();
+                rows[row].raise(at, shown, 0.0);
+            }
+            if lattice > 1 {
+                estimates.interpolate(&mut vec![[0.3; 3]; size.0 * size.1]);
+            }
+            for one_in in [1, 3, 20, 200, 2000, 2, 1] {
+                let updated = estimates.update();
+                assert!(updated == promises(&estimates), "{size:?}, lattice {lattice}");
+                // All of a choice are found, tile by tile.
+                let choice = updated.choose(0.3 * updated.squared_error(), 1);
+                let chosen = estimates.chosen(choice);
+                assert_eq!(chosen.len() as u64, updated.chosen(choice).iter().sum::<u64>());
+                raise(&mut estimates, one_in, &mut random);
+            }
+        }
+    }
 }

@@ -112,12 +112,61 @@ pub fn linear_from_srgb(display: f64) -> f64 {
 pub(crate) static SRGB_TO_LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32));
 
-/// One channel as a display value in 0..=`max`: NaN, infinities and negative values are 0, what is above 1 is `max`.
-fn quantise(linear: f32, max: f64) -> u16 {
-    let clamped = if linear.is_finite() { f64::from(linear.clamp(0.0, 1.0)) } else { 0.0 };
-    // In range for any `max` up to u16::MAX: the curve maps 0..=1 to 0..=1.
-    (srgb_from_linear(clamped) * max).round() as u16
+/// Light in 0..=1 as a display value in 0..=`max`, by the curve itself.
+fn on_curve(linear: f32, max: u16) -> u16 {
+    // In range: the curve maps 0..=1 to 0..=1.
+    (srgb_from_linear(f64::from(linear)) * f64::from(max)).round() as u16
 }
+
+/// The display values of [`on_curve`] without its powers: the curve rises, so that a value is the number of those light
+/// values at which the next one begins that are not above the light.
+struct DisplayValues {
+    /// For each display value but the last, the least light that has the next one.
+    next: Vec<f32>,
+    /// By the upper bits of light, how many of `next` are not above the least light with these bits.
+    below: Vec<u16>,
+}
+
+impl DisplayValues {
+    /// Lower bits of light that `below` does not tell apart: among those with 8 bits there is one of `next` at the most.
+    const SHIFT: u32 = 16;
+
+    fn new(max: u16) -> Self {
+        let next: Vec<f32> = (0..max).map(|value| Self::least_above(value, max)).collect();
+        let buckets = (1.0_f32.to_bits() >> Self::SHIFT) + 1;
+        let below = |bucket: u32| {
+            let least = f32::from_bits(bucket << Self::SHIFT);
+            next.partition_point(|&next| next <= least) as u16
+        };
+        let below = (0..=buckets).map(below).collect();
+        DisplayValues { next, below }
+    }
+
+    /// The least light whose display value is above `value`.
+    fn least_above(value: u16, max: u16) -> f32 {
+        let is_above = |light: f32| on_curve(light, max) > value;
+        let mut light = linear_from_srgb((f64::from(value) + 0.5) / f64::from(max)) as f32;
+        while !is_above(light) {
+            light = light.next_up();
+        }
+        while is_above(light.next_down()) {
+            light = light.next_down();
+        }
+        light
+    }
+
+    /// One channel as a display value: NaN, infinities and negative values are 0, what is above 1 is the last.
+    fn of(&self, linear: f32) -> u16 {
+        let light = if linear.is_finite() && linear > 0.0 { linear.min(1.0) } else { 0.0 };
+        let bucket = (light.to_bits() >> Self::SHIFT) as usize;
+        let (first, end) = (self.below[bucket], self.below[bucket + 1]);
+        let within = &self.next[usize::from(first)..usize::from(end)];
+        first + within.partition_point(|&next| next <= light) as u16
+    }
+}
+
+static DISPLAY_8: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new(u8::MAX.into()));
+static DISPLAY_16: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new(u16::MAX));
 
 impl Film {
     /// Bytes of a pixel.
@@ -141,17 +190,19 @@ impl Film {
 
     /// The number of pixels with a channel that is NaN or infinite; PNG shows such a channel as 0.
     pub fn non_finite(&self) -> usize {
-        self.pixels.iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
+        self.pixels.par_iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
     }
 
     /// The picture as 8-bit sRGB. A channel that is NaN, infinite or negative becomes 0, one above 1 becomes 255.
     pub fn to_srgb8(&self) -> Vec<[u8; 3]> {
-        self.pixels.par_iter().map(|pixel| pixel.map(|c| quantise(c, 255.0) as u8)).collect()
+        let values = &*DISPLAY_8;
+        self.pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c) as u8)).collect()
     }
 
     /// The picture as 16-bit sRGB, with the rules of [`Film::to_srgb8`].
     pub fn to_srgb16(&self) -> Vec<[u16; 3]> {
-        self.pixels.par_iter().map(|pixel| pixel.map(|c| quantise(c, 65535.0))).collect()
+        let values = &*DISPLAY_16;
+        self.pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c))).collect()
     }
 
     /// Writes the picture in `format`, or in the one that the extension of `path` stands for.
@@ -223,6 +274,7 @@ impl Film {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
     use exr::prelude::{ReadChannels, ReadLayers};
     use std::fs;
 
@@ -253,9 +305,9 @@ mod tests {
         for (linear, code) in
             [(0.0, 0), (0.18, 118), (0.5, 188), (0.0031308, 10), (0.21404, 127), (0.21405, 128), (1.0, 255)]
         {
-            assert_eq!(quantise(linear, 255.0), code, "{linear}");
+            assert_eq!(DISPLAY_8.of(linear), code, "{linear}");
         }
-        assert_eq!(quantise(0.5, 65535.0), 48192);
+        assert_eq!(DISPLAY_16.of(0.5), 48192);
         assert!((srgb_from_linear(0.0031308) - 0.04045).abs() < 1e-6);
     }
 
@@ -263,16 +315,29 @@ mod tests {
     fn every_display_value_survives_the_way_to_linear_and_back() {
         for code in 0..=u16::MAX {
             let linear = linear_from_srgb(f64::from(code) / 65535.0);
-            assert_eq!(quantise(linear as f32, 65535.0), code);
+            assert_eq!(DISPLAY_16.of(linear as f32), code);
         }
         for code in 0..=255_u8 {
-            assert_eq!(quantise(linear_from_srgb(f64::from(code) / 255.0) as f32, 255.0), u16::from(code));
+            assert_eq!(DISPLAY_8.of(linear_from_srgb(f64::from(code) / 255.0) as f32), u16::from(code));
+        }
+    }
+
+    #[test]
+    fn display_values_are_those_of_the_curve() {
+        let mut random = Random::new(8);
+        for (values, max) in [(&*DISPLAY_8, u16::from(u8::MAX)), (&*DISPLAY_16, u16::MAX)] {
+            // Where a value ends and the next begins, and lights of all magnitudes.
+            let ends = values.next.iter().flat_map(|&next| [next.next_down(), next, next.next_up()]);
+            let others = (0..200_000).map(|_| f32::from_bits((random.bits() as u32) % (1.0_f32.to_bits() + 1)));
+            for light in ends.chain(others).chain([0.0, -0.0, 1.0]) {
+                assert_eq!(values.of(light), on_curve(light.min(1.0), max), "{light:e} of {max}");
+            }
         }
     }
 
     #[test]
     fn a_brighter_pixel_is_never_darker_on_screen() {
-        let codes: Vec<u16> = (0..=40_000).map(|i| quantise(i as f32 / 40_000.0, 65535.0)).collect();
+        let codes: Vec<u16> = (0..=40_000).map(|i| DISPLAY_16.of(i as f32 / 40_000.0)).collect();
         assert!(codes.is_sorted());
     }
 

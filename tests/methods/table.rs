@@ -10,6 +10,7 @@ use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::tracer::{TraceJob, is_hit};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// An option's values; `None`, the option left out, where that is not the same as one of them.
@@ -18,18 +19,20 @@ fn values_or_none(option: &'static MethodOption) -> Vec<Option<Choice>> {
     option.choices().map(Some).chain(is_other.then_some(None)).collect()
 }
 
-/// Calls `visit` with every combination of the values of `options` and `chosen`, and whether it is valid.
-fn sweep(options: &[Vec<Option<Choice>>], chosen: &mut Vec<Choice>, visit: &mut impl FnMut(&[Choice], bool)) {
-    match options {
-        [] => visit(chosen, combine(chosen).is_ok()),
-        [values, rest @ ..] => {
-            for value in values {
-                chosen.extend(value);
-                sweep(rest, chosen, visit);
-                chosen.truncate(chosen.len() - value.iter().len());
-            }
-        }
-    }
+/// Calls `visit` with every combination of the values of `options` and `chosen`, and whether it is valid, until it has
+/// seen enough.
+fn sweep(
+    options: &[Vec<Option<Choice>>],
+    chosen: &mut Vec<Choice>,
+    visit: &mut impl FnMut(&[Choice], bool) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    let [values, rest @ ..] = options else { return visit(chosen, combine(chosen).is_ok()) };
+    values.iter().try_for_each(|value| {
+        chosen.extend(value);
+        let flow = sweep(rest, chosen, visit);
+        chosen.truncate(chosen.len() - value.iter().len());
+        flow
+    })
 }
 
 /// Which pairs are in some valid combination, as a table of [`choices`] by [`choices`].
@@ -91,7 +94,7 @@ fn names_go_together_as_the_table_says() {
     let mut possible = Possible::new();
     let mut random = Random::new(SEED);
     let mut tried = 0;
-    sweep(&bound, &mut Vec::new(), &mut |chosen, is_valid| {
+    let flow = sweep(&bound, &mut Vec::new(), &mut |chosen, is_valid| {
         for _ in 0..2 {
             let drawn = free.iter().filter_map(|values| values[random.below(values.len())]);
             let all: Vec<_> = chosen.iter().copied().chain(drawn).collect();
@@ -101,7 +104,9 @@ fn names_go_together_as_the_table_says() {
                 possible.add(&all);
             }
         }
+        ControlFlow::Continue(())
     });
+    assert!(flow.is_continue());
     let pairs = possible.check(&never, |a, b| a.name().is_some() && b.name().is_some());
     assert!(tried > 300_000 && pairs > 600, "{tried} combinations, {pairs} pairs");
 }
@@ -115,13 +120,14 @@ fn numbers_go_together_as_the_table_says() {
     let numbers: Vec<_> = choices().filter(|choice| choice.name().is_none()).collect();
     let mut possible = Possible::new();
     for (i, &first) in numbers.iter().enumerate() {
-        // Each alone, then with another.
+        // Each alone with all names; then with another, until some names go with both.
         for second in std::iter::once(None).chain(numbers[i + 1..].iter().map(Some)) {
             let mut chosen: Vec<_> = std::iter::once(first).chain(second.copied()).collect();
-            sweep(&names, &mut chosen, &mut |chosen, is_valid| {
+            let _found = sweep(&names, &mut chosen, &mut |chosen, is_valid| {
                 if is_valid {
                     possible.add(chosen);
                 }
+                if is_valid && second.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             });
         }
     }

@@ -102,7 +102,9 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     check_output(&output, Some(format))?;
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
+    let opening = Instant::now();
     let device = open::choose(&args.device, talk)?;
+    let device_s = opening.elapsed().as_secs_f64();
     let budget = args.scene.memory.budget();
     let check_picture = |size, samples| open::check_picture(size, samples, &options, device.as_ref(), format, &budget);
     if let Some(size) = args.picture.size {
@@ -139,9 +141,12 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     if bad > 0 && !talk.quiet {
         tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
     }
+    let writing = Instant::now();
     result.film.write(&output, Some(format))?;
 
     let stats = &mut opened.stats;
+    stats.write_s = Some(writing.elapsed().as_secs_f64());
+    stats.device_s = Some(device_s);
     stats.rays = RayCounts::from_counters(&result.counts);
     if let Some(pixels) = &result.work {
         stats.work = Some(WorkStats {
