@@ -365,10 +365,10 @@ impl Estimates {
     fn contrasts(&self, left: usize, top: usize) -> [[f32; SIDE]; SIDE] {
         // By channel, so that pixels in a row are taken together.
         let mut shown = [[[0.0; SIDE + 2]; SIDE + 2]; 3];
-        for row in 0..SIDE + 2 {
-            let pixels = &self.pixels[(top + row - 1) * self.size.0 + left - 1..][..SIDE + 2];
-            for (column, pixel) in pixels.iter().enumerate() {
-                (0..3).for_each(|c| shown[c][row][column] = pixel.shown[c]);
+        let rows = self.pixels[(top - 1) * self.size.0..].chunks(self.size.0).take(SIDE + 2);
+        for (row, pixels) in rows.enumerate() {
+            for (column, pixel) in pixels[left - 1..][..SIDE + 2].iter().enumerate() {
+                shown.iter_mut().zip(pixel.shown).for_each(|(shown, value)| shown[row][column] = value);
             }
         }
         // Where the two around a pixel lie, by row and column of `shown`, behind the pixel's own in its tile.
@@ -664,7 +664,7 @@ mod tests {
 
     /// Raises some pixels, one in so many.
     fn raise(estimates: &mut Estimates, one_in: usize, random: &mut Random) {
-        let (width, last) = (estimates.size.0, LAST_LEVEL as u8);
+        let (width, last) = (estimates.size.0, LAST_LEVEL);
         let count = estimates.pixels.len();
         let mut wanted: Vec<bool> = (0..count).map(|_| random.below(one_in) == 0).collect();
         wanted.iter_mut().zip(&estimates.pixels).for_each(|(wanted, pixel)| *wanted &= pixel.level < last);
