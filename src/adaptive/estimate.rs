@@ -85,7 +85,7 @@ pub const PIXEL_BYTES: u64 = (size_of::<Estimate>() + size_of::<f32>() + size_of
 /// Pixels of a tile's side. Estimates are made anew, and pixels looked for, in the tiles alone where there is something.
 const SIDE: usize = TILE_SIDE as usize;
 
-/// Of so many pixels of a tile, contrasts of all are computed together as soon as of those alone.
+/// From so many pixels of a tile on, the contrasts of all are computed together.
 const CONTRASTS_TOGETHER: u32 = 16;
 
 /// The estimates of a picture.
