@@ -25,7 +25,7 @@ use crate::tracer::{
 };
 use crate::work::PixelWork;
 pub(crate) use estimate::{COUNTED, CURVE, Choice, Promises, cl_constants};
-use estimate::{Estimates, display_steps, mean, variance_of_mean};
+use estimate::{Estimates, TileRow, display_steps, mean, mean_of, variance_of_mean};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -265,9 +265,7 @@ impl<'a> Sampler<'a> {
             sampler.result.add(&traced);
             sampler.result.work = traced.work.take();
             sampler.result.film = traced.film;
-            let in_row = TILE_SIDE as usize * sampler.size.0;
-            let films = sampler.result.film.pixels.par_chunks_mut(in_row);
-            films.zip(sampler.estimates.tile_rows()).for_each(|(film, mut estimates)| {
+            sampler.film_rows().for_each(|(film, mut estimates)| {
                 for (at, pixel) in film.iter_mut().enumerate() {
                     let raised = raise_pixel([0.0; 3], &[*pixel]);
                     *pixel = raised.sum;
@@ -278,12 +276,16 @@ impl<'a> Sampler<'a> {
         Ok(())
     }
 
+    /// The film and the estimates of each row of tiles.
+    fn film_rows(&mut self) -> impl IndexedParallelIterator<Item = (&mut [[f32; 3]], TileRow<'_>)> {
+        let in_row = TILE_SIDE as usize * self.size.0;
+        self.result.film.pixels.par_chunks_mut(in_row).zip(self.estimates.tile_rows())
+    }
+
     /// The picture, whose film has sums until now.
     fn finish(mut self, stats: AdaptiveStats) -> RenderResult {
         self.on_host(|sampler| {
-            let in_row = TILE_SIDE as usize * sampler.size.0;
-            let films = sampler.result.film.pixels.par_chunks_mut(in_row);
-            films.zip(sampler.estimates.tile_rows()).for_each(|(film, estimates)| {
+            sampler.film_rows().for_each(|(film, estimates)| {
                 for (at, pixel) in film.iter_mut().enumerate() {
                     *pixel = mean(*pixel, estimates.level(at));
                 }
@@ -337,8 +339,7 @@ impl<'a> Sampler<'a> {
             })
             .collect();
         let was_interpolated = self.estimates.is_interpolated();
-        let sums = self.result.film.pixels.par_chunks_mut(in_row);
-        let news = sums.zip(self.estimates.tile_rows()).zip(rows).enumerate();
+        let news = self.film_rows().zip(rows).enumerate();
         let news = news.map(|(row, ((sums, mut estimates), list))| {
             let mut news = Vec::new();
             for index in list {
@@ -375,8 +376,6 @@ struct Raised {
 fn raise_pixel(old: [f32; 3], new: &[[f32; 3]]) -> Raised {
     let sum = new.iter().fold(old, |sum, radiance| plus(sum, *radiance));
     let before = new.len() / 3;
-    let all = 1.0 / (before + new.len()) as f32;
-    let mean = sum.map(|s| s * all);
     let mut variance = 0.0;
     if before > 0 {
         // Four sets of samples that cover the pixel alike: the old ones, and as many new ones three times.
@@ -387,7 +386,7 @@ fn raise_pixel(old: [f32; 3], new: &[[f32; 3]]) -> Raised {
         }
         variance = variance_of_mean(&quarters);
     }
-    Raised { sum, shown: display_steps(mean), variance }
+    Raised { sum, shown: display_steps(mean_of(sum, before + new.len())), variance }
 }
 
 fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

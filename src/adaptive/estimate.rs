@@ -160,13 +160,9 @@ impl Estimates {
         })
     }
 
-    pub fn level(&self, pixel: usize) -> u8 {
-        self.pixels[pixel].level
-    }
-
     /// The samples that bring a pixel to the next level.
     pub fn new_samples(&self, pixel: usize) -> std::ops::Range<usize> {
-        let level = usize::from(self.level(pixel));
+        let level = usize::from(self.pixels[pixel].level);
         LEVEL_SAMPLES[level] as usize..LEVEL_SAMPLES[level + 1] as usize
     }
 
@@ -203,8 +199,8 @@ impl Estimates {
         !self.cells.is_empty()
     }
 
-    /// Gives the pixels without samples what lies between those of the lattice.
-    /// `pixels` are sums of samples where there are any.
+    /// Gives the pixels without samples what lies between those of the lattice. `pixels` are sums of samples where there
+    /// are any.
     pub fn interpolate(&mut self, pixels: &mut [[f32; 3]]) {
         let ((width, height), lattice) = (self.size, self.lattice);
         let columns = self.cells_per_row();
@@ -449,7 +445,7 @@ impl Estimates {
     /// The pixels of a choice, in the order in which they are traced.
     pub fn chosen(&self, choice: Choice) -> Vec<usize> {
         let is_chosen = |pixel: &usize| {
-            let level = self.level(*pixel);
+            let level = self.pixels[*pixel].level;
             class(level, self.errors[*pixel]).is_some_and(|class| choice.includes(level, class))
         };
         let pixels = self.pixels_of_tiles(|tile| usize::from(self.highest[tile]) >= choice.lowest);
@@ -633,9 +629,14 @@ fn edge_samples(level: u8) -> f32 {
     (1 << (3 * (level - 1))) as f32
 }
 
-/// What a pixel shows: the mean of its samples, or, without any, what it was interpolated to be.
+/// What a pixel of a level shows: the mean of its samples, or, without any, what it was interpolated to be.
 pub fn mean(sum: [f32; 3], level: u8) -> [f32; 3] {
-    let part = 1.0 / LEVEL_SAMPLES[usize::from(level)].max(1) as f32;
+    mean_of(sum, LEVEL_SAMPLES[usize::from(level)].max(1) as usize)
+}
+
+/// The mean of so many samples.
+pub fn mean_of(sum: [f32; 3], samples: usize) -> [f32; 3] {
+    let part = 1.0 / samples as f32;
     sum.map(|sum| sum * part)
 }
 

@@ -39,6 +39,14 @@ impl Picture {
         self.film.to_srgb8().into_flattened()
     }
 
+    /// The bytes of a .png file with these values.
+    ///
+    /// # Errors
+    /// What the encoder says.
+    pub fn to_png(&self) -> std::io::Result<Vec<u8>> {
+        self.film.to_png()
+    }
+
     /// Writes the picture to `path`, in the format that the ending names: `.png` (8-bit sRGB), `.exr` (OpenEXR, 32-bit
     /// linear) or `.pfm` (portable float map, 32-bit linear). The file appears when it is complete.
     ///

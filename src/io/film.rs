@@ -234,7 +234,17 @@ impl Film {
         })
     }
 
-    fn write_png(&self, out: &mut dyn Output, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {
+    /// The bytes of a .png file of 8 bits a channel, with the rules of [`Film::to_srgb8`].
+    ///
+    /// # Errors
+    /// The film has no pixels, or not `width` x `height` of them.
+    pub fn to_png(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.write_png(&mut bytes, png::BitDepth::Eight, self.to_srgb8().as_flattened())?;
+        Ok(bytes)
+    }
+
+    fn write_png(&self, out: impl io::Write, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(depth);
@@ -290,6 +300,12 @@ mod tests {
         let path = folder.path().join(name);
         film.write(&path, format).unwrap();
         fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn the_bytes_of_a_png_are_those_of_its_file() {
+        assert_eq!(sample().to_png().unwrap(), written(&sample(), "a.png", None));
+        assert!(Film { pixels: Vec::new(), ..sample() }.to_png().is_err());
     }
 
     fn decoded_png(bytes: &[u8]) -> (png::Info<'static>, Vec<u8>) {

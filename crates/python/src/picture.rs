@@ -34,15 +34,7 @@ impl Picture {
 
     /// The bytes of a PNG file.
     fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let mut bytes = Vec::new();
-        let write = |bytes: &mut Vec<u8>| {
-            let mut encoder = png::Encoder::new(bytes, self.0.width(), self.0.height());
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.set_depth(png::BitDepth::Eight);
-            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-            encoder.write_header()?.write_image_data(&self.0.to_srgb8())
-        };
-        py.detach(|| write(&mut bytes)).map_err(|error| raise(py, "OutputError", &error.to_string()))?;
+        let bytes = py.detach(|| self.0.to_png()).map_err(|error| raise(py, "OutputError", &error.to_string()))?;
         Ok(PyBytes::new(py, &bytes))
     }
 
