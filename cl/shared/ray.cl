@@ -56,6 +56,13 @@ typedef struct {
 #ifdef AFTER_HITS
     Hit after; // what was found before, as a traversal leaves it: hits that do not come after it do not count
 #endif
+#ifdef COUNT_HITS
+    uint most; // so many hits are counted, and no more
+#endif
+#ifdef LIST_HITS
+    __global Hit* list; // the hits found so far, as a test leaves them, the closest first
+    uint room;          // so many of them are kept
+#endif
 } Ray;
 
 // t in the caller's units: exactly, where it is a normal number in both.

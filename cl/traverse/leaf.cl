@@ -56,7 +56,64 @@ float error_rounded(float3 p0, float3 p1, float3 p2) { return point_error(p0, p1
 float least_t_rounded(const Hit* hit) { return hit->t; }
 #endif
 
-#ifdef AFTER_HITS
+// Whether the t of a hit that a triangle test has found is a float in the caller's units: what is farther than every
+// float is not hit.
+bool has_float_t(GEOMETRY_PARAMETERS, const Ray* ray, Hit hit) {
+    if (!is_finite(callers_t(ray, hit.t))) FINISH(GEOMETRY, ray, &hit);
+    return is_finite(hit.t);
+}
+
+// What counts or lists all hits of a ray has their number in v of *hit, which else remains as it began.
+uint counted_hits(const Hit* hit) { return as_uint(hit->v); }
+void set_counted_hits(Hit* hit, uint count) { hit->v = as_float(count); }
+
+#if defined(COUNT_HITS)
+// Counts a triangle that the ray hits, which is in no other leaf. *hit is one, which ends the traversal, when there are
+// enough.
+void test_for_count(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
+    Hit found = no_hit_yet(ray);
+    TEST(GEOMETRY, ray, primitive, slot, &found);
+    if (found.primitive == NO_PRIMITIVE || !has_float_t(GEOMETRY, ray, found)) return;
+    const uint count = counted_hits(hit) + 1u;
+    set_counted_hits(hit, count);
+    if (count == ray->most) hit->primitive = primitive;
+}
+#define TEST_OF_LEAF test_for_count
+#elif defined(LIST_HITS)
+// Whether a triangle that is hit comes before a hit: at a smaller t, or at the same one with a lower number.
+bool comes_before(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit other) {
+    const uint known = other.primitive;
+    TEST(GEOMETRY, ray, primitive, slot, &other);
+    return other.primitive != known;
+}
+
+// Puts a triangle that the ray hits into its place in the list, if it is not there yet. From a full one the last hit
+// goes, and what lies behind the new last one need not be looked at.
+void test_for_list(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
+    const uint count = counted_hits(hit), room = ray->room;
+    __global Hit* list = ray->list;
+    Hit found = no_hit_yet(ray);
+    if (count == room) found = list[room - 1u];
+    const uint known = found.primitive;
+    TEST(GEOMETRY, ray, primitive, slot, &found);
+    if (found.primitive == known) return;
+
+    // Most triangles are met in their order, so the last hit is looked at first; then halves.
+    uint low = 0u, high = count == room ? room - 1u : count, middle = high - 1u;
+    while (low < high) {
+        if (comes_before(GEOMETRY, ray, primitive, slot, list[middle])) high = middle;
+        else low = middle + 1u;
+        middle = (low + high) / 2u;
+    }
+    if (low > 0u && list[low - 1u].primitive == primitive) return;
+    const uint longer = count == room ? count : count + 1u;
+    for (uint i = longer - 1u; i > low; i--) list[i] = list[i - 1u];
+    list[low] = found;
+    set_counted_hits(hit, longer);
+    if (longer == room) hit->t = list[room - 1u].t;
+}
+#define TEST_OF_LEAF test_for_list
+#elif defined(AFTER_HITS)
 // Tests a triangle that counts only if it comes after ray->after: at a larger t, or at the same one with a higher
 // number. The two are compared as two that are both hit would be, so this is as certain as the test is.
 void test_later(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {

@@ -20,6 +20,8 @@ pub struct Workload<'a> {
     pub features: Option<Features>,
     /// Triangles that need no place of their own, because instances share them.
     pub shared_triangles: usize,
+    /// Whether closest points are asked for, and no rays.
+    pub points: bool,
 }
 
 /// Triangles from which on it takes longer to make those of instances, and to build over them, than most pictures gain
@@ -33,7 +35,7 @@ const WORTH_SHARING_ON_GPU: usize = 1 << 16;
 impl<'a> Workload<'a> {
     /// Batches of rays through whatever scene, on `device` (`None`: the reference).
     pub fn without_scene(device: Option<&'a DeviceInfo>) -> Self {
-        Workload { device, triangle_count: None, features: None, shared_triangles: 0 }
+        Workload { device, triangle_count: None, features: None, shared_triangles: 0, points: false }
     }
 
     /// Rays through `scene`, or pictures of it.
@@ -43,6 +45,7 @@ impl<'a> Workload<'a> {
             triangle_count: Some(scene.hittable().len()),
             features: pictures.then(|| Features::of_scene(scene)),
             shared_triangles: scene.instances.triangle_count() - scene.instances.shared_triangle_count(),
+            points: false,
         }
     }
 }
@@ -55,7 +58,7 @@ impl Workload<'_> {
     /// Whether what instances share is worth a structure that leaves it shared.
     pub(super) fn is_worth_sharing(&self) -> bool {
         let least = if self.kind() == Some(DeviceKind::Gpu) { WORTH_SHARING_ON_GPU } else { WORTH_SHARING };
-        self.shared_triangles >= least
+        self.shared_triangles >= least && !self.points
     }
 
     /// The fastest structure with the triangle test that is the default.
@@ -80,6 +83,9 @@ impl Workload<'_> {
             Some(count) => format!("{reason} ({count} triangles)"),
             None => reason.to_owned(),
         };
+        if self.points {
+            return (StructureKind::Bvh2, "closest points are found in it, and in no other".to_owned());
+        }
         if self.is_worth_sharing() {
             let shared = self.shared_triangles;
             let reason = format!(
@@ -183,7 +189,7 @@ fn kd_sizes() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::choose::{Chosen, Decision, Request, Source};
+    use crate::choose::{Chosen, Decision, Request, Source, TunedChoice};
     use crate::device::{who_decides, work_group_size};
     use crate::device_info::sample_info;
     use crate::options::Decisions;
@@ -211,7 +217,7 @@ mod tests {
             (None, 299_999, StructureKind::Kd, one, ["299999 triangles", "the reference"]),
             (None, 300_000, StructureKind::Bvh2, one, ["300000 triangles", "the reference"]),
         ] {
-            let workload = Workload { device, triangle_count: Some(triangles), features: None, shared_triangles: 0 };
+            let workload = Workload { triangle_count: Some(triangles), ..Workload::without_scene(device) };
             let chosen = Request::default().choose(&workload, None).unwrap();
             assert_eq!((chosen.options.kind(), chosen.options.packet_size), (accel, packets), "{workload:?}");
             for (option, value, word) in
@@ -237,7 +243,7 @@ mod tests {
             (Some(&gpu), single, false),
             (None, single, false),
         ] {
-            let workload = Workload { device, triangle_count: None, features: None, shared_triangles: 0 };
+            let workload = Workload::without_scene(device);
             let warning = workload.slower_than_exact(&options);
             assert_eq!(warning.is_some(), is_slower, "{options:?}");
             let words = ["`intersector = precomputed`", "exact", "packets of 16"];
@@ -251,12 +257,27 @@ mod tests {
         for (info, least) in [(None, WORTH_SHARING), (Some(&cpu), WORTH_SHARING), (Some(&gpu), WORTH_SHARING_ON_GPU)] {
             for (shared_triangles, is_shared) in [(0, false), (least - 1, false), (least, true)] {
                 let workload =
-                    Workload { device: info, triangle_count: Some(2_000_000), features: None, shared_triangles };
+                    Workload { triangle_count: Some(2_000_000), shared_triangles, ..Workload::without_scene(info) };
                 let chosen = Request::default().choose(&workload, None).unwrap();
                 assert_eq!(chosen.options.kind() == StructureKind::Instances, is_shared, "{workload:?}");
                 assert_eq!(about(&chosen, "structure").reason.contains("shared by instances"), is_shared);
             }
         }
+    }
+
+    #[test]
+    fn closest_points_are_looked_for_where_they_are_found() {
+        let cpu = device(DeviceKind::Cpu);
+        let workload =
+            Workload { points: true, shared_triangles: WORTH_SHARING, ..Workload::without_scene(Some(&cpu)) };
+        let tuned =
+            TunedChoice { structure: StructureKind::Bvh8, packet_size: PacketSize::Sixteen, reason: String::new() };
+        let chosen = Request::default().choose(&workload, Some(&tuned)).unwrap();
+        assert_eq!((chosen.options.kind(), chosen.options.packet_size), (StructureKind::Bvh2, PacketSize::One));
+        assert!(about(&chosen, "structure").reason.contains("closest points"));
+        let mut asked = Request::default();
+        asked.set(StructureKind::OPTION, "kd").unwrap();
+        assert_eq!(asked.choose(&workload, None).unwrap().options.kind(), StructureKind::Kd);
     }
 
     #[test]
@@ -273,7 +294,7 @@ mod tests {
             assert_eq!(who_decides(asked, info).0, expected, "{asked} on {info:?}");
         }
         let of = |features| {
-            let workload = Workload { device: Some(&gpu), triangle_count: None, features, shared_triangles: 0 };
+            let workload = Workload { features, ..Workload::without_scene(Some(&gpu)) };
             Request::default().choose(&workload, None).unwrap()
         };
         assert_eq!(about(&of(Some(Features::ALL)), "decisions").value, "device");
@@ -287,9 +308,7 @@ mod tests {
         assert_eq!(work_group_size(&device(DeviceKind::Cpu)).0, 16);
         let (size, reason) = work_group_size(&DeviceInfo { max_work_group_size: 8, ..gpu.clone() });
         assert!(size == 8 && reason.contains("no larger"), "{reason}");
-        let chosen = Request::default()
-            .choose(&Workload { device: Some(&gpu), triangle_count: None, features: None, shared_triangles: 0 }, None)
-            .unwrap();
+        let chosen = Request::default().choose(&Workload::without_scene(Some(&gpu)), None).unwrap();
         assert_eq!(about(&chosen, "work-group size").value, "64");
     }
 }

@@ -70,7 +70,7 @@ impl fmt::Display for Decision {
 /// use raybrook::low_level::options::StructureKind;
 ///
 /// # fn main() -> raybrook::Result<()> {
-/// let workload = Workload { device: None, triangle_count: Some(5000), features: None, shared_triangles: 0 };
+/// let workload = Workload { triangle_count: Some(5000), ..Workload::without_scene(None) };
 /// let chosen = Request::default().choose(&workload, None)?;
 /// assert_eq!(chosen.options.kind(), StructureKind::Kd); // the reference is fastest so in scenes of this size
 /// assert!(chosen.decisions.iter().all(|decision| decision.source == Source::Model));
@@ -97,6 +97,13 @@ pub struct Chosen {
     pub decisions: Vec<Decision>,
     /// The limit that kept the fastest structure from being taken, where one did that nobody may have thought of.
     pub limit: Option<String>,
+}
+
+impl Chosen {
+    /// What was not chosen, but asked for.
+    pub fn given(options: TraceOptions) -> Chosen {
+        Chosen { options, decisions: Vec::new(), limit: None }
+    }
 }
 
 /// A value, where it comes from, and why.
@@ -252,7 +259,9 @@ impl Request {
             workload.is_worth_sharing() && self.structure_for(StructureKind::Instances) == StructureKind::Instances;
         let shared_triangles = if shares { workload.shared_triangles } else { 0 };
         let workload = &Workload { shared_triangles, ..*workload };
-        let tuned = tuned.filter(|tuned| self.accepts(tuned) && (self.structure().is_some() || !shares));
+        let tuned = tuned
+            .filter(|_| !workload.points)
+            .filter(|tuned| self.accepts(tuned) && (self.structure().is_some() || !shares));
         let mut limit = None;
         let structure = match (self.structure(), tuned) {
             (Some(kind), _) => given(kind),
@@ -385,7 +394,7 @@ mod tests {
     use crate::options::BvhOptions;
 
     fn on(device: Option<&DeviceInfo>) -> Workload<'_> {
-        Workload { device, triangle_count: Some(1000), features: None, shared_triangles: 0 }
+        Workload { triangle_count: Some(1000), ..Workload::without_scene(device) }
     }
 
     fn cpu() -> DeviceInfo {

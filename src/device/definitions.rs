@@ -2,7 +2,7 @@
 //! scene does not need.
 
 use super::CompileOptions;
-use super::entry::{Pass, TRACE_ALL_FILE, TRACE_FILE, is_shading};
+use super::entry::{COUNT_HITS_FILE, LIST_HITS_FILE, Pass, TRACE_FILE, is_shading};
 use super::scene::DeviceScene;
 use crate::features::Features;
 use crate::options::{
@@ -29,6 +29,8 @@ pub(super) struct Definitions {
     shading: CompileOptions,
     /// Whether there are two passes, of which the first leaves rare decisions to the second.
     pub defers: bool,
+    /// Whether a triangle may be in several leaves.
+    repeats_triangles: bool,
 }
 
 impl Definitions {
@@ -64,7 +66,7 @@ impl Definitions {
         };
         // Kernels that count keep rare decisions: what they count is the point, not their speed.
         let defers = options.intersector == Intersector::Exact && !options.counters;
-        Definitions { tracing, shading, defers }
+        Definitions { tracing, shading, defers, repeats_triangles: options.repeats_triangles() }
     }
 
     /// The same, of a compiler that tells in its log what kernels take.
@@ -75,13 +77,18 @@ impl Definitions {
     /// Those of a pass of the kernels in `file`.
     pub fn of_pass(&self, pass: Pass, file: &str) -> CompileOptions {
         let options = if is_shading(file) { &self.shading } else { &self.tracing }.clone();
-        let options = if file == TRACE_ALL_FILE { options.define("AFTER_HITS", 1) } else { options };
+        let options = match file {
+            COUNT_HITS_FILE if self.repeats_triangles => options.define("AFTER_HITS", 1),
+            COUNT_HITS_FILE => options.define("COUNT_HITS", 1),
+            LIST_HITS_FILE => options.define("LIST_HITS", 1),
+            _ => options,
+        };
         if !self.defers {
             return options;
         }
         match pass {
             // In one pass.
-            _ if file == TRACE_ALL_FILE => options.most_registers(MOST_REGISTERS),
+            _ if [COUNT_HITS_FILE, LIST_HITS_FILE].contains(&file) => options.most_registers(MOST_REGISTERS),
             Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_UNDECIDED", 1),
             Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_UNDECIDED", 1),
             Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DEFERRED", 1),

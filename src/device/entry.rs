@@ -6,8 +6,10 @@ use crate::tracer::Task;
 
 /// What traces batches.
 pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
-/// What finds all hits of batches, whose kernels decide everything in one pass.
-pub(super) const TRACE_ALL_FILE: &str = "cl/kernels/trace_all.cl";
+/// What counts the hits of batches.
+pub(super) const COUNT_HITS_FILE: &str = "cl/kernels/count_hits.cl";
+/// What lists them.
+pub(super) const LIST_HITS_FILE: &str = "cl/kernels/list_hits.cl";
 /// What traces batches in packets of rays.
 const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
@@ -17,7 +19,7 @@ pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
 
 /// Whether the kernels of this file shade; the others trace batches.
 pub(super) fn is_shading(file: &str) -> bool {
-    ![TRACE_FILE, TRACE_ALL_FILE, TRACE_PACKETS_FILE].contains(&file)
+    ![TRACE_FILE, COUNT_HITS_FILE, LIST_HITS_FILE, TRACE_PACKETS_FILE].contains(&file)
 }
 
 /// A kernel that the host starts.
@@ -126,7 +128,8 @@ impl Entry {
             Entry::RenderPackets => RENDER_PACKETS_FILE,
             Entry::TraceClosestPackets | Entry::TraceAnyPackets => TRACE_PACKETS_FILE,
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,
-            Entry::CountHits | Entry::ListHits => TRACE_ALL_FILE,
+            Entry::CountHits => COUNT_HITS_FILE,
+            Entry::ListHits => LIST_HITS_FILE,
         }
     }
 }

@@ -109,7 +109,8 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
 /// of the others.
 const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace.cl",
-    "cl/kernels/trace_all.cl",
+    "cl/kernels/count_hits.cl",
+    "cl/kernels/list_hits.cl",
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",
     "cl/kernels/render_packets.cl",

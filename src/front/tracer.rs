@@ -211,7 +211,8 @@ impl Tracer {
     /// All hits of each ray, in the order of `rays`; those of a ray in the order of their t, of those at the same t
     /// the lower triangle number first. t is compared exactly, also where two hits have the same t once it is rounded.
     ///
-    /// Takes a traversal for each hit, and one more.
+    /// Takes two traversals, of which the first only counts; in structures whose leaves share triangles (kd-trees,
+    /// grids, octrees, and hierarchies with spatial splits) counting takes a traversal for each hit.
     ///
     /// # Errors
     /// As [`Tracer::closest_hits`]; [`Error::OutOfMemory`], too, when there are too many hits.

@@ -165,6 +165,17 @@ impl TraceOptions {
         }
     }
 
+    /// Whether a triangle may be in several leaves, so that a ray may meet it more than once.
+    pub fn repeats_triangles(&self) -> bool {
+        match self.structure {
+            Structure::Kd(_) | Structure::Grid(_) | Structure::Octree(_) => true,
+            Structure::Bvh2(bvh) | Structure::Bvh8(bvh) | Structure::Instances(bvh) => {
+                bvh.spatial_splits.is_some_and(|share| share > 0.0)
+            }
+            Structure::Brute | Structure::Boxes(_) | Structure::Spheres(_) => false,
+        }
+    }
+
     /// The function in `cl/traverse/` that does it.
     pub fn cl_traverse(&self) -> &'static str {
         match self.structure {

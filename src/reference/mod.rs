@@ -25,9 +25,10 @@ use crate::tracer::{
 };
 use extreme::{all_extreme, answer_extreme};
 use kernels::closest_point::list_candidates;
+use kernels::count_hits::count_chunk;
+use kernels::list_hits::list_hits;
 use kernels::render::{PixelRow, render_row};
 use kernels::trace::{trace_chunk, trace_next_chunk};
-use kernels::trace_all::{count_chunk, list_hits};
 use rayon::prelude::*;
 use shade::local_light::requested_colour;
 use shared::fma::with_fma;

@@ -8,8 +8,7 @@ use raybrook::low_level::choose::{Request, Workload};
 fn the_structure_follows_device_and_options() {
     let Some(device) = crate::common::device() else { return };
     let folder = folder();
-    let workload =
-        Workload { device: Some(&device.info), triangle_count: Some(1), features: None, shared_triangles: 0 };
+    let workload = Workload { triangle_count: Some(1), ..Workload::without_scene(Some(&device.info)) };
     let fastest = Request::default().choose(&workload, None).unwrap().options.kind().name();
     let index = device.info.index.to_string();
     for (device, arguments, expected) in [

@@ -3,7 +3,9 @@
 
 use crate::common::{SEED, device, shared};
 use glam::Vec3;
-use raybrook::low_level::options::{Build, Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    Build, BvhOptions, Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal,
+};
 use raybrook::low_level::reference::shade::normal::triangle_normal;
 use raybrook::low_level::scene::{Builder, Material, load};
 use raybrook_lab::stress::closed::{ClosedMesh, Leaks, MAX_SUSPECTS, NotClosed, find_leaks};
@@ -62,7 +64,10 @@ pub fn structures() -> Vec<TraceOptions> {
     let traversals = Traversal::ALL.iter().filter(|traversal| traversal.is_exact());
     let traversals = traversals
         .map(|&traversal| TraceOptions { structure: Structure::Kd(KdOptions { traversal, ..EXACT.kd() }), ..EXACT });
-    accels.chain(builds).chain(traversals).collect()
+    // Triangles in several leaves.
+    let split = BvhOptions { spatial_splits: Some(1.0), ..BvhOptions::DEFAULT };
+    let split = [Structure::Bvh2(split), Structure::Bvh8(split)].map(|structure| TraceOptions { structure, ..EXACT });
+    accels.chain(builds).chain(traversals).chain(split).collect()
 }
 
 #[test]

@@ -39,6 +39,8 @@ pub struct Chooser<'a> {
     pub counters: bool,
     /// Whether pictures are made of it, not only hits.
     pub pictures: bool,
+    /// Whether closest points are asked for, and no rays.
+    pub points: bool,
     pub device: Option<&'a DeviceHandle>,
     pub device_args: &'a DeviceArgs,
     pub explain: &'a ExplainArgs,
@@ -52,12 +54,13 @@ impl<'a> Chooser<'a> {
         device: Option<&'a DeviceHandle>,
         talk: Talk,
     ) -> Chooser<'a> {
-        Chooser { method, counters: false, pictures: false, device, device_args, explain, talk }
+        Chooser { method, counters: false, pictures: false, points: false, device, device_args, explain, talk }
     }
 
     /// Chooses what the user leaves open, and explains it if that is asked for.
     pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
-        let workload = Workload::of_scene(self.device.map(|device| &device.info), scene, self.pictures);
+        let info = self.device.map(|device| &device.info);
+        let workload = Workload { points: self.points, ..Workload::of_scene(info, scene, self.pictures) };
         let tuned = workload.triangle_count.and_then(|count| self.tuned(count));
         let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
         self.explain.print(&chosen.decisions, self.talk);

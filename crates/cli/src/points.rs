@@ -5,7 +5,9 @@ use super::files::Files;
 use super::open::Opened;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
+use raybrook::low_level::choose::Chosen;
 use raybrook::low_level::crossings::check_closed;
+use raybrook::low_level::options::StructureKind;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::rays::read_points;
 use raybrook::low_level::tracer::Task;
@@ -35,7 +37,7 @@ pub struct OpenedPoints {
 }
 
 impl PointArgs {
-    /// Reads points and scene, and opens the tracer for `tasks`; each point may take so many bytes.
+    /// Reads points and scene, and opens the tracer for `tasks`, which may be none; each point may take so many bytes.
     pub fn open(&self, output: Option<&Path>, tasks: &[Task], bytes: usize, talk: Talk) -> Result<OpenedPoints> {
         let mut files = Files::default();
         files.read(&self.scene.scene, "the scene");
@@ -44,7 +46,11 @@ impl PointArgs {
         if let Some(output) = output {
             check_writable(output)?;
         }
-        let device = open::choose(&self.device, talk)?;
+        // What asks no tracer waits for no device, unless one is named.
+        let device = match tasks.is_empty() && self.device.device.is_none() {
+            true => None,
+            false => open::choose(&self.device, talk)?,
+        };
         let budget = self.scene.memory.budget();
         let (points, ignored) = read_points(&self.points, &budget)?;
         if talk.verbose && !ignored.is_empty() {
@@ -53,8 +59,11 @@ impl PointArgs {
         let loaded = open::load_for_rays(&self.scene.scene, self.scene.allow_empty, &budget, talk)?;
         files.read_scene(&loaded.scene);
         files.write_if(output, "-o")?;
-        let chosen =
-            Chooser::new((&self.method, &self.device, &self.explain), device.as_ref(), talk).choose(&loaded.scene)?;
+        let chooser = Chooser::new((&self.method, &self.device, &self.explain), device.as_ref(), talk);
+        let chosen = match tasks.is_empty() {
+            true => self.method.options(StructureKind::Brute, false).map(Chosen::given)?,
+            false => Chooser { points: tasks == [Task::Points], ..chooser }.choose(&loaded.scene)?,
+        };
         let opened = open::open(&loaded, device.as_ref(), &self.device, chosen, 1, (tasks, &budget), talk)?;
         let what = format!("finding {} points of {}", points.len(), self.points.display());
         let remedy = "split the points, or raise --memory-limit";

@@ -4,7 +4,7 @@
 use super::instances::{instance_records, placed_shading, placed_vertices};
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
-use crate::shared::{BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, KdNode, Shading, WorkCounter};
+use crate::shared::{BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS, Hit, KdNode, Shading, WorkCounter};
 use crate::work::RayWork;
 use glam::Vec3;
 
@@ -12,6 +12,12 @@ use glam::Vec3;
 pub trait Work: Default {
     /// Counts `n` more; of a maximum, raises it to `n`.
     fn count(&mut self, counter: WorkCounter, n: u32);
+
+    /// The list that hits are put into, where all are wanted: room for them, and how many there are.
+    #[inline(always)]
+    fn list(&mut self) -> Option<(&mut [Hit], &mut usize)> {
+        None
+    }
 }
 
 /// Counts nothing and costs nothing.
@@ -27,6 +33,25 @@ impl Work for RayWork {
     #[inline(always)]
     fn count(&mut self, counter: WorkCounter, n: u32) {
         RayWork::count(self, counter, n);
+    }
+}
+
+/// The hits of a ray found so far, as a test leaves them, the closest first. Counts nothing.
+#[derive(Debug, Default)]
+pub struct HitList<'a> {
+    /// Room for those that are kept.
+    pub hits: &'a mut [Hit],
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Work for HitList<'_> {
+    #[inline(always)]
+    fn count(&mut self, _: WorkCounter, _: u32) {}
+
+    #[inline(always)]
+    fn list(&mut self) -> Option<(&mut [Hit], &mut usize)> {
+        Some((self.hits, &mut self.count))
     }
 }
 

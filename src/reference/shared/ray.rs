@@ -66,6 +66,8 @@ pub struct Ray {
     pub start_weights: Vec3,
     /// What was found before, as a traversal leaves it: hits that do not come after it do not count.
     pub after: Hit,
+    /// So many hits are counted, and no more; 0: the closest or any hit is wanted.
+    pub most: u32,
 }
 
 #[inline(always)]
@@ -113,6 +115,7 @@ impl Ray {
             skip,
             start_weights: Vec3::ZERO,
             after: NO_HIT,
+            most: 0,
         };
         if sound {
             ray.limit(t_near, t_far);

@@ -1,12 +1,13 @@
 //! Twin of `cl/traverse/leaf.cl`: the triangles of a leaf. The reasons are there.
 
+use super::finish;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::intersect::exact::test_exactly;
 use crate::reference::intersect::intersect;
 use crate::reference::shared::fma::with_fma;
-use crate::reference::shared::memory::{Work, load_reference};
-use crate::reference::shared::ray::Ray;
+use crate::reference::shared::memory::{NoWork, Work, load_reference};
+use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::{Hit, KdNode, NO_PRIMITIVE, WorkCounter};
 use std::ops::Range;
 
@@ -68,6 +69,92 @@ with_fma! {
     }
 }
 
+/// Whether the t of a hit that a triangle test has found is a float in the caller's units.
+#[inline(always)]
+pub fn has_float_t(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, mut hit: Hit) -> bool {
+    if !ray.callers_t(hit.t).is_finite() {
+        finish(buffers, options, ray, &mut hit);
+    }
+    hit.t.is_finite()
+}
+
+/// How many hits were counted, of what a traversal that counts them has left.
+pub fn counted_hits(hit: &Hit) -> u32 {
+    hit.v.to_bits()
+}
+
+with_fma! {
+    /// Counts a triangle that the ray hits, which is in no other leaf.
+    fn test_for_count<W: Work>(
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        ray: &Ray,
+        primitive: u32,
+        hit: &mut Hit,
+        work: &mut W,
+    ) {
+        let mut found = no_hit_yet(ray);
+        test(buffers, options, ray, primitive, &mut found, work);
+        if found.primitive == NO_PRIMITIVE || !has_float_t(buffers, options, ray, found) {
+            return;
+        }
+        let count = counted_hits(hit) + 1;
+        hit.v = f32::from_bits(count);
+        if count == ray.most {
+            hit.primitive = primitive;
+        }
+    }
+}
+
+with_fma! {
+    /// Whether a triangle that is hit comes before a hit.
+    fn comes_before(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, primitive: u32, other: &Hit) -> bool {
+        let mut nearer = *other;
+        test(buffers, options, ray, primitive, &mut nearer, &mut NoWork);
+        nearer.primitive != other.primitive
+    }
+}
+
+with_fma! {
+    /// Puts a triangle that the ray hits into its place in the list, which has room for one hit at least. What lies
+    /// behind the last one of a full list need not be looked at.
+    fn test_for_list(
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        ray: &Ray,
+        primitive: u32,
+        hit: &mut Hit,
+        list: (&mut [Hit], &mut usize),
+    ) {
+        let (hits, count) = list;
+        let is_full = *count == hits.len();
+        let mut found = if is_full { hits[*count - 1] } else { no_hit_yet(ray) };
+        let known = found.primitive;
+        test(buffers, options, ray, primitive, &mut found, &mut NoWork);
+        if found.primitive == known {
+            return;
+        }
+        let (mut low, mut high) = (0, *count - usize::from(is_full));
+        let mut middle = high.saturating_sub(1);
+        while low < high {
+            match comes_before(buffers, options, ray, primitive, &hits[middle]) {
+                true => high = middle,
+                false => low = middle + 1,
+            }
+            middle = (low + high) / 2;
+        }
+        if low > 0 && hits[low - 1].primitive == primitive {
+            return;
+        }
+        *count += usize::from(!is_full);
+        hits[low..*count].rotate_right(1);
+        hits[low] = found;
+        if *count == hits.len() {
+            hit.t = hits[*count - 1].t;
+        }
+    }
+}
+
 /// Tests the triangle of one reference, whose number is `to_primitive` further on in the scene.
 #[inline(always)]
 fn test_triangle(
@@ -84,7 +171,11 @@ fn test_triangle(
         return;
     }
     work.count(WorkCounter::Tests, 1);
-    if ray.after.primitive == NO_PRIMITIVE {
+    if let Some(list) = work.list() {
+        test_for_list(buffers, options, ray, primitive, hit, list);
+    } else if ray.most > 0 {
+        test_for_count(buffers, options, ray, primitive, hit, work);
+    } else if ray.after.primitive == NO_PRIMITIVE {
         test(buffers, options, ray, primitive, hit, work);
     } else {
         test_later(buffers, options, ray, primitive, hit, work);

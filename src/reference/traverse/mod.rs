@@ -13,7 +13,7 @@ mod kd_ropes;
 mod kd_short_stack;
 mod kd_stack;
 mod kd_step;
-mod leaf;
+pub mod leaf;
 mod octree;
 pub mod query;
 pub mod spheres;
