@@ -23,7 +23,8 @@
 //!
 //! As a rule a spread: each two values of any two options that go together in at least one combination, on one model;
 //! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
-//! Closest hits are asked of each set of kernels, any hits of one in [`ANY`], pictures of one in [`PICTURES`].
+//! Closest hits are asked of each set of kernels, those of second rays of one in [`NEXT`], any hits of one in [`ANY`],
+//! pictures of one in [`PICTURES`].
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
 //! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run
@@ -56,7 +57,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
 /// Sizes of the pictures: in the spread, and for all combinations.
 const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
-/// One in so many sets of the mega-kernel's kernels in the spread is asked for any hits, too.
+/// One in so many sets of the mega-kernel's kernels in the spread is asked for the hits of second rays, too. The ways
+/// through a structure are compared for them by tests/methods/traverse.rs.
+const NEXT: usize = 3;
+/// One in so many for any hits.
 const ANY: usize = 3;
 /// One in so many combinations of the mega-kernel in the spread renders, too.
 const PICTURES: usize = 6;
@@ -160,7 +164,7 @@ impl Comparison {
             };
             *options == TraceOptions { structure, ..plain }
         };
-        let questions = Questions { closest: true, any: true, picture: true };
+        let questions = Questions::ALL;
         let models = self.models.len();
         let jobs = product().into_iter().filter(is_read_by_the_twin).enumerate().flat_map(|(i, options)| {
             let is_on_all = on_all || options.intersector == Intersector::Exact;
@@ -190,8 +194,8 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
 }
 
 /// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all.
-/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`ANY`] for any hits, too, and one in
-/// [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes long. Other tests render
+/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`NEXT`] for second rays, too, one in [`ANY`] for
+/// any hits, and one in [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes long. Other tests render
 /// with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
@@ -205,7 +209,11 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
                 // Only the room has textures.
                 let picture = model == 0 && is_other || model == own && (!is_mega || !is_exact && i % PICTURES == 0);
                 let any = is_mega && i % ANY == 0;
-                jobs.push(Job { options, model, questions: Questions { closest: is_mega, any, picture } });
+                jobs.push(Job {
+                    options,
+                    model,
+                    questions: Questions { closest: is_mega, next: is_mega && i % NEXT == 1, any, picture },
+                });
             }
         }
         jobs
@@ -218,7 +226,7 @@ fn jobs_of_product(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> 
     let jobs = |list: &Vec<TraceOptions>| {
         let with = |&options: &TraceOptions, model| {
             let is_mega = options.picture.kernels == Kernels::Mega;
-            let questions = Questions { closest: is_mega, any: is_mega, picture: true };
+            let questions = Questions { closest: is_mega, next: is_mega, any: is_mega, picture: true };
             Job { options, model, questions }
         };
         (0..models).flat_map(|model| list.iter().map(move |options| with(options, model))).collect()
@@ -268,7 +276,7 @@ fn the_spread_has_every_value_and_every_pair() {
 fn a_traversal_that_loses_hits_is_seen() {
     let room = &models(SIZES[0])[0];
     let options = TraceOptions::of_kd(KdOptions { traversal: Traversal::ThesisRestart, ..KdOptions::DEFAULT });
-    let questions = Questions { closest: true, any: true, picture: true };
+    let questions = Questions::ALL;
     let got = room.answers(None, &options, questions, None).unwrap();
     let same = brute_force(options.intersector, Look::of(&options.picture));
     let (count, texts) = room.compare(&room.expected(&same), &got, questions);
