@@ -88,17 +88,15 @@ bool comes_before(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot
 }
 
 // Puts a triangle that the ray hits into its place in the list, if it is not there yet. From a full one the last hit
-// goes, and what lies behind the new last one need not be looked at.
+// goes. *hit, but for v, is the last one of a full list: what lies behind it need not be looked at.
 void test_for_list(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
-    const uint count = counted_hits(hit), room = ray->room;
-    __global Hit* list = ray->list;
-    Hit found = no_hit_yet(ray);
-    if (count == room) found = list[room - 1u];
-    const uint known = found.primitive;
+    Hit found = *hit;
     TEST(GEOMETRY, ray, primitive, slot, &found);
-    if (found.primitive == known) return;
+    if (found.primitive == hit->primitive) return;
 
     // Most triangles are met in their order, so the last hit is looked at first; then halves.
+    const uint count = counted_hits(hit), room = ray->room;
+    __global Hit* list = ray->list;
     uint low = 0u, high = count == room ? room - 1u : count, middle = high - 1u;
     while (low < high) {
         if (comes_before(GEOMETRY, ray, primitive, slot, list[middle])) high = middle;
@@ -109,8 +107,8 @@ void test_for_list(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slo
     const uint longer = count == room ? count : count + 1u;
     for (uint i = longer - 1u; i > low; i--) list[i] = list[i - 1u];
     list[low] = found;
+    if (longer == room) *hit = list[room - 1u];
     set_counted_hits(hit, longer);
-    if (longer == room) hit->t = list[room - 1u].t;
 }
 #define TEST_OF_LEAF test_for_list
 #elif defined(AFTER_HITS)

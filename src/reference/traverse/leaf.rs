@@ -116,8 +116,8 @@ with_fma! {
 }
 
 with_fma! {
-    /// Puts a triangle that the ray hits into its place in the list, which has room for one hit at least. What lies
-    /// behind the last one of a full list need not be looked at.
+    /// Puts a triangle that the ray hits into its place in the list, which has room for one hit at least. `hit` is the
+    /// last one of a full list: what lies behind it need not be looked at.
     fn test_for_list(
         buffers: &SceneBuffers,
         options: &TraceOptions,
@@ -127,13 +127,12 @@ with_fma! {
         list: (&mut [Hit], &mut usize),
     ) {
         let (hits, count) = list;
-        let is_full = *count == hits.len();
-        let mut found = if is_full { hits[*count - 1] } else { no_hit_yet(ray) };
-        let known = found.primitive;
+        let mut found = *hit;
         test(buffers, options, ray, primitive, &mut found, &mut NoWork);
-        if found.primitive == known {
+        if found.primitive == hit.primitive {
             return;
         }
+        let is_full = *count == hits.len();
         let (mut low, mut high) = (0, *count - usize::from(is_full));
         let mut middle = high.saturating_sub(1);
         while low < high {
@@ -150,7 +149,7 @@ with_fma! {
         hits[low..*count].rotate_right(1);
         hits[low] = found;
         if *count == hits.len() {
-            hit.t = hits[*count - 1].t;
+            *hit = hits[*count - 1];
         }
     }
 }

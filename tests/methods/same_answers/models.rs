@@ -261,10 +261,10 @@ impl Model {
         let mut wrong = Vec::new();
         let ray = |i: usize| format!("{:?}", self.rays[i]);
         if questions.closest {
-            let next = |i: usize| format!("{:?}, then {:?}", self.rays[i], self.next_directions[i]);
             wrong.push(difference("hits", &expected.hits[0], &got.hits[0], &ray));
         }
         if questions.next {
+            let next = |i: usize| format!("{:?}, then {:?}", self.rays[i], self.next_directions[i]);
             wrong.push(difference("second hits", &expected.hits[1], &got.hits[1], &next));
         }
         if questions.any {
