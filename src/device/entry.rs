@@ -141,6 +141,14 @@ pub(super) enum Pass {
     Second,
 }
 
+/// The file with what renders pictures, in the first pass.
+pub(super) fn picture_file(options: &TraceOptions) -> &'static str {
+    match options.picture.kernels {
+        Kernels::Mega => Entry::of_picture(options.packet_size).file(),
+        Kernels::Wavefront => WAVEFRONT_FILE,
+    }
+}
+
 /// The files with the kernels of both passes, of closest and any hits and of pictures. A program has the kernels of
 /// one.
 pub(super) fn entry_files(options: &TraceOptions) -> Vec<&'static str> {

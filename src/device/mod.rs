@@ -69,7 +69,7 @@ pub use limits::Limits;
 pub use list::{DeviceHandle, DeviceInfo, DeviceKind, DeviceList, list_devices};
 pub use program::{Built, CompileOptions, Program, build};
 pub use report::{devices_json, devices_report};
-pub use resources::{KernelResources, ProgramResources, kernel_resources};
+pub use resources::{KernelResources, Looked, ProgramResources, kernel_resources};
 pub use select::{Selection, select, select_working};
 pub use source::{KERNEL_FILES, ProgramSource};
 pub(crate) use tracer::CompiledAhead;

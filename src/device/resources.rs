@@ -1,7 +1,7 @@
 //! What each kernel takes of a device: what the driver tells of a built kernel, and what its compiler tells in its log.
 
 use super::definitions::Definitions;
-use super::entry::{Pass, entry_files};
+use super::entry::{Pass, entry_files, picture_file};
 use super::ptxas::{self, PtxasInfo};
 use super::{CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
 use crate::error::Result;
@@ -47,9 +47,21 @@ pub struct ProgramResources {
     pub kernels: Vec<KernelResources>,
 }
 
-/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, and asks what they
-/// take: a program for batches and one for pictures, and where decisions are left to a second pass, the same two for
-/// that.
+/// Which kernels are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Looked {
+    /// All that trace batches and pictures; where decisions are left to a second pass, its kernels, too.
+    All,
+    /// Those of the first pass, which does nearly all of the work. Without the sizes of their binaries, for which PoCL
+    /// compiles each kernel.
+    FirstPass,
+    /// The one that renders pictures in the first pass, or those that do together.
+    Pictures,
+}
+
+/// Builds the kernels that trace `buffers` with `options`, in chains of at most `max_depth` rays, as far as they are
+/// `looked` at, and asks what they take: a program for batches and one for pictures, one more of each where rays go in
+/// packets, and the same for the second pass.
 ///
 /// # Errors
 /// The device cannot be opened or its compiler refuses the kernels.
@@ -58,15 +70,29 @@ pub fn kernel_resources(
     buffers: &SceneBuffers,
     options: &TraceOptions,
     max_depth: u32,
+    looked: Looked,
 ) -> Result<Vec<ProgramResources>> {
     let context = DeviceContext::open(device)?;
     let definitions = Definitions::new(buffers, options, max_depth).verbose();
-    let passes = [Some(Pass::First), definitions.defers.then_some(Pass::Second)].into_iter().flatten();
-    let programs = passes.flat_map(|pass| entry_files(options).into_iter().map(move |file| (pass, file)));
-    programs.map(|(pass, file)| program_resources(&context, file, &definitions.of_pass(pass, file))).collect()
+    let has_second = definitions.defers && looked == Looked::All;
+    let passes = [Some(Pass::First), has_second.then_some(Pass::Second)].into_iter().flatten();
+    let files = match looked {
+        Looked::Pictures => vec![picture_file(options)],
+        Looked::All | Looked::FirstPass => entry_files(options),
+    };
+    let programs = passes.flat_map(|pass| files.iter().map(move |&file| (pass, file)));
+    let has_sizes = looked != Looked::FirstPass;
+    programs
+        .map(|(pass, file)| program_resources(&context, file, &definitions.of_pass(pass, file), has_sizes))
+        .collect()
 }
 
-fn program_resources(context: &DeviceContext, file: &str, options: &CompileOptions) -> Result<ProgramResources> {
+fn program_resources(
+    context: &DeviceContext,
+    file: &str,
+    options: &CompileOptions,
+    has_size: bool,
+) -> Result<ProgramResources> {
     // Without our cache and with a definition that no build had before: a program from a cache, the driver's own
     // included, comes without the compiler's log.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_nanos());
@@ -91,7 +117,7 @@ fn program_resources(context: &DeviceContext, file: &str, options: &CompileOptio
     });
     Ok(ProgramResources {
         compile_options: options.text(context),
-        binary_bytes: built.program.binary_bytes(),
+        binary_bytes: has_size.then(|| built.program.binary_bytes()).flatten(),
         kernels: kernels.collect::<Result<_>>()?,
         log: built.log,
     })

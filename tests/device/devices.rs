@@ -3,7 +3,7 @@
 
 use raybrook::Error;
 use raybrook::low_level::device::{
-    Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, Limits,
+    Buffer, Built, Cache, CompileOptions, DeviceContext, DeviceHandle, DeviceKind, Kernel, KernelArg, Limits, Looked,
     ProgramSource, Selection, build, devices_json, devices_report, kernel_resources, list_devices, select,
 };
 use raybrook::low_level::options::{Intersector, TraceOptions};
@@ -451,7 +451,7 @@ fn every_kernel_of_the_program_has_its_work_group_limits() {
     builder.sphere(1.0, 16);
     let options = TraceOptions { intersector: Intersector::Precomputed, ..TraceOptions::DEFAULT };
     let buffers = SceneBuffers::new(&builder.finish().unwrap(), &options).unwrap();
-    let programs = kernel_resources(&device, &buffers, &options, 3).unwrap();
+    let programs = kernel_resources(&device, &buffers, &options, 3, Looked::All).unwrap();
     for program in &programs {
         assert!(program.compile_options.contains("-D INTERSECT=intersect_precomputed"), "{}", program.compile_options);
         // Of the pictures of this scene, which has no glass: one ray waits at a time.

@@ -3,7 +3,7 @@
 
 use crate::common::device;
 use glam::{DVec3, Vec3};
-use raybrook::low_level::device::kernel_resources;
+use raybrook::low_level::device::{Looked, kernel_resources};
 use raybrook::low_level::features::Features;
 use raybrook::low_level::options::{
     Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, StructureKind, TraceOptions,
@@ -200,9 +200,9 @@ fn kernels_for_few_features_are_smaller() {
     let buffers = SceneBuffers::new(&scene, &QUICK).unwrap();
     let bytes = |features| {
         let options = TraceOptions { picture: PictureOptions { features, ..QUICK.picture }, ..QUICK };
-        let programs = kernel_resources(&device, &buffers, &options, DEPTH).unwrap();
-        let render = programs.into_iter().find(|program| program.kernels[0].kernel == "render").unwrap();
-        render.binary_bytes
+        let programs = kernel_resources(&device, &buffers, &options, DEPTH, Looked::Pictures).unwrap();
+        assert_eq!((programs.len(), programs[0].kernels[0].kernel.as_str()), (1, "render"));
+        programs[0].binary_bytes
     };
     match (bytes(KernelFeatures::Scene), bytes(KernelFeatures::All)) {
         (Some(few), Some(all)) => assert!(few < all, "{few} bytes, and {all} with everything"),

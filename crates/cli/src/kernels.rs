@@ -5,7 +5,7 @@ use super::text::wrapped;
 use super::{Talk, open, print};
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::device::{
-    DeviceHandle, KernelResources, ProgramResources, Selection, kernel_resources, list_devices, select,
+    DeviceHandle, KernelResources, Looked, ProgramResources, Selection, kernel_resources, list_devices, select,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{DEFAULT_DEPTH, complete};
@@ -57,7 +57,7 @@ pub fn run(args: &DevicesArgs, talk: Talk) -> Result<()> {
         let mut entry =
             Entry { index: device.info.index, device: device.info.name.clone(), programs: Vec::new(), error: None };
         // A device that cannot build them must not hide the others.
-        match kernel_resources(&device, &buffers, &options, args.depth.unwrap_or(DEFAULT_DEPTH)) {
+        match kernel_resources(&device, &buffers, &options, args.depth.unwrap_or(DEFAULT_DEPTH), Looked::All) {
             Ok(programs) => entry.programs = programs,
             Err(error) => {
                 entry.error = Some(super::chain(&error));

@@ -11,7 +11,7 @@ use super::pareto::fast_options;
 use super::pictures::picture_scenes;
 use super::{Verdict, with};
 use raybrook::Result;
-use raybrook::low_level::device::{DeviceInfo, KernelResources, kernel_resources};
+use raybrook::low_level::device::{DeviceInfo, KernelResources, Looked, kernel_resources};
 use raybrook::low_level::options::{Kernels, PictureOptions, StructureKind, TraceOptions};
 use serde_json::{Value, json};
 
@@ -47,15 +47,9 @@ fn measure(lab: &mut Lab) -> Result<Vec<Table>> {
     for (label, options) in options {
         (lab.progress)(&format!("registers: {label}"));
         let buffers = lab.pack(&scene, &options)?;
-        for kernel in
-            kernel_resources(device, &buffers, &options, DEPTH)?.into_iter().flat_map(|program| program.kernels)
-        {
-            let is_there = rows.iter().any(|row| name(row, "method") == label && name(row, "kernels") == kernel.kernel);
-            // The second pass's kernels have the same names, and do little.
-            if !is_there {
-                rows.push(kernel_row(label, &kernel, &device.info));
-            }
-        }
+        let programs = kernel_resources(device, &buffers, &options, DEPTH, Looked::FirstPass)?;
+        let kernels = programs.iter().flat_map(|program| &program.kernels);
+        rows.extend(kernels.map(|kernel| kernel_row(label, kernel, &device.info)));
     }
     Ok(vec![device_table(&figures(&device.info)), kernel_table(rows)])
 }

@@ -8,7 +8,7 @@ use super::pareto::fast_options;
 use super::pictures::{WAITED, picture_scenes};
 use super::{PICTURE, Verdict, by_scene, ratio_of};
 use raybrook::Result;
-use raybrook::low_level::device::kernel_resources;
+use raybrook::low_level::device::{Looked, kernel_resources};
 use raybrook::low_level::options::{
     KernelFeatures, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
 };
@@ -224,7 +224,7 @@ fn resources(lab: &Lab, scene_name: &str, buffers: &SceneBuffers, each: [TraceOp
     for options in each {
         (lab.progress)(&format!("{scene_name}: registers with the features of {}", options.picture.features));
         let wanted = if options.packet_size == PacketSize::One { "render" } else { "render_packets" };
-        let programs = kernel_resources(device, buffers, &options, DEPTH)?;
+        let programs = kernel_resources(device, buffers, &options, DEPTH, Looked::Pictures)?;
         let found = programs.iter().find_map(|program| {
             let kernel = program.kernels.iter().find(|kernel| kernel.kernel == wanted)?;
             Some((program, kernel))

@@ -8,7 +8,7 @@ use super::super::{Chart, ChartKind, Findings, Lab, Measured, Study, Table, scen
 use super::device::kernel_row;
 use super::{PICTURE, Verdict, by_scene, ratio_of, scenes_of, with};
 use raybrook::Result;
-use raybrook::low_level::device::kernel_resources;
+use raybrook::low_level::device::{Looked, kernel_resources};
 use raybrook::low_level::options::{Kernels, PictureOptions, StructureKind, TexturePass, TraceOptions};
 use raybrook::low_level::scene::Scene;
 
@@ -161,7 +161,7 @@ fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
     for variant in variants {
         (lab.progress)(&format!("registers: {}", variant.label));
         let buffers = lab.pack(&scene, &variant.options)?;
-        let programs = kernel_resources(device, &buffers, &variant.options, variant.depth)?;
+        let programs = kernel_resources(device, &buffers, &variant.options, variant.depth, Looked::FirstPass)?;
         for kernel in programs.into_iter().flat_map(|program| program.kernels) {
             let is_known = rows.iter().any(|row| name(row, "kernels") == kernel.kernel);
             if kernel.kernel.starts_with("trace") || is_known {
