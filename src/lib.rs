@@ -141,8 +141,8 @@ mod work;
 pub use device::DeviceKind;
 pub use error::{Error, Result};
 pub use front::{
-    AllHits, ClosestPoint, Device, Hit, LocalSpace, Picture, Precision, Ray, Rounding, Tracer, TracerBuilder, View,
-    devices,
+    AllHits, ClosestPoint, Device, Hit, Hits, LocalSpace, Picture, Precision, Ray, Rounding, Tracer, TracerBuilder,
+    View, devices,
 };
 pub use glam;
 pub use scene::{Builder, Camera, Light, Material, Scene};

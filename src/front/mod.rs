@@ -21,6 +21,6 @@ pub use devices::{Device, devices};
 pub use local::{LocalSpace, Rounding};
 pub use picture::Picture;
 pub use point::ClosestPoint;
-pub use ray::{Hit, Ray};
+pub use ray::{Hit, Hits, Ray};
 pub use tracer::Tracer;
 pub use view::View;

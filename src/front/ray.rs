@@ -1,6 +1,7 @@
 //! Rays and what they hit.
 
 use crate::shared;
+use crate::tracer::is_hit;
 
 /// A ray with an interval of t: its points are `origin + t * direction`.
 ///
@@ -55,6 +56,31 @@ pub struct Hit {
     /// Number of the triangle: of [`Scene::from_mesh`](crate::Scene::from_mesh) its place in the slice; of a file its
     /// place there, after polygons are cut into triangles.
     pub triangle: u32,
+}
+
+/// The closest hits of many rays, from [`Tracer::closest_hits_of`](crate::Tracer::closest_hits_of).
+#[derive(Debug, Clone, Default)]
+pub struct Hits(pub(super) Vec<shared::Hit>);
+
+impl Hits {
+    /// How many rays there were.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there were none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The closest hit of ray number `ray`, `None` for a miss.
+    ///
+    /// # Panics
+    /// Where there is no such ray.
+    pub fn get(&self, ray: usize) -> Option<Hit> {
+        let hit = &self.0[ray];
+        is_hit(hit).then(|| Hit::of(hit))
+    }
 }
 
 impl Hit {

@@ -5,14 +5,14 @@ use super::builder::TracerBuilder;
 use super::framing::{LitScene, framing_camera, is_placed};
 use super::picture::Picture;
 use super::point::ClosestPoint;
-use super::ray::{Hit, Ray};
+use super::ray::{Hit, Hits, Ray};
 use super::scene::check_indices;
 use super::view::{Frame, View};
 use crate::accel::KeptBvh;
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
 use crate::closest::{self, Closest, closest_points, point_scene, take_signs};
 use crate::crossings::{check_closed, contains, is_tie, require_exact, trace_crossings};
-use crate::device::{Cache, DeviceHandle};
+use crate::device::{Cache, DeviceHandle, DeviceKind};
 use crate::error::{Error, Result};
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
@@ -187,7 +187,27 @@ impl Tracer {
     /// [`Error::OutOfMemory`] and [`Error::TooLarge`] when the batch takes too much memory; [`Error::Build`],
     /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
     pub fn closest_hits(&mut self, rays: &[Ray]) -> Result<Vec<Option<Hit>>> {
-        Ok(self.trace(rays, false)?.iter().map(|hit| is_hit(hit).then(|| Hit::of(hit))).collect())
+        let hits = self.closest_hits_of(rays.len(), |i| rays[i])?;
+        Ok((0..rays.len()).into_par_iter().map(|i| hits.get(i)).collect())
+    }
+
+    /// The closest hits of `count` rays, of which `ray` makes number i: as [`Tracer::closest_hits`], for rays and hits
+    /// that are wanted in other memory than that of slices of [`Ray`] and [`Hit`].
+    ///
+    /// ```
+    /// # use raybrook::{Ray, Scene, Tracer};
+    /// # let scene = Scene::from_mesh(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+    /// let mut tracer = Tracer::new(&scene)?;
+    /// let heights = [5.0, 7.0];
+    /// let hits = tracer.closest_hits_of(2, |i| Ray::new([0.0, 0.0, heights[i]], [0.0, 0.0, -1.0]))?;
+    /// assert_eq!(hits.get(1).map(|hit| hit.t), Some(7.0));
+    /// # Ok::<(), raybrook::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_hits`].
+    pub fn closest_hits_of(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync) -> Result<Hits> {
+        self.trace(count, ray, false).map(Hits)
     }
 
     /// Whether each ray hits anything, in the order of `rays`. Faster than [`Tracer::closest_hits`], and as right.
@@ -195,7 +215,15 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::closest_hits`].
     pub fn any_hits(&mut self, rays: &[Ray]) -> Result<Vec<bool>> {
-        Ok(self.trace(rays, true)?.iter().map(is_hit).collect())
+        self.any_hits_of(rays.len(), |i| rays[i])
+    }
+
+    /// Whether each of `count` rays hits anything, of which `ray` makes number i.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest_hits`].
+    pub fn any_hits_of(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync) -> Result<Vec<bool>> {
+        Ok(self.trace(count, ray, true)?.par_iter().map(is_hit).collect())
     }
 
     /// How many triangles each ray hits between its `t_min` and `t_max`, in the order of `rays`. Each counts once; an
@@ -398,29 +426,29 @@ impl Tracer {
     }
 
     fn trace_all(&mut self, rays: &[Ray], most: u32, wants_hits: bool) -> Result<tracer::AllHits> {
-        let batch = self.batch(rays)?;
+        let batch = self.batch(rays.len(), |i| rays[i])?;
         let budget = self.chosen.limit;
         let job = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&batch.job(false, 1)) };
         self.timed(self.depth, |backend, progress| backend.trace_all(&job, progress))
     }
 
-    fn trace(&mut self, rays: &[Ray], any_hit: bool) -> Result<Vec<shared::Hit>> {
-        let batch = self.batch(rays)?;
+    fn trace(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync, any_hit: bool) -> Result<Vec<shared::Hit>> {
+        let batch = self.batch(count, ray)?;
         let job = batch.job(any_hit, 1);
         Ok(self.timed(self.depth, |backend, progress| backend.trace(&job, progress))?.hits)
     }
 
     /// The rays as tracers take them.
-    fn batch(&self, rays: &[Ray]) -> Result<TracingBatch> {
-        let bytes = (rays.len() * RAY_BYTES) as u64;
-        let what = format!("a batch of {} rays", rays.len());
+    fn batch(&self, count: usize, ray: impl Fn(usize) -> Ray + Sync) -> Result<TracingBatch> {
+        let bytes = (count * RAY_BYTES) as u64;
+        let what = format!("a batch of {count} rays");
         let remedy = "split the batch, or raise the memory limit";
         self.check_bytes(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
         let ray = |i: usize| {
-            let Ray { origin, direction, t_min, t_max } = rays[i];
+            let Ray { origin, direction, t_min, t_max } = ray(i);
             (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
         };
-        Ok(self.buffers.batch(rays.len(), ray, None))
+        Ok(self.buffers.batch(count, ray, None))
     }
 
     /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved
@@ -520,6 +548,11 @@ impl Tracer {
             None => &|_| (),
         };
         Ok((self.backend.insert(backend).as_mut(), progress))
+    }
+
+    /// What kind of device it traces on; `None`: the reference.
+    pub fn device_kind(&self) -> Option<DeviceKind> {
+        self.chosen.device.as_ref().map(|device| device.info.kind)
     }
 
     /// The device's name; `reference` for the scalar reference.

@@ -25,6 +25,7 @@ use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
 use crate::tracer::{AllHits, AllHitsJob, ExtremeRay, TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// A batch as the tracers take it.
@@ -97,22 +98,28 @@ impl SceneBuffers {
         next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
     ) -> TracingBatch {
         let scale = self.params.scale;
-        let extreme_at = |index: usize| {
-            let (origin, direction, ..) = ray(index);
+        let extreme_of = |index: usize, (origin, direction, ..): (Vec3, Vec3, f32, f32)| {
             let is_ray = origin.is_finite() && direction.is_finite();
             let is_first = !(self.keeps_vertices() && has_room(origin, scale) && has_room_for_direction(direction));
             let has_extreme_next = |direction: Vec3| direction.is_finite() && !has_room_for_direction(direction);
             let is_extreme = is_ray && (is_first || next.is_some_and(|next| has_extreme_next(next(index))));
             is_extreme.then_some(ExtremeRay { index, origin, is_second: !is_first })
         };
+        let has_extreme = AtomicBool::new(false);
         let made = |i: usize| {
-            let (origin, direction, t_min, t_max) = ray(i);
+            let given @ (origin, direction, t_min, t_max) = ray(i);
+            if extreme_of(i, given).is_some() {
+                has_extreme.store(true, Ordering::Relaxed);
+            }
             self.trace_ray(origin, direction, t_min, t_max)
         };
         let all = || (0..count).into_par_iter();
         let mut rays: Vec<TraceRay> = all().map(made).collect();
-        // Few, so that nothing is kept of the others.
-        let extreme: Vec<ExtremeRay> = all().filter_map(extreme_at).collect();
+        // Few, if any, so that they are looked for again, and nothing is kept of the others.
+        let extreme: Vec<ExtremeRay> = match has_extreme.into_inner() {
+            true => all().filter_map(|i| extreme_of(i, ray(i))).collect(),
+            false => Vec::new(),
+        };
         for ExtremeRay { index, .. } in extreme.iter().filter(|ray| !ray.is_second) {
             let t_min = rays[*index].origin_t_min.w;
             rays[*index].origin_t_min = Float4::new(Vec3::NAN, t_min);

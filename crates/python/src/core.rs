@@ -9,7 +9,7 @@ use crate::rays::{GivenRays, Rays};
 use crate::run::{Call, Current, Failure, Stopped, run};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use raybrook::{AllHits, Camera, Error, Hit, Precision, Ray, Result, Scene, Tracer, View};
+use raybrook::{AllHits, Camera, DeviceKind, Error, Hit, Precision, Ray, Result, Scene, Tracer, View};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
@@ -18,6 +18,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Rays or points that are traced at a time: enough to fill a device, and their memory on the way is small beside that
 /// of a scene.
 const AT_A_TIME: usize = 1 << 20;
+/// On processors, which need fewer to be full: memory that is small enough is taken again for the next part, where new
+/// memory is cleared, page by page. A million rays through 192,000 triangles took 0.6 to 0.7 of the time in parts of
+/// 2^18, on two cores.
+const AT_A_TIME_ON_CPU: usize = 1 << 18;
 
 /// What is chosen of a tracer.
 #[derive(Clone)]
@@ -92,8 +96,12 @@ impl Core {
                 *place = Some(self.choices.open(&self.scene, self.current.clone())?);
             }
             let tracer = place.as_mut().expect("it was opened");
-            for first in (0..count).step_by(AT_A_TIME) {
-                let part = AT_A_TIME.min(count - first);
+            let at_a_time = match tracer.device_kind() {
+                None | Some(DeviceKind::Cpu) => AT_A_TIME_ON_CPU,
+                Some(_) => AT_A_TIME,
+            };
+            for first in (0..count).step_by(at_a_time) {
+                let part = at_a_time.min(count - first);
                 call.begin_part(first as f64 / count as f64, part as f64 / count as f64);
                 work(tracer, first..first + part)?;
             }
@@ -285,7 +293,8 @@ impl Core {
         run(py, progress, |call| {
             self.work(call, count, |tracer, part| {
                 let places = results.split(part.len());
-                places.write(&tracer.closest_hits(&rays.part(part))?, &self.meshes, &self.scene);
+                let hits = tracer.closest_hits_of(part.len(), |i| rays.ray(part.start + i))?;
+                places.write(&hits, &self.meshes, &self.scene);
                 Ok(())
             })
         })?;
@@ -300,7 +309,9 @@ impl Core {
         progress: Option<&Bound<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let rays = Rays::new(&rays)?;
-        self.numbers(py, rays.len(), progress, |tracer, part| tracer.any_hits(&rays.part(part)))
+        self.numbers(py, rays.len(), progress, |tracer, part| {
+            tracer.any_hits_of(part.len(), |i| rays.ray(part.start + i))
+        })
     }
 
     /// How many triangles each ray hits; with `merge` those of one mesh at the same t count once.

@@ -3,7 +3,7 @@
 use crate::meshes::Meshes;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
-use raybrook::{Hit, Scene};
+use raybrook::{Hit, Hits, Scene};
 use rayon::prelude::*;
 
 /// Marks a ray that hits nothing, as triangle and as mesh.
@@ -38,10 +38,11 @@ impl<'a> ClosestHits<'a> {
     }
 
     /// Writes the hits of all rays.
-    pub fn write(self, hits: &[Option<Hit>], meshes: &Meshes, scene: &Scene) {
+    pub fn write(self, hits: &Hits, meshes: &Meshes, scene: &Scene) {
+        let all = || (0..hits.len()).into_par_iter();
         let ids = self.triangle.par_iter_mut().zip(self.mesh);
         let numbers = self.t.par_iter_mut().zip(self.uv.par_chunks_mut(2));
-        hits.par_iter().zip(ids.zip(numbers)).for_each(|(hit, ((triangle, mesh), (t, uv)))| match hit {
+        all().zip(ids.zip(numbers)).for_each(|(i, ((triangle, mesh), (t, uv)))| match hits.get(i) {
             Some(hit) => {
                 (*mesh, *triangle) = meshes.place(hit.triangle);
                 *t = hit.t;
@@ -53,8 +54,8 @@ impl<'a> ClosestHits<'a> {
                 uv.fill(0.0);
             }
         });
-        self.normals.par_chunks_mut(3).zip(hits).for_each(|(normal, hit)| {
-            normal.copy_from_slice(&hit.map_or([0.0; 3], |hit| unit_normal(scene, hit.triangle)));
+        self.normals.par_chunks_mut(3).zip(all()).for_each(|(normal, i)| {
+            normal.copy_from_slice(&hits.get(i).map_or([0.0; 3], |hit| unit_normal(scene, hit.triangle)));
         });
     }
 }

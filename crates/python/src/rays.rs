@@ -30,7 +30,8 @@ impl<'a> Rays<'a> {
         self.rows.len() / self.width
     }
 
-    fn ray(&self, i: usize) -> Ray {
+    /// One of the rays as the library takes them.
+    pub fn ray(&self, i: usize) -> Ray {
         let three = |numbers: &[f32], first: usize| [numbers[first], numbers[first + 1], numbers[first + 2]];
         let first = i * self.width;
         let direction = self.directions.map_or_else(|| three(self.rows, first + 3), |all| three(all, 3 * i));
