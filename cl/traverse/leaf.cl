@@ -63,13 +63,13 @@ bool has_float_t(GEOMETRY_PARAMETERS, const Ray* ray, Hit hit) {
     return is_finite(hit.t);
 }
 
-// What counts or lists all hits of a ray has their number in v of *hit, which is no other number of a hit then.
+// Where all hits of a ray are counted or listed, v of *hit holds how many there are so far, as bits.
 uint counted_hits(const Hit* hit) { return as_uint(hit->v); }
 void set_counted_hits(Hit* hit, uint count) { hit->v = as_float(count); }
 
 #if defined(COUNT_HITS)
-// Counts a triangle that the ray hits, which is in no other leaf. When that are enough, *hit is this one, which ends the
-// traversal for any hit.
+// Counts a triangle that the ray hits, which is in no other leaf. The last one that is asked for becomes *hit, which ends
+// a traversal for any hit.
 void test_for_count(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
     Hit found = no_hit_yet(ray);
     TEST(GEOMETRY, ray, primitive, slot, &found);

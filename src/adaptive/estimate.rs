@@ -128,6 +128,7 @@ impl TileRow<'_> {
 impl Estimates {
     pub fn new(size: (usize, usize), lattice: usize) -> Self {
         let count = size.0 * size.1;
+        let tiles = size.0.div_ceil(SIDE) * size.1.div_ceil(SIDE);
         Estimates {
             size,
             lattice,
@@ -135,8 +136,8 @@ impl Estimates {
             pixels: zeroed_vec(count),
             errors: vec![0.0; count],
             cells: Vec::new(),
-            has_news: vec![true; size.0.div_ceil(SIDE) * size.1.div_ceil(SIDE)],
-            highest: vec![0; size.0.div_ceil(SIDE) * size.1.div_ceil(SIDE)],
+            has_news: vec![true; tiles],
+            highest: vec![0; tiles],
             promises: None,
         }
     }

@@ -58,6 +58,12 @@ pub struct Hit {
     pub triangle: u32,
 }
 
+impl Hit {
+    pub(super) fn of(hit: &shared::Hit) -> Hit {
+        Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive }
+    }
+}
+
 /// The closest hits of many rays, from [`Tracer::closest_hits_of`](crate::Tracer::closest_hits_of).
 #[derive(Debug, Clone, Default)]
 pub struct Hits(pub(super) Vec<shared::Hit>);
@@ -80,11 +86,5 @@ impl Hits {
     pub fn get(&self, ray: usize) -> Option<Hit> {
         let hit = &self.0[ray];
         is_hit(hit).then(|| Hit::of(hit))
-    }
-}
-
-impl Hit {
-    pub(super) fn of(hit: &shared::Hit) -> Hit {
-        Hit { t: hit.t, u: hit.u, v: hit.v, triangle: hit.primitive }
     }
 }

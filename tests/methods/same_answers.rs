@@ -194,9 +194,9 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
 }
 
 /// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all.
-/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`NEXT`] for second rays, too, one in [`ANY`] for
-/// any hits, and one in [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes long. Other tests render
-/// with it.
+/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`NEXT`] for second rays, too, one in [`ANY`]
+/// for any hits, and one in [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes
+/// long. Other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
         let own = i % models;

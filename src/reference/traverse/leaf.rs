@@ -106,13 +106,12 @@ with_fma! {
     }
 }
 
-with_fma! {
-    /// Whether a triangle that is hit comes before a hit.
-    fn comes_before(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, primitive: u32, other: &Hit) -> bool {
-        let mut nearer = *other;
-        test(buffers, options, ray, primitive, &mut nearer, &mut NoWork);
-        nearer.primitive != other.primitive
-    }
+/// Whether a triangle that is hit comes before a hit.
+#[inline(always)]
+fn comes_before(buffers: &SceneBuffers, options: &TraceOptions, ray: &Ray, primitive: u32, other: &Hit) -> bool {
+    let mut nearer = *other;
+    test(buffers, options, ray, primitive, &mut nearer, &mut NoWork);
+    nearer.primitive != other.primitive
 }
 
 with_fma! {

@@ -223,12 +223,8 @@ fn resources(lab: &Lab, scene_name: &str, buffers: &SceneBuffers, each: [TraceOp
     let mut rows = Vec::new();
     for options in each {
         (lab.progress)(&format!("{scene_name}: registers with the features of {}", options.picture.features));
-        let wanted = if options.packet_size == PacketSize::One { "render" } else { "render_packets" };
         let programs = kernel_resources(device, buffers, &options, DEPTH, Looked::Pictures)?;
-        let found = programs.iter().find_map(|program| {
-            let kernel = program.kernels.iter().find(|kernel| kernel.kernel == wanted)?;
-            Some((program, kernel))
-        });
+        let found = programs.first().and_then(|program| Some((program, program.kernels.first()?)));
         let Some((program, kernel)) = found else { continue };
         let mut out = row([
             ("scene", json!(scene_name)),

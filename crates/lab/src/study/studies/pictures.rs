@@ -152,8 +152,7 @@ fn time_ratio(table: &Table, a: [&str; 2], b: [&str; 2]) -> Result<Option<Rounds
     Ok(row(a)?.zip(row(b)?).and_then(|(a, b)| speedup(&[[b, a]], Clock::Wall)))
 }
 
-/// What the kernels for pictures take. Where decisions are left to a second pass, its kernels have the same names; the
-/// first ones do nearly all of the work.
+/// What the kernels for pictures take; those that several variants share once.
 fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
     let Some(device) = lab.device else { return Ok(Vec::new()) };
     let mut rows: Vec<Row> = Vec::new();
