@@ -23,6 +23,7 @@ mod outcome;
 mod page;
 mod peers;
 mod pictured;
+mod repeated;
 mod report;
 mod scenes;
 mod studies;

@@ -4,6 +4,7 @@
 use super::chart::sizes;
 use super::draw::{Format, GRID, INK, MUTED, PAPER, svg};
 use super::pictured::{PicturedScene, SIZE};
+use super::repeated::repeated;
 use super::report::{Entry, Header};
 use super::table::{Row, Table, column};
 use super::{Chart, Outcome, Study};
@@ -58,6 +59,7 @@ pub fn html(header: &Header, entries: &[Entry], scenes: &[PicturedScene]) -> Str
                 (how_to_read())
                 (made_on(header, &studies))
                 (judged_anew(&studies))
+                (timed_twice(entries))
                 (scenes_shown(header, scenes))
                 nav {
                     h2 { "Studies" }
@@ -178,6 +180,23 @@ fn judged_anew(studies: &[(&Study, &Entry)]) -> Markup {
                     a href={ "#" (study.name) } { (study.title) }
                 }
                 ". What was said before stands below each."
+            }
+        }
+    }
+}
+
+/// How far the times of pictures lie apart that several studies timed: what times of different studies are worth beside
+/// each other.
+fn timed_twice(entries: &[Entry]) -> Markup {
+    let pictures = repeated(entries);
+    let milliseconds = |(study, seconds): &(String, f64)| format!("{:.1} ms in {study}", 1e3 * seconds);
+    html! {
+        @if let Some(widest) = pictures.last() {
+            p {
+                "Several studies timed the same picture " (pictures.len()) " times, not by turns. The longest of its times is " (format!("{:.2}", pictures[pictures.len() / 2].ratio()))
+                " times the shortest in the middle, " (format!("{:.2}", widest.ratio())) " at most (" (widest.name) ": "
+                (widest.times.iter().map(milliseconds).collect::<Vec<_>>().join(", "))
+                "). Smaller differences between times of two studies mean nothing; compare the rows of one."
             }
         }
     }
