@@ -329,7 +329,7 @@ impl SceneBuffers {
                 (side(half_width, width) * side(half_height, height)).sqrt() as f32
             },
             roulette_weight: 0.0,
-            pad: 0,
+            first_pixel: 0,
         }
     }
 }

@@ -136,7 +136,7 @@ pub fn picture_bytes(
     let pixels = u64::from(width) * u64::from(height);
     let shares_memory = device.is_some_and(shares_host_memory);
     let of_sampling = match (samples, options.counters) {
-        (Samples::Error(_), counters) => estimated_bytes(pixels, counters, shares_memory),
+        (Samples::Error(_), counters) => estimated_bytes((width, height), counters, shares_memory),
         (_, true) => 2 * size_of::<PixelWork>() as u64 * pixels,
         (_, false) => 0,
     };

@@ -433,8 +433,8 @@ device_struct! {
         pub pixel_size: f32,
         /// A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
         pub roulette_weight: f32,
-        /// Unused.
-        pub pad: u32,
+        /// Of a part of a picture the place of its first pixel in the picture: column | row << 16.
+        pub first_pixel: u32,
     }
 }
 
@@ -450,6 +450,14 @@ impl RenderParams {
     pub fn of_list(self, count: u32) -> RenderParams {
         let (width, height) = (TILE_SIDE, count.div_ceil(TILE_SIDE));
         RenderParams { width, height, sample_count: 1, sample_weight: 1.0, ray_count: count, ..self }
+    }
+
+    /// The same camera for one sample of every pixel of a part of the picture, which has so many columns and rows from
+    /// this one on; at most 65,535 of them lie before.
+    #[must_use]
+    pub fn of_part(self, (x, y): (u32, u32), (width, height): (u32, u32)) -> RenderParams {
+        debug_assert!(x <= 0xffff && y <= 0xffff);
+        RenderParams { width, height, sample_count: 1, sample_weight: 1.0, first_pixel: x | y << 16, ..self }
     }
 
     /// Width and height of the film: of a list one row.

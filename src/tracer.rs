@@ -156,7 +156,7 @@ pub struct Adaptive {
     pub error: f32,
     /// Pixels from one point of the first lattice to the next; 1, or 0: every pixel is traced.
     pub lattice: u32,
-    /// Rays of one list at most, but for those of one pixel or tile. Fewer take less memory, more keep a device busy.
+    /// Rays of one list at most, but for those of one patch or tile of pixels. Fewer take less memory, more keep a device busy.
     pub list_rays: usize,
 }
 

@@ -10,7 +10,7 @@
 #define NO_CLASS 0xffffffffu
 
 // What is known of a picture's pixels, each an element of these arrays:
-//   film     as shown, linear
+//   film     the first samples and what lies between them, linear; in the end what is shown
 //   sums     of the samples
 //   shown    xyz: values of a screen; w: squared error, of a mean by what parts of it differ, of an interpolated pixel
 //            by what its neighbours turned out to be
@@ -18,9 +18,52 @@
 //   errors   squared
 //   classes  level * CLASSES + class, or NO_CLASS
 #define PIXEL_ARGUMENTS \
-    const uint width, const uint height, const uint lattice, __global float4* restrict film, \
+    const uint width, const uint height, const uint lattice, const uint patch_side, const uint area_width, \
+        const uint area_height, const uint blocks_of_area, const uint block_stride, __global float4* restrict film, \
         __global float4* restrict sums, __global float4* restrict shown, __global uint* restrict states, \
         __global float* restrict errors, __global uint* restrict classes
+
+// The picture's pixels, and how they are cut into areas, patches and blocks (src/adaptive/blocks.rs).
+typedef struct {
+    uint width, height, lattice, patch_side, area_width, area_height, blocks_of_area, block_stride;
+} Grid;
+#define GRID {width, height, lattice, patch_side, area_width, area_height, blocks_of_area, block_stride}
+
+// The pixels from `low` to before `high`.
+typedef struct {
+    uint2 low, high;
+} Place;
+
+// The area of a pixel.
+Place area_at(const Grid* grid, uint x, uint y) {
+    const uint2 low = (uint2)(x / grid->area_width * grid->area_width, y / grid->area_height * grid->area_height);
+    const Place place = {
+        low, (uint2)(min(low.x + grid->area_width, grid->width), min(low.y + grid->area_height, grid->height))};
+    return place;
+}
+
+uint number_of_area(const Grid* grid, uint x, uint y) {
+    const uint areas_across = (grid->width + grid->area_width - 1u) / grid->area_width;
+    return y / grid->area_height * areas_across + x / grid->area_width;
+}
+
+uint block_at(const Grid* grid, uint x, uint y) {
+    const uint column = x % grid->area_width / grid->patch_side,
+               row = y % grid->area_height / grid->patch_side;
+    return number_of_area(grid, x, y) * grid->blocks_of_area +
+           (column + row * grid->block_stride) % grid->blocks_of_area;
+}
+
+// The pixels of a patch that are not farther than 1 from one of them.
+Place near_in_patch(const Grid* grid, uint x, uint y) {
+    const uint side = grid->patch_side;
+    const uint2 first = (uint2)(x / side * side, y / side * side);
+    const Place place = {
+        (uint2)(max(x, first.x + 1u) - 1u, max(y, first.y + 1u) - 1u),
+        (uint2)(min(min(x + 2u, first.x + side), grid->width),
+                min(min(y + 2u, first.y + side), grid->height))};
+    return place;
+}
 
 // Mean of the squared channels.
 float mean_square(float3 v) { return (v.x * v.x + v.y * v.y + v.z * v.z) * (1.0f / 3.0f); }
@@ -42,16 +85,23 @@ uint2 pixels_of_tile(uint width, uint height, uint tile, uint2* low) {
     return (uint2)(min(low->x + TILE_SIDE, width), min(low->y + TILE_SIDE, height));
 }
 
-bool is_on_lattice(uint i, uint end, uint lattice) { return i % lattice == 0u || i + 1u == end; }
+bool is_on_lattice(const Grid* grid, const Place* area, uint x, uint y) {
+    const uint column = x - area->low.x, row = y - area->low.y;
+    return (column % grid->lattice == 0u || x + 1u == area->high.x) &&
+           (row % grid->lattice == 0u || y + 1u == area->high.y);
+}
 
-// How many new samples a pixel is to have: of a class from `lowest` on, or of the lattice.
-uint wanted_samples(uint x, uint y, uint width, uint height, uint lattice, __global const uint* classes, uint lowest,
-                    uint only_interpolated) {
-    if (lowest == LATTICE) return is_on_lattice(x, width, lattice) && is_on_lattice(y, height, lattice) ? 1u : 0u;
-    const uint level_class = classes[y * width + x];
-    if (level_class == NO_CLASS || level_class % CLASSES < lowest) return 0u;
+// How many new samples a pixel is to have: of a class from choice.x on, or of the lattice. choice.y: only interpolated
+// ones.
+uint wanted_samples(const Grid* grid, __global const uint* classes, uint2 choice, uint x, uint y) {
+    if (choice.x == LATTICE) {
+        const Place area = area_at(grid, x, y);
+        return is_on_lattice(grid, &area, x, y) ? 1u : 0u;
+    }
+    const uint level_class = classes[y * grid->width + x];
+    if (level_class == NO_CLASS || level_class % CLASSES < choice.x) return 0u;
     const uint level = level_class / CLASSES;
-    if (only_interpolated != 0u && level > 0u) return 0u;
+    if (choice.y != 0u && level > 0u) return 0u;
     return LEVEL_SAMPLES[level + 1u] - LEVEL_SAMPLES[level];
 }
 
@@ -64,16 +114,18 @@ __kernel void forget_pixels(PIXEL_ARGUMENTS, const uint first, const uint end) {
 }
 
 // How many pixels (x) of each tile are to have more samples, and how many samples (y).
-__kernel void count_wanted(PIXEL_ARGUMENTS, __global uint2* restrict tiles, const uint lowest,
-                           const uint only_interpolated, const uint first, const uint end) {
+__kernel void count_wanted(PIXEL_ARGUMENTS, __global uint2* restrict tiles, __global const uint2* restrict choices,
+                           const uint first, const uint end) {
     const uint tile = first + (uint)get_global_id(0);
     if (tile >= end) return;
+    const Grid grid = GRID;
     uint2 low;
     const uint2 high = pixels_of_tile(width, height, tile, &low);
+    const uint2 choice = choices[block_at(&grid, low.x, low.y)];
     uint2 count = (uint2)(0u);
     for (uint y = low.y; y < high.y; y++) {
         for (uint x = low.x; x < high.x; x++) {
-            const uint wanted = wanted_samples(x, y, width, height, lattice, classes, lowest, only_interpolated);
+            const uint wanted = wanted_samples(&grid, classes, choice, x, y);
             count += (uint2)(wanted != 0u ? 1u : 0u, wanted);
         }
     }
@@ -82,17 +134,19 @@ __kernel void count_wanted(PIXEL_ARGUMENTS, __global uint2* restrict tiles, cons
 
 // Lists these pixels (x) and where the samples of each begin (y). `tiles`: how many there are in the tiles before;
 // `before`: in those before the list's first tile.
-__kernel void list_wanted(PIXEL_ARGUMENTS, __global const uint2* restrict tiles, const uint lowest,
-                          const uint only_interpolated, __global uint2* restrict list, const uint pixels_before,
-                          const uint samples_before, const uint first, const uint end) {
+__kernel void list_wanted(PIXEL_ARGUMENTS, __global const uint2* restrict tiles, __global const uint2* restrict choices,
+                          __global uint2* restrict list, const uint pixels_before, const uint samples_before,
+                          const uint first, const uint end) {
     const uint tile = first + (uint)get_global_id(0);
     if (tile >= end) return;
+    const Grid grid = GRID;
     uint2 low;
     const uint2 high = pixels_of_tile(width, height, tile, &low);
+    const uint2 choice = choices[block_at(&grid, low.x, low.y)];
     uint2 next = tiles[tile] - (uint2)(pixels_before, samples_before);
     for (uint y = low.y; y < high.y; y++) {
         for (uint x = low.x; x < high.x; x++) {
-            const uint wanted = wanted_samples(x, y, width, height, lattice, classes, lowest, only_interpolated);
+            const uint wanted = wanted_samples(&grid, classes, choice, x, y);
             if (wanted == 0u) continue;
             list[next.x] = (uint2)(y * width + x, next.y);
             next += (uint2)(1u, wanted);
@@ -153,32 +207,34 @@ __kernel void take_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list,
         variance = spread * (1.0f / 12.0f);
     }
     sums[pixel] = (float4)(sum, 0.0f);
-    film[pixel] = (float4)(mean, 0.0f);
+    if (round == 1u) film[pixel] = (float4)(mean, 0.0f);
     shown[pixel] = (float4)(now, variance);
     states[pixel] = (level + 1u) | round << LEVEL_BITS;
 }
 
-// Where an interpolated pixel was wrong, those beside it may be.
+// Where an interpolated pixel was wrong, those beside it in its patch may be.
 __kernel void tell_neighbours(PIXEL_ARGUMENTS, __global const uint2* restrict list,
                               __global const float* restrict changes, const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint pixel = list[number].x;
     if (LEVEL_OF(states[pixel]) != 1u) return;
-    const uint x = pixel % width, y = pixel / width;
+    const Grid grid = GRID;
+    const Place around = near_in_patch(&grid, pixel % width, pixel / width);
     // No number is below zero: as integers they have the same order.
     const uint told = as_uint(SURPRISE * changes[number]);
-    for (uint row = max(y, 1u) - 1u; row < min(y + 2u, height); row++) {
-        for (uint column = max(x, 1u) - 1u; column < min(x + 2u, width); column++) {
+    for (uint row = around.low.y; row < around.high.y; row++) {
+        for (uint column = around.low.x; column < around.high.x; column++) {
             const uint near = row * width + column;
             if (LEVEL_OF(states[near]) == 0u) atomic_max((volatile __global uint*)&shown[near] + 3, told);
         }
     }
 }
 
-// The points of the lattice around `i`, and how far it is from the first to the second.
-float between(uint i, uint lattice, uint end, uint2* points) {
-    const uint low = i / lattice * lattice;
+// The points of the lattice around `i` between the first pixel of an area and its end, and how far it is from the
+// first to the second.
+float between(uint i, uint lattice, uint first, uint end, uint2* points) {
+    const uint low = (i - first) / lattice * lattice + first;
     const uint high = min(low + lattice, end - 1u);
     *points = (uint2)(low, high);
     return high > low ? (float)(i - low) / (float)(high - low) : 0.0f;
@@ -188,9 +244,12 @@ float between(uint i, uint lattice, uint end, uint2* points) {
 __kernel void interpolate(PIXEL_ARGUMENTS, __global const float* restrict curve, const uint first, const uint end) {
     const uint pixel = first + (uint)get_global_id(0);
     if (pixel >= end || LEVEL_OF(states[pixel]) != 0u) return;
+    const Grid grid = GRID;
+    const uint x = pixel % width, y = pixel / width;
+    const Place area = area_at(&grid, x, y);
     uint2 columns, rows;
-    const float across = between(pixel % width, lattice, width, &columns),
-                down = between(pixel / width, lattice, height, &rows);
+    const float across = between(x, lattice, area.low.x, area.high.x, &columns),
+                down = between(y, lattice, area.low.y, area.high.y, &rows);
     // The corners have samples: nobody writes them.
     const float3 a = film[rows.x * width + columns.x].xyz, b = film[rows.x * width + columns.y].xyz;
     const float3 c = film[rows.y * width + columns.x].xyz, d = film[rows.y * width + columns.y].xyz;
@@ -200,14 +259,29 @@ __kernel void interpolate(PIXEL_ARGUMENTS, __global const float* restrict curve,
     shown[pixel].xyz = display_steps(curve, value);
 }
 
-// The squared second difference of the lattice at a point and those before and after it; 0 where there are none.
-float lattice_bend(uint width, uint height, uint lattice, __global const float4* shown, int column, int row, int dx,
+// How many cells of the lattice an area has across and down.
+uint2 cells_of(const Grid* grid, const Place* area) {
+    const uint2 size = area->high - area->low;
+    return (uint2)((size.x - 1u) / grid->lattice + 1u, (size.y - 1u) / grid->lattice + 1u);
+}
+
+// Room for the cells of an area: those of the largest.
+uint room_for_cells(const Grid* grid) {
+    return ((grid->area_width - 1u) / grid->lattice + 1u) * ((grid->area_height - 1u) / grid->lattice + 1u);
+}
+
+// The squared second difference of the lattice at a point of an area and those before and after it; 0 where there are
+// none.
+float lattice_bend(const Grid* grid, const Place* area, __global const float4* shown, int column, int row, int dx,
                    int dy) {
-    const int columns = (int)((width - 1u) / lattice + 1u), rows = (int)((height - 1u) / lattice + 1u);
+    const uint2 cells = cells_of(grid, area);
     const int2 low = (int2)(column - dx, row - dy), high = (int2)(column + dx, row + dy);
-    if (low.x < 0 || low.y < 0 || high.x > columns || high.y > rows) return 0.0f;
-    const uint step = lattice;
-#define AT(c, r) shown[min((uint)(r) * step, height - 1u) * width + min((uint)(c) * step, width - 1u)].xyz
+    if (low.x < 0 || low.y < 0 || high.x > (int)cells.x || high.y > (int)cells.y) return 0.0f;
+    const uint step = grid->lattice;
+#define AT(c, r) \
+    shown[min(area->low.y + (uint)(r) * step, area->high.y - 1u) * grid->width + \
+          min(area->low.x + (uint)(c) * step, area->high.x - 1u)] \
+        .xyz
     return mean_square(AT(low.x, low.y) - 2.0f * AT(column, row) + AT(high.x, high.y));
 #undef AT
 }
@@ -216,42 +290,59 @@ float lattice_bend(uint width, uint height, uint lattice, __global const float4*
 __kernel void estimate_cells(PIXEL_ARGUMENTS, __global float* restrict cells, const uint first, const uint end) {
     const uint cell = first + (uint)get_global_id(0);
     if (cell >= end) return;
-    const uint cells_across = (width - 1u) / lattice + 1u;
-    const int column = (int)(cell % cells_across), row = (int)(cell / cells_across);
+    const Grid grid = GRID;
+    const uint number = cell / room_for_cells(&grid), areas_across = (width + area_width - 1u) / area_width;
+    const Place area = area_at(&grid, number % areas_across * area_width, number / areas_across * area_height);
+    const uint cells_across = cells_of(&grid, &area).x, in_area = cell % room_for_cells(&grid);
+    const int column = (int)(in_area % cells_across), row = (int)(in_area / cells_across);
+    if (row >= (int)cells_of(&grid, &area).y) return; // of a smaller area
     float bend = 0.0f;
     for (int corner = 0; corner < 4; corner++) {
         const int x = column + (corner & 1), y = row + (corner >> 1);
-        bend = max_or(bend, lattice_bend(width, height, lattice, shown, x, y, 1, 0));
-        bend = max_or(bend, lattice_bend(width, height, lattice, shown, x, y, 0, 1));
+        bend = max_or(bend, lattice_bend(&grid, &area, shown, x, y, 1, 0));
+        bend = max_or(bend, lattice_bend(&grid, &area, shown, x, y, 0, 1));
     }
     cells[cell] = LATTICE_ERROR * bend;
 }
 
+// What is shown beside the pixel x, y: by its own patch as it is now, by others with their first samples.
+float3 shown_beside(const Grid* grid, __global const float4* film, __global const float4* shown,
+                    __global const float* curve, uint x, uint y, uint near_x, uint near_y) {
+    const uint near = near_y * grid->width + near_x;
+    const uint side = grid->patch_side;
+    const bool is_in_patch = near_x / side == x / side && near_y / side == y / side;
+    return is_in_patch ? shown[near].xyz : display_steps(curve, film[near].xyz);
+}
+
 // The largest squared second difference in the four directions around a pixel.
-float contrast_at(uint width, uint height, __global const float4* shown, uint x, uint y) {
-    const uint pixel = y * width + x;
-    const float3 here = 2.0f * shown[pixel].xyz;
-    const bool inner_x = x > 0u && x + 1u < width, inner_y = y > 0u && y + 1u < height;
-#define BEND(a, b) mean_square(shown[a].xyz - here + shown[b].xyz)
-    float contrast = inner_x ? BEND(pixel - 1u, pixel + 1u) : 0.0f;
-    if (inner_y) contrast = max_or(contrast, BEND(pixel - width, pixel + width));
+float contrast_at(const Grid* grid, __global const float4* film, __global const float4* shown,
+                  __global const float* curve, uint x, uint y) {
+    const float3 here = 2.0f * shown[y * grid->width + x].xyz;
+    const Place area = area_at(grid, x, y);
+    const bool inner_x = x > area.low.x && x + 1u < area.high.x, inner_y = y > area.low.y && y + 1u < area.high.y;
+#define BESIDE(near_x, near_y) shown_beside(grid, film, shown, curve, x, y, near_x, near_y)
+#define BEND(ax, ay, bx, by) mean_square(BESIDE(ax, ay) - here + BESIDE(bx, by))
+    float contrast = inner_x ? BEND(x - 1u, y, x + 1u, y) : 0.0f;
+    if (inner_y) contrast = max_or(contrast, BEND(x, y - 1u, x, y + 1u));
     if (inner_x && inner_y) {
-        contrast = max_or(contrast, BEND(pixel - width - 1u, pixel + width + 1u));
-        contrast = max_or(contrast, BEND(pixel - width + 1u, pixel + width - 1u));
+        contrast = max_or(contrast, BEND(x - 1u, y - 1u, x + 1u, y + 1u));
+        contrast = max_or(contrast, BEND(x + 1u, y - 1u, x - 1u, y + 1u));
     }
 #undef BEND
+#undef BESIDE
     return contrast;
 }
 
 // n^1.5 of the samples n = 4^(level - 1) of a level that has some.
 float edge_samples(uint level) { return (float)(1u << (3u * (level - 1u))); }
 
-// What the pixels around one turned out to be: the mean squared error that one sample of them would have.
-float error_around(uint width, uint height, __global const float4* shown, __global const uint* states, uint x, uint y) {
+// What the pixels of a patch around one turned out to be: the mean squared error that one sample of them would have.
+float error_around(const Grid* grid, __global const float4* shown, __global const uint* states, uint x, uint y) {
+    const Place around = near_in_patch(grid, x, y);
     float sum = 0.0f;
-    for (uint row = max(y, 1u) - 1u; row < min(y + 2u, height); row++) {
-        for (uint column = max(x, 1u) - 1u; column < min(x + 2u, width); column++) {
-            const uint near = row * width + column, level = LEVEL_OF(states[near]);
+    for (uint row = around.low.y; row < around.high.y; row++) {
+        for (uint column = around.low.x; column < around.high.x; column++) {
+            const uint near = row * grid->width + column, level = LEVEL_OF(states[near]);
             if (level > 1u && (row != y || column != x)) sum += shown[near].w * edge_samples(level);
         }
     }
@@ -259,14 +350,20 @@ float error_around(uint width, uint height, __global const float4* shown, __glob
 }
 
 // The squared error of a pixel.
-float estimate_error(uint width, uint height, uint lattice, __global const float4* shown, __global const uint* states,
-                     __global const float* cells, uint x, uint y) {
-    const uint pixel = y * width + x;
+float estimate_error(const Grid* grid, __global const float4* film, __global const float4* shown,
+                     __global const uint* states, __global const float* cells, __global const float* curve, uint x,
+                     uint y) {
+    const uint pixel = y * grid->width + x;
     const uint level = LEVEL_OF(states[pixel]);
     const float own = shown[pixel].w;
-    if (level == 0u) return max_or(own, cells[y / lattice * ((width - 1u) / lattice + 1u) + x / lattice]);
-    const float of_contrast = PARTS[level][1] * contrast_at(width, height, shown, x, y);
-    const float of_neighbours = PARTS[level][2] * error_around(width, height, shown, states, x, y);
+    if (level == 0u) {
+        const Place area = area_at(grid, x, y);
+        const uint first_cell = number_of_area(grid, x, y) * room_for_cells(grid);
+        const uint2 cell = (uint2)((x - area.low.x) / grid->lattice, (y - area.low.y) / grid->lattice);
+        return max_or(own, cells[first_cell + cell.y * cells_of(grid, &area).x + cell.x]);
+    }
+    const float of_contrast = PARTS[level][1] * contrast_at(grid, film, shown, curve, x, y);
+    const float of_neighbours = PARTS[level][2] * error_around(grid, shown, states, x, y);
     return max_or(PARTS[level][0] * own, max_or(of_contrast, of_neighbours) * power_of_two_scale(edge_samples(level)));
 }
 
@@ -278,23 +375,26 @@ void add_long(volatile __global uint* sum, ulong summand) {
     atomic_add(&sum[1], (uint)(summand >> 32) + carry);
 }
 
-// Estimates anew the errors of pixels that have new samples, and of those beside them. `promises`: pixels by level,
-// then by class; then SUM_SLOTS parts of the sum of all squared errors. Whole numbers have the same sum in any order.
+// Estimates anew the errors of pixels that have new samples, and of those beside them in their patches. `promises`, of
+// each block: pixels by level, then by class; then SUM_SLOTS parts of the sum of all squared errors. Whole numbers have
+// the same sum in any order.
 __kernel void update_estimates(PIXEL_ARGUMENTS, __global const float* restrict cells,
-                               volatile __global uint* restrict promises, const uint round, const uint first,
-                               const uint end) {
+                               __global const float* restrict curve, volatile __global uint* restrict promises,
+                               const uint round, const uint first, const uint end) {
     const uint pixel = first + (uint)get_global_id(0);
     if (pixel >= end) return;
+    const Grid grid = GRID;
     const uint x = pixel % width, y = pixel / width;
     const bool is_first = round == 1u;
+    const Place around = near_in_patch(&grid, x, y);
     bool is_near = is_first;
-    for (uint row = max(y, 1u) - 1u; row < min(y + 2u, height); row++) {
-        for (uint column = max(x, 1u) - 1u; column < min(x + 2u, width); column++)
+    for (uint row = around.low.y; row < around.high.y; row++) {
+        for (uint column = around.low.x; column < around.high.x; column++)
             is_near = is_near || ROUND_OF(states[row * width + column]) == round;
     }
     if (!is_near) return;
 
-    const float error = estimate_error(width, height, lattice, shown, states, cells, x, y);
+    const float error = estimate_error(&grid, film, shown, states, cells, curve, x, y);
     const uint level = LEVEL_OF(states[pixel]);
     const uint old_class = is_first ? NO_CLASS : classes[pixel];
     const ulong old_error = is_first ? 0ul : (ulong)(errors[pixel] * ERROR_UNITS);
@@ -302,11 +402,20 @@ __kernel void update_estimates(PIXEL_ARGUMENTS, __global const float* restrict c
     if (level < LAST_LEVEL && error > 0.0f)
         new_class = level * CLASSES + (as_uint(error * NEW_SAMPLES_RECIPROCALS[level]) >> CLASS_SHIFT);
     const ulong more = (ulong)(error * ERROR_UNITS) - old_error; // also if it is less: sums are modulo 2^64
-    if (more != 0ul) add_long(promises + LAST_LEVEL * CLASSES + 2u * (pixel % SUM_SLOTS), more);
+    volatile __global uint* of_block = promises + block_at(&grid, x, y) * (LAST_LEVEL * CLASSES + 2u * SUM_SLOTS);
+    if (more != 0ul) add_long(of_block + LAST_LEVEL * CLASSES + 2u * (pixel % SUM_SLOTS), more);
     if (new_class != old_class) {
-        if (old_class != NO_CLASS) atomic_dec(&promises[old_class]);
-        if (new_class != NO_CLASS) atomic_inc(&promises[new_class]);
+        if (old_class != NO_CLASS) atomic_dec(&of_block[old_class]);
+        if (new_class != NO_CLASS) atomic_inc(&of_block[new_class]);
     }
     errors[pixel] = error;
     classes[pixel] = new_class;
+}
+
+// What pixels that have samples show: their means.
+__kernel void show_means(PIXEL_ARGUMENTS, const uint first, const uint end) {
+    const uint pixel = first + (uint)get_global_id(0);
+    if (pixel >= end) return;
+    const uint level = LEVEL_OF(states[pixel]);
+    if (level > 0u) film[pixel] = sums[pixel] * power_of_two_scale((float)LEVEL_SAMPLES[level]);
 }

@@ -104,7 +104,7 @@ void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket*
 // The camera rays of `lanes` from item `item` on, as first_of_path() makes them.
 void pack_camera_rays(const PixelGroup* group, uint item, ulong lanes, RayPacket* p) {
     __global const RenderParams* render = group->render;
-    const uint2 first = pixel_of_item(render, item);
+    const uint2 first = place_in_picture(render, pixel_of_item(render, item));
     const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const int16 is_ray = mask_of_lanes16(lanes);
     float16 x = convert_float16((int)first.x + lane % (int)TILE_SIDE),

@@ -8,14 +8,20 @@ float3 camera_direction(__global const RenderParams* render, float x, float y) {
     return fma3(render->right.xyz, right, fma3(render->up.xyz, up, render->forward.xyz));
 }
 
+// Where a pixel of the film lies in the picture, of which the film may be a part.
+uint2 place_in_picture(__global const RenderParams* render, uint2 pixel) {
+    return pixel + (uint2)(render->first_pixel & 0xffffu, render->first_pixel >> 16);
+}
+
 // A ray's place in the picture, in pixels from the upper left corner: that of sample number `s` of a pixel, or of a
 // list which has this place in the film.
 CameraSample camera_sample(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel,
                            uint s) {
     if (render->ray_count != 0u) return samples[pixel.y * render->width + pixel.x];
+    const uint2 place = place_in_picture(render, pixel);
     CameraSample at = samples[s];
-    at.x = (float)pixel.x + at.x;
-    at.y = (float)pixel.y + at.y;
+    at.x = (float)place.x + at.x;
+    at.y = (float)place.y + at.y;
     return at;
 }
 

@@ -120,7 +120,7 @@ typedef struct {
     uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are. Number i, at `x + width * y` of the
     float pixel_size; // Side of a pixel at distance 1 in the middle of the picture.
     float roulette_weight; // A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
-    uint pad; // Unused.
+    uint first_pixel; // Of a part of a picture the place of its first pixel in the picture: column | row << 16.
 } RenderParams;
 
 // A slot follows one path after the other: a sample of a pixel and all the rays that come of it.

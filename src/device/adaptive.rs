@@ -7,7 +7,7 @@ use super::launch::Arguments;
 use super::passes::Passes;
 use super::picture::{Launches, PictureBuffers, RenderLists};
 use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
-use crate::adaptive::{COUNTED, CURVE, Choice, Pixels, Promises, cl_constants, refine, sample_sequence};
+use crate::adaptive::{Blocks, COUNTED, CURVE, Choice, Pixels, Promises, cl_constants, refine, sample_sequence};
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::layout::Float4;
@@ -19,8 +19,8 @@ use std::time::Instant;
 
 /// In place of a class: the pixels of the lattice are asked for.
 const LATTICE: u32 = 0;
-/// Parts of the sum of squared errors, so that work-items seldom meet at one.
-const SUM_SLOTS: usize = 256;
+/// Parts of the sum of a block's squared errors, so that work-items seldom meet at one.
+const SUM_SLOTS: usize = 32;
 const TILE_PIXELS: usize = (TILE_SIDE * TILE_SIDE) as usize;
 
 /// What no picture changes.
@@ -53,6 +53,7 @@ struct AdaptiveKernels {
     interpolate: Kernel,
     cells: Kernel,
     update: Kernel,
+    show: Kernel,
 }
 
 impl AdaptiveKernels {
@@ -67,6 +68,7 @@ impl AdaptiveKernels {
             interpolate: program.kernel("interpolate")?,
             cells: program.kernel("estimate_cells")?,
             update: program.kernel("update_estimates")?,
+            show: program.kernel("show_means")?,
         })
     }
 }
@@ -75,6 +77,7 @@ impl AdaptiveKernels {
 struct PixelArrays {
     size: (usize, usize),
     lattice: usize,
+    blocks: Blocks,
     film: Buffer<Float4>,
     sums: Buffer<Float4>,
     shown: Buffer<Float4>,
@@ -89,6 +92,7 @@ impl PixelArrays {
         Ok(PixelArrays {
             size,
             lattice,
+            blocks: Blocks::new(size, lattice),
             film: Buffer::empty(context, "picture", count)?,
             sums: Buffer::empty(context, "sums of samples", count)?,
             shown: Buffer::empty(context, "estimates", count)?,
@@ -102,6 +106,11 @@ impl PixelArrays {
         self.size.0 * self.size.1
     }
 
+    fn areas(&self) -> usize {
+        let (columns, rows) = self.blocks.areas();
+        columns * rows
+    }
+
     fn tiles(&self) -> usize {
         let side = TILE_SIDE as usize;
         self.size.0.div_ceil(side) * self.size.1.div_ceil(side)
@@ -109,10 +118,16 @@ impl PixelArrays {
 
     /// Sets the arguments with which every kernel begins.
     fn arguments<'k>(&self, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        let arguments = Arguments::of(kernel);
-        let arguments =
-            arguments.set(self.size.0 as u32)?.set(self.size.1 as u32)?.set(self.lattice as u32)?.set(&self.film)?;
-        arguments.set(&self.sums)?.set(&self.shown)?.set(&self.states)?.set(&self.errors)?.set(&self.classes)
+        let Blocks { patch_side, area, per_area, stride, .. } = self.blocks;
+        let grid = [self.size.0, self.size.1, self.lattice, patch_side, area.0, area.1, per_area, stride];
+        let arguments = grid.into_iter().try_fold(Arguments::of(kernel), |of, number| of.set(number as u32))?;
+        arguments
+            .set(&self.film)?
+            .set(&self.sums)?
+            .set(&self.shown)?
+            .set(&self.states)?
+            .set(&self.errors)?
+            .set(&self.classes)
     }
 }
 
@@ -150,8 +165,12 @@ pub(super) struct DevicePixels<'a> {
     cells: Buffer<f32>,
     /// Of each tile how many pixels are asked for, and how many samples; then how many there are in the tiles before.
     tiles: Buffer<[u32; 2]>,
-    /// [`Promises`] and parts of the sum, as the kernel has them.
-    promises: Buffer<u32>,
+    /// Of each block [`Promises`] and parts of the sum, as the kernel has them.
+    of_blocks: Buffer<u32>,
+    /// The same, fetched.
+    promises: Vec<Promises>,
+    /// Of each block which of its pixels are asked for.
+    choices: Buffer<[u32; 2]>,
     /// Pixels of a list, and where the samples of each begin.
     list: Buffer<[u32; 2]>,
     /// How much those are wrong that were interpolated.
@@ -162,7 +181,6 @@ pub(super) struct DevicePixels<'a> {
     /// The most rays of a list of more than one tile.
     most_rays: u64,
     round: u32,
-    is_interpolated: bool,
     result: RenderResult,
     decide_s: f64,
 }
@@ -181,8 +199,10 @@ impl<'a> DevicePixels<'a> {
         let context = &tracer.context().clone();
         let size = (params.width as usize, params.height as usize);
         let pixels = PixelArrays::new(context, size, adaptive.step())?;
+        let (blocks, areas) = (pixels.blocks, pixels.areas());
         let on_axis = |pixels: usize| (pixels - 1) / adaptive.step() + 1;
-        let cells = if adaptive.step() > 1 { on_axis(size.0) * on_axis(size.1) } else { 0 };
+        let cells = if adaptive.step() > 1 { areas * on_axis(blocks.area.0) * on_axis(blocks.area.1) } else { 0 };
+        let count = areas * blocks.per_area;
         // A tile is not divided between lists.
         let tile_rays = TILE_PIXELS * MOST_SAMPLES as usize;
         let most_rays = adaptive.list_rays.max(tile_rays).min(pixels.count().saturating_mul(MOST_SAMPLES as usize));
@@ -194,7 +214,9 @@ impl<'a> DevicePixels<'a> {
             params: *params,
             cells: Buffer::empty(context, "cells of the lattice", cells)?,
             tiles: Buffer::empty(context, "tiles", pixels.tiles())?,
-            promises: Buffer::read_write(context, "promises", &vec![0; COUNTED + 2 * SUM_SLOTS])?,
+            of_blocks: Buffer::read_write(context, "promises", &vec![0; count * (COUNTED + 2 * SUM_SLOTS)])?,
+            promises: vec![Promises::default(); count],
+            choices: Buffer::read_write(context, "choices", &vec![[LATTICE, 0]; count])?,
             list: Buffer::empty(context, "listed pixels", pixels.count().min(most_rays))?,
             changes: Buffer::empty(context, "changes", pixels.count().min(most_rays))?,
             rays,
@@ -202,7 +224,6 @@ impl<'a> DevicePixels<'a> {
             started: Started { events: Vec::new(), work_group: tracer.work_group() },
             most_rays: adaptive.list_rays as u64,
             round: 0,
-            is_interpolated: false,
             result: RenderResult::of_film(film),
             decide_s: 0.0,
             program,
@@ -217,11 +238,16 @@ impl<'a> DevicePixels<'a> {
             this.pixels.arguments(&mut this.kernels.forget)?;
             this.started.launch(&mut this.kernels.forget, 0..this.pixels.count())
         })?;
-        let size = self.pixels.size;
-        let stats = refine(&mut self, size, adaptive, progress)?;
+        let (size, blocks) = (self.pixels.size, self.pixels.blocks);
+        let refined = refine(&mut self, &blocks.pixels(), adaptive, progress)?;
+        self.deciding(|this| {
+            this.pixels.arguments(&mut this.kernels.show)?;
+            this.started.launch(&mut this.kernels.show, 0..this.pixels.count())
+        })?;
         let start = Instant::now();
         self.result.film.pixels = self.pixels.film.read_as(|pixel| [pixel.x, pixel.y, pixel.z])?;
         self.result.read_s = start.elapsed().as_secs_f64();
+        let stats = refined.stats(adaptive, size);
         let stats = AdaptiveStats { decide_s: self.decide_s, decided_by: Decisions::Device, ..stats };
         self.result.adaptive = Some(stats);
         Ok(self.result)
@@ -237,11 +263,11 @@ impl<'a> DevicePixels<'a> {
         Ok(done)
     }
 
-    /// Counts the pixels of a choice, and puts them into lists: the tiles of each, the tiles before which its pixels
+    /// Counts the pixels of the choices, and puts them into lists: the tiles of each, the tiles before which its pixels
     /// and samples begin, and how many of both it has.
-    fn divide(&mut self, lowest: u32, only_interpolated: u32) -> Result<Vec<Part>> {
+    fn divide(&mut self) -> Result<Vec<Part>> {
         let (tiles, kernel) = (self.pixels.tiles(), &mut self.kernels.count);
-        self.pixels.arguments(kernel)?.set(&self.tiles)?.set(lowest)?.set(only_interpolated)?;
+        self.pixels.arguments(kernel)?.set(&self.tiles)?.set(&self.choices)?;
         self.started.launch(kernel, 0..tiles)?;
         let mut counts = self.tiles.read()?;
         let parts = divide(&mut counts, self.most_rays);
@@ -249,12 +275,19 @@ impl<'a> DevicePixels<'a> {
         Ok(parts)
     }
 
-    /// Traces the new samples of a part of a choice.
-    fn trace(&mut self, part: &Part, lowest: u32, only_interpolated: u32) -> Result<()> {
+    /// Takes the new samples of the pixels that are asked for. Returns how many pixels that are.
+    fn take(&mut self) -> Result<u64> {
+        self.round += 1;
+        let parts = self.deciding(Self::divide)?;
+        parts.iter().try_for_each(|part| self.trace(part))?;
+        Ok(parts.iter().map(|part| u64::from(part.count[0])).sum())
+    }
+
+    /// Traces the new samples of a part of the choices.
+    fn trace(&mut self, part: &Part) -> Result<()> {
         self.deciding(|this| {
             let (pixels, kernels) = (&this.pixels, &mut this.kernels);
-            let arguments =
-                pixels.arguments(&mut kernels.list)?.set(&this.tiles)?.set(lowest)?.set(only_interpolated)?;
+            let arguments = pixels.arguments(&mut kernels.list)?.set(&this.tiles)?.set(&this.choices)?;
             arguments.set(&this.list)?.set(part.before[0])?.set(part.before[1])?;
             this.started.launch(&mut kernels.list, part.tiles.clone())?;
             let arguments = pixels.arguments(&mut kernels.place)?.set(&this.list)?;
@@ -273,7 +306,7 @@ impl<'a> DevicePixels<'a> {
             let arguments = pixels.arguments(&mut kernels.take)?.set(&this.list)?.set(&this.rays.film)?;
             arguments.set(&this.program.curve)?.set(&this.changes)?.set(this.round)?;
             this.started.launch(&mut kernels.take, listed.clone())?;
-            if this.is_interpolated {
+            if this.pixels.lattice > 1 && this.round > 1 {
                 pixels.arguments(&mut kernels.tell)?.set(&this.list)?.set(&this.changes)?;
                 this.started.launch(&mut kernels.tell, listed)?;
             }
@@ -283,37 +316,42 @@ impl<'a> DevicePixels<'a> {
 }
 
 impl Pixels for DevicePixels<'_> {
-    fn raise(&mut self, choice: Option<Choice>) -> Result<()> {
-        self.round += 1;
-        let (lowest, only_interpolated) =
-            choice.map_or((LATTICE, 0), |choice| (choice.lowest as u32, u32::from(choice.only_interpolated)));
-        let parts = self.deciding(|this| this.divide(lowest, only_interpolated))?;
-        parts.iter().try_for_each(|part| self.trace(part, lowest, only_interpolated))
-    }
-
-    fn interpolate(&mut self) -> Result<()> {
-        self.deciding(|this| {
-            this.pixels.arguments(&mut this.kernels.interpolate)?.set(&this.program.curve)?;
-            this.started.launch(&mut this.kernels.interpolate, 0..this.pixels.count())?;
-            if !this.is_interpolated {
+    fn begin(&mut self) -> Result<u64> {
+        let traced = self.take()?;
+        if self.pixels.lattice > 1 {
+            self.deciding(|this| {
+                this.pixels.arguments(&mut this.kernels.interpolate)?.set(&this.program.curve)?;
+                this.started.launch(&mut this.kernels.interpolate, 0..this.pixels.count())?;
                 this.pixels.arguments(&mut this.kernels.cells)?.set(&this.cells)?;
-                this.started.launch(&mut this.kernels.cells, 0..this.cells.len())?;
-            }
-            this.is_interpolated = true;
-            Ok(())
-        })
+                this.started.launch(&mut this.kernels.cells, 0..this.cells.len())
+            })?;
+        }
+        Ok(traced)
     }
 
-    fn update(&mut self) -> Result<Promises> {
+    fn raise(&mut self, choices: &[Choice]) -> Result<()> {
+        let as_told = |choice: &Choice| [choice.lowest as u32, u32::from(choice.only_interpolated)];
+        let choices: Vec<[u32; 2]> = choices.iter().map(as_told).collect();
+        self.deciding(|this| this.choices.write(&choices))?;
+        self.take().map(drop)
+    }
+
+    fn update(&mut self) -> Result<&[Promises]> {
         self.deciding(|this| {
             let kernel = &mut this.kernels.update;
-            this.pixels.arguments(kernel)?.set(&this.cells)?.set(&this.promises)?.set(this.round)?;
+            let arguments = this.pixels.arguments(kernel)?.set(&this.cells)?.set(&this.program.curve)?;
+            arguments.set(&this.of_blocks)?.set(this.round)?;
             this.started.launch(kernel, 0..this.pixels.count())?;
-            let mut pixels = this.promises.read()?;
-            let sums = pixels.split_off(COUNTED);
-            let error = sums.chunks_exact(2).map(|sum| u64::from(sum[0]) | u64::from(sum[1]) << 32);
-            Ok(Promises { error: error.fold(0, u64::wrapping_add), pixels })
-        })
+            let fetched = this.of_blocks.read()?;
+            for (promises, fetched) in this.promises.iter_mut().zip(fetched.chunks_exact(COUNTED + 2 * SUM_SLOTS)) {
+                let (pixels, sums) = fetched.split_at(COUNTED);
+                promises.pixels.copy_from_slice(pixels);
+                let error = sums.chunks_exact(2).map(|sum| u64::from(sum[0]) | u64::from(sum[1]) << 32);
+                promises.error = error.fold(0, u64::wrapping_add);
+            }
+            Ok(())
+        })?;
+        Ok(&self.promises)
     }
 }
 

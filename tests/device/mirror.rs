@@ -17,7 +17,7 @@ const WITHOUT_TWIN: &[(&str, &str)] = &[
     ("cl/shared/double_double.cl", "the twin goes from f64 to exact integers at once"),
     ("cl/shared/rounding_errors.cl", "compiled for several numbers of lanes; the twin's one is in ray.rs"),
     ("cl/intersect/exact_closer.cl", "the twin goes from f64 to exact integers at once"),
-    ("cl/kernels/adaptive.cl", "its twin is src/adaptive.rs, which also decides on the host"),
+    ("cl/kernels/adaptive.cl", "its twin is src/adaptive/, which also decides on the host"),
     ("cl/kernels/empty.cl", "computes nothing"),
     ("cl/kernels/limits.cl", "measures the device"),
     ("cl/kernels/render_packets.cl", "sixteen pixels at a time, with the answers of render.cl"),

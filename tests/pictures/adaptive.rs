@@ -183,6 +183,10 @@ fn the_device_decides_of_pictures_of_any_shape_and_lattice_what_the_host_decides
         ((65, 50), 2, 2.0),
         ((70, 33), 5, 255.0),
         ((24, 24), 3, 0.0),
+        // Two blocks; two areas, of which one is smaller.
+        ((560, 360), 1, 2.0),
+        ((560, 360), 3, 6.0),
+        ((3201, 7), 8, 4.0),
     ] {
         let ready = Ready::new(scene.clone(), size, Samples::Error(error), options);
         let params = ready.buffers.render_params(&ready.picture.camera, size, Samples::Error(error), DEPTH, None);

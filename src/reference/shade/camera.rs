@@ -21,6 +21,12 @@ pub fn camera_direction(params: &RenderParams, x: f32, y: f32) -> Vec3 {
     fma3(params.right.xyz(), right, fma3(params.up.xyz(), up, params.forward.xyz()))
 }
 
+/// Where a pixel of the film lies in the picture, of which the film may be a part.
+#[inline(always)]
+fn place_in_picture(params: &RenderParams, (x, y): (usize, usize)) -> (usize, usize) {
+    (x + (params.first_pixel & 0xffff) as usize, y + (params.first_pixel >> 16) as usize)
+}
+
 /// A ray's place in the picture, in pixels from the upper left corner: that of a pixel's sample, or of a list which has
 /// this place in the film.
 #[inline(always)]
@@ -33,6 +39,7 @@ pub fn camera_sample(
     if params.ray_count != 0 {
         return samples[y * params.width as usize + x];
     }
+    let (x, y) = place_in_picture(params, (x, y));
     let at = samples[sample];
     CameraSample { x: x as f32 + at.x, y: y as f32 + at.y, ..at }
 }

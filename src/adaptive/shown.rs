@@ -1,0 +1,55 @@
+//! What a screen shows of radiances, in which errors are measured.
+
+use crate::io::film::srgb_from_linear;
+use crate::tracer::LEVEL_SAMPLES;
+use std::sync::LazyLock;
+
+/// Values of a screen by the root of the radiance, of which they are nearly a multiple: straight lines between these
+/// are right to 0.001 steps.
+pub static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    let root = |i: usize| i as f64 / CURVE_INTERVALS as f64;
+    (0..=CURVE_INTERVALS + 1).map(|i| (255.0 * srgb_from_linear(root(i).powi(2))) as f32).collect()
+});
+/// Parts of the root's range.
+pub const CURVE_INTERVALS: usize = 4096;
+
+/// Each value of [`CURVE`] with the difference to the next: they are looked up together.
+static STEPS: LazyLock<Vec<[f32; 2]>> =
+    LazyLock::new(|| CURVE.windows(2).map(|pair| [pair[0], pair[1] - pair[0]]).collect());
+
+/// Values of a screen, 0 to 255 without rounding.
+pub fn display_steps(linear: [f32; 3]) -> [f32; 3] {
+    let steps = STEPS.as_slice();
+    linear.map(|radiance| {
+        // NaN counts as black, as it does in files.
+        let at = if radiance > 0.0 { radiance.min(1.0) } else { 0.0 }.sqrt() * CURVE_INTERVALS as f32;
+        let low = at as usize;
+        let [value, difference] = steps[low];
+        value + difference * (at - low as f32)
+    })
+}
+
+/// The variance of the mean of four values, if they have nothing to do with each other. Of parts of one net they have:
+/// together they cover the pixel better, and the error is smaller ([`super::patch::PARTS`]).
+pub fn variance_of_mean(quarters: &[[f32; 3]; 4]) -> f32 {
+    let [a, b, c, d] = quarters;
+    let mean: [f32; 3] = std::array::from_fn(|i| (a[i] + b[i] + c[i] + d[i]) * 0.25);
+    let [a, b, c, d] = quarters.map(|quarter| squared(std::array::from_fn(|i| quarter[i] - mean[i])));
+    (a + b + c + d) * (1.0 / 12.0)
+}
+
+/// Mean of the squared channels.
+pub fn squared([r, g, b]: [f32; 3]) -> f32 {
+    (r * r + g * g + b * b) * (1.0 / 3.0)
+}
+
+/// What a pixel of a level that has samples shows: their mean.
+pub fn mean(sum: [f32; 3], level: u8) -> [f32; 3] {
+    mean_of(sum, LEVEL_SAMPLES[usize::from(level)] as usize)
+}
+
+/// The mean of so many samples.
+pub fn mean_of(sum: [f32; 3], samples: usize) -> [f32; 3] {
+    let part = 1.0 / samples as f32;
+    sum.map(|sum| sum * part)
+}
