@@ -31,6 +31,7 @@ use crate::work::PixelWork;
 pub(crate) use blocks::Blocks;
 use promises::squared_error;
 pub(crate) use promises::{COUNTED, Choice, Promises};
+use rayon::prelude::*;
 pub(crate) use shown::CURVE;
 
 /// The estimate comes down to this part of the error that is asked for. It may be off where few pixels have most of the
@@ -166,15 +167,17 @@ pub(crate) fn refine(
         }
         // What is left goes down by about the same factor in each round.
         progress((1.0 - left / first).clamp(0.0, 1.0));
+        let rounds = refined.rounds;
         let choose = |(block, &pixels): (&Promises, &u64)| match block.excess(target(pixels)) > 0.0 {
-            true => block.choose(target(pixels), refined.rounds),
-            false => Choice::NONE,
+            true => {
+                let choice = block.choose(target(pixels), rounds);
+                (choice, block.chosen(choice))
+            }
+            false => (Choice::NONE, [0; LAST_LEVEL as usize]),
         };
-        let choices: Vec<Choice> = promises.iter().zip(pixels_of).map(choose).collect();
-        let mut raised = [0; LAST_LEVEL as usize];
-        for (block, &choice) in promises.iter().zip(&choices) {
-            raised.iter_mut().zip(block.chosen(choice)).for_each(|(sum, count)| *sum += count);
-        }
+        let (choices, chosen): (Vec<Choice>, Vec<_>) = promises.par_iter().zip(pixels_of).map(choose).unzip();
+        let raised: [u64; LAST_LEVEL as usize] =
+            std::array::from_fn(|level| chosen.iter().map(|block| block[level]).sum());
         if raised == [0; LAST_LEVEL as usize] {
             break;
         }

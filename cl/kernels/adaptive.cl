@@ -10,7 +10,7 @@
 #define NO_CLASS 0xffffffffu
 
 // What is known of a picture's pixels, each an element of these arrays:
-//   film     the first samples and what lies between them, linear; in the end what is shown
+//   film     the first samples and what lies between them, linear
 //   sums     of the samples
 //   shown    xyz: values of a screen; w: squared error, of a mean by what parts of it differ, of an interpolated pixel
 //            by what its neighbours turned out to be
@@ -412,10 +412,12 @@ __kernel void update_estimates(PIXEL_ARGUMENTS, __global const float* restrict c
     classes[pixel] = new_class;
 }
 
-// What pixels that have samples show: their means.
+// The picture: means of the samples, or what was interpolated. It is written to `shown`, of which nothing is needed any
+// more, three numbers for each pixel: so less is fetched.
 __kernel void show_means(PIXEL_ARGUMENTS, const uint first, const uint end) {
     const uint pixel = first + (uint)get_global_id(0);
     if (pixel >= end) return;
     const uint level = LEVEL_OF(states[pixel]);
-    if (level > 0u) film[pixel] = sums[pixel] * power_of_two_scale((float)LEVEL_SAMPLES[level]);
+    const float3 mean = sums[pixel].xyz * power_of_two_scale((float)max(LEVEL_SAMPLES[level], 1u));
+    vstore3(level > 0u ? mean : film[pixel].xyz, pixel, (__global float*)shown);
 }

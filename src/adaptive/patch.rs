@@ -130,11 +130,12 @@ impl Patch {
         let (mut last, mut shown) = (corner, display_steps(corner));
         for y in rows.clone() {
             let to = (y + 1 - place.y.start) * ring + columns.start + 1 - place.x.start;
-            for (i, &pixel) in row(y).iter().enumerate() {
+            let [red, green, blue] = patch.shown.each_mut().map(|channel| &mut channel[to..]);
+            for (((&pixel, red), green), blue) in row(y).iter().zip(red).zip(green).zip(blue) {
                 if pixel != last {
                     (last, shown) = (pixel, display_steps(pixel));
                 }
-                patch.shown.iter_mut().zip(shown).for_each(|(channel, value)| channel[to + i] = value);
+                [*red, *green, *blue] = shown;
             }
         }
         for (x, y) in pixels() {

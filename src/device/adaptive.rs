@@ -245,7 +245,7 @@ impl<'a> DevicePixels<'a> {
             this.started.launch(&mut this.kernels.show, 0..this.pixels.count())
         })?;
         let start = Instant::now();
-        self.result.film.pixels = self.pixels.film.read_as(|pixel| [pixel.x, pixel.y, pixel.z])?;
+        self.result.film.pixels = self.pixels.shown.as_of::<[f32; 3]>(self.pixels.count()).read()?;
         self.result.read_s = start.elapsed().as_secs_f64();
         let stats = refined.stats(adaptive, size);
         let stats = AdaptiveStats { decide_s: self.decide_s, decided_by: Decisions::Device, ..stats };

@@ -207,16 +207,39 @@ impl<T: Pod> Buffer<T> {
     /// See [`Buffer::read`].
     pub fn read_as<R: Send>(&self, convert: impl Fn(T) -> R + Sync) -> Result<Vec<R>>
     where
-        T: Sync,
+        T: Send + Sync,
     {
         let mut all = Vec::with_capacity(self.len);
-        let mut part = bytemuck::zeroed_vec::<T>(self.len.min(READ_BYTES.div_ceil(size_of::<T>().max(1))));
-        while all.len() < self.len {
-            let count = part.len().min(self.len - all.len());
-            self.read_into(all.len(), &mut part[..count])?;
-            all.par_extend(part[..count].par_iter().with_min_len(LEAST_CONVERTED).map(|element| convert(*element)));
+        let room = self.len.min(READ_BYTES.div_ceil(size_of::<T>().max(1)));
+        let (mut part, mut next) = (bytemuck::zeroed_vec::<T>(room), bytemuck::zeroed_vec::<T>(room));
+        let mut count = room;
+        self.read_into(0, &mut part[..count])?;
+        while count > 0 {
+            let first = all.len() + count;
+            let next_count = room.min(self.len - first);
+            // One part is fetched while the one before is converted.
+            let (fetched, ()) = rayon::join(
+                || self.read_into(first, &mut next[..next_count]),
+                || {
+                    all.par_extend(
+                        part[..count].par_iter().with_min_len(LEAST_CONVERTED).map(|&element| convert(element)),
+                    )
+                },
+            );
+            fetched?;
+            std::mem::swap(&mut part, &mut next);
+            count = next_count;
         }
         Ok(all)
+    }
+
+    /// The first `len` elements of another kind in the same memory.
+    ///
+    /// # Panics
+    /// When they do not fit.
+    pub(super) fn as_of<U: Pod>(&self, len: usize) -> Buffer<U> {
+        assert!(len * size_of::<U>() <= self.memory.bytes, "{} has no room for {len} elements", self.memory.what);
+        Buffer { memory: self.memory.clone(), len, kind: PhantomData }
     }
 
     /// The elements from number `first` on, as many as `data` has room for.
