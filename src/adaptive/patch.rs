@@ -86,8 +86,9 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// The patch `place`, of this side, of an area whose first samples, and what lies between them, are in `film`, a picture of
-    /// `width`. None where all its pixels and those around it are the same, so that nothing is ever to be done.
+    /// The patch `place`, of this side, of an area whose first samples, and what lies between them, are in `film`, a
+    /// picture of `width`. None where all its pixels and those around it are the same, so that nothing is ever to be
+    /// done.
     pub fn new(
         film: &[[f32; 3]],
         width: usize,
@@ -291,8 +292,8 @@ impl Patch {
         sum / 8.0
     }
 
-    /// The pixels of a choice, and their levels, in the order in which they are traced: by tiles, so that neighbours in a list are
-    /// neighbours in the picture.
+    /// The pixels of a choice, and their levels, in the order in which they are traced: by tiles, so that neighbours in
+    /// a list are neighbours in the picture.
     pub fn chosen(&self, choice: Choice) -> Vec<(u16, u8)> {
         if self.highest < choice.lowest {
             return Vec::new();
