@@ -67,7 +67,7 @@ struct Tracing<'a> {
 
 /// New samples of pixels of a patch.
 struct Listed {
-    /// The block, and the patch's number in it.
+    /// The block, and the patch's number in it; of first samples 0, and its number in the area.
     patch: (usize, usize),
     /// Where it lies in the picture.
     place: Area,
