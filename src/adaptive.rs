@@ -29,6 +29,7 @@ use crate::tracer::{
 };
 use crate::work::PixelWork;
 pub(crate) use blocks::Blocks;
+pub(crate) use host::PART_PIXELS;
 use promises::squared_error;
 pub(crate) use promises::{COUNTED, Choice, Promises};
 use rayon::prelude::*;
@@ -131,15 +132,21 @@ impl Refined {
         self.rounds = self.rounds.max(other.rounds);
     }
 
-    /// As of a whole picture; who decided, and in which time, the caller knows.
-    pub fn stats(&self, adaptive: Adaptive, (width, height): (usize, usize)) -> AdaptiveStats {
+    /// As of a whole picture.
+    pub fn stats(
+        &self,
+        adaptive: Adaptive,
+        (width, height): (usize, usize),
+        decided_by: Decisions,
+        decide_s: f64,
+    ) -> AdaptiveStats {
         AdaptiveStats {
             error: adaptive.error,
             estimated_error: (squared_error(self.error) / (width * height) as f64).sqrt() as f32,
             pixels: self.pixels,
             rounds: self.rounds,
-            decided_by: Decisions::Host,
-            decide_s: 0.0,
+            decided_by,
+            decide_s,
         }
     }
 }
@@ -154,19 +161,23 @@ pub(crate) fn refine(
 ) -> Result<Refined> {
     let target = |pixels: u64| (AIM * f64::from(adaptive.error)).powi(2) * pixels as f64;
     let mut refined = Refined { rounds: 1, ..Refined::default() };
+    let count = pixels_of.iter().sum();
     refined.pixels[1] = pixels.begin()?;
-    refined.pixels[0] = pixels_of.iter().sum::<u64>() - refined.pixels[1];
+    refined.pixels[0] = count - refined.pixels[1];
+    let all = target(count);
     let mut first = None;
     loop {
         let promises = pixels.update()?;
         refined.error = promises.iter().map(|block| block.error).sum();
-        let left: f64 = promises.iter().zip(pixels_of).map(|(block, &pixels)| block.excess(target(pixels))).sum();
-        let first = *first.get_or_insert(left);
-        if left <= 0.0 {
+        if promises.iter().zip(pixels_of).all(|(block, &pixels)| block.excess(target(pixels)) <= 0.0) {
             break;
         }
-        // What is left goes down by about the same factor in each round.
-        progress((1.0 - left / first).clamp(0.0, 1.0));
+        let squared = squared_error(refined.error);
+        let first = *first.get_or_insert(squared);
+        if 0.0 < all && all < first {
+            // What is left goes down by about the same factor in each round.
+            progress(((first / squared).ln() / (first / all).ln()).clamp(0.0, 1.0));
+        }
         let rounds = refined.rounds;
         let choose = |(block, &pixels): (&Promises, &u64)| match block.excess(target(pixels)) > 0.0 {
             true => {

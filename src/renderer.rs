@@ -1,12 +1,12 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
-use crate::adaptive::{estimated_bytes, render_adaptive, sample_sequence};
+use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, sample_sequence};
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
 use crate::error::Result;
 use crate::features::Features;
 use crate::io::film::{Film, ImageFormat};
-use crate::options::{Kernels, TraceOptions};
+use crate::options::{Decisions, Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceBackend;
 use crate::scene::{Camera, Samples, Scene};
@@ -140,10 +140,17 @@ pub fn picture_bytes(
         (_, true) => 2 * size_of::<PixelWork>() as u64 * pixels,
         (_, false) => 0,
     };
+    let on_device = match samples {
+        // The host keeps the pixels, and has them rendered in parts.
+        Samples::Error(_) if options.picture.decisions != Decisions::Device => pixels.min(PART_PIXELS as u64),
+        _ => pixels,
+    };
     let of_device = match (shares_memory, options.picture.kernels) {
         (false, _) => 0,
-        (true, Kernels::Mega) => DEVICE_PIXEL_BYTES * pixels,
-        (true, Kernels::Wavefront) => DEVICE_PIXEL_BYTES * pixels + WAVEFRONT_BYTES.min(WAVEFRONT_PIXEL_BYTES * pixels),
+        (true, Kernels::Mega) => DEVICE_PIXEL_BYTES * on_device,
+        (true, Kernels::Wavefront) => {
+            DEVICE_PIXEL_BYTES * on_device + WAVEFRONT_BYTES.min(WAVEFRONT_PIXEL_BYTES * pixels)
+        }
     };
     let of_file = format.map_or(0, ImageFormat::bytes_per_pixel) * pixels;
     let of_run = RUN_BYTES + if shares_memory { DRIVER_BYTES } else { 0 };

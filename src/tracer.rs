@@ -156,7 +156,8 @@ pub struct Adaptive {
     pub error: f32,
     /// Pixels from one point of the first lattice to the next; 1, or 0: every pixel is traced.
     pub lattice: u32,
-    /// Rays of one list at most, but for those of one patch or tile of pixels. Fewer take less memory, more keep a device busy.
+    /// Rays of one list at most, but for those of one patch or tile of pixels. Fewer take less memory, more keep a device
+    /// busy.
     pub list_rays: usize,
 }
 
@@ -237,10 +238,14 @@ pub trait Backend: Send {
     }
 
     /// Seconds that compiling (or loading) kernels took so far.
-    fn compile_s(&self) -> f64;
+    fn compile_s(&self) -> f64 {
+        0.0
+    }
 
     /// Seconds that sending the scene took.
-    fn upload_s(&self) -> f64;
+    fn upload_s(&self) -> f64 {
+        0.0
+    }
 
     /// What it was opened with.
     fn options(&self) -> &TraceOptions;

@@ -1,4 +1,4 @@
-// Pictures of bounded error: what is known of the pixels, and which of them are traced next (src/adaptive.rs says why,
+// Pictures of bounded error: what is known of the pixels, and which of them are traced next (src/adaptive/ says why,
 // and has the twin of everything here; what it has in capitals comes from there). LATTICE in place of a class: the
 // pixels of the lattice are asked for.
 //
@@ -42,9 +42,10 @@ Place area_at(const Grid* grid, uint x, uint y) {
     return place;
 }
 
+uint areas_across(const Grid* grid) { return (grid->width + grid->area_width - 1u) / grid->area_width; }
+
 uint number_of_area(const Grid* grid, uint x, uint y) {
-    const uint areas_across = (grid->width + grid->area_width - 1u) / grid->area_width;
-    return y / grid->area_height * areas_across + x / grid->area_width;
+    return y / grid->area_height * areas_across(grid) + x / grid->area_width;
 }
 
 uint block_at(const Grid* grid, uint x, uint y) {
@@ -291,8 +292,8 @@ __kernel void estimate_cells(PIXEL_ARGUMENTS, __global float* restrict cells, co
     const uint cell = first + (uint)get_global_id(0);
     if (cell >= end) return;
     const Grid grid = GRID;
-    const uint number = cell / room_for_cells(&grid), areas_across = (width + area_width - 1u) / area_width;
-    const Place area = area_at(&grid, number % areas_across * area_width, number / areas_across * area_height);
+    const uint number = cell / room_for_cells(&grid), across = areas_across(&grid);
+    const Place area = area_at(&grid, number % across * area_width, number / across * area_height);
     const uint cells_across = cells_of(&grid, &area).x, in_area = cell % room_for_cells(&grid);
     const int column = (int)(in_area % cells_across), row = (int)(in_area / cells_across);
     if (row >= (int)cells_of(&grid, &area).y) return; // of a smaller area

@@ -90,13 +90,19 @@ impl Blocks {
     }
 
     /// How many areas lie in a row, and in a column.
-    pub fn areas(&self) -> (usize, usize) {
+    fn areas_across_and_down(&self) -> (usize, usize) {
         (self.size.0.div_ceil(self.area.0), self.size.1.div_ceil(self.area.1))
+    }
+
+    /// How many areas there are.
+    pub fn areas(&self) -> usize {
+        let (across, down) = self.areas_across_and_down();
+        across * down
     }
 
     /// The area of this number, row by row.
     pub fn area(&self, number: usize) -> Area {
-        let columns = self.areas().0;
+        let columns = self.areas_across_and_down().0;
         let part = |i: usize, side: usize, end: usize| i * side..end.min((i + 1) * side);
         Area {
             x: part(number % columns, self.area.0, self.size.0),
@@ -121,7 +127,6 @@ impl Blocks {
 
     /// How many pixels each block has, area after area.
     pub fn pixels(&self) -> Vec<u64> {
-        let (columns, rows) = self.areas();
         let of_area = |number| {
             let area = self.area(number);
             let pixels = |patch: &usize| {
@@ -131,7 +136,7 @@ impl Blocks {
             let of_block = move |patches: Vec<usize>| patches.iter().map(pixels).sum::<u64>();
             self.patches_of(&self.area(number)).into_iter().map(of_block).collect::<Vec<u64>>()
         };
-        (0..columns * rows).flat_map(of_area).collect()
+        (0..self.areas()).flat_map(of_area).collect()
     }
 }
 
@@ -157,9 +162,8 @@ mod tests {
     fn every_pixel_is_in_one_area_one_patch_and_one_block() {
         for size in [(1, 1), (33, 31), (1920, 1080), (3100, 40), (40, 5200), (4096, 4096), (65535, 32)] {
             let blocks = Blocks::new(size, 2);
-            let (columns, rows) = blocks.areas();
             let mut pixels = 0;
-            for number in 0..columns * rows {
+            for number in 0..blocks.areas() {
                 let area = blocks.area(number);
                 let (width, height) = area.size();
                 assert!(width > 0 && height > 0, "{size:?}");
@@ -178,14 +182,14 @@ mod tests {
             }
             assert_eq!(pixels, size.0 * size.1, "{size:?}");
             assert_eq!(blocks.pixels().iter().sum::<u64>(), pixels as u64);
-            assert_eq!(blocks.pixels().len(), columns * rows * blocks.per_area);
+            assert_eq!(blocks.pixels().len(), blocks.areas() * blocks.per_area);
         }
     }
 
     #[test]
     fn blocks_are_alike() {
         let blocks = Blocks::new((1920, 1080), 1);
-        assert_eq!((blocks.areas(), blocks.per_area), ((1, 1), 16));
+        assert_eq!((blocks.areas(), blocks.per_area), (1, 16));
         let area = blocks.area(0);
         let (columns, _) = area.patches(blocks.patch_side);
         for patches in blocks.patches_of(&area) {

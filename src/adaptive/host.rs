@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::io::film::Film;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Adaptive, AdaptiveStats, Backend, Progress, RenderResult};
+use crate::tracer::{Adaptive, Backend, Progress, RenderResult};
 use crate::work::PixelWork;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -35,8 +35,7 @@ pub fn render(
         result: RenderResult::of_film(film),
         decide_s: 0.0,
     };
-    let (columns, rows) = blocks.areas();
-    let (areas, pixels) = (columns * rows, blocks.pixels());
+    let (areas, pixels) = (blocks.areas(), blocks.pixels());
     let mut all = Refined::default();
     for number in 0..areas {
         let place = blocks.area(number);
@@ -47,12 +46,12 @@ pub fn render(
         area.finish();
     }
     let Tracing { result, decide_s, .. } = tracing;
-    let stats = AdaptiveStats { decided_by: Decisions::Host, decide_s, ..all.stats(adaptive, size) };
+    let stats = all.stats(adaptive, size, Decisions::Host, decide_s);
     Ok(RenderResult { adaptive: Some(stats), ..result })
 }
 
 /// About so many first samples are taken at a time: their film is there twice, on a device and fetched.
-const PART_PIXELS: usize = 1 << 20;
+pub const PART_PIXELS: usize = 1 << 20;
 
 /// What traces the samples of all areas, and what became of them.
 struct Tracing<'a> {
@@ -247,67 +246,15 @@ impl<'a, 't> AreaPixels<'a, 't> {
         }
     }
 
-    /// The first samples, patch by patch.
-    fn pixels_of_lattice(&self) -> Vec<Listed> {
-        let AreaPixels { place: area, side, lattice, .. } = self;
-        let (columns, rows) = area.patches(*side);
-        let of_patch = |number| {
-            let place = area.patch(number, *side);
-            let (left, top) = (place.x.start - area.x.start, place.y.start - area.y.start);
-            let is_on = |pixel: &usize| lattice.has((left + pixel % side, top + pixel / side), area.size());
-            let pixels = by_tiles(place.size(), *side).filter(is_on).map(|pixel| (pixel as u16, 0)).collect();
-            Listed::new((0, number), place, *side, pixels)
-        };
-        (0..columns * rows).into_par_iter().map(of_patch).collect()
-    }
-
     /// Takes the first samples of the points of the lattice. Returns how many that are.
     fn trace_lattice(&mut self) -> Result<u64> {
-        let start = Instant::now();
-        let listed = self.pixels_of_lattice();
-        self.tracing.decide_s += start.elapsed().as_secs_f64();
-        self.tracing.trace(&listed, |tracing, listed, radiances| {
+        let AreaPixels { tracing, place, side, lattice, .. } = self;
+        let listed = tracing.on_host(|_| pixels_of_lattice(place, *side, lattice));
+        tracing.trace(&listed, |tracing, listed, radiances| {
             let width = tracing.width();
             take_firsts(&mut tracing.result.film.pixels, width, listed, radiances);
         })?;
         Ok(listed.iter().map(|listed| listed.samples as u64).sum())
-    }
-
-    /// Gives the pixels between the points of the lattice what lies between these, and estimates what that misses.
-    fn interpolate(&mut self) {
-        let (place, lattice) = (&self.place, &self.lattice);
-        let (step, columns) = (lattice.step, lattice.columns);
-        let (width, height) = place.size();
-        let (picture_width, film) = (self.tracing.width(), &mut self.tracing.result.film.pixels);
-        let point = |cell: usize, end: usize| (cell * step).min(end - 1);
-        let rows = (height - 1) / step + 1;
-        // A copy of the points of the lattice, so that rows can be written by different threads.
-        let points: Vec<[f32; 3]> = (0..=rows)
-            .flat_map(|row| (0..=columns).map(move |column| (column, row)))
-            .map(|(column, row)| {
-                film[(place.y.start + point(row, height)) * picture_width + place.x.start + point(column, width)]
-            })
-            .collect();
-        let film_rows = film[place.y.start * picture_width..place.y.end * picture_width].par_chunks_mut(picture_width);
-        film_rows.enumerate().for_each(|(y, row)| {
-            let across_y = part_of(y, y / step * step, point(y / step + 1, height));
-            for (x, pixel) in row[place.x.clone()].iter_mut().enumerate() {
-                if lattice.has((x, y), (width, height)) {
-                    continue;
-                }
-                let cell = x / step;
-                let at = y / step * (columns + 1) + cell;
-                let [a, b, c, d] = [at, at + 1, at + columns + 1, at + columns + 2].map(|i| points[i]);
-                let across_x = part_of(x, cell * step, point(cell + 1, width));
-                *pixel = std::array::from_fn(|i| {
-                    let upper = (b[i] - a[i]).mul_add(across_x, a[i]);
-                    let lower = (d[i] - c[i]).mul_add(across_x, c[i]);
-                    (lower - upper).mul_add(across_y, upper)
-                });
-            }
-        });
-        let shown: Vec<_> = points.into_par_iter().map(display_steps).collect();
-        self.lattice.cells = errors_of_cells(&shown, columns, rows);
     }
 
     /// The picture has what became of the area.
@@ -337,17 +284,18 @@ impl Pixels for AreaPixels<'_, '_> {
             1 => self.tracing.trace_area(&self.place)?,
             _ => self.trace_lattice()?,
         };
-        let start = Instant::now();
-        if self.lattice.step > 1 {
-            self.interpolate();
-        }
         let AreaPixels { tracing, place, side, lattice, blocks, .. } = self;
-        let (film, width) = (&tracing.result.film.pixels, tracing.width());
-        blocks.par_iter_mut().for_each(|block| {
-            let patch = |at: &Area| Patch::new(film, width, place, at, *side, lattice);
-            block.patches = block.places.iter().map(patch).collect();
+        tracing.on_host(|tracing| {
+            let width = tracing.width();
+            let film = &mut tracing.result.film.pixels;
+            if lattice.step > 1 {
+                lattice.cells = interpolate(film, width, place, lattice);
+            }
+            blocks.par_iter_mut().for_each(|block| {
+                let patch = |at: &Area| Patch::new(film, width, place, at, *side, lattice);
+                block.patches = block.places.iter().map(patch).collect();
+            });
         });
-        tracing.decide_s += start.elapsed().as_secs_f64();
         Ok(traced)
     }
 
@@ -372,12 +320,11 @@ impl Pixels for AreaPixels<'_, '_> {
                 groups[group.0[0].patch.0].1 = Some(group);
             }
             groups.into_par_iter().for_each(|(block, group)| {
-                let Some((listed, mut radiances)) = group else { return };
-                for listed in listed {
-                    let Some(patch) = &mut block.patches[listed.patch.1] else { continue };
-                    let (now, later) = radiances.split_at(listed.samples);
-                    radiances = later;
-                    take_samples(patch, listed, now, is_interpolated, (film, width));
+                let Some((listed, radiances)) = group else { return };
+                for (listed, radiances) in by_groups(listed, radiances, |listed| listed.patch.1) {
+                    if let Some(patch) = &mut block.patches[listed[0].patch.1] {
+                        take_samples(patch, &listed[0], radiances, is_interpolated, (film, width));
+                    }
                 }
             });
         })
@@ -392,6 +339,19 @@ impl Pixels for AreaPixels<'_, '_> {
         });
         Ok(promises)
     }
+}
+
+/// The first samples of an area, patch by patch.
+fn pixels_of_lattice(area: &Area, side: usize, lattice: &Lattice) -> Vec<Listed> {
+    let (columns, rows) = area.patches(side);
+    let of_patch = |number| {
+        let place = area.patch(number, side);
+        let (left, top) = (place.x.start - area.x.start, place.y.start - area.y.start);
+        let is_on = |pixel: &usize| lattice.has((left + pixel % side, top + pixel / side), area.size());
+        let pixels = by_tiles(place.size(), side).filter(is_on).map(|pixel| (pixel as u16, 0)).collect();
+        Listed::new((0, number), place, side, pixels)
+    };
+    (0..columns * rows).into_par_iter().map(of_patch).collect()
 }
 
 /// Puts the first samples of listed pixels into the picture; the list goes through rows of patches.
@@ -437,6 +397,42 @@ fn take_samples(
         changes.extend(change.filter(|_| is_interpolated).map(|change| (pixel, change)));
     }
     patch.tell_neighbours(&changes);
+}
+
+/// Gives the pixels of an area between the points of the lattice what lies between these. Returns what that misses: the
+/// squared errors in the lattice's cells.
+fn interpolate(film: &mut [[f32; 3]], picture_width: usize, place: &Area, lattice: &Lattice) -> Vec<f32> {
+    let (step, columns) = (lattice.step, lattice.columns);
+    let (width, height) = place.size();
+    let point = |cell: usize, end: usize| (cell * step).min(end - 1);
+    let rows = (height - 1) / step + 1;
+    // A copy of the points of the lattice, so that rows can be written by different threads.
+    let points: Vec<[f32; 3]> = (0..=rows)
+        .flat_map(|row| (0..=columns).map(move |column| (column, row)))
+        .map(|(column, row)| {
+            film[(place.y.start + point(row, height)) * picture_width + place.x.start + point(column, width)]
+        })
+        .collect();
+    let film_rows = film[place.y.start * picture_width..place.y.end * picture_width].par_chunks_mut(picture_width);
+    film_rows.enumerate().for_each(|(y, row)| {
+        let across_y = part_of(y, y / step * step, point(y / step + 1, height));
+        for (x, pixel) in row[place.x.clone()].iter_mut().enumerate() {
+            if lattice.has((x, y), (width, height)) {
+                continue;
+            }
+            let cell = x / step;
+            let at = y / step * (columns + 1) + cell;
+            let [a, b, c, d] = [at, at + 1, at + columns + 1, at + columns + 2].map(|i| points[i]);
+            let across_x = part_of(x, cell * step, point(cell + 1, width));
+            *pixel = std::array::from_fn(|i| {
+                let upper = (b[i] - a[i]).mul_add(across_x, a[i]);
+                let lower = (d[i] - c[i]).mul_add(across_x, c[i]);
+                (lower - upper).mul_add(across_y, upper)
+            });
+        }
+    });
+    let shown: Vec<_> = points.into_par_iter().map(display_steps).collect();
+    errors_of_cells(&shown, columns, rows)
 }
 
 /// The squared errors of the interpolation in the cells of a lattice, of whose points `shown` has the values.
@@ -519,14 +515,6 @@ mod tests {
             "rings"
         }
 
-        fn compile_s(&self) -> f64 {
-            0.0
-        }
-
-        fn upload_s(&self) -> f64 {
-            0.0
-        }
-
         fn options(&self) -> &TraceOptions {
             &self.options
         }
@@ -569,19 +557,21 @@ mod tests {
 
     #[test]
     fn a_block_becomes_what_it_is_whatever_becomes_of_the_others() {
-        let size = (700, 560);
-        for (error, lattice, per_area) in [(1.0, 1, 3), (4.0, 1, 3), (2.0, 2, 1)] {
+        for ((width, height), error, lattice, per_area) in
+            [((700, 560), 1.0, 1, 3), ((700, 560), 4.0, 1, 3), ((1200, 900), 2.0, 2, 2)]
+        {
             let adaptive = Adaptive { lattice, ..Adaptive::of_error(error) };
-            let whole = render_rings((700, 560), adaptive).film.pixels;
+            let whole = render_rings((width, height), adaptive).film.pixels;
+            let size = (width as usize, height as usize);
             let blocks = Blocks::new(size, adaptive.step());
-            assert_eq!((blocks.areas(), blocks.per_area), ((1, 1), per_area));
+            assert_eq!((blocks.areas(), blocks.per_area), (1, per_area));
             let mut refined = 0;
             for block in 0..blocks.per_area {
                 let mut rings = Rings { options: TraceOptions::DEFAULT };
-                let film = Film { width: 700, height: 560, pixels: vec![[0.0; 3]; 700 * 560] };
+                let film = Film { width, height, pixels: vec![[0.0; 3]; size.0 * size.1] };
                 let mut tracing = Tracing {
                     tracer: &mut rings,
-                    params: params((700, 560)),
+                    params: params((width, height)),
                     sequence: sample_sequence(),
                     list_rays: adaptive.list_rays,
                     result: RenderResult::of_film(film),

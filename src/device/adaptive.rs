@@ -13,7 +13,7 @@ use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Adaptive, AdaptiveStats, MOST_SAMPLES, Progress, RenderResult};
+use crate::tracer::{Adaptive, MOST_SAMPLES, Progress, RenderResult};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -106,11 +106,6 @@ impl PixelArrays {
         self.size.0 * self.size.1
     }
 
-    fn areas(&self) -> usize {
-        let (columns, rows) = self.blocks.areas();
-        columns * rows
-    }
-
     fn tiles(&self) -> usize {
         let side = TILE_SIDE as usize;
         self.size.0.div_ceil(side) * self.size.1.div_ceil(side)
@@ -199,7 +194,7 @@ impl<'a> DevicePixels<'a> {
         let context = &tracer.context().clone();
         let size = (params.width as usize, params.height as usize);
         let pixels = PixelArrays::new(context, size, adaptive.step())?;
-        let (blocks, areas) = (pixels.blocks, pixels.areas());
+        let (blocks, areas) = (pixels.blocks, pixels.blocks.areas());
         let on_axis = |pixels: usize| (pixels - 1) / adaptive.step() + 1;
         let cells = if adaptive.step() > 1 { areas * on_axis(blocks.area.0) * on_axis(blocks.area.1) } else { 0 };
         let count = areas * blocks.per_area;
@@ -247,9 +242,7 @@ impl<'a> DevicePixels<'a> {
         let start = Instant::now();
         self.result.film.pixels = self.pixels.shown.as_of::<[f32; 3]>(self.pixels.count()).read()?;
         self.result.read_s = start.elapsed().as_secs_f64();
-        let stats = refined.stats(adaptive, size);
-        let stats = AdaptiveStats { decide_s: self.decide_s, decided_by: Decisions::Device, ..stats };
-        self.result.adaptive = Some(stats);
+        self.result.adaptive = Some(refined.stats(adaptive, size, Decisions::Device, self.decide_s));
         Ok(self.result)
     }
 

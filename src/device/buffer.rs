@@ -211,7 +211,8 @@ impl<T: Pod> Buffer<T> {
     {
         let mut all = Vec::with_capacity(self.len);
         let room = self.len.min(READ_BYTES.div_ceil(size_of::<T>().max(1)));
-        let (mut part, mut next) = (bytemuck::zeroed_vec::<T>(room), bytemuck::zeroed_vec::<T>(room));
+        let mut part = bytemuck::zeroed_vec::<T>(room);
+        let mut next = bytemuck::zeroed_vec::<T>(room.min(self.len - room));
         let mut count = room;
         self.read_into(0, &mut part[..count])?;
         while count > 0 {

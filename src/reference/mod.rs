@@ -93,14 +93,6 @@ impl Backend for ReferenceBackend {
         "reference"
     }
 
-    fn compile_s(&self) -> f64 {
-        0.0
-    }
-
-    fn upload_s(&self) -> f64 {
-        0.0
-    }
-
     fn options(&self) -> &TraceOptions {
         &self.options
     }

@@ -193,8 +193,9 @@ fn timed_twice(entries: &[Entry]) -> Markup {
     html! {
         @if let Some(widest) = pictures.last() {
             p {
-                "Several studies timed the same picture " (pictures.len()) " times, not by turns. The longest of its times is " (format!("{:.2}", pictures[pictures.len() / 2].ratio()))
-                " times the shortest in the middle, " (format!("{:.2}", widest.ratio())) " at most (" (widest.name) ": "
+                (pictures.len()) " pictures were timed by several studies, not by turns. The longest of a picture's times is "
+                (format!("{:.2}", pictures[pictures.len() / 2].ratio())) " times its shortest in the middle, "
+                (format!("{:.2}", widest.ratio())) " times at most (" (widest.name) ": "
                 (widest.times.iter().map(milliseconds).collect::<Vec<_>>().join(", "))
                 "). Smaller differences between times of two studies mean nothing; compare the rows of one."
             }
