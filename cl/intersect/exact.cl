@@ -10,7 +10,8 @@ int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, fl
     const float3 best1 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1;
     const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
     const ExtendedDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near,
-                                                  ray->t_far, hit->u, hit->t, best0, best1, best2);
+                                                  ray->t_far, hit->u, hit->t, best0, best1, best2,
+                                                  primitive < hit->primitive);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != UNDECIDED) return closer.decision;
@@ -101,7 +102,7 @@ void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, f
 // A triangle test of its own kind (HITS in cl/traverse/leaf.cl): what is kept of the nearest hit while the traversal
 // goes on are limits of its t, t above and u below.
 void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
-    if (primitive == hit->primitive) return; // met again in another leaf
+    if (IS_MET_AGAIN(primitive, hit)) return;
     const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
     const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
     const float3 p2 = LOAD_VERTEX(geometry, slot, 2);

@@ -1,8 +1,11 @@
-// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What they leave open is nearly always exactly zero:
-// a ray through an edge, or two triangles at the same t. Devices without double leave that to exact integers at once.
-// The Rust twin does so, too: both are certain.
+// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What their bounds leave open is nearly always exactly
+// zero: a ray through an edge or a vertex, whose triangles are met at the same t. A number that is a multiple of some
+// power of two, and surely smaller, is zero: of models whose coordinates have up to some 40 bits between the largest and
+// the last one, little is left to exact integers. Devices without double leave all of it to those at once. The Rust twin
+// does so, too: both are certain.
 
 #ifdef EXTENDED_IS_DOUBLE
+// Calls, of which each is compiled once: inlined they take an H100's driver a second or more.
 // With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see EXTENDED_ERROR): edges are exact, the start's two
 // products and sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three
 // products by 11; W by 9 more.
@@ -13,8 +16,8 @@ typedef struct {
     float distance_bound, det_bound, bound0, bound1, bound2;
 } CloserNumbers;
 
-void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0, float3 p1, float3 p2,
-                    CloserNumbers* n) {
+RARE void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0, float3 p1, float3 p2,
+                         CloserNumbers* n) {
     const DoubleDouble3 edge1 = dd3_difference(p1, p0);
     const DoubleDouble3 edge2 = dd3_difference(p2, p0);
     const DoubleDouble3 start1 = dd3_difference(start->other1, start->base);
@@ -55,6 +58,59 @@ int sure_sign_closer(DoubleDouble number, float bound) {
     return number.x > (double)bound ? 1 : number.x < -(double)bound ? -1 : 0;
 }
 
+// Half of what D and the weights are multiples of: with every coordinate one of 2^low, the start's weights of 2^low_w and
+// the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d).
+RARE double half_closer_unit(const TrianglePoint* start, float3 direction, float3 p0, float3 p1, float3 p2) {
+    const float3 positions[6] = {start->base, start->other1, start->other2, p0, p1, p2};
+    int low = 1000, low_w = 0, low_d = 1000, high = -1000;
+#pragma unroll 1
+    for (int i = 0; i < 6; i++) widen_exponents3(positions[i], &low, &high);
+    widen_exponents3(direction, &low_d, &high);
+    widen_exponents(start->weight1, &low_w, &high);
+    widen_exponents(start->weight2, &low_w, &high);
+    return ldexp(0.5, 2 * low + low_w + low_d);
+}
+
+bool is_surely_zero(DoubleDouble number, float bound, double half_unit) {
+    return is_closer_bound(bound) && fabs(number.x) + (double)bound < half_unit;
+}
+
+// The signs that are certain, else 0; and which of the weights are zero for certain: bit i.
+typedef struct {
+    int det, weight0, weight1, weight2;
+    uint zeros;
+    bool is_det_zero;
+} CloserSigns;
+
+RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start, float3 direction, float3 p0, float3 p1,
+                              float3 p2) {
+    CloserSigns s = {sure_sign_closer(n->det, n->det_bound),
+                     sure_sign_closer(n->weight0, n->bound0),
+                     sure_sign_closer(n->weight1, n->bound1),
+                     sure_sign_closer(n->weight2, n->bound2),
+                     0u,
+                     false};
+    if (s.det * s.weight0 * s.weight1 * s.weight2 != 0) return s;
+    const double half_unit = half_closer_unit(start, direction, p0, p1, p2);
+    s.is_det_zero = s.det == 0 && is_surely_zero(n->det, n->det_bound, half_unit);
+    if (s.weight0 == 0 && is_surely_zero(n->weight0, n->bound0, half_unit)) s.zeros |= 1u;
+    if (s.weight1 == 0 && is_surely_zero(n->weight1, n->bound1, half_unit)) s.zeros |= 2u;
+    if (s.weight2 == 0 && is_surely_zero(n->weight2, n->bound2, half_unit)) s.zeros |= 4u;
+    return s;
+}
+
+// Whether a ray that hits two triangles, and in them the points that these zero weights tell, does so at the same vertex
+// or the same edge: then at the same t.
+bool are_hit_together(uint zeros, float3 p0, float3 p1, float3 p2, uint other_zeros, float3 q0, float3 q1, float3 q2) {
+    if (zeros == 0u || other_zeros == 0u) return false;
+    // The ends of the edge, which are one for a vertex: the first and the last corner of any weight.
+    const float3 p_first = (zeros & 1u) == 0u ? p0 : (zeros & 2u) == 0u ? p1 : p2;
+    const float3 p_last = (zeros & 4u) == 0u ? p2 : (zeros & 2u) == 0u ? p1 : p0;
+    const float3 q_first = (other_zeros & 1u) == 0u ? q0 : (other_zeros & 2u) == 0u ? q1 : q2;
+    const float3 q_last = (other_zeros & 4u) == 0u ? q2 : (other_zeros & 2u) == 0u ? q1 : q0;
+    return (all(p_first == q_first) && all(p_last == q_last)) || (all(p_first == q_last) && all(p_last == q_first));
+}
+
 // Whether numerator / denominator, off by no more than the bounds, surely rounds to the float *rounded.
 bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleDouble denominator,
                           float denominator_bound, float* rounded) {
@@ -69,20 +125,24 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
     return low == *rounded;
 }
 
-// As decide_extended and place_hit, of a ray that starts at `start`. best0 to best2 are the
-// vertices of the nearest hit so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far.
+// As decide_extended and place_hit, of a ray that starts at `start`. best0 to best2 are the vertices of the nearest hit
+// so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far. is_lower: whether the
+// triangle has a lower number than that hit.
 RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2,
                                     float t_near, float t_far, float t_best_low, float t_best_high, float3 best0,
-                                    float3 best1, float3 best2) {
+                                    float3 best1, float3 best2, bool is_lower) {
     ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY};
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
-    const int sign = sure_sign_closer(n.det, n.det_bound);
-    const int sign0 = sure_sign_closer(n.weight0, n.bound0);
-    const int sign1 = sure_sign_closer(n.weight1, n.bound1);
-    const int sign2 = sure_sign_closer(n.weight2, n.bound2);
-    if (sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0) result.decision = MISS;
-    if (sign == 0 || sign0 != sign || sign1 != sign || sign2 != sign) return result;
+    const CloserSigns signs = closer_signs(&n, &start, direction, p0, p1, p2);
+    // A ray in the triangle's plane has D = 0 and never hits.
+    if (signs.is_det_zero || signs.weight0 * signs.weight1 < 0 || signs.weight1 * signs.weight2 < 0 ||
+        signs.weight2 * signs.weight0 < 0)
+        result.decision = MISS;
+    if (signs.det == 0 || (signs.weight0 != signs.det && (signs.zeros & 1u) == 0u) ||
+        (signs.weight1 != signs.det && (signs.zeros & 2u) == 0u) ||
+        (signs.weight2 != signs.det && (signs.zeros & 4u) == 0u))
+        return result;
     float t;
     if (!rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &t)) return result;
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result; // whether it is 0, and on which side of a limit, is open
@@ -102,8 +162,13 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float
                     fabs(best.distance.x) * (double)n.det_bound + fabs(n.det.x) * (double)best.distance_bound +
                     0x1p-102 * (fabs(n.distance.x * best.det.x) + fabs(best.distance.x * n.det.x)));
         if (!is_closer_bound(best.det_bound) || !is_closer_bound(best.distance_bound)) return result;
-        if (!(fabs(difference.x) > error)) return result;
-        const bool is_farther = (difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0));
+        bool is_farther = (difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0));
+        if (!(fabs(difference.x) > error)) {
+            if (signs.zeros == 0u) return result;
+            const CloserSigns of_best = closer_signs(&best, &start, direction, best0, best1, best2);
+            if (!are_hit_together(signs.zeros, p0, p1, p2, of_best.zeros, best0, best1, best2)) return result;
+            is_farther = !is_lower;
+        }
         if (is_farther) {
             result.decision = MISS;
             return result;
@@ -115,15 +180,23 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float
     return result;
 }
 
+// A weight, the float nearest to numerator / D, if that is certain.
+bool finish_weight_closer(DoubleDouble numerator, float bound, const CloserNumbers* n, double half_unit, float* weight) {
+    if (rounds_surely_closer(numerator, bound, n->det, n->det_bound, weight)) return true;
+    *weight = 0.0f;
+    return is_surely_zero(numerator, bound, half_unit);
+}
+
 // t and the weights of a triangle that is hit.
 RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2) {
     CloserNumbers n;
     closer_numbers(&start, direction, p0, p1, p2, &n);
+    const double half_unit = half_closer_unit(&start, direction, p0, p1, p2);
     FinishedHit hit;
     hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &hit.t) &&
-                  rounds_surely_closer(n.weight1, n.bound1, n.det, n.det_bound, &hit.u) &&
-                  rounds_surely_closer(n.weight2, n.bound2, n.det, n.det_bound, &hit.v) &&
-                  rounds_surely_closer(n.weight0, n.bound0, n.det, n.det_bound, &hit.weight0);
+                  finish_weight_closer(n.weight1, n.bound1, &n, half_unit, &hit.u) &&
+                  finish_weight_closer(n.weight2, n.bound2, &n, half_unit, &hit.v) &&
+                  finish_weight_closer(n.weight0, n.bound0, &n, half_unit, &hit.weight0);
     return hit;
 }
 #endif

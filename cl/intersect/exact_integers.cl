@@ -11,12 +11,6 @@ typedef struct {
     int n;
 } IntegerUnits;
 
-void widen_exponents3(float3 v, int* lowest, int* highest) {
-    widen_exponents(v.x, lowest, highest);
-    widen_exponents(v.y, lowest, highest);
-    widen_exponents(v.z, lowest, highest);
-}
-
 // The units of a ray from `start` and of `count` triangles (three vertices each). Let p and d be the bits of the
 // largest position and direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the
 // others 2 p + d + 6; a comparison of two t multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a

@@ -27,9 +27,7 @@ RARE bool are_in_one_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1
     int low = 1000, high = -1000;
 #pragma unroll 1
     for (int i = 0; i < 6; i++) {
-        widen_exponents(corners[i].x, &low, &high);
-        widen_exponents(corners[i].y, &low, &high);
-        widen_exponents(corners[i].z, &low, &high);
+        widen_exponents3(corners[i], &low, &high);
     }
     const double least = ldexp(0.5, 3 * low);
 #pragma unroll 1

@@ -85,19 +85,28 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;
-        for (ulong open = unsettled_lanes(&found[k], undecided_lanes[k]); open != 0ul; open = other_lanes8(open)) {
+        for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
-            settle_lane(GEOMETRY, &ray, lane, &found[k], &undecided_lanes[k]);
+            settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k], &undecided_lanes[k]);
         }
-        finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit, &undecided_lanes[k]);
+        const int16 unfinished = finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit);
         // A t that may have lost bits is left to single rays.
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
         const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
         store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u,
                    hit.v, hit.primitive);
-        answered[k] = answered[k] && !undecided_lanes[k] && is_exact;
+        const int16 is_settled = answered[k] && !undecided_lanes[k];
+        answered[k] = is_settled && !unfinished && is_exact;
+        for (ulong open = lanes_where16(is_settled && unfinished); open != 0ul; open = other_lanes8(open)) {
+            const uint lane = first_lane16(open), index = ray_in_square(tile, square_in_tile(tile, k), lane);
+            const Ray ray = batch_ray(rays, index, geometry->scale);
+            Hit closer;
+            if (!finish_lane(GEOMETRY, &ray, lane, &found[k], &closer)) continue;
+            hits[index] = batch_hit(closer);
+            ((int*)&answered[k])[lane] = -1;
+        }
     }
 }
 

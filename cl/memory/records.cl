@@ -90,6 +90,13 @@ float3 placed_vertex(GEOMETRY_PARAMETERS, uint primitive, uint corner);
 #define TRIANGLE_VERTEX(geometry, slot, corner) (VERTEX_RECORD(geometry, VERTEX_STRIDE * (slot) + (corner)).xyz)
 #endif
 
+// Whether a triangle is the hit so far: met again in another leaf, where a structure may list it in several.
+#ifdef REPEATS_TRIANGLES
+#define IS_MET_AGAIN(primitive, hit) ((primitive) == (hit)->primitive)
+#else
+#define IS_MET_AGAIN(primitive, hit) false
+#endif
+
 // The triangle that a reference stands for.
 #ifdef INSTANCES
 #define PRIMITIVE_OF(geometry, reference) ((reference) + (geometry)->placed->to_primitive)

@@ -49,71 +49,136 @@ ulong load_triangles_exactly(GEOMETRY_PARAMETERS, const RayRange* range, const F
     return met;
 }
 
-// The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what is put aside until
-// the traversal is done, where closest hits are asked for: triangles that float32 does not decide, by their references,
-// and for which lanes.
+// The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what each lane has put aside
+// until the traversal is done: the references of triangles that float32 does not decide.
 typedef struct {
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
-    uint postponed, postponed_references[MAX_POSTPONED];
-    ulong postponed_lanes[MAX_POSTPONED];
+    uint16 postponed;            // how many
+    uint postponed_references[16][MAX_POSTPONED];
 } PacketHits_exactly;
 
 void start_packet_exactly(const RayPacket* p, PacketHits_exactly* hits, int16* undecided_lanes) {
     hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
-    hits->postponed = 0u;
+    hits->postponed = (uint16)(0u);
     *undecided_lanes = (int16)(0);
 }
 
-// Puts a triangle aside for lanes. False if it is one too many, or nothing is deferred: then settle_lane_exactly()
+// Puts a triangle aside for one lane. False if it is one too many, or nothing is deferred: then settle_lane_exactly()
 // could not decide about it.
-bool postpone_for_lanes(PacketHits_exactly* hits, uint reference, ulong lanes) {
+bool postpone_for_lane(uint* postponed, uint* listed, uint reference) {
 #ifdef DEFER_UNDECIDED
-    if (hits->postponed == MAX_POSTPONED) return false;
-    hits->postponed_references[hits->postponed] = reference;
-    hits->postponed_lanes[hits->postponed] = lanes;
-    hits->postponed++;
+    if (*postponed == MAX_POSTPONED) return false;
+    listed[(*postponed)++] = reference;
     return true;
 #else
     return false;
 #endif
 }
 
-// The lanes, of those that are not undecided, of which triangles are put aside.
-ulong unsettled_lanes_exactly(const PacketHits_exactly* hits, int16 undecided_lanes) {
-    ulong lanes = 0ul;
-    for (uint i = 0; i < hits->postponed; i++) lanes |= hits->postponed_lanes[i];
-    return lanes == 0ul ? 0ul : lanes & lanes_where16(!undecided_lanes);
+// The same for lanes. Those that cannot have it put aside are undecided, and end.
+void postpone_for_lanes(PacketHits_exactly* hits, uint reference, int16 is_deferred, float16* t_limit,
+                        int16* undecided_lanes) {
+    for (ulong lanes = lanes_where16(is_deferred); lanes != 0ul; lanes = other_lanes8(lanes)) {
+        const uint lane = first_lane16(lanes);
+        if (postpone_for_lane(&((uint*)&hits->postponed)[lane], hits->postponed_references[lane], reference)) continue;
+        set_lane16(t_limit, lane, -INFINITY);
+        ((int*)undecided_lanes)[lane] = -1;
+    }
+}
+
+// The lanes, of those that are not undecided, whose answer waits for triangles that are put aside: with any_hit those
+// without a hit.
+ulong unsettled_lanes_exactly(const PacketHits_exactly* hits, const bool any_hit, int16 undecided_lanes) {
+    const int16 waits = hits->postponed != 0u && !undecided_lanes;
+    return lanes_where16(any_hit ? waits && hits->primitive == NO_PRIMITIVE : waits);
 }
 
 // Decides about these triangles of one lane, whose ray that is; or, where that takes exact integers, adds it to
 // *undecided_lanes.
-void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits_exactly* hits,
+void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const bool any_hit, PacketHits_exactly* hits,
                          int16* undecided_lanes) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
+    const uint* listed = hits->postponed_references[lane];
+    const uint count = ((const uint*)&hits->postponed)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
-    for (uint i = 0; i < hits->postponed; i++)
-        if ((hits->postponed_lanes[i] & lane_bit16(lane)) != 0ul)
-            (void)postpone(geometry, LOAD_REFERENCE(geometry, hits->postponed_references[i]));
-    const bool is_other = settle_exactly(GEOMETRY, ray, false, &hit);
+    for (uint i = 0; i < count; i++) (void)postpone(geometry, LOAD_REFERENCE(geometry, listed[i]));
+    const bool is_other = settle_exactly(GEOMETRY, ray, any_hit, &hit);
     if (FORGET_DEFERRED(geometry)) {
         ((int*)undecided_lanes)[lane] = -1;
         return;
     }
     if (!is_other) return;
-    for (uint i = 0; i < hits->postponed; i++) {
-        const uint reference = hits->postponed_references[i];
-        if (LOAD_REFERENCE(geometry, reference) == hit.primitive) ((uint*)&hits->reference)[lane] = reference;
-    }
+    for (uint i = 0; i < count; i++)
+        if (LOAD_REFERENCE(geometry, listed[i]) == hit.primitive)
+            ((uint*)&hits->reference)[lane] = listed[i];
     *primitive = hit.primitive;
     set_lane16(&hits->t_high, lane, hit.t);
     set_lane16(&hits->t_low, lane, hit.u);
 }
 
+// The lanes of `lanes` that may hit a triangle of that decision within their limits.
+int16 open_lanes(const RayPacket* p, const Decision16* d, int16 lanes, const float16* t_limit) {
+    return lanes && d->possible && !(d->has_t && (d->t_high < p->t_near || d->t_low > *t_limit));
+}
+
+// Takes a triangle as the hit of those of `open` that surely hit it, and before theirs. Returns the others.
+int16 take_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint reference, uint primitive,
+                     const bool any_hit, float16* t_limit, PacketHits_exactly* hits) {
+    const int16 taken = open && d->sure && d->t_low > p->t_near && d->t_high < hits->t_low;
+    hits->t_high = taken ? d->t_high : hits->t_high;
+    hits->t_low = taken ? d->t_low : hits->t_low;
+    hits->reference = taken ? (uint16)(reference) : hits->reference;
+    hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
+    *t_limit = taken ? any_hit ? (float16)(-INFINITY) : d->t_high : *t_limit;
+    return open && !taken;
+}
+
+#ifdef EXTENDED_IS_DOUBLE
+#define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
+// decide_closely8() for a packet whose origins have no second part, and one triangle.
+Decision16 decide_closely16(GEOMETRY_PARAMETERS, const RayPacket* p, uint reference, float weight_bound,
+                            float det_bound, float t_bound) {
+    float8 corners[9];
+    const uint record = BVH8_PACKET_RECORDS * (reference / 8u);
+#pragma unroll
+    for (uint i = 0; i < 9u; i++)
+        corners[i] = (float8)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u));
+    Decision8 d[2];
+#pragma unroll
+    for (uint part = 0; part < 2u; part++) {
+        const float8 origin[3] = {HALF(p->origin[0]), HALF(p->origin[1]), HALF(p->origin[2])};
+        const float8 direction[3] = {HALF(p->direction[0]), HALF(p->direction[1]), HALF(p->direction[2])};
+        d[part] = decide_closely8(origin, direction, corners, (float8)(weight_bound), (float8)(det_bound),
+                                  (float8)(t_bound));
+    }
+    const Decision16 result = {
+        (int16)(d[0].possible, d[1].possible), (int16)(d[0].has_t, d[1].has_t), (int16)(d[0].sure, d[1].sure),
+        (float16)(d[0].t_low, d[1].t_low), (float16)(d[0].t_high, d[1].t_high)};
+    return result;
+}
+#undef HALF
+#endif
+
+// What becomes of lanes for which float32 does not decide about the triangle in lane i: twice the precision does, or it
+// is put aside for them.
+RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint i, uint reference,
+                       uint primitive, const bool any_hit, int16 open, float16* t_limit, PacketHits_exactly* hits,
+                       int16* undecided_lanes) {
+#ifdef EXTENDED_IS_DOUBLE
+    if (!p->has_low) {
+        const Decision16 d = decide_closely16(GEOMETRY, p, reference, lane_of8(&l->weight_bound, i),
+                                              lane_of8(&l->det_bound, i), lane_of8(&l->t_bound, i));
+        open = open_lanes(p, &d, open, t_limit);
+        open = take_sure_hits(p, &d, open, reference, primitive, any_hit, t_limit, hits);
+    }
+#endif
+    postpone_for_lanes(hits, reference, open, t_limit, undecided_lanes);
+}
+
 // What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one;
-// none where that is -infinity. What float32 does not decide is put aside, or with any_hit adds its lanes to
-// *undecided_lanes. Whether anything was open.
+// none where that is -infinity. What float32 does not decide is put aside. Whether anything was open.
 bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint i,
                               uint reference, const bool any_hit, float16* t_limit, PacketHits_exactly* hits,
                               int16* undecided_lanes) {
@@ -128,23 +193,10 @@ bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
     if (!is_any16(d.possible)) return false;
     const uint primitive = LOAD_REFERENCE(geometry, reference);
     // The hit so far may be met again in another leaf.
-    const int16 open = d.possible && p->skip != primitive && hits->primitive != primitive && *t_limit >= p->t_near &&
-                       !(d.has_t && (d.t_high < p->t_near || d.t_low > *t_limit));
-    const int16 taken = open && d.sure && d.t_low > p->t_near && d.t_high < hits->t_low;
-    hits->t_high = taken ? d.t_high : hits->t_high;
-    hits->t_low = taken ? d.t_low : hits->t_low;
-    hits->reference = taken ? (uint16)(reference) : hits->reference;
-    hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    const int16 is_deferred = open && !taken;
-    if (any_hit) {
-        *undecided_lanes = *undecided_lanes || is_deferred;
-        *t_limit = open ? (float16)(-INFINITY) : *t_limit;
-        return is_any16(open);
-    }
-    *t_limit = taken ? d.t_high : *t_limit;
-    if (is_any16(is_deferred) && !postpone_for_lanes(hits, reference, lanes_where16(is_deferred))) {
-        *undecided_lanes = *undecided_lanes || is_deferred;
-        *t_limit = is_deferred ? (float16)(-INFINITY) : *t_limit;
-    }
+    const int16 open =
+        open_lanes(p, &d, p->skip != primitive && hits->primitive != primitive && *t_limit >= p->t_near, t_limit);
+    const int16 others = take_sure_hits(p, &d, open, reference, primitive, any_hit, t_limit, hits);
+    if (is_any16(others))
+        test_closely(GEOMETRY, p, l, i, reference, primitive, any_hit, others, t_limit, hits, undecided_lanes);
     return is_any16(open);
 }

@@ -4,16 +4,6 @@
 
 #ifdef EXTENDED_IS_DOUBLE
 typedef struct {
-    double8 x, y, z;
-} Doubles3;
-
-Doubles3 cross_doubles(const Doubles3* a, const Doubles3* b) {
-    const Doubles3 r = {a->y * b->z - a->z * b->y, a->z * b->x - a->x * b->z, a->x * b->y - a->y * b->x};
-    return r;
-}
-double8 dot_doubles(const Doubles3* a, const Doubles3* b) { return a->x * b->x + a->y * b->y + a->z * b->z; }
-
-typedef struct {
     float16 x, y, z;
 } Floats3;
 
@@ -58,12 +48,6 @@ int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_
     *rounded = convert_float8(quotient + convert_double8(error));
     return bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && bound <= FLT_MAX && fabs(*rounded) > LEAST_MAGNITUDE &&
            convert_float8(quotient - convert_double8(error)) == *rounded;
-}
-
-Doubles3 difference_of_doubles(float8 ax, float8 ay, float8 az, float8 bx, float8 by, float8 bz) {
-    const Doubles3 r = {convert_double8(ax) - convert_double8(bx), convert_double8(ay) - convert_double8(by),
-                        convert_double8(az) - convert_double8(bz)};
-    return r;
 }
 
 // The bounds of eight lanes.
@@ -170,19 +154,20 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
 }
 #endif
 
-// Adds what is not certain to *undecided_lanes. With any_hit t is only no less than that of the hit, and u and v are 0.
-void finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_exactly* hits, const bool any_hit,
-                           FinishedHits* out, int16* undecided_lanes) {
+// Returns the lanes that are left to finish_lane_exactly(). With any_hit there are none, t is only no less than that of
+// the hit, and u and v are 0.
+int16 finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_exactly* hits, const bool any_hit,
+                            FinishedHits* out) {
     out->t = (float16)(INFINITY);
     out->u = (float16)(0.0f);
     out->v = (float16)(0.0f);
     out->primitive = hits->primitive;
     const int16 is_hit = hits->primitive != NO_PRIMITIVE;
     ulong open = lanes_where16(is_hit);
-    if (open == 0ul) return;
+    if (open == 0ul) return (int16)(0);
     if (any_hit) {
         out->t = is_hit ? hits->t_high : out->t;
-        return;
+        return (int16)(0);
     }
     float16 corners[9];
 #pragma unroll
@@ -202,7 +187,15 @@ void finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Packet
     out->t = is_hit ? t : out->t;
     out->u = is_hit ? u : out->u;
     out->v = is_hit ? v : out->v;
-    *undecided_lanes = *undecided_lanes || (is_hit && !sure);
+    return is_hit && !sure;
+}
+
+// Finishes the hit of one lane, whose ray that is, in more precision. Whether that takes no exact integers.
+bool finish_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const PacketHits_exactly* hits, Hit* hit) {
+    *hit = no_hit();
+    hit->primitive = ((const uint*)&hits->primitive)[lane];
+    finish_exactly(GEOMETRY, ray, hit);
+    return !FORGET_DEFERRED(geometry);
 }
 
 // What became of rays: the lanes that have hit, and what; those that were traced together.

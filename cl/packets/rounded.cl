@@ -52,21 +52,25 @@ bool test_with_packet_rounded(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
     return true;
 }
 
-ulong unsettled_lanes_rounded(const PacketHits_rounded* hits, int16 undecided_lanes) { return 0ul; }
-void settle_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, PacketHits_rounded* hits,
+ulong unsettled_lanes_rounded(const PacketHits_rounded* hits, const bool any_hit, int16 undecided_lanes) { return 0ul; }
+void settle_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const bool any_hit, PacketHits_rounded* hits,
                          int16* undecided_lanes) {}
 
-void finish_packet_rounded(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_rounded* hits, const bool any_hit,
-                           FinishedHits* out, int16* undecided_lanes) {
+int16 finish_packet_rounded(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_rounded* hits, const bool any_hit,
+                            FinishedHits* out) {
     const int16 is_hit = hits->primitive != NO_PRIMITIVE;
     out->t = is_hit ? hits->t : (float16)(INFINITY);
     out->u = any_hit ? (float16)(0.0f) : hits->u;
     out->v = any_hit ? (float16)(0.0f) : hits->v;
     out->primitive = hits->primitive;
+    return (int16)(0);
+}
+bool finish_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const PacketHits_rounded* hits, Hit* hit) {
+    return false;
 }
 
 SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const float16* t_limits,
-                                          const PacketHits_rounded* hits) {
+                                          PacketHits_rounded* hits) {
     SingleRay_rounded ray;
     ray.slabs.inv = three_of_lane(p->inv, lane);
     ray.slabs.enter = three_of_lane(p->enter, lane);

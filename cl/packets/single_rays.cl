@@ -9,11 +9,13 @@ typedef struct {
     // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
     float t_limit, hit_low;
     uint found, primitive;
-    bool is_decided; // by float32
+    uint postponed; // what it has put aside, as its packet keeps it
+    uint* postponed_references;
+    bool is_decided; // false if that is too much
 } SingleRay_exactly;
 
 SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const float16* t_limits,
-                                          const PacketHits_exactly* hits) {
+                                          PacketHits_exactly* hits) {
     const SingleRay_exactly ray = {
         {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
         three_of_lane(p->origin, lane),
@@ -25,6 +27,8 @@ SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const f
         lane_of16(&hits->t_low, lane),
         NO_PRIMITIVE,
         ((const uint*)&hits->primitive)[lane],
+        ((const uint*)&hits->postponed)[lane],
+        hits->postponed_references[lane],
         true};
     return ray;
 }
@@ -33,6 +37,7 @@ SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const f
 // single lane.
 void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hit, float16* t_limits,
                       PacketHits_exactly* hits, int16* undecided_lanes) {
+    ((uint*)&hits->postponed)[lane] = ray->postponed;
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
     *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
@@ -46,8 +51,26 @@ void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hi
     hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
 }
 
-// Tests a packet of triangles, those of the references from `first` on. True when nothing more is to be done: float32
-// does not decide, or with any_hit there is a hit.
+// The lanes of triangles that a ray may hit within its limits.
+ulong open_lanes8(const SingleRay_exactly* ray, const Decision8* d) {
+    return lanes_where8(d->possible && !(d->has_t && (d->t_high < ray->t_near || d->t_low > ray->t_limit)));
+}
+
+#ifdef EXTENDED_IS_DOUBLE
+// decide_closely8() for one ray and a packet of triangles. Values instead of a pointer to the ray: its address would
+// keep it out of registers.
+RARE Decision8 decide_single_ray_closely(GEOMETRY_PARAMETERS, float3 origin, float3 direction, uint packet,
+                                         float8 weight_bound, float8 det_bound, float8 t_bound) {
+    float8 corners[9];
+    load_corners(GEOMETRY, packet, corners, corners + 3, corners + 6);
+    const float8 start[3] = {(float8)(origin.x), (float8)(origin.y), (float8)(origin.z)};
+    const float8 along[3] = {(float8)(direction.x), (float8)(direction.y), (float8)(direction.z)};
+    return decide_closely8(start, along, corners, weight_bound, det_bound, t_bound);
+}
+#endif
+
+// Tests a packet of triangles, those of the references from `first` on. What float32 does not decide is put aside. True
+// when nothing more is to be done: too much is put aside, or with any_hit there is a hit.
 bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count, const bool any_hit) {
     LeafTriangles_exactly l;
     float8 b[3], c[3];
@@ -58,12 +81,19 @@ bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint f
     prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z,
                       (float8)(steepness.x), (float8)(steepness.y), (float8)(steepness.z));
     const float8 ax = from_x - low.x, ay = from_y - low.y, az = from_z - low.z; // as from_origin()
-    const Decision8 d =
+    Decision8 d =
         decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
                 l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
     ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
     if (open == 0ul) return false;
-    open &= ~lanes_where8(d.has_t && (d.t_high < ray->t_near || d.t_low > ray->t_limit));
+    open &= open_lanes8(ray, &d);
+#ifdef EXTENDED_IS_DOUBLE
+    if ((open & ~lanes_where8(d.sure)) != 0ul && all(low == (float3)(0.0f))) {
+        d = decide_single_ray_closely(GEOMETRY, ray->origin, direction, first / 8u, l.weight_bound, l.det_bound,
+                                      l.t_bound);
+        open &= open_lanes8(ray, &d);
+    }
+#endif
     const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near);
     for (; open != 0ul; open = other_lanes8(open)) {
         const uint i = first_lane8(open);
@@ -72,8 +102,9 @@ bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint f
         if (primitive == ray->skip || primitive == ray->primitive) continue;
         if (is_lane8(sure, i) && t_low > ray->t_limit) continue; // behind a hit in this packet
         if (!is_lane8(sure, i) || !(t_high < ray->hit_low)) {
-            ray->is_decided = false;
-            return true;
+            ray->is_decided = postpone_for_lane(&ray->postponed, ray->postponed_references, first + i);
+            if (!ray->is_decided) return true;
+            continue;
         }
         ray->found = first + i;
         ray->primitive = primitive;

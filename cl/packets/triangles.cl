@@ -9,7 +9,8 @@
 //     test_with_packet  what one triangle makes of the hits of sixteen rays; whether the packet has changed
 //     unsettled_lanes   the lanes that are not done when the traversal is
 //     settle_lane       completes one of them, by its ray
-//     finish_packet     the hits as batches want them
+//     finish_packet     the hits as batches want them; the lanes that take more than that
+//     finish_lane       the hit of one of these, whose ray that is; whether that did it
 //     SingleRay         a ray of a packet that goes on by itself: take_single_ray(), test_single_ray() against eight
 //                       triangles, put_back()
 //     PacketAnswer      the hits as pictures want them: keep_packet() and keep_hit() write them, hit_of_answer() and
@@ -29,6 +30,7 @@
 #define unsettled_lanes JOIN(unsettled_lanes_, PACKET_HITS)
 #define settle_lane JOIN(settle_lane_, PACKET_HITS)
 #define finish_packet JOIN(finish_packet_, PACKET_HITS)
+#define finish_lane JOIN(finish_lane_, PACKET_HITS)
 #define SingleRay JOIN(SingleRay_, PACKET_HITS)
 #define take_single_ray JOIN(take_single_ray_, PACKET_HITS)
 #define test_single_ray JOIN(test_single_ray_, PACKET_HITS)

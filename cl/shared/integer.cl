@@ -152,6 +152,12 @@ void widen_exponents(float x, int* lowest, int* highest) {
     *highest = high > *highest ? high : *highest;
 }
 
+void widen_exponents3(float3 v, int* lowest, int* highest) {
+    widen_exponents(v.x, lowest, highest);
+    widen_exponents(v.y, lowest, highest);
+    widen_exponents(v.z, lowest, highest);
+}
+
 // *r = x / 2^exponent; bits below 1 are dropped.
 RARE void integer_from_float(Integer* r, float x, int exponent, int n) {
     int own;

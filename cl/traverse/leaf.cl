@@ -134,7 +134,7 @@ void test_later(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, 
 // Tests the triangle of one reference.
 void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
     const uint primitive = PRIMITIVE_OF(geometry, LOAD_REFERENCE(geometry, reference));
-    if (primitive == ray->skip) return;
+    if (ray->skip != NO_PRIMITIVE && primitive == ray->skip) return; // no comparison where nothing is skipped
     COUNT(geometry, TESTS, 1);
     TEST_OF_LEAF(GEOMETRY, ray, primitive, SLOT_OF(reference, primitive), hit);
 }

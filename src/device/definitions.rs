@@ -110,6 +110,10 @@ fn of_tracing(options: &TraceOptions, stack_entries: u32) -> CompileOptions {
         .define("HITS", options.intersector.cl_hits())
         .define("STACK_SIZE", stack_entries.next_multiple_of(stack_step(options.kind())))
         .define("SHORT_STACK_SIZE", options.kd().short_stack_size());
+    let compile_options = match options.repeats_triangles() {
+        true => compile_options.define("REPEATS_TRIANGLES", 1),
+        false => compile_options,
+    };
     let compile_options = match options.kind() {
         StructureKind::Bvh8 => compile_options.define("FILTER", options.intersector.cl_filter()),
         _ => compile_options,

@@ -76,6 +76,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/packets/ray_packet.cl",
     "cl/packets/frustum.cl",
     "cl/packets/triangles.cl",
+    "cl/packets/closely.cl",
     "cl/packets/exactly.cl",
     "cl/packets/finish.cl",
     "cl/packets/single_rays.cl",

@@ -53,13 +53,17 @@ fn open(
     }
 }
 
-/// Rays through edges and vertices, along axes, at random, and some that are none.
+/// Rays through edges and vertices, along axes, at random, and some that are none. Those from above vertices start at
+/// numbers with bits so far apart that only exact integers tell that they meet them.
 fn rays(buffers: &SceneBuffers, triangles: &[[Vec3; 3]], random: &mut Random) -> Vec<TraceRay> {
     let nonsense = [f32::NAN, f32::INFINITY, -0.0, 1e30];
     (0..2000)
         .map(|i| {
             let vertices = triangles[random.bits() as usize % triangles.len()];
-            let from = 3.0 * random.vec3();
+            let from = match i % 16 {
+                11 => vertices[0].with_z(random.unit() * f32::exp2(-40.0)),
+                _ => 3.0 * random.vec3(),
+            };
             let direction = match i % 8 {
                 0 => vertices[i / 8 % 3] - from,
                 1 | 2 => vertices[0].lerp(vertices[1], random.unit()) - from,
