@@ -3,7 +3,7 @@
 
 use crate::pack::SceneBuffers;
 use crate::renderer::complete_as;
-use crate::scene::{Aim, Camera, DropReason, Framing, Scene};
+use crate::scene::{Aim, Camera, DropReason, Framed, Framing, Scene};
 use std::borrow::Cow;
 
 /// A scene that has a light.
@@ -11,7 +11,7 @@ pub(super) struct LitScene<'a> {
     /// A copy, for as long as the structure is built, where the scene has no light of its own.
     pub scene: Cow<'a, Scene>,
     /// The camera that frames it in pictures of the aspect, where there is none and the light needed one.
-    pub framed: Option<(Framing, Camera)>,
+    pub framed: Option<(Framing, Framed)>,
     /// Whether the light was added.
     pub has_key_light: bool,
 }
@@ -32,7 +32,7 @@ impl LitScene<'_> {
 }
 
 /// The camera that shows all triangles of `buffers` as `framing` says: the one that [`complete_as`] gives the scene.
-pub(super) fn framing_camera(buffers: &SceneBuffers, framing: &Framing) -> Camera {
+pub(super) fn framing_camera(buffers: &SceneBuffers, framing: &Framing) -> Framed {
     let triangles = (0..buffers.triangle_count() as u32).map(|i| buffers.given_triangle(i));
     let hittable = triangles.filter(|&triangle| DropReason::of(triangle).is_none());
     framing.camera(hittable)

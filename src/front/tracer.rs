@@ -18,7 +18,7 @@ use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
-use crate::scene::{Camera, Framing, Light, PictureDefaults, Samples, Scene};
+use crate::scene::{Camera, Framed, Framing, Light, PictureDefaults, Samples, Scene};
 use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use crate::winding::WindingTree;
@@ -77,7 +77,7 @@ pub struct Tracer {
     /// Which way is up by the format of the scene's file.
     up: Option<Vec3>,
     /// The camera that was last placed so that it frames the scene; not yet known, or not needed, at first.
-    framed: Option<(Framing, Camera)>,
+    framed: Option<(Framing, Framed)>,
     /// Whether the only light is the one that was added.
     has_key_light: bool,
     /// Whether it is known that the scene is closed.
@@ -482,7 +482,7 @@ impl Tracer {
     fn aim(&mut self, frame: &Frame) -> Result<Camera> {
         let aspect = frame.samples.aspect(frame.size) as f32;
         let placed = frame.aim.place(self.camera, self.up, aspect, |framing| match self.framed {
-            Some((known, camera)) if known == *framing => camera,
+            Some((known, framed)) if known == *framing => framed,
             _ => framing_camera(&self.buffers, framing),
         });
         if !is_placed(&placed.camera) {

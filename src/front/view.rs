@@ -8,7 +8,8 @@ use crate::scene::{Aim, Camera, PictureDefaults, Samples, Viewpoint};
 ///
 /// What neither the view nor the scene's file says: 1024 x 768 pixels, a camera that frames the scene, an error of one
 /// step of 8-bit sRGB, and chains of at most 8 rays. Of the camera each part can be said by itself; the scene's camera
-/// has the others, or else one that is placed so that the whole scene is in the picture.
+/// has the others, or else one that is placed so that the whole scene is in the picture, or inside of it if it is a
+/// room.
 ///
 /// A scene without lights is lit from above the camera's left shoulder, inside of it ([`Viewpoint::Inside`]) from where
 /// the camera is. It is sent to the device again whenever that light moves with the camera; one with a light is not.

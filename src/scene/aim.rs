@@ -1,7 +1,8 @@
 //! Where a picture is seen from: what is given of a camera, and what the scene, its format and the program add to it.
 
-use super::camera::{Axes, FOV_DEGREES, Framing, INSIDE_FOV_DEGREES};
+use super::camera::{Axes, FOV_DEGREES, Framed, Framing};
 use super::check::{camera_fault, is_along, nonzero};
+use super::room::Subject;
 use super::{Camera, Light, Scene};
 use crate::error::{Error, Result};
 use crate::names::names;
@@ -81,7 +82,7 @@ pub struct Placed {
     /// Where its field of view comes from.
     pub fov: Origin,
     /// The camera that was placed by itself, if there was need of one, and for what.
-    pub(crate) framed: Option<(Framing, Camera)>,
+    pub(crate) framed: Option<(Framing, Framed)>,
     is_inside: bool,
 }
 
@@ -149,7 +150,7 @@ impl Aim {
         scene: Option<Camera>,
         format_up: Option<Vec3>,
         aspect: f32,
-        frame: impl FnOnce(&Framing) -> Camera,
+        frame: impl FnOnce(&Framing) -> Framed,
     ) -> Placed {
         let (up, up_origin) = match (self.up, scene, format_up) {
             (Some(up), ..) => (up, Origin::Given),
@@ -157,41 +158,53 @@ impl Aim {
             (None, None, Some(up)) => (up, Origin::Format),
             (None, None, None) => (Vec3::Y, Origin::Automatic("y is up where neither scene nor format says".into())),
         };
-        let (fov_degrees, fov) = match (self.fov_degrees, scene, self.viewpoint) {
+        let own = scene.filter(|_| self.viewpoint.is_none());
+        let has_places = own.is_some() || self.eye.is_some() && self.target.is_some();
+        let framing = Framing {
+            viewpoint: self.viewpoint,
+            up,
+            fov_degrees: self.fov_degrees.or(scene.map(|camera| camera.fov_degrees)),
+            aspect,
+            may_enter: self.eye.is_none() && self.target.is_none(),
+        };
+        let framed = (!has_places).then(|| (framing, frame(&framing)));
+        let automatic = framed.map(|(_, framed)| framed.camera);
+        let subject = framed.map_or(Subject::Everything, |(_, framed)| framed.subject);
+        let (fov_degrees, fov) = match (self.fov_degrees, scene, automatic) {
             (Some(fov), ..) => (fov, Origin::Given),
             (None, Some(camera), _) => (camera.fov_degrees, Origin::Scene),
-            (None, None, Some(Viewpoint::Inside)) => {
-                (INSIDE_FOV_DEGREES, Origin::Automatic("wide, as the walls of a room are near".into()))
+            (None, None, Some(camera)) if subject == Subject::Room => {
+                (camera.fov_degrees, Origin::Automatic("wide, as the walls of a room are near".into()))
             }
             (None, None, _) => (FOV_DEGREES, Origin::Automatic("a picture of usual width".into())),
         };
-        let own = scene.filter(|_| self.viewpoint.is_none());
-        let has_places = own.is_some() || self.eye.is_some() && self.target.is_some();
-        let framing = Framing { viewpoint: self.viewpoint, up, fov_degrees, aspect };
-        let framed = (!has_places).then(|| (framing, frame(&framing)));
-        let automatic = framed.map(|(_, camera)| camera);
-        let (eye, eye_origin) = part(self.eye, own.map(|c| c.eye), automatic.map(|c| c.eye), self.eye_reason());
-        let (target, target_origin) =
-            part(self.target, own.map(|c| c.target), automatic.map(|c| c.target), self.target_reason());
+        let of_eye = self.eye_reason(subject);
+        let (eye, eye_origin) = part(self.eye, own.map(|c| c.eye), automatic.map(|c| c.eye), of_eye);
+        let of_target = self.target_reason(subject);
+        let (target, target_origin) = part(self.target, own.map(|c| c.target), automatic.map(|c| c.target), of_target);
         let camera = Camera { eye, target, up, fov_degrees };
         let (camera, up) = self.with_fitting_up(camera, up_origin);
-        let is_inside = self.viewpoint == Some(Viewpoint::Inside);
+        let is_inside = subject == Subject::Room;
         Placed { camera, eye: eye_origin, target: target_origin, up, fov, framed, is_inside }
     }
 
-    fn eye_reason(&self) -> Cow<'static, str> {
-        match self.viewpoint {
-            None => "from where everything is in the picture".into(),
-            Some(Viewpoint::Inside) => "`view = inside`: the middle of the scene".into(),
-            Some(viewpoint) => format!("`view = {viewpoint}`: from where everything is in the picture").into(),
-        }
+    fn eye_reason(&self, subject: Subject) -> Cow<'static, str> {
+        let seen = match subject {
+            Subject::Everything => "from where everything is in the picture",
+            Subject::WithoutGround => "from where everything but a large ground or backdrop is in the picture",
+            Subject::Room if self.viewpoint.is_some() => "the middle of the scene",
+            Subject::Room => "at the end of the scene, a room whose walls hide it from outside",
+        };
+        self.viewpoint.map_or(seen.into(), |viewpoint| format!("`view = {viewpoint}`: {seen}").into())
     }
 
-    fn target_reason(&self) -> Cow<'static, str> {
-        match self.viewpoint {
-            Some(Viewpoint::Inside) => "`view = inside`: along the longer side".into(),
-            _ => "the middle of the scene".into(),
-        }
+    fn target_reason(&self, subject: Subject) -> Cow<'static, str> {
+        let seen = match subject {
+            Subject::Everything => "the middle of the scene",
+            Subject::WithoutGround => "the middle of what stands on the ground",
+            Subject::Room => "along the longer side of the room",
+        };
+        seen.into()
     }
 
     /// `camera` with an up that is not along the view, where nobody insists on one that is: the far side is up then, as

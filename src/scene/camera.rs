@@ -1,6 +1,7 @@
 //! The pinhole camera, and where it stands to show a scene.
 
 use super::Viewpoint;
+use super::room::{Subject, free_way, is_ground, subject};
 use glam::{DVec3, Vec3};
 
 /// The vertical field of view of a camera of which nobody says it, degrees.
@@ -8,6 +9,9 @@ pub(super) const FOV_DEGREES: f32 = 40.0;
 
 /// The same inside of a scene: walls of a room are near, so that more than a quarter of it is seen.
 pub(super) const INSIDE_FOV_DEGREES: f32 = 65.0;
+
+/// How much of the way from the middle of a room to what is behind a camera steps back: the rest keeps it out of walls.
+const STEP_BACK: f64 = 0.9;
 
 /// A pinhole camera that looks from `eye` towards `target`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,8 +30,8 @@ impl Camera {
     /// A camera that shows all `points` from the front, a little from the right and above, in a picture of `aspect` =
     /// width / height, where y is up. Without points it looks at the origin.
     pub fn framing(points: impl Iterator<Item = Vec3> + Clone, aspect: f32) -> Camera {
-        let framing = Framing { viewpoint: None, up: Vec3::Y, fov_degrees: FOV_DEGREES, aspect };
-        framing.camera(points.map(|point| [point; 3]))
+        let framing = Framing { viewpoint: None, up: Vec3::Y, fov_degrees: None, aspect, may_enter: false };
+        framing.camera(points.map(|point| [point; 3])).camera
     }
 }
 
@@ -61,11 +65,16 @@ impl Axes {
         -self.front
     }
 
+    /// The direction in which a camera stands that nobody places: in front, a little to the right and above.
+    pub fn automatic(&self) -> DVec3 {
+        self.right * 0.45 + self.up * 0.35 + self.front * 0.82
+    }
+
     /// The direction in which a camera stands that looks from `viewpoint`, and what is up in its picture.
     fn of_view(&self, viewpoint: Option<Viewpoint>) -> (DVec3, DVec3) {
         let Axes { right, up, front } = *self;
         match viewpoint {
-            None => (right * 0.45 + up * 0.35 + front * 0.82, up),
+            None => (self.automatic(), up),
             Some(Viewpoint::Front | Viewpoint::Inside) => (front, up),
             Some(Viewpoint::Back) => (-front, up),
             Some(Viewpoint::Left) => (-right, up),
@@ -84,71 +93,96 @@ pub(crate) struct Framing {
     pub viewpoint: Option<Viewpoint>,
     /// What is up in the world; not zero.
     pub up: Vec3,
-    /// Vertical, degrees.
-    pub fov_degrees: f32,
+    /// Vertical, degrees; `None`: as is usual.
+    pub fov_degrees: Option<f32>,
     /// Width / height of the picture.
     pub aspect: f32,
+    /// Whether a room is seen from inside, where the viewpoint is open.
+    pub may_enter: bool,
+}
+
+/// A camera that was placed by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Framed {
+    pub camera: Camera,
+    /// What it shows.
+    pub subject: Subject,
 }
 
 impl Framing {
-    /// A camera that shows all `triangles`, or looks about among them. Without triangles it looks at the origin.
-    pub fn camera(&self, triangles: impl Iterator<Item = [Vec3; 3]> + Clone) -> Camera {
+    /// A camera that shows `triangles`, or looks about among them. Without triangles it looks at the origin.
+    pub fn camera(&self, triangles: impl Iterator<Item = [Vec3; 3]> + Clone) -> Framed {
         const MARGIN: f64 = 1.06; // a little air around the model
         // f64: the extent of a scene near the largest float overflows float32
         let triangles = triangles.map(|triangle| triangle.map(DVec3::from));
-        let points = triangles.clone().flatten();
-        let low = points.clone().reduce(DVec3::min).unwrap_or_default();
-        let high = points.clone().reduce(DVec3::max).unwrap_or_default();
-        let center = (low + high) / 2.0;
         let axes = Axes::of(self.up);
-        if self.viewpoint == Some(Viewpoint::Inside) {
-            return self.inside(&axes, center, triangles);
+        let (low, high) = bounds(triangles.clone());
+        let may_enter = self.may_enter && self.viewpoint.is_none();
+        let subject = match self.viewpoint {
+            Some(Viewpoint::Inside) => Subject::Room,
+            _ => subject(triangles.clone(), (low, high), may_enter.then(|| axes.automatic())),
+        };
+        if subject == Subject::Room {
+            return Framed { camera: self.inside(&axes, (low + high) / 2.0, triangles), subject };
         }
 
+        let diagonal = (high - low).length();
+        let shown = triangles.filter(|triangle| subject == Subject::Everything || !is_ground(triangle, diagonal));
+        let (low, high) = bounds(shown.clone());
+        let center = (low + high) / 2.0;
+        let fov_degrees = self.fov_degrees.unwrap_or(FOV_DEGREES);
         let (back, up) = axes.of_view(self.viewpoint);
         let back = back.normalize();
         let right = up.cross(back).normalize();
         let up = back.cross(right);
-        let tan_y = (f64::from(self.fov_degrees).to_radians() / 2.0).tan();
+        let tan_y = (f64::from(fov_degrees).to_radians() / 2.0).tan();
         let tan_x = tan_y * f64::from(self.aspect);
         // Every point must lie inside the pyramid of view: its distance aside is at most tan times its distance ahead.
-        let distance = points
+        let distance = shown
+            .flatten()
             .map(|p| p - center)
             .map(|p| MARGIN * (p.dot(right).abs() / tan_x).max(p.dot(up).abs() / tan_y) + p.dot(back))
             .fold(0.0, f64::max);
         let distance = if distance > 0.0 { distance } else { 1.0 };
-        Camera {
-            eye: (center + back * distance).as_vec3(),
-            target: center.as_vec3(),
-            up: self.up,
-            fov_degrees: self.fov_degrees,
-        }
+        let eye = (center + back * distance).as_vec3();
+        Framed { camera: Camera { eye, target: center.as_vec3(), up: self.up, fov_degrees }, subject }
     }
 
     /// A camera in the middle of the triangles' box that looks along the longer of its horizontal sides: to the right,
-    /// or away from the front; but the other way where much more surface lies, as the end of a room may be open.
+    /// or away from the front; but the other way where much more surface lies, as the end of a room may be open. Where
+    /// nobody asked for the inside, it steps back from the middle as far as there is room, to show more.
     fn inside(&self, axes: &Axes, center: DVec3, triangles: impl Iterator<Item = [DVec3; 3]> + Clone) -> Camera {
         let points = triangles.clone().flatten();
         let reach = |axis: DVec3| points.clone().map(|p| (p - center).dot(axis).abs()).fold(0.0, f64::max);
         let (across, along) = (reach(axes.right), reach(axes.front));
         let (ahead, distance) = if across > along { (axes.right, across) } else { (axes.back(), along) };
         // Where the middle of the surface is, from -1 behind the camera to 1 before it.
-        let (moment, area) = triangles.fold((0.0, 0.0), |(moment, area), [a, b, c]| {
+        let (moment, area) = triangles.clone().fold((0.0, 0.0), |(moment, area), [a, b, c]| {
             let of_triangle = (b - a).cross(c - a).length();
             (moment + of_triangle * ((a + b + c) / 3.0 - center).dot(ahead), area + of_triangle)
         });
-        // One end of a cube's six sides is a fifth of what is left, and moves the middle as far.
+        // Without one end the middle of a cube's surface is at 0.2: a quarter of that is more than furniture does.
         const OPEN_END: f64 = -0.05;
         let is_behind = moment < OPEN_END * area * distance;
         let ahead = if is_behind { -ahead } else { ahead };
         let distance = if distance > 0.0 { distance } else { 1.0 };
+        let step = match self.viewpoint {
+            Some(_) => 0.0,
+            None => STEP_BACK * distance * free_way(triangles, center, -ahead * distance),
+        };
         Camera {
-            eye: center.as_vec3(),
+            eye: (center - ahead * step).as_vec3(),
             target: (center + ahead * distance).as_vec3(),
             up: self.up,
-            fov_degrees: self.fov_degrees,
+            fov_degrees: self.fov_degrees.unwrap_or(INSIDE_FOV_DEGREES),
         }
     }
+}
+
+/// The smallest box around triangles; around the origin where there are none.
+fn bounds(triangles: impl Iterator<Item = [DVec3; 3]> + Clone) -> (DVec3, DVec3) {
+    let points = triangles.flatten();
+    (points.clone().reduce(DVec3::min).unwrap_or_default(), points.reduce(DVec3::max).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -189,9 +223,9 @@ mod tests {
         for viewpoint in [None].into_iter().chain(viewpoints.map(Some)) {
             for up in [Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::new(1.0, 2.0, 3.0)] {
                 for (fov_degrees, aspect) in [(40.0, 1.5), (90.0, 0.5), (10.0, 1.0)] {
-                    let framing = Framing { viewpoint, up, fov_degrees, aspect };
+                    let framing = Framing { viewpoint, up, fov_degrees: Some(fov_degrees), aspect, may_enter: true };
                     let corners = corners(Vec3::new(-1.0, 4.0, 2.0), Vec3::new(3.0, 5.0, 9.0));
-                    let camera = framing.camera(corners.clone());
+                    let camera = framing.camera(corners.clone()).camera;
                     let eye = camera.eye.as_dvec3();
                     let forward = (camera.target.as_dvec3() - eye).normalize();
                     let picture_up = match viewpoint {
@@ -213,11 +247,46 @@ mod tests {
         }
     }
 
+    /// A room with a table in it, all turned inward but that.
+    #[test]
+    fn a_room_is_seen_from_its_end_unless_something_is_in_the_way() {
+        let sides = |low: Vec3, high: Vec3, inward: bool| {
+            let at = move |x: bool, y: bool, z: bool| Vec3::select(glam::BVec3::new(x, y, z), high, low);
+            let quads = [
+                [at(false, false, false), at(false, false, true), at(false, true, true), at(false, true, false)],
+                [at(true, false, false), at(true, true, false), at(true, true, true), at(true, false, true)],
+                [at(false, false, false), at(true, false, false), at(true, false, true), at(false, false, true)],
+                [at(false, true, false), at(false, true, true), at(true, true, true), at(true, true, false)],
+                [at(false, false, false), at(false, true, false), at(true, true, false), at(true, false, false)],
+                [at(false, false, true), at(true, false, true), at(true, true, true), at(false, true, true)],
+            ];
+            let triangles = quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+            triangles.map(|[a, b, c]| if inward { [a, c, b] } else { [a, b, c] }).collect::<Vec<_>>()
+        };
+        let (low, high) = (Vec3::new(-5.0, 0.0, -2.0), Vec3::new(5.0, 3.0, 2.0));
+        let camera = |triangles: &[[Vec3; 3]], may_enter| {
+            let framing = Framing { viewpoint: None, up: Vec3::Y, fov_degrees: None, aspect: 1.5, may_enter };
+            framing.camera(triangles.iter().copied())
+        };
+        let room = sides(low, high, true);
+        let Framed { camera: inside, subject } = camera(&room, true);
+        assert_eq!((subject, inside.fov_degrees), (Subject::Room, INSIDE_FOV_DEGREES));
+        assert_eq!((inside.eye, inside.target), (Vec3::new(-4.5, 1.5, 0.0), Vec3::new(5.0, 1.5, 0.0)));
+        // A cupboard from which a tenth is left to the middle.
+        let cupboard = sides(Vec3::new(-3.0, 1.0, -0.5), Vec3::new(-2.0, 2.0, 0.5), false);
+        let before_it = camera(&[room.clone(), cupboard].concat(), true).camera;
+        assert_eq!(before_it.eye, Vec3::new(-1.8, 1.5, 0.0));
+        // Where it may not enter, and where it is no room.
+        assert_eq!(camera(&room, false).subject, Subject::Everything);
+        assert_eq!(camera(&sides(low, high, false), true).subject, Subject::Everything);
+    }
+
     #[test]
     fn inside_looks_along_the_longer_side_and_to_the_closed_end() {
         let inside = |up, triangles: &[[Vec3; 3]]| {
-            let framing = Framing { viewpoint: Some(Viewpoint::Inside), up, fov_degrees: 65.0, aspect: 1.0 };
-            let camera = framing.camera(triangles.iter().copied());
+            let viewpoint = Some(Viewpoint::Inside);
+            let framing = Framing { viewpoint, up, fov_degrees: None, aspect: 1.0, may_enter: true };
+            let camera = framing.camera(triangles.iter().copied()).camera;
             (camera.eye, (camera.target - camera.eye).normalize())
         };
         let high = Vec3::new(6.0, 9.0, 2.0);

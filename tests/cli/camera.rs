@@ -130,6 +130,39 @@ fn everything_is_in_the_picture_from_every_side() {
     assert!(inside.iter().all(|pixel| pixel[0] > 0.15), "{inside:?}");
 }
 
+/// The box turned inward is a room; on ground of a thousand times its size it fills the picture as without.
+#[test]
+fn rooms_are_seen_from_inside_and_ground_does_not_count() {
+    let folder = model();
+    let at = folder.path();
+    let inward: String = MODEL.split("f 7 8 9").next().unwrap().lines().fold(String::new(), |text, line| {
+        let words: Vec<_> = line.split(' ').collect();
+        let turned = |face: &[&str]| face.iter().rev().copied().collect::<Vec<_>>().join(" ");
+        if words[0] == "f" { text + "f " + &turned(&words[1..]) + "\n" } else { text + line + "\n" }
+    });
+    let inward = inward.replace("v 0 3 1\n", "");
+    std::fs::write(at.join("room.obj"), &inward).unwrap();
+    let (room, said) = rendered(at, "room.obj", &[]);
+    for words in ["--eye 0,0,2.7: model: ", "a room", "--target 0,0,-3: model: ", "--fov 65: model: "] {
+        assert!(said.contains(words), "'{words}' is missing in {said}");
+    }
+    assert!(pixels(&room).iter().all(|pixel| pixel[0] > 0.15));
+    let (outside, said) = rendered(at, "room.obj", &["--view", "front"]);
+    assert!(said.contains("from where everything is in the picture") && outside != room, "{said}");
+    let (_, said) = rendered(at, "room.obj", &["--eye", "1,2,9"]);
+    assert!(said.contains("--target 0,0,0: model: the middle of the scene"), "{said}");
+    assert!(!rendered(at, "box.obj", &[]).1.contains("a room"));
+
+    let ground = format!("{MODEL}v -9999 -2 -9999\nv 9999 -2 -9999\nv 9999 -2 9999\nv -9999 -2 9999\nf 13 12 11 10\n");
+    std::fs::write(at.join("ground.obj"), ground).unwrap();
+    let (_, alone) = rendered(at, "box.obj", &[]);
+    let (on_ground, said) = rendered(at, "ground.obj", &[]);
+    let place = |said: &str| said.split_once("--eye ").unwrap().1.split_once(':').unwrap().0.to_owned();
+    assert_eq!(place(&said), place(&alone));
+    assert!(said.contains("everything but a large ground or backdrop"), "{said}");
+    assert!(pixels(&on_ground)[0] != [0.05; 3], "the ground is at the lower left");
+}
+
 #[test]
 fn a_model_of_stl_stands_upright() {
     let folder = model();
