@@ -145,7 +145,7 @@ pub use front::{
     View, devices,
 };
 pub use glam;
-pub use scene::{Builder, Camera, Light, Material, Scene};
+pub use scene::{Builder, Camera, Light, Material, Scene, Viewpoint};
 
 /// The samples of the README and of the book, which are tests.
 #[cfg(doctest)]

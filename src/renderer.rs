@@ -1,5 +1,9 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
+mod crop;
+
+pub use crop::{Crop, render_part};
+
 use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, sample_sequence};
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
@@ -9,7 +13,7 @@ use crate::io::film::{Film, ImageFormat};
 use crate::options::{Decisions, Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceBackend;
-use crate::scene::{Camera, Samples, Scene};
+use crate::scene::{Aim, Camera, Placed, Samples, Scene};
 use crate::shared::RenderParams;
 use crate::tracer::{Adaptive, Backend, MOST_SAMPLES, Progress, RenderResult, Task};
 use crate::work::PixelWork;
@@ -96,15 +100,22 @@ pub fn build_and_open_within(
 /// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and a
 /// key light with a little ambient light when it has no lamp of its own.
 pub fn complete(scene: &mut Scene, aspect: f32) {
-    let camera = scene.camera.unwrap_or_else(|| {
+    complete_as(scene, aspect, &Aim::default());
+}
+
+/// As [`complete`], with the parts of the camera that `aim` says in place of the scene's. Where it sees nothing,
+/// [`Placed::check`] says so.
+pub fn complete_as(scene: &mut Scene, aspect: f32, aim: &Aim) -> Placed {
+    let placed = aim.place(scene.camera, scene.up, aspect, |framing| {
         let primitives = scene.hittable();
-        Camera::framing(primitives.iter().flat_map(|&i| scene.vertices(i as usize)), aspect)
+        framing.camera(primitives.iter().map(|&i| scene.vertices(i as usize)))
     });
-    scene.camera = Some(camera);
+    scene.camera = Some(placed.camera);
     if scene.lights.is_empty() {
-        scene.lights.push(Scene::key_light(&camera));
+        scene.lights.push(placed.key_light());
         scene.ambient = scene.ambient.max(Vec3::splat(KEY_AMBIENT));
     }
+    placed
 }
 
 /// What a device's compiler takes of the host's memory where it runs in the process: 150 MB of PoCL's for a kernel that
@@ -212,10 +223,15 @@ pub fn render(
     progress: Progress,
 ) -> Result<RenderResult> {
     picture.samples.check(picture.size)?;
-    let roulette_weight = tracer.options().picture.roulette.unwrap_or(0.0);
-    let params = RenderParams { roulette_weight, ..picture.params(buffers, picture.samples) };
+    let params = rendered_params(tracer, buffers, picture);
     match picture.samples {
         Samples::Error(error) => render_adaptive(tracer, &params, Adaptive::of_error(error), progress),
         fixed => tracer.render(&params, &sample_positions(fixed), progress),
     }
+}
+
+/// What kernels need to know of a picture, of which rays are killed as the tracer's options say.
+fn rendered_params(tracer: &dyn Backend, buffers: &SceneBuffers, picture: &Picture) -> RenderParams {
+    let roulette_weight = tracer.options().picture.roulette.unwrap_or(0.0);
+    RenderParams { roulette_weight, ..picture.params(buffers, picture.samples) }
 }

@@ -455,9 +455,15 @@ impl RenderParams {
     /// The same camera for one sample of every pixel of a part of the picture, which has so many columns and rows from
     /// this one on; at most 65,535 of them lie before.
     #[must_use]
-    pub fn of_part(self, (x, y): (u32, u32), (width, height): (u32, u32)) -> RenderParams {
+    pub fn of_part(self, place: (u32, u32), size: (u32, u32)) -> RenderParams {
+        RenderParams { sample_count: 1, sample_weight: 1.0, ..self.cropped(place, size) }
+    }
+
+    /// The same camera for all samples of such a part.
+    #[must_use]
+    pub fn cropped(self, (x, y): (u32, u32), (width, height): (u32, u32)) -> RenderParams {
         debug_assert!(x <= 0xffff && y <= 0xffff);
-        RenderParams { width, height, sample_count: 1, sample_weight: 1.0, first_pixel: x | y << 16, ..self }
+        RenderParams { width, height, first_pixel: x | y << 16, ..self }
     }
 
     /// Width and height of the film: of a list one row.

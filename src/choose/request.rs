@@ -22,6 +22,8 @@ pub enum Source {
     Given,
     /// It was the fastest when it was measured on this device ([`super::tune`]).
     Tuned,
+    /// The scene, or the rule of the format of its file.
+    Scene,
     /// The model, or the default of a build.
     Model,
 }
@@ -58,6 +60,7 @@ impl fmt::Display for Decision {
         match self.source {
             Source::Given => write!(f, "{option} {value}: given"),
             Source::Tuned => write!(f, "{option} {value}: tuned for this device: {reason}"),
+            Source::Scene => write!(f, "{option} {value}: scene: {reason}"),
             Source::Model => write!(f, "{option} {value}: model: {reason}"),
         }
     }

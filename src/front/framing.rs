@@ -2,8 +2,8 @@
 //! gone.
 
 use crate::pack::SceneBuffers;
-use crate::renderer::complete;
-use crate::scene::{Camera, DropReason, Scene};
+use crate::renderer::complete_as;
+use crate::scene::{Aim, Camera, DropReason, Framed, Framing, Scene};
 use std::borrow::Cow;
 
 /// A scene that has a light.
@@ -11,7 +11,7 @@ pub(super) struct LitScene<'a> {
     /// A copy, for as long as the structure is built, where the scene has no light of its own.
     pub scene: Cow<'a, Scene>,
     /// The camera that frames it in pictures of the aspect, where there is none and the light needed one.
-    pub framed: Option<(f32, Camera)>,
+    pub framed: Option<(Framing, Framed)>,
     /// Whether the light was added.
     pub has_key_light: bool,
 }
@@ -24,19 +24,18 @@ impl LitScene<'_> {
             return LitScene { scene: Cow::Borrowed(scene), framed: None, has_key_light };
         }
         let mut lit = scene.clone();
-        complete(&mut lit, aspect);
+        let placed = complete_as(&mut lit, aspect, &Aim::default());
         // Rays need no camera: one that has no place is refused when a picture asks for it.
-        let framed = std::mem::replace(&mut lit.camera, scene.camera).filter(|_| scene.camera.is_none());
-        LitScene { scene: Cow::Owned(lit), framed: framed.map(|camera| (aspect, camera)), has_key_light }
+        lit.camera = scene.camera;
+        LitScene { scene: Cow::Owned(lit), framed: placed.framed, has_key_light }
     }
 }
 
-/// The camera that shows all triangles of `buffers` in a picture of `aspect` = width / height: the one that
-/// [`complete`] gives the scene.
-pub(super) fn framing_camera(buffers: &SceneBuffers, aspect: f32) -> Camera {
+/// The camera that shows all triangles of `buffers` as `framing` says: the one that [`complete_as`] gives the scene.
+pub(super) fn framing_camera(buffers: &SceneBuffers, framing: &Framing) -> Framed {
     let triangles = (0..buffers.triangle_count() as u32).map(|i| buffers.given_triangle(i));
     let hittable = triangles.filter(|&triangle| DropReason::of(triangle).is_none());
-    Camera::framing(hittable.flatten(), aspect)
+    framing.camera(hittable)
 }
 
 /// Whether a camera has a place and looks at one.

@@ -39,6 +39,15 @@ impl Picture {
         self.film.to_srgb8().into_flattened()
     }
 
+    /// The picture made lighter, or darker by a negative number: all light multiplied by 2 to the power of `stops`.
+    ///
+    /// # Errors
+    /// [`Error::Option`](crate::Error::Option) unless `stops` lies between -100 and 100.
+    pub fn exposed(mut self, stops: f32) -> Result<Picture> {
+        self.film.expose(stops)?;
+        Ok(self)
+    }
+
     /// The bytes of a .png file with these values.
     ///
     /// # Errors

@@ -18,7 +18,7 @@ use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
-use crate::scene::{Camera, PictureDefaults, Samples, Scene};
+use crate::scene::{Camera, Framed, Framing, Light, PictureDefaults, Samples, Scene};
 use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use crate::winding::WindingTree;
@@ -74,8 +74,10 @@ pub struct Tracer {
     /// What the scene says of its picture.
     defaults: PictureDefaults,
     camera: Option<Camera>,
-    /// The camera that frames the scene in pictures of an aspect; not yet known, or not needed, at first.
-    framed: Option<(f32, Camera)>,
+    /// Which way is up by the format of the scene's file.
+    up: Option<Vec3>,
+    /// The camera that was last placed so that it frames the scene; not yet known, or not needed, at first.
+    framed: Option<(Framing, Framed)>,
     /// Whether the only light is the one that was added.
     has_key_light: bool,
     /// Whether it is known that the scene is closed.
@@ -120,6 +122,7 @@ impl Tracer {
             depth,
             defaults: scene.picture,
             camera: scene.camera,
+            up: scene.up,
             framed: *framed,
             has_key_light: *has_key_light,
             is_closed: false,
@@ -167,7 +170,7 @@ impl Tracer {
         self.backend = Some(open_tracer(device.as_ref(), &buffers, options, self.depth, cache.as_ref())?);
         (self.buffers, self.is_closed) = (buffers, false);
         (self.points, self.winding) = (None, None);
-        (self.defaults, self.camera) = (scene.picture, scene.camera);
+        (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, scene.up);
         (self.framed, self.has_key_light) = (lit.framed, lit.has_key_light);
         Ok(())
     }
@@ -454,58 +457,49 @@ impl Tracer {
     /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved
     /// Illumination Model for Shaded Display", CACM 1980).
     ///
-    /// A scene without lights has one from above the left shoulder of its camera, or of the camera that frames it; that
-    /// light stays where it is when the view has a camera of its own.
+    /// A scene without lights has one from above the left shoulder of the view's camera; see [`View`].
     ///
     /// # Errors
-    /// [`Error::Option`] for a size, samples or depth out of range; [`Error::Scene`] for a camera that looks nowhere,
-    /// and for a scene so large that no camera shows it; [`Error::OutOfMemory`] and [`Error::TooLarge`] when the
-    /// picture takes too much memory; [`Error::Build`], [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
+    /// [`Error::Option`] for a size, samples or depth out of range, a part that the picture has not, and a camera that
+    /// looks nowhere;
+    /// [`Error::Scene`] for a scene so large that no camera shows it; [`Error::OutOfMemory`] and [`Error::TooLarge`]
+    /// when the picture takes too much memory; [`Error::Build`], [`Error::OpenCl`] and [`Error::Hang`] when the driver
+    /// fails.
     pub fn render(&mut self, view: &View) -> Result<Picture> {
         let frame = view.over(&self.defaults)?;
-        let Frame { size, samples, depth, .. } = frame;
+        let Frame { size, samples, depth, crop, .. } = frame;
         let camera = self.aim(&frame)?;
-        self.check_picture(size, samples)?;
+        self.check_picture(crop.map_or(size, |crop| crop.rendered_size(size, samples)), samples)?;
         let buffers = self.buffers.clone();
         let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
         let rendered = |backend: &mut dyn Backend, progress: Progress| {
-            renderer::render(backend, &buffers, &picture, progress).map(Picture::new)
+            renderer::render_part(backend, &buffers, &picture, crop, progress).map(Picture::new)
         };
         self.timed(depth, rendered)
     }
 
     /// The camera of a picture; the key light, if there is one, is put where it belongs.
     fn aim(&mut self, frame: &Frame) -> Result<Camera> {
-        let needs_home = frame.camera.is_none() || self.has_key_light;
-        let home = match (self.camera, needs_home) {
-            (Some(camera), _) => Some(camera),
-            (None, false) => None,
-            (None, true) => Some(self.framed_for(frame.samples.aspect(frame.size) as f32)).filter(is_placed),
-        };
-        let Some(camera) = frame.camera.or(home) else {
+        let aspect = frame.samples.aspect(frame.size) as f32;
+        let placed = frame.aim.place(self.camera, self.up, aspect, |framing| match self.framed {
+            Some((known, framed)) if known == *framing => framed,
+            _ => framing_camera(&self.buffers, framing),
+        });
+        if !is_placed(&placed.camera) {
             let message = "it is so large that no camera which shows it has a place in float32's range; give a camera";
             return Err(Error::Scene(message.to_owned()));
-        };
+        }
+        placed.check(&frame.aim)?;
         if self.has_key_light {
-            self.set_key_light(&home.unwrap_or(camera))?;
+            self.set_key_light(&placed.key_light())?;
         }
-        Ok(camera)
+        self.framed = placed.framed.or(self.framed);
+        Ok(placed.camera)
     }
 
-    fn framed_for(&mut self, aspect: f32) -> Camera {
-        match self.framed {
-            Some((known, camera)) if known == aspect => camera,
-            _ => {
-                let camera = framing_camera(&self.buffers, aspect);
-                self.framed = Some((aspect, camera));
-                camera
-            }
-        }
-    }
-
-    /// Has the key light shine as it does for `camera`. Where it did not yet, the scene is sent to the device again.
-    fn set_key_light(&mut self, camera: &Camera) -> Result<()> {
-        let light = self.buffers.packed_light(&Scene::key_light(camera))?;
+    /// Has `light` shine in place of the key light. Where it did not yet, the scene is sent to the device again.
+    fn set_key_light(&mut self, light: &Light) -> Result<()> {
+        let light = self.buffers.packed_light(light)?;
         if self.buffers.lights != [light] {
             (self.backend, self.points) = (None, None); // they share the arrays
             Arc::make_mut(&mut self.buffers).lights = vec![light];

@@ -1,27 +1,35 @@
 //! What a picture shows, and how.
 
 use crate::error::{Error, Result};
-use crate::renderer::{DEFAULT_DEPTH, DEFAULT_SIZE};
-use crate::scene::{Camera, PictureDefaults, Samples, Scene};
+use crate::renderer::{Crop, DEFAULT_DEPTH, DEFAULT_SIZE};
+use crate::scene::{Aim, Camera, PictureDefaults, Samples, Viewpoint};
 
 /// A picture to render: its size, and what is left to the scene unless it is set.
 ///
 /// What neither the view nor the scene's file says: 1024 x 768 pixels, a camera that frames the scene, an error of one
-/// step of 8-bit sRGB, and chains of at most 8 rays.
+/// step of 8-bit sRGB, and chains of at most 8 rays. Of the camera each part can be said by itself; the scene's camera
+/// has the others, or else one that is placed so that the whole scene is in the picture, or inside of it if it is a
+/// room.
+///
+/// A scene without lights is lit from above the camera's left shoulder, inside of it ([`Viewpoint::Inside`]) from where
+/// the camera is. It is sent to the device again whenever that light moves with the camera; one with a light is not.
 ///
 /// ```
-/// use raybrook::{Camera, View};
+/// use raybrook::{Camera, View, Viewpoint};
 ///
 /// let camera = Camera { eye: [0.0, 1.0, 5.0].into(), target: [0.0; 3].into(), up: [0.0, 1.0, 0.0].into(), fov_degrees: 40.0 };
 /// let view = View::new(640, 480).camera(camera).samples(16).depth(4);
-/// # let _ = view;
+/// let from_above = View::new(640, 480).viewpoint(Viewpoint::Top).up([0.0, 0.0, 1.0]).fov(30.0);
+/// let from_here = View::new(640, 480).eye([2.0, 1.0, 5.0]); // at the middle of the scene
+/// # let _ = (view, from_above, from_here);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct View {
     size: Option<(u32, u32)>,
-    camera: Option<Camera>,
+    aim: Aim,
     samples: Option<Samples>,
     depth: Option<u32>,
+    crop: Option<Crop>,
 }
 
 /// A view with all that it leaves to the scene, apart from the camera.
@@ -29,7 +37,8 @@ pub(super) struct Frame {
     pub size: (u32, u32),
     pub samples: Samples,
     pub depth: u32,
-    pub camera: Option<Camera>,
+    pub aim: Aim,
+    pub crop: Option<Crop>,
 }
 
 impl View {
@@ -39,10 +48,42 @@ impl View {
         View { size: Some((width, height)), ..View::default() }
     }
 
-    /// Where from; instead of the scene's camera.
+    /// All of the camera; instead of the scene's.
     #[must_use]
     pub fn camera(self, camera: Camera) -> View {
-        View { camera: Some(camera), ..self }
+        View { aim: camera.into(), ..self }
+    }
+
+    /// Where the camera is, world units.
+    #[must_use]
+    pub fn eye(self, eye: [f32; 3]) -> View {
+        View { aim: Aim { eye: Some(eye.into()), ..self.aim }, ..self }
+    }
+
+    /// What is in the middle of the picture, world units.
+    #[must_use]
+    pub fn target(self, target: [f32; 3]) -> View {
+        View { aim: Aim { target: Some(target.into()), ..self.aim }, ..self }
+    }
+
+    /// Which way is up, a direction of any length. Where neither view nor scene says it, z is up in `.stl` files, and y
+    /// in others.
+    #[must_use]
+    pub fn up(self, up: [f32; 3]) -> View {
+        View { aim: Aim { up: Some(up.into()), ..self.aim }, ..self }
+    }
+
+    /// The vertical angle of view, degrees, between 0 and 180.
+    #[must_use]
+    pub fn fov(self, degrees: f32) -> View {
+        View { aim: Aim { fov_degrees: Some(degrees), ..self.aim }, ..self }
+    }
+
+    /// From where to look: the camera is placed by itself, so that everything is in the picture. Not together with
+    /// [`View::eye`] and [`View::target`].
+    #[must_use]
+    pub fn viewpoint(self, viewpoint: Viewpoint) -> View {
+        View { aim: Aim { viewpoint: Some(viewpoint), ..self.aim }, ..self }
     }
 
     /// So many rays through each pixel, in a fixed pattern, 1 to 65536; takes the place of [`View::error`].
@@ -65,10 +106,18 @@ impl View {
         View { depth: Some(depth), ..self }
     }
 
+    /// Only a part of the picture: `width` x `height` pixels from column `x` and row `y` on, with the bits that the
+    /// whole picture has there. With [`View::samples`] nothing else is rendered; with an error all of it is.
+    #[must_use]
+    pub fn crop(self, x: u32, y: u32, width: u32, height: u32) -> View {
+        View { crop: Some(Crop { place: (x, y), size: (width, height) }), ..self }
+    }
+
     /// The view with what `scene` says of its picture where this one says nothing.
     ///
     /// # Errors
-    /// [`Error::Option`] for a size, samples or depth out of range; [`Error::Scene`] for a camera that sees nothing.
+    /// [`Error::Option`] for a size, samples or depth out of range, a part that the picture has not, and a camera that
+    /// sees nothing.
     pub(super) fn over(&self, scene: &PictureDefaults) -> Result<Frame> {
         let size = self.size.or(scene.size).unwrap_or(DEFAULT_SIZE);
         let samples = self.samples.or(scene.samples).unwrap_or(Samples::DEFAULT);
@@ -82,9 +131,8 @@ impl View {
         if !(1..=PictureDefaults::MAX_DEPTH).contains(&depth) {
             return Err(Error::option("depth", format!("{depth} is not in 1 to {}", PictureDefaults::MAX_DEPTH)));
         }
-        if let Some(camera) = self.camera {
-            Scene { camera: Some(camera), ..Scene::default() }.check_values()?;
-        }
-        Ok(Frame { size, samples, depth, camera: self.camera })
+        self.crop.map_or(Ok(()), |crop| crop.check(size))?;
+        self.aim.check()?;
+        Ok(Frame { size, samples, depth, aim: self.aim, crop: self.crop })
     }
 }

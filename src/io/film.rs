@@ -188,6 +188,34 @@ impl Film {
         Film { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
 
+    /// The most that a picture is made lighter or darker by, in stops: far beyond what any camera does, and well within
+    /// float32's range.
+    pub const MOST_STOPS: f32 = 100.0;
+
+    /// Checks an exposure, in stops.
+    ///
+    /// # Errors
+    /// [`Error::Option`] unless it lies between -[`Film::MOST_STOPS`] and that.
+    pub fn check_exposure(stops: f32) -> Result<()> {
+        if stops.abs() <= Self::MOST_STOPS {
+            return Ok(()); // NaN is not
+        }
+        let message = format!("{stops} is no exposure; give stops from -{0} to {0}", Self::MOST_STOPS);
+        Err(Error::option("exposure", message))
+    }
+
+    /// Multiplies all light by 2 to the power of `stops`: exactly, where that is a whole number and no value reaches
+    /// the ends of float32's range.
+    ///
+    /// # Errors
+    /// As [`Film::check_exposure`].
+    pub fn expose(&mut self, stops: f32) -> Result<()> {
+        Self::check_exposure(stops)?;
+        let factor = f64::from(stops).exp2() as f32;
+        self.pixels.par_iter_mut().for_each(|pixel| *pixel = pixel.map(|light| light * factor));
+        Ok(())
+    }
+
     /// The number of pixels with a channel that is NaN or infinite; PNG shows such a channel as 0.
     pub fn non_finite(&self) -> usize {
         self.pixels.par_iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
@@ -306,6 +334,22 @@ mod tests {
     fn the_bytes_of_a_png_are_those_of_its_file() {
         assert_eq!(sample().to_png().unwrap(), written(&sample(), "a.png", None));
         assert!(Film { pixels: Vec::new(), ..sample() }.to_png().is_err());
+    }
+
+    #[test]
+    fn exposure_multiplies_by_powers_of_two() {
+        let mut film = sample();
+        film.expose(3.0).unwrap();
+        assert!(film.pixels.iter().zip(sample().pixels).all(|(new, old)| *new == old.map(|light| light * 8.0)));
+        film.expose(-3.0).unwrap();
+        assert_eq!(film.pixels[0], sample().pixels[0]);
+        let mut film = sample();
+        film.expose(0.5).unwrap();
+        assert_eq!(film.pixels[0], [0.0, 0.5 * 2_f32.sqrt(), 2_f32.sqrt()]);
+        for wrong in [f32::NAN, f32::INFINITY, 100.5, -101.0] {
+            let message = sample().expose(wrong).unwrap_err().to_string();
+            assert!(message.contains("exposure: ") && message.contains("from -100 to 100"), "{message}");
+        }
     }
 
     fn decoded_png(bytes: &[u8]) -> (png::Info<'static>, Vec<u8>) {

@@ -85,6 +85,11 @@ pub(super) fn none_of(mut faults: Vec<String>) -> Result<()> {
 /// component of the float32 cross product of unit vectors is off by up to 3 eps/2 < 2^-22, a quarter of this.
 const PARALLEL_SINE: f64 = 1.0 / (1u32 << 20) as f64;
 
+/// Whether no picture has `up` upwards that is seen along `forward`. Neither is zero.
+pub(super) fn is_along(up: DVec3, forward: DVec3) -> bool {
+    forward.normalize().cross(up.normalize()).length() < PARALLEL_SINE
+}
+
 /// What is wrong with `camera`, if anything.
 pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
     let view = finite("eye", camera.eye)
@@ -98,7 +103,7 @@ pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
     if forward == DVec3::ZERO {
         return fault("target", "is the eye's own place: the camera looks nowhere");
     }
-    if forward.normalize().cross(camera.up.as_dvec3().normalize()).length() < PARALLEL_SINE {
+    if is_along(camera.up.as_dvec3(), forward) {
         return fault("up", "is parallel to the view from eye to target; choose another");
     }
     let fov = camera.fov_degrees;
@@ -195,7 +200,7 @@ fn finite(key: &'static str, v: Vec3) -> Option<Fault> {
     if v.is_finite() { None } else { fault(key, format!("is {v}; it must be finite")) }
 }
 
-fn nonzero(key: &'static str, v: Vec3) -> Option<Fault> {
+pub(super) fn nonzero(key: &'static str, v: Vec3) -> Option<Fault> {
     finite(key, v).or_else(|| if v == Vec3::ZERO { fault(key, "is zero: it has no direction") } else { None })
 }
 

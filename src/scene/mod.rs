@@ -3,6 +3,7 @@
 //!
 //! A scene comes from a file ([`load`]) or from the OpenGL-style [`Builder`] (thesis, section 6.2.1).
 
+mod aim;
 mod area;
 mod builder;
 mod camera;
@@ -21,6 +22,7 @@ mod obj;
 mod ply;
 mod procedural;
 mod reading;
+mod room;
 mod samples;
 mod solids;
 mod stl;
@@ -28,9 +30,11 @@ mod text;
 mod texture;
 mod triangulate;
 
+pub use aim::{Aim, Origin, Placed, Viewpoint};
 pub use area::{PROJECTIONS, projected_area};
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::Camera;
+pub(crate) use camera::{Framed, Framing};
 pub use instances::{Instance, Instances, Object, ObjectId, Transform};
 pub(crate) use instances::{row_times_direction, row_times_point, turned};
 pub use light::{Falloff, Light, LightKind};
@@ -133,6 +137,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// The camera; without one the renderer frames the scene (see [`Camera::framing`]).
     pub camera: Option<Camera>,
+    /// Which way is up by the rule of the file's format; `None`: y. A camera says it for itself.
+    pub up: Option<Vec3>,
     /// What rays that miss everything see.
     pub background: Background,
     /// Light from everywhere, multiplied by [`Material::ambient`], linear RGB.

@@ -75,6 +75,7 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     let mut warnings = Warnings::default();
     warn_of_dropped(path, &scene, &mut warnings);
     scene.warnings = warnings.into_vec();
+    scene.up = Some(Vec3::Z); // what writes this format stands on the x-y plane, with rare exceptions
     Ok(scene)
 }
 

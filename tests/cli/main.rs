@@ -5,6 +5,7 @@ mod common;
 
 mod all_hits;
 mod cache;
+mod camera;
 mod choice;
 mod closed;
 mod compiler_options;

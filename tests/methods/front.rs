@@ -7,11 +7,11 @@ use raybrook::low_level::film::Film;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::random::Random;
-use raybrook::low_level::renderer::{self, complete, open_tracer};
-use raybrook::low_level::scene::Samples;
+use raybrook::low_level::renderer::{self, complete_as, open_tracer};
+use raybrook::low_level::scene::{Aim, Samples};
 use raybrook::low_level::tracer::is_hit;
 use raybrook::scene::Transform;
-use raybrook::{Builder, Camera, Error, Hit, Light, Material, Precision, Ray, Scene, Tracer, View};
+use raybrook::{Builder, Camera, Error, Hit, Light, Material, Precision, Ray, Scene, Tracer, View, Viewpoint};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -128,8 +128,13 @@ fn balls() -> Scene {
 }
 
 /// The picture below the front door, as the command line makes it.
-fn low_level_film(mut scene: Scene, size: (u32, u32), samples: Samples, depth: u32) -> Film {
-    complete(&mut scene, samples.aspect(size) as f32);
+fn low_level_film(scene: Scene, size: (u32, u32), samples: Samples, depth: u32) -> Film {
+    film_of(scene, &Aim::default(), size, samples, depth)
+}
+
+/// The same with parts of the camera.
+fn film_of(mut scene: Scene, aim: &Aim, size: (u32, u32), samples: Samples, depth: u32) -> Film {
+    complete_as(&mut scene, samples.aspect(size) as f32, aim);
     let options = TraceOptions::DEFAULT;
     let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
     let picture = renderer::Picture { camera: scene.camera.unwrap(), size, samples, depth, kill_weight: None };
@@ -175,6 +180,40 @@ fn pictures_are_those_of_a_picture_below() {
         let other = Scene { camera: Some(Camera { fov_degrees: 20.0, ..camera }), ..lit.clone() };
         let film = low_level_film(other, (32, 24), Samples::PerPixel(1), 8);
         assert!(of_lit.render(&view).unwrap().pixels() == film.pixels);
+    }
+}
+
+/// Whatever of the camera a view says, the picture is the one below: with a light of its own, and with one that moves
+/// with the camera.
+#[test]
+fn parts_of_a_camera_are_those_of_a_picture_below() {
+    let camera = Camera { eye: Vec3::new(0.5, 2.0, 6.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
+    let lamp = Light::point(Vec3::new(3.0, 6.0, 4.0), Vec3::splat(0.9));
+    let bare = Scene { up: Some(Vec3::Z), ..balls() };
+    let lit = Scene { camera: Some(camera), lights: vec![lamp], ..balls() };
+    let view = View::new(16, 12).samples(1);
+    let (eye, target, up) = (Vec3::new(-4.0, 1.0, 3.0), Vec3::new(0.5, 0.0, 0.25), Vec3::NEG_X);
+    let aims = [
+        (view.eye(eye.into()), Aim { eye: Some(eye), ..Aim::default() }),
+        (view.target(target.into()).fov(30.0), Aim { target: Some(target), fov_degrees: Some(30.0), ..Aim::default() }),
+        (view.up(up.into()), Aim { up: Some(up), ..Aim::default() }),
+        (view.camera(camera).eye(eye.into()).fov(9.0), Aim { eye: Some(eye), fov_degrees: Some(9.0), ..camera.into() }),
+        (view, Aim::default()),
+    ];
+    let views = Viewpoint::ALL.iter().map(|&viewpoint| {
+        let aim = Aim { up: Some(up), viewpoint: Some(viewpoint), ..Aim::default() };
+        (view.up(up.into()).viewpoint(viewpoint), aim)
+    });
+    let all: Vec<_> = aims.into_iter().chain(views).collect();
+    for scene in [&bare, &lit] {
+        let mut tracer = tracer_on("reference", scene);
+        let mut films = Vec::new();
+        for (view, aim) in &all {
+            let film = film_of(scene.clone(), aim, (16, 12), Samples::PerPixel(1), 8);
+            assert!(tracer.render(view).unwrap().pixels() == film.pixels, "{aim:?}");
+            assert!(!films.contains(&film), "{aim:?}");
+            films.push(film);
+        }
     }
 }
 
@@ -352,7 +391,13 @@ fn errors_name_the_culprit() {
         ("0 is not in 1 to 65536", render(View::new(9, 9).samples(0))),
         ("NaN is not in 0 to 255", render(View::new(9, 9).error(f32::NAN))),
         ("depth: 65 is not in 1 to 64", render(View::new(9, 9).depth(65))),
-        ("camera: target is the eye's own place", render(View::new(9, 9).camera(blind))),
+        ("eye: [1, 1, 1] is both the eye and the target", render(View::new(9, 9).camera(blind))),
+        ("eye: [1, 1, NaN] is no place", render(View::new(9, 9).eye([1.0, 1.0, f32::NAN]))),
+        ("target: [inf, 0, 0] is no place", render(View::new(9, 9).target([f32::INFINITY, 0.0, 0.0]))),
+        ("up: [0, 0, 0] is zero", render(View::new(9, 9).up([0.0; 3]))),
+        ("up: [0, 0, 2] is parallel to the view", render(View::new(9, 9).eye([0.5, 0.5, 3.0]).up([0.0, 0.0, 2.0]))),
+        ("fov: 180 is no angle of view", render(View::new(9, 9).fov(180.0))),
+        ("eye: `view = top` says itself", render(View::new(9, 9).viewpoint(Viewpoint::Top).eye([1.0; 3]))),
     ];
     for (words, result) in cases {
         let message = result.expect_err(words).to_string();

@@ -4,6 +4,7 @@
 mod common;
 
 mod adaptive;
+mod crop;
 mod features;
 mod images;
 mod roulette;

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import SQUARES, SQUARES_FACES
 
-from raybrook import Scene
+from raybrook import OptionError, Scene
 
 
 def decoded(png):
@@ -50,9 +50,45 @@ def test_a_camera(squares):
     picture = squares.render(9, 9, eye=(2, 2, 9), target=(2, 2, 0), fov=20, samples=1)
     away = squares.render(9, 9, eye=(2, 2, 9), target=(2, 2, 99), fov=20, samples=1)
     assert picture.pixels[4, 4].max() > away.pixels[4, 4].max()
-    for wrong in ({"eye": (1, 2, 3)}, {"width": 3}, {"samples": 1, "error": 1.0}):
+    for wrong in ({"view": "top", "eye": (1, 2, 3)}, {"width": 3}, {"samples": 1, "error": 1.0}):
         with pytest.raises(TypeError, match="together"):
             squares.render(**wrong)
+
+
+def test_parts_of_a_camera(squares):
+    def pixels(**camera):
+        return squares.render(9, 9, samples=1, **camera).pixels
+
+    seen = [
+        pixels(),
+        pixels(eye=(2, 3, 9)),
+        pixels(target=(1, 1, 0)),
+        pixels(up=(1, 2, 0)),
+        pixels(eye=(2, 3, 9), fov=20),
+        pixels(view="top"),
+        pixels(view="iso"),
+    ]
+    for i, picture in enumerate(seen):
+        assert not any(np.array_equal(picture, other) for other in seen[:i]), i
+    assert np.array_equal(pixels(up="-x"), pixels(up=(-2, 0, 0)))
+    with pytest.raises(OptionError, match="no 'above'; possible: front, back"):
+        pixels(view="above")
+    with pytest.raises(OptionError, match="eye"):
+        pixels(eye=(1, 2, 3), target=(1, 2, 3))
+    with pytest.raises(ValueError, match="'w' is no axis"):
+        pixels(up="w")
+
+
+def test_a_part_and_an_exposure(squares):
+    whole = squares.render(24, 16, samples=4)
+    part = squares.render(24, 16, samples=4, crop=(3, 5, 10, 2))
+    assert np.array_equal(part.pixels, whole.pixels[5:7, 3:13])
+    assert np.array_equal(part.exposed(-2).pixels, part.pixels / 4)
+    for wrong in ({"crop": (20, 0, 5, 1)}, {"crop": (0, 0, 0, 1)}):
+        with pytest.raises(OptionError, match="crop"):
+            squares.render(24, 16, **wrong)
+    with pytest.raises(OptionError, match="exposure"):
+        part.exposed(float("nan"))
 
 
 def test_a_scene_shows_itself():

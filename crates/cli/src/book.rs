@@ -10,9 +10,10 @@ const PAGE: &str = "../../docs/book/src/options.md";
 const BEGIN: &str = "<!-- generated: options -->";
 const END: &str = "<!-- end -->";
 /// Headings in the order of the page; options without one come first.
-const HEADINGS: [&str; 11] = [
+const HEADINGS: [&str; 12] = [
     "",
     "Picture",
+    "Camera",
     "Device",
     "Accuracy",
     "Output",

@@ -136,7 +136,7 @@ pub fn run(args: &CheckArgs, talk: Talk) -> Result<Code> {
     open::note_name(&output, &wanted, talk);
     let chooser =
         Chooser { pictures: true, ..Chooser::new((&args.method, &args.device, &args.explain), Some(&device), talk) };
-    let chosen = chooser.choose(&loaded.scene)?;
+    let chosen = chooser.choose(&loaded)?;
     let options = chosen.options;
     let picture = args.picture.picture(&loaded.scene);
     check_pictures(&picture, &options, &device, &budget)?;

@@ -1,19 +1,20 @@
 //! `--explain`: what was chosen for a scene, and why; and the choice itself, which asks for it.
 
 use super::flags::in_flags;
+use super::open::Loaded;
 use super::{DeviceArgs, MethodArgs, Talk, heading};
 use raybrook::Result;
 use raybrook::low_level::choose::tune::{DeviceKey, TunedFile};
 use raybrook::low_level::choose::{Chosen, Decision, Source, TunedChoice, Workload};
 use raybrook::low_level::device::{DeviceHandle, cache_folder};
-use raybrook::low_level::scene::Scene;
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
     /// Tell what was chosen, and why.
     ///
     /// On standard error: structure, packet size, triangle test, numbers of the build, features of the kernels,
-    /// work-group size; given on the command line, tuned for the device by `raybrook tune`, or by the program's model.
+    /// work-group size, and of pictures the camera; given on the command line, by the scene, tuned for the device by
+    /// `raybrook tune`, or by the program's model.
     #[arg(long, help_heading = heading::OUTPUT)]
     explain: bool,
 }
@@ -57,12 +58,13 @@ impl<'a> Chooser<'a> {
         Chooser { method, counters: false, pictures: false, points: false, device, device_args, explain, talk }
     }
 
-    /// Chooses what the user leaves open, and explains it if that is asked for.
-    pub fn choose(&self, scene: &Scene) -> Result<Chosen> {
+    /// Chooses what the user leaves open, and explains it, and the camera, if that is asked for.
+    pub fn choose(&self, Loaded { scene, camera, .. }: &Loaded) -> Result<Chosen> {
         let info = self.device.map(|device| &device.info);
         let workload = Workload { points: self.points, ..Workload::of_scene(info, scene, self.pictures) };
         let tuned = workload.triangle_count.and_then(|count| self.tuned(count));
-        let chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
+        let mut chosen = self.method.choose(&workload, tuned.as_ref(), self.counters, self.talk)?;
+        chosen.decisions.extend_from_slice(camera);
         self.explain.print(&chosen.decisions, self.talk);
         if self.explain.explain
             && !self.talk.quiet

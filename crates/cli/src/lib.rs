@@ -9,6 +9,7 @@ mod print;
 /// Headings of the help, beside those of the options of methods.
 mod heading {
     pub const PICTURE: &str = "Picture";
+    pub const CAMERA: &str = "Camera";
     pub const DEVICE: &str = "Device";
     pub const OUTPUT: &str = "Output";
     pub const DIAGNOSIS: &str = "Diagnosis";
@@ -17,6 +18,7 @@ mod heading {
 mod asked;
 #[cfg(test)]
 mod book;
+mod camera;
 mod check;
 mod closed;
 mod code;
@@ -192,6 +194,8 @@ struct PictureArgs {
     /// or one by half of the --error that is asked for].
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "W", value_parser = parse_weight)]
     kill_weight: Option<f32>,
+    #[command(flatten)]
+    camera: camera::CameraArgs,
 }
 
 fn parse_size(text: &str) -> Result<(u32, u32), String> {

@@ -1,15 +1,15 @@
 //! What every command that traces does first: load the scene, choose the device, build, compile, upload.
 
-use super::flags::in_flags;
+use super::flags::{self, in_flags};
 use super::{DeviceArgs, PictureArgs, SceneArgs, Talk};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
-use raybrook::low_level::choose::Chosen;
+use raybrook::low_level::choose::{Chosen, Decision, camera_decisions};
 use raybrook::low_level::device::{DeviceHandle, Selection, select_working};
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::{DEFAULT_SIZE, build_and_open_within, complete, picture_bytes};
-use raybrook::low_level::scene::{self, Samples, Scene};
+use raybrook::low_level::renderer::{DEFAULT_SIZE, build_and_open_within, complete_as, picture_bytes};
+use raybrook::low_level::scene::{self, Placed, Samples, Scene};
 use raybrook::low_level::stats::RunStats;
 use raybrook::low_level::tracer::{Backend, Task};
 use raybrook::{Error, Result};
@@ -24,6 +24,8 @@ const WARNINGS_SHOWN: usize = 10;
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
+    /// Where its camera comes from, part by part, if it was given one.
+    pub camera: Vec<Decision>,
     /// Seconds.
     pub load_s: f64,
 }
@@ -31,9 +33,11 @@ pub struct Loaded {
 /// Loads the scene that is asked for, which must have objects unless it may be empty, and gives it what it needs to be
 /// rendered: a camera, light, a size and samples, which `args` override.
 pub fn load_for_picture(scene: &SceneArgs, args: &PictureArgs, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
+    args.camera.aim().check()?;
     let mut loaded = load_with_objects(&scene.scene, scene.allow_empty, budget, talk)?;
     let start = Instant::now();
-    complete_for_picture(&mut loaded.scene, &scene.scene, Some(args))?;
+    let placed = complete_for_picture(&mut loaded.scene, &scene.scene, Some(args))?;
+    loaded.camera = flags::decisions(camera_decisions(&placed).to_vec());
     loaded.load_s += start.elapsed().as_secs_f64();
     Ok(loaded)
 }
@@ -63,17 +67,18 @@ pub fn load_completed(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<
     Ok(scene)
 }
 
-fn complete_for_picture(scene: &mut Scene, path: &Path, args: Option<&PictureArgs>) -> Result<()> {
+fn complete_for_picture(scene: &mut Scene, path: &Path, args: Option<&PictureArgs>) -> Result<Placed> {
     let size = args.and_then(|args| args.size).or(scene.picture.size).unwrap_or(DEFAULT_SIZE);
     let samples = args.and_then(PictureArgs::samples).or(scene.picture.samples).unwrap_or(Samples::DEFAULT);
     samples.check(size)?;
     (scene.picture.size, scene.picture.samples) = (Some(size), Some(samples));
-    let has_camera = scene.camera.is_some();
-    complete(scene, samples.aspect(size) as f32);
-    match scene.camera.filter(|camera| has_camera || camera.eye.is_finite() && camera.target.is_finite()) {
-        Some(_) => Ok(()),
-        None => Err(cannot_be_framed(scene, path)),
+    let aim = args.map(|args| args.camera.aim()).unwrap_or_default();
+    let placed = complete_as(scene, samples.aspect(size) as f32, &aim);
+    if !(placed.camera.eye.is_finite() && placed.camera.target.is_finite()) {
+        return Err(cannot_be_framed(scene, path));
     }
+    placed.check(&aim)?;
+    Ok(placed)
 }
 
 /// Why there is no place for a camera: which vertex is too far away.
@@ -88,7 +93,7 @@ fn cannot_be_framed(scene: &Scene, path: &Path) -> Error {
     let line = vertex.and_then(|vertex| scene::line_of_vertex(path, vertex));
     let message = format!(
         "the vertex ({:e}, {:e}, {:e}) of triangle {primitive} is so far away that no camera which shows the scene has a place \
-         in float32's range; correct it, make the scene smaller, or give a camera in a scene file",
+         in float32's range; correct it, make the scene smaller, or give a camera by --eye and --target",
         position.x, position.y, position.z
     );
     Error::input(path, line, message)
@@ -108,7 +113,7 @@ pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    Ok(Loaded { scene, load_s: start.elapsed().as_secs_f64() })
+    Ok(Loaded { scene, camera: Vec::new(), load_s: start.elapsed().as_secs_f64() })
 }
 
 /// Checks that there is memory for the numbers of all triangles, which instances can make many of.

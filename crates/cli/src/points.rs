@@ -62,7 +62,7 @@ impl PointArgs {
         let chooser = Chooser::new((&self.method, &self.device, &self.explain), device.as_ref(), talk);
         let chosen = match tasks.is_empty() {
             true => self.method.options(StructureKind::Brute, false).map(Chosen::given)?,
-            false => Chooser { points: tasks == [Task::Points], ..chooser }.choose(&loaded.scene)?,
+            false => Chooser { points: tasks == [Task::Points], ..chooser }.choose(&loaded)?,
         };
         let opened = open::open(&loaded, device.as_ref(), &self.device, chosen, 1, (tasks, &budget), talk)?;
         let what = format!("finding {} points of {}", points.len(), self.points.display());

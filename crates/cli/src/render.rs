@@ -5,9 +5,9 @@ use super::files::{self, Files};
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
-use raybrook::low_level::film::{ImageFormat, check_output};
+use raybrook::low_level::film::{Film, ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
-use raybrook::low_level::renderer::{DEFAULT_DEPTH, Picture, render, render_full};
+use raybrook::low_level::renderer::{Crop, DEFAULT_DEPTH, Picture, render_full, render_part};
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
@@ -35,6 +35,18 @@ pub struct RenderArgs {
     /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
     #[arg(long, value_name = "BITS", hide_short_help = true, help_heading = heading::OUTPUT)]
     bit_depth: Option<u8>,
+    /// Part of the picture to render, WxH pixels from column X and row Y on.
+    ///
+    /// Its pixels are those of the whole picture, bit for bit. With --samples nothing else is rendered. With --error
+    /// all of the picture is, and the part is cut out: where samples go is decided in blocks that are strewn over it.
+    #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "X,Y,WxH")]
+    crop: Option<Crop>,
+    /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
+    ///
+    /// All light is multiplied by 2 to the power of EV before it becomes sRGB. Not for .exr and .pfm, which hold the
+    /// light itself. --error means the picture without it.
+    #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "EV", allow_hyphen_values = true)]
+    exposure: Option<f32>,
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
@@ -44,7 +56,7 @@ pub struct RenderArgs {
     aov: Vec<WorkCounter>,
     /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has
     /// against it.
-    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
+    #[arg(long, hide_short_help = true, conflicts_with = "crop", help_heading = heading::DIAGNOSIS)]
     measure_error: bool,
     /// Write device, options, ray counts and times to a JSON file.
     #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
@@ -86,6 +98,16 @@ impl RenderArgs {
     }
 }
 
+/// Checks that a picture of this format can have the exposure that was asked for.
+fn check_exposure(stops: Option<f32>, format: ImageFormat) -> Result<()> {
+    let Some(stops) = stops else { return Ok(()) };
+    if matches!(format, ImageFormat::Exr | ImageFormat::Pfm) {
+        let message = "an .exr or .pfm holds the light itself, which viewers expose; leave it out, or write a .png";
+        return Err(Error::option("exposure", message));
+    }
+    Film::check_exposure(stops)
+}
+
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
@@ -96,6 +118,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     };
     let format = ImageFormat::from_path(&wanted)?;
     let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
+    check_exposure(args.exposure, format)?;
     let mut files = Files::default();
     files.read(&args.scene.scene, "the scene");
     let output = args.output(&wanted, format, files.clone())?;
@@ -106,7 +129,11 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let device = open::choose(&args.device, talk)?;
     let device_s = opening.elapsed().as_secs_f64();
     let budget = args.scene.memory.budget();
-    let check_picture = |size, samples| open::check_picture(size, samples, &options, device.as_ref(), format, &budget);
+    let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
+    let check_picture = |size, samples| {
+        args.crop.map_or(Ok(()), |crop| crop.check(size))?;
+        open::check_picture(rendered_size(size, samples), samples, &options, device.as_ref(), format, &budget)
+    };
     if let Some(size) = args.picture.size {
         check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
     }
@@ -124,7 +151,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         pictures: true,
         ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
     };
-    let chosen = chooser.choose(&loaded.scene)?;
+    let chosen = chooser.choose(&loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
     let tasks = (&[Task::Picture][..], &budget);
@@ -132,15 +159,17 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     check_picture(picture.size, picture.samples)?;
 
     let bar = Bar::new("render", talk);
-    let camera_rays = f64::from(picture.size.0) * f64::from(picture.size.1) * f64::from(picture.samples.per_pixel());
+    let (width, height) = rendered_size(picture.size, picture.samples);
+    let camera_rays = f64::from(width) * f64::from(height) * f64::from(picture.samples.per_pixel());
     let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
-    let result = render(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
+    let mut result = render_part(opened.tracer.as_mut(), &opened.buffers, &picture, args.crop, &progress)?;
     drop(bar);
 
     let bad = result.film.non_finite();
     if bad > 0 && !talk.quiet {
         tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
     }
+    args.exposure.map_or(Ok(()), |stops| result.film.expose(stops))?;
     let writing = Instant::now();
     result.film.write(&output, Some(format))?;
 
@@ -167,15 +196,16 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         let bar = Bar::new("full picture", talk);
         let camera_rays = result.film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
         let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
-        let full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
+        let mut full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
+        args.exposure.map_or(Ok(()), |stops| full.film.expose(stops))?;
         stats.full_picture = Some(FullPicture {
             samples: MOST_SAMPLES,
             rays: RayCounts::from_counters(&full.counts),
             difference: compare_films(&full.film, &result.film),
         });
     }
-    stats.width = Some(picture.size.0);
-    stats.height = Some(picture.size.1);
+    stats.width = Some(result.film.width);
+    stats.height = Some(result.film.height);
     stats.samples = Some(picture.samples);
     stats.depth = Some(picture.depth);
     if let Some(path) = &args.stats {
@@ -185,8 +215,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         say!(
             "{}: {}x{}, {} triangles on {}{}, {:.2} s",
             output.display(),
-            picture.size.0,
-            picture.size.1,
+            result.film.width,
+            result.film.height,
             stats.triangle_count,
             stats.device,
             open::rate(stats),

@@ -258,7 +258,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
         counters: args.counters,
         ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
     };
-    let chosen = chooser.choose(&loaded.scene)?;
+    let chosen = chooser.choose(&loaded)?;
     if args.crossings {
         require_exact(chosen.options.intersector)?;
     }

@@ -81,7 +81,7 @@ pub fn run(args: &CheckArgs, wanted: &Path, mut files: Files, talk: Talk) -> Res
     open::note_name(&output, wanted, talk);
     let chooser =
         Chooser { pictures: true, ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk) };
-    let chosen = chooser.choose(&loaded.scene)?;
+    let chosen = chooser.choose(&loaded)?;
     let options = chosen.options;
     let picture = fixed_samples(args.picture.picture(&loaded.scene));
     let limit = args.truth_rays;

@@ -9,7 +9,7 @@ use crate::rays::{GivenRays, Rays};
 use crate::run::{Call, Current, Failure, Stopped, run};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use raybrook::{AllHits, Camera, DeviceKind, Error, Hit, Precision, Ray, Result, Scene, Tracer, View};
+use raybrook::{AllHits, DeviceKind, Error, Hit, Precision, Ray, Result, Scene, Tracer, View, Viewpoint};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
@@ -66,7 +66,7 @@ pub struct Core {
 type GivenChoices = (Option<String>, Option<String>, Option<String>, Option<u64>, bool);
 
 /// Eye, target, up, and the vertical angle in degrees.
-type GivenCamera = ([f32; 3], [f32; 3], [f32; 3], f32);
+type GivenCamera = (Option<[f32; 3]>, Option<[f32; 3]>, Option<[f32; 3]>, Option<f32>, Option<String>);
 
 impl Core {
     fn of(scene: Scene, starts: Vec<u32>, choices: GivenChoices) -> Result<Core> {
@@ -447,19 +447,26 @@ impl Core {
         &self,
         py: Python,
         size: Option<(u32, u32)>,
-        camera: Option<GivenCamera>,
+        camera: GivenCamera,
         samples: Option<u32>,
         error: Option<f32>,
         depth: Option<u32>,
+        crop: Option<[u32; 4]>,
         progress: Option<&Bound<PyAny>>,
     ) -> PyResult<Picture> {
         let mut view = size.map_or_else(View::default, |(width, height)| View::new(width, height));
-        if let Some((eye, target, up, fov_degrees)) = camera {
-            view = view.camera(Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_degrees });
-        }
+        let (eye, target, up, fov, viewpoint) = camera;
+        let viewpoint: Option<Viewpoint> =
+            viewpoint.map(|name| name.parse()).transpose().map_err(|error| to_python(py, &error))?;
+        view = eye.map_or(view, |eye| view.eye(eye));
+        view = target.map_or(view, |target| view.target(target));
+        view = up.map_or(view, |up| view.up(up));
+        view = fov.map_or(view, |fov| view.fov(fov));
+        view = viewpoint.map_or(view, |viewpoint| view.viewpoint(viewpoint));
         view = samples.map_or(view, |samples| view.samples(samples));
         view = error.map_or(view, |error| view.error(error));
         view = depth.map_or(view, |depth| view.depth(depth));
+        view = crop.map_or(view, |[x, y, width, height]| view.crop(x, y, width, height));
         run(py, progress, |call| {
             let mut picture = None;
             self.work(call, 1, |tracer, _| {

@@ -32,6 +32,11 @@ impl Picture {
         PyArray1::from_vec(py, self.0.to_srgb8())
     }
 
+    /// The picture made lighter by so many stops.
+    fn exposed(&self, py: Python, stops: f32) -> PyResult<Picture> {
+        py.detach(|| self.0.clone().exposed(stops)).map(Picture).map_err(|error| to_python(py, &error))
+    }
+
     /// The bytes of a PNG file.
     fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let bytes = py.detach(|| self.0.to_png()).map_err(|error| raise(py, "OutputError", &error.to_string()))?;

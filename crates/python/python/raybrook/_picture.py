@@ -34,6 +34,14 @@ class Picture:
         """8-bit sRGB, uint8 ``[height, width, 3]``. There is no tone mapping: what is above 1 becomes 255."""
         return self._picture.srgb8().reshape(self.height, self.width, 3)
 
+    def exposed(self, stops: float) -> Picture:
+        """The picture made lighter, or darker by a negative number: all light multiplied by ``2 ** stops``.
+
+        Raises:
+            OptionError: unless ``stops`` lies between -100 and 100.
+        """
+        return Picture(self._picture.exposed(stops))
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the picture, in the format that the ending names: ``.png``, ``.exr`` or ``.pfm``.
 

@@ -45,10 +45,11 @@ class Core:
     def render(
         self,
         size: tuple[int, int] | None,
-        camera: tuple[_Vector, _Vector, _Vector, float] | None,
+        camera: tuple[_Vector | None, _Vector | None, _Vector | None, float | None, str | None],
         samples: int | None,
         error: float | None,
         depth: int | None,
+        crop: tuple[int, int, int, int] | None,
         progress: _Progress,
     ) -> Picture: ...
 
@@ -57,6 +58,7 @@ class Picture:
     def width(self) -> int: ...
     @property
     def height(self) -> int: ...
+    def exposed(self, stops: float) -> Picture: ...
     @property
     def camera_rays(self) -> int: ...
     @property

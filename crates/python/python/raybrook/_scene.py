@@ -412,28 +412,36 @@ class Scene:
         *,
         eye: Any = None,
         target: Any = None,
-        up: Any = (0.0, 1.0, 0.0),
-        fov: float = 40.0,
+        up: Any = None,
+        fov: float | None = None,
+        view: str | None = None,
         samples: int | None = None,
         error: float | None = None,
         depth: int | None = None,
+        crop: tuple[int, int, int, int] | None = None,
         progress: Progress | None = None,
     ) -> Picture:
         """A picture: Whitted shading with shadows, mirrors, glass and textures.
 
-        A scene without lights has one above the left shoulder of its camera.
+        A scene without lights has one above the left shoulder of the camera.
 
         Args:
             width, height: pixels. None: what the scene's file says, else 1024 x 768.
-            eye, target, up, fov: where the camera is, where it looks, what is up, and its vertical angle in degrees.
-                Without ``eye`` and ``target``: the file's camera, else one that shows the whole scene.
+            eye, target, up, fov: where the camera is, where it looks, what is up (``"y"``, ``"-z"`` or a direction),
+                and its vertical angle in degrees. None: as the file's camera has it, else one that shows the whole
+                scene, or a room from inside, with z upwards in .stl files, and y in others.
+            view: a camera that shows everything from ``"front"``, ``"back"``, ``"left"``, ``"right"``, ``"top"``,
+                ``"bottom"`` or ``"iso"``; or one in the middle of the scene: ``"inside"``. Not together with ``eye``
+                and ``target``.
             samples: rays through each pixel, instead of ``error``.
             error: the root of the mean square error that the picture may have, in steps of 8-bit sRGB.
             depth: the longest chain of reflected and refracted rays, the camera's ray counted.
+            crop: ``(x, y, width, height)``, pixels from the upper left: only this part of the picture, with the bits
+                of the whole one. With ``samples`` nothing else is rendered.
             progress: as of `closest_hits`.
         """
-        if (eye is None) != (target is None):
-            raise TypeError("eye and target go together")
+        if view is not None and (eye is not None or target is not None):
+            raise TypeError("view does not go together with eye and target")
         if samples is not None and error is not None:
             raise TypeError("samples and error do not go together")
         size = None
@@ -441,11 +449,14 @@ class Scene:
             size = (width, height)
         elif width is not None or height is not None:
             raise TypeError("width and height go together")
-        camera = None
-        if eye is not None:
-            places = (_vector("eye", eye, self._from), _vector("target", target, self._from), _vector("up", up))
-            camera = (*places, float(fov))
-        return Picture(self._opened().render(size, camera, samples, error, depth, progress))
+        camera = (
+            None if eye is None else _vector("eye", eye, self._from),
+            None if target is None else _vector("target", target, self._from),
+            None if up is None else _direction("up", up),
+            None if fov is None else float(fov),
+            view,
+        )
+        return Picture(self._opened().render(size, camera, samples, error, depth, crop, progress))
 
     def preview(self) -> Picture:
         """A small and quick picture."""
@@ -511,6 +522,19 @@ def _moved(vertices: np.ndarray, transform: np.ndarray) -> np.ndarray:
     # Written out: which products are fused, and in what order they are added, does not depend on a BLAS.
     x, y, z = np.moveaxis(_arrays.with_last("vertices", vertices, (3,)).astype(np.float64), -1, 0)
     return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]], axis=-1)
+
+
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def _direction(name: str, value: Any) -> tuple[float, float, float]:
+    """A vector, or the name of an axis with or without a minus."""
+    if not isinstance(value, str):
+        return _vector(name, value)
+    axis = _AXES.get(value.removeprefix("-"))
+    if axis is None:
+        raise ValueError(f"{name}: '{value}' is no axis; possible: x, y, z, -x, -y, -z, or three numbers")
+    return _vector(name, [-x for x in axis] if value.startswith("-") else axis)
 
 
 def _vector(
