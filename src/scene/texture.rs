@@ -70,7 +70,6 @@ const MAX_BYTES: u64 = 160 << 20;
 ///
 /// # Errors
 /// One clause for a warning, without the name: not found, outside, not a regular file, too large, not a picture.
-#[allow(dead_code)] // for textures that a scene file names itself
 pub(super) fn load_texture(folder: &Path, name: &str, budget: &MemoryBudget) -> Result<Image, String> {
     let root = folder.canonicalize().map_err(|e| format!("its folder cannot be found: {e}"))?;
     decode(&find_inside(&root, &root, name)?, name, budget)

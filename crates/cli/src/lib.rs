@@ -46,6 +46,7 @@ mod trace;
 mod truth;
 mod tune;
 mod values;
+mod warm_up;
 mod work;
 
 use code::{Code, SUCCESS, WRONG_ARGUMENTS};
@@ -118,6 +119,8 @@ enum Command {
     /// Measure which structure and packet size are fastest on a device, and remember that for later runs. Closest hits
     /// and pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
+    /// Have a device's kernels compiled, so that later runs begin at once: at installation, or in a container's image.
+    WarmUp(warm_up::WarmUpArgs),
     /// Print what a shell needs to complete commands and options.
     Completions(shell::CompletionsArgs),
     /// Write the manual pages.
@@ -329,6 +332,7 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
         Command::Stress(args) => stress::run(&args, cli.talk),
         Command::Study(args) => study::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Tune(args) => tune::run(&args, cli.talk),
+        Command::WarmUp(args) => warm_up::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Completions(args) => {
             shell::completions(&args);
             Ok(SUCCESS)
