@@ -232,18 +232,19 @@ fn sheet_and_rays() -> (Vec<[Vec3; 3]>, Vec<TraceRay>) {
 fn packets_read_every_kind_of_memory() {
     let Some(device) = device() else { return };
     let (triangles, rays) = sheet_and_rays();
-    let memories =
-        Memory::ALL.iter().map(|&memory| TraceOptions { arrays: ArrayOptions { memory, ..PACKETS.arrays }, ..PACKETS });
-    let others = [
-        TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, ..PACKETS.arrays }, ..PACKETS },
-        TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..PACKETS.arrays }, ..PACKETS },
-        TraceOptions {
-            arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, memory: Memory::Constant, ..KD.arrays },
-            ..KD
-        },
-        TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, memory: Memory::Image2d, ..KD.arrays }, ..KD },
-    ];
-    for options in memories.chain(others) {
+    // All memories but the global one, which the other tests read, and all layouts; together, as each is a program to
+    // compile.
+    let with = |base: TraceOptions, memory, layout, triangles| TraceOptions {
+        arrays: ArrayOptions { memory, layout, triangles },
+        ..base
+    };
+    for options in [
+        with(PACKETS, Memory::Constant, Layout::Split, TriangleOrder::LeafOrder),
+        with(PACKETS, Memory::BufferImage, Layout::Whole, TriangleOrder::Indexed),
+        with(PACKETS, Memory::Image2d, Layout::Split, TriangleOrder::Indexed),
+        with(KD, Memory::Constant, Layout::Split, TriangleOrder::LeafOrder),
+        with(KD, Memory::Image2d, Layout::Whole, TriangleOrder::Indexed),
+    ] {
         assert_answers(&device, &options, &triangles, &rays);
         assert_picture(&device, "glass.toml", &options, (29, 21));
     }
