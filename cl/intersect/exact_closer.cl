@@ -1,8 +1,8 @@
-// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What their bounds leave open is nearly always exactly
-// zero: a ray through an edge or a vertex, whose triangles are met at the same t. A number that is a multiple of some
-// power of two, and surely smaller, is zero: of models whose coordinates have up to some 40 bits between the largest and
-// the last one, little is left to exact integers. Devices without double leave all of it to those at once. The Rust twin
-// does so, too: both are certain.
+// Step 3 of exact_filter.cl: the same numbers in pairs of doubles. What their bounds leave open is nearly always
+// exactly zero: a ray through an edge or a vertex, whose triangles are met at the same t. A number that is a multiple
+// of some power of two, and surely smaller, is zero: of models whose coordinates have up to some 40 bits between the
+// largest and the last one, little is left to exact integers. Devices without double leave all of it to those at once.
+// The Rust twin does so, too: both are certain.
 
 #ifdef EXTENDED_IS_DOUBLE
 // Calls, of which each is compiled once: inlined they take an H100's driver a second or more.
@@ -58,8 +58,8 @@ int sure_sign_closer(DoubleDouble number, float bound) {
     return number.x > (double)bound ? 1 : number.x < -(double)bound ? -1 : 0;
 }
 
-// Half of what D and the weights are multiples of: with every coordinate one of 2^low, the start's weights of 2^low_w and
-// the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d).
+// Half of what D and the weights are multiples of: with every coordinate one of 2^low, the start's weights of 2^low_w
+// and the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d).
 RARE double half_closer_unit(const TrianglePoint* start, float3 direction, float3 p0, float3 p1, float3 p2) {
     const float3 positions[6] = {start->base, start->other1, start->other2, p0, p1, p2};
     int low = 1000, low_w = 0, low_d = 1000, high = -1000;
@@ -82,8 +82,8 @@ typedef struct {
     bool is_det_zero;
 } CloserSigns;
 
-RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start, float3 direction, float3 p0, float3 p1,
-                              float3 p2) {
+RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start, float3 direction, float3 p0,
+                              float3 p1, float3 p2) {
     CloserSigns s = {sure_sign_closer(n->det, n->det_bound),
                      sure_sign_closer(n->weight0, n->bound0),
                      sure_sign_closer(n->weight1, n->bound1),
@@ -99,8 +99,8 @@ RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start
     return s;
 }
 
-// Whether a ray that hits two triangles, and in them the points that these zero weights tell, does so at the same vertex
-// or the same edge: then at the same t.
+// Whether a ray that hits two triangles, and in them the points that these zero weights tell, does so at the same
+// vertex or the same edge: then at the same t.
 bool are_hit_together(uint zeros, float3 p0, float3 p1, float3 p2, uint other_zeros, float3 q0, float3 q1, float3 q2) {
     if (zeros == 0u || other_zeros == 0u) return false;
     // The ends of the edge, which are one for a vertex: the first and the last corner of any weight.
@@ -181,7 +181,8 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float
 }
 
 // A weight, the float nearest to numerator / D, if that is certain.
-bool finish_weight_closer(DoubleDouble numerator, float bound, const CloserNumbers* n, double half_unit, float* weight) {
+bool finish_weight_closer(DoubleDouble numerator, float bound, const CloserNumbers* n, double half_unit,
+                          float* weight) {
     if (rounds_surely_closer(numerator, bound, n->det, n->det_bound, weight)) return true;
     *weight = 0.0f;
     return is_surely_zero(numerator, bound, half_unit);

@@ -6,9 +6,9 @@
 //  1. float32 edge functions (watertight.cl) and bounds of their error decide nearly every triangle, hit or miss, and
 //     which of two hits is nearer: a hit is known by an interval that holds its t.
 //  2. Arithmetic of twice the precision (cl/shared/extended.cl) with bounds decides nearly all the rest.
-//  3. Where there is double, four times the precision (exact_closer.cl).
-//  4. Exact integers (exact_integers.cl) decide what is left: rays exactly through edges and vertices, in planes, equal
-//     distances.
+//  3. Where there is double, four times the precision (exact_closer.cl), which mostly tells that a number is zero, too:
+//     rays exactly through edges and vertices.
+//  4. Exact integers (exact_integers.cl) decide what is left, of these, of rays in planes and of equal distances.
 // Registers for calls in the loop over the triangles would slow down all of it: kernels postpone what step 1 leaves
 // open until the traversal is done, and leave step 4 to a second pass over the few rays concerned (postpone and
 // DECIDE_BY_INTEGERS in cl/memory/deferral.cl).

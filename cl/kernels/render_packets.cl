@@ -166,7 +166,8 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
         ulong alone = lanes[k];
         if ((traced >> k & 1u) != 0u) {
             answer[k].together = lanes_where16(used[k]);
-            for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul; open = other_lanes8(open)) {
+            for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul;
+                 open = other_lanes8(open)) {
                 const uint lane = first_lane16(open);
                 take_ray_of(group, kind, 16u * k + lane, &ray);
                 settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k], &undecided_lanes[k]);

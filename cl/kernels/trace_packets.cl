@@ -85,7 +85,8 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;
-        for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul; open = other_lanes8(open)) {
+        for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul;
+             open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
             settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k], &undecided_lanes[k]);

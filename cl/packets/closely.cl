@@ -1,5 +1,5 @@
-// What twice the precision tells of a ray and a triangle in each of eight lanes where decide.cl is not sure: most of what
-// it leaves open, rays that pass edges and vertices. At once, so that a ray knows how far it still has to look.
+// What twice the precision tells of a ray and a triangle in each of eight lanes where decide.cl is not sure: most of
+// what it leaves open, rays that pass edges and vertices. At once, so that a ray knows how far it still has to look.
 
 #ifdef EXTENDED_IS_DOUBLE
 typedef struct {

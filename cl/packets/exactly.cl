@@ -49,8 +49,8 @@ ulong load_triangles_exactly(GEOMETRY_PARAMETERS, const RayRange* range, const F
     return met;
 }
 
-// The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what each lane has put aside
-// until the traversal is done: the references of triangles that float32 does not decide.
+// The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what each lane has put
+// aside until the traversal is done: the references of triangles that float32 and double do not decide.
 typedef struct {
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none

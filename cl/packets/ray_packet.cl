@@ -2,10 +2,10 @@
 // work-items that go different ways. Wald, Slusallek, Benthin and Wagner, "Interactive Rendering with Coherent Ray
 // Tracing", Eurographics 2001.
 //
-// A packet only decides what it is sure of. A triangle that float32 and double leave open waits until the packet is done,
-// and is settled for one ray after the other as for single rays (settle_lane in triangles.cl); a ray of extreme numbers,
-// or with too many such triangles, leaves the packet and is traced by itself (trace_packets.cl): so the hits are those
-// of one ray at a time, to the bit.
+// A packet only decides what it is sure of. A triangle that float32 and double leave open waits until the packet is
+// done, and is settled for one ray after the other as for single rays (settle_lane in triangles.cl); a ray of extreme
+// numbers, or with too many such triangles, leaves the packet and is traced by itself (trace_packets.cl): so the hits
+// are those of one ray at a time, to the bit.
 
 // What the rays of packets have in common.
 typedef struct {
