@@ -461,10 +461,9 @@ impl Tracer {
     ///
     /// # Errors
     /// [`Error::Option`] for a size, samples or depth out of range, a part that the picture has not, and a camera that
-    /// looks nowhere;
-    /// [`Error::Scene`] for a scene so large that no camera shows it; [`Error::OutOfMemory`] and [`Error::TooLarge`]
-    /// when the picture takes too much memory; [`Error::Build`], [`Error::OpenCl`] and [`Error::Hang`] when the driver
-    /// fails.
+    /// looks nowhere; [`Error::Scene`] for a scene so large that no camera shows it; [`Error::OutOfMemory`] and
+    /// [`Error::TooLarge`] when the picture takes too much memory; [`Error::Build`], [`Error::OpenCl`] and
+    /// [`Error::Hang`] when the driver fails.
     pub fn render(&mut self, view: &View) -> Result<Picture> {
         let frame = view.over(&self.defaults)?;
         let Frame { size, samples, depth, crop, .. } = frame;

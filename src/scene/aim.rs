@@ -1,7 +1,7 @@
 //! Where a picture is seen from: what is given of a camera, and what the scene, its format and the program add to it.
 
 use super::camera::{Axes, FOV_DEGREES, Framed, Framing};
-use super::check::{camera_fault, is_along, nonzero};
+use super::check::{camera_fault, is_along, is_field_of_view, nonzero};
 use super::room::Subject;
 use super::{Camera, Light, Scene};
 use crate::error::{Error, Result};
@@ -225,9 +225,8 @@ impl Aim {
 
 /// What is wrong with a field of view.
 fn fov_fault(degrees: f32) -> Option<Error> {
-    let is_right = degrees > 0.0 && degrees < 180.0; // NaN is not
     let message = format!("{degrees} is no angle of view; give degrees between 0 and 180, both excluded");
-    (!is_right).then(|| Error::option("fov", message))
+    (!is_field_of_view(degrees)).then(|| Error::option("fov", message))
 }
 
 /// One place of a camera, and where it comes from.

@@ -90,6 +90,11 @@ pub(super) fn is_along(up: DVec3, forward: DVec3) -> bool {
     forward.normalize().cross(up.normalize()).length() < PARALLEL_SINE
 }
 
+/// Whether a picture can have this vertical field of view. NaN is none.
+pub(super) fn is_field_of_view(degrees: f32) -> bool {
+    degrees > 0.0 && degrees < 180.0
+}
+
 /// What is wrong with `camera`, if anything.
 pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
     let view = finite("eye", camera.eye)
@@ -107,8 +112,7 @@ pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
         return fault("up", "is parallel to the view from eye to target; choose another");
     }
     let fov = camera.fov_degrees;
-    // The comparison is written so that NaN fails it.
-    if !(fov > 0.0 && fov < 180.0) {
+    if !is_field_of_view(fov) {
         return fault("fov", format!("is {fov}; it must lie between 0 and 180 degrees, both excluded"));
     }
     None

@@ -59,5 +59,7 @@ fn without_kernels_there_is_nothing_to_do() {
     assert_fails(&raybrook(at, &["warm-up", "--device", "no such device"]), 4, &["no such device"]);
     let Some(device) = crate::common::device() else { return };
     let missing = ["warm-up", "missing.obj", "--device", &device.info.index.to_string()];
-    assert_fails(&raybrook(at, &missing), 3, &["missing.obj"]);
+    let output = raybrook(at, &missing);
+    assert_fails(&output, 3, &["missing.obj"]);
+    assert!(output.stdout.is_empty(), "it is told before anything is compiled");
 }

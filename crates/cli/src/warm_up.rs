@@ -2,10 +2,12 @@
 //!
 //! It traces and renders a little, as any user would: some drivers compile a kernel only when it is launched first.
 
+use super::flags::in_flags;
 use super::{DEVICE_VARIABLE, MemoryArgs, Talk, open};
 use raybrook::glam::{Vec2, Vec3};
 use raybrook::low_level::scene::{Image, Normals};
 use raybrook::{Builder, Material, Ray, Result, Scene, Tracer, View};
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -46,10 +48,17 @@ const SIDE: u32 = 64;
 
 pub fn run(args: &WarmUpArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
+    // What is wrong with a file comes before what takes time.
     let budget = args.memory.budget();
-    let hard = hard_scene()?;
-    let mut tracer = tracer_of(args, &hard)?;
+    let load = |path: &PathBuf| {
+        let loaded = open::load_with_objects(path, false, &budget, talk)?;
+        Ok((path.display().to_string(), loaded.scene))
+    };
+    let given = args.scenes.iter().map(load).collect::<Result<Vec<_>>>()?;
+    let mut told = HashSet::new();
+    let mut tracer = tracer_of(args, &hard_scene()?)?;
     if tracer.device_kind().is_none() {
+        tell_notes(&tracer, &mut told, talk);
         if !talk.quiet {
             tell!("note: {} has no kernels, nothing to do", tracer.device_name());
         }
@@ -57,17 +66,17 @@ pub fn run(args: &WarmUpArgs, talk: Talk) -> Result<()> {
     }
     let device = tracer.device_name().to_owned();
     BATCHES.iter().try_for_each(|task| carry_out(&mut tracer, "", task, talk))?;
-    let pictures = |name: &str, scene: &Scene| -> Result<()> {
+    tell_notes(&tracer, &mut told, talk);
+    let mut pictures = |name: &str, scene: &Scene| -> Result<()> {
         let mut tracer = tracer_of(args, scene)?;
-        PICTURES.iter().try_for_each(|task| carry_out(&mut tracer, &format!("picture of {name}, "), task, talk))
+        let of = format!("picture of {name}, ");
+        PICTURES.iter().try_for_each(|task| carry_out(&mut tracer, &of, task, talk))?;
+        tell_notes(&tracer, &mut told, talk);
+        Ok(())
     };
-    for path in &args.scenes {
-        pictures(&path.display().to_string(), &open::load_with_objects(path, false, &budget, talk)?.scene)?;
-    }
-    if args.scenes.is_empty() {
-        for model in Model::ALL {
-            pictures(model.name, &model.scene()?)?;
-        }
+    given.iter().try_for_each(|(name, scene)| pictures(name, scene))?;
+    if given.is_empty() {
+        Model::ALL.iter().try_for_each(|model| pictures(model.name, &model.scene()?))?;
     }
     if !talk.quiet {
         say!("{device}: {:.1} s", start.elapsed().as_secs_f64());
@@ -84,6 +93,16 @@ fn tracer_of(args: &WarmUpArgs, scene: &Scene) -> Result<Tracer> {
     match args.memory.memory_limit {
         Some(bytes) => builder.memory_limit(bytes).build(),
         None => builder.build(),
+    }
+}
+
+/// Tells what is worth knowing and was not `told` yet: why there is no device, or that kernels cannot be kept.
+fn tell_notes(tracer: &Tracer, told: &mut HashSet<String>, talk: Talk) {
+    for note in tracer.notes() {
+        if !talk.quiet && !told.contains(&note) {
+            tell!("note: {}", in_flags(&note));
+        }
+        told.insert(note);
     }
 }
 

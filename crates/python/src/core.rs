@@ -65,7 +65,7 @@ pub struct Core {
 /// The choices as Python has them: device, method, precision, limit of memory, whether the cache is used.
 type GivenChoices = (Option<String>, Option<String>, Option<String>, Option<u64>, bool);
 
-/// Eye, target, up, and the vertical angle in degrees.
+/// Eye, target, up, the vertical angle in degrees, and the name of a viewpoint.
 type GivenCamera = (Option<[f32; 3]>, Option<[f32; 3]>, Option<[f32; 3]>, Option<f32>, Option<String>);
 
 impl Core {
