@@ -9,26 +9,26 @@
 //!
 //! Every pixel's samples are the first 1, 4, 16, 64 or 256 points of one sequence, so that a picture whose pixels all
 //! have 256 is the one that 256 fixed samples give, bit for bit. Decisions are taken for blocks of pixels, each for
-//! itself ([`blocks`]), by the host ([`host`], [`patch`]) or on the device ([`crate::options::Decisions`]), from
+//! itself ([`crate::blocks`]), by the host ([`host`], [`patch`]) or on the device ([`crate::options::Decisions`]), from
 //! radiances that have the same bits everywhere and in the same arithmetic: so the pictures have the same bits, too.
 //!
 //! Bad at: features that fall between all samples of a neighbourhood, of which nobody knows.
 
-mod blocks;
+mod areas;
 mod host;
 mod patch;
 mod promises;
 mod shown;
 
+use crate::blocks::Blocks;
 use crate::error::Result;
 use crate::io::film::Film;
-use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams};
 use crate::tracer::{
-    Adaptive, AdaptiveStats, Backend, LAST_LEVEL, LEVEL_SAMPLES, MOST_SAMPLES, Progress, RenderResult,
+    Adaptive, Backend, Finished, LAST_LEVEL, LEVEL_SAMPLES, MOST_SAMPLES, Progress, Refined, RenderResult,
 };
 use crate::work::PixelWork;
-pub(crate) use blocks::Blocks;
+pub(crate) use areas::{render_blocks, stats_of};
 pub(crate) use host::PART_PIXELS;
 use promises::squared_error;
 pub(crate) use promises::{COUNTED, Choice, Promises};
@@ -116,40 +116,8 @@ pub(crate) trait Pixels {
     fn update(&mut self) -> Result<&[Promises]>;
 }
 
-/// What became of blocks that were refined.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Refined {
-    /// What is left of the squared error, in units of [`Promises::error`].
-    error: u64,
-    pixels: [u64; LEVEL_SAMPLES.len()],
-    rounds: u32,
-}
-
-impl Refined {
-    fn add(&mut self, other: &Refined) {
-        self.error += other.error;
-        self.pixels.iter_mut().zip(other.pixels).for_each(|(sum, count)| *sum += count);
-        self.rounds = self.rounds.max(other.rounds);
-    }
-
-    /// As of a whole picture.
-    pub fn stats(
-        &self,
-        adaptive: Adaptive,
-        (width, height): (usize, usize),
-        decided_by: Decisions,
-        decide_s: f64,
-    ) -> AdaptiveStats {
-        AdaptiveStats {
-            error: adaptive.error,
-            estimated_error: (squared_error(self.error) / (width * height) as f64).sqrt() as f32,
-            pixels: self.pixels,
-            rounds: self.rounds,
-            decided_by,
-            decide_s,
-        }
-    }
-}
+/// Takes blocks that are finished.
+pub type Done<'a> = &'a mut dyn FnMut(&Finished) -> Result<()>;
 
 /// Takes samples where they help most until the error of each block is as small as was asked for. `pixels_of`: how many
 /// each block has.
@@ -212,10 +180,14 @@ pub fn render_adaptive(
     adaptive: Adaptive,
     progress: Progress,
 ) -> Result<RenderResult> {
-    match tracer.render_by_error(params, adaptive, progress)? {
-        Some(result) => Ok(result),
-        None => host::render(tracer, params, adaptive, progress),
-    }
+    let all: Vec<usize> = (0..blocks_of((params.width, params.height), adaptive).count()).collect();
+    let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
+    render_blocks(tracer, params, adaptive, (&all, Some(film)), &mut |_| Ok(()), progress)
+}
+
+/// The blocks of a picture of this size.
+pub(crate) fn blocks_of((width, height): (u32, u32), adaptive: Adaptive) -> Blocks {
+    Blocks::new((width as usize, height as usize), adaptive.step())
 }
 
 /// What `cl/kernels/adaptive.cl` has of the constants of these files.

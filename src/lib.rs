@@ -110,6 +110,7 @@
 
 mod accel;
 mod adaptive;
+mod blocks;
 mod bounds;
 mod budget;
 mod choose;

@@ -23,6 +23,8 @@ rooms! {
     adaptive,
     /// False-colour pictures of counted work.
     aov in io,
+    /// How pictures are cut into blocks that are finished one by one, with the same pixels in any order.
+    blocks,
     /// Bounds of rounding errors that builders, kernels and the twin share.
     bounds,
     /// How much memory may be taken, checked against estimates before it is.
@@ -45,6 +47,8 @@ rooms! {
     film in io,
     /// Input files, read whole.
     input in io,
+    /// Journals: files that long work is kept in, piece by piece.
+    journal in io,
     /// Vectors as kernels have them.
     layout,
     /// Arithmetic with the same bits everywhere.

@@ -1,8 +1,12 @@
 //! From a scene and a choice of device to a tracer that is ready: what the CLI, tests and benches all begin with.
 
+mod blocks;
 mod crop;
+mod kept;
 
+pub use blocks::{PictureBlocks, render_blocks};
 pub use crop::{Crop, render_part};
+pub use kept::{Kept, Part, PictureId, PictureJournal, read_kept};
 
 use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, sample_sequence};
 use crate::budget::MemoryBudget;

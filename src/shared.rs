@@ -466,6 +466,11 @@ impl RenderParams {
         RenderParams { width, height, first_pixel: x | y << 16, ..self }
     }
 
+    /// Of a part of a picture the column and row of its first pixel.
+    pub fn place(&self) -> (u32, u32) {
+        (self.first_pixel & 0xffff, self.first_pixel >> 16)
+    }
+
     /// Width and height of the film: of a list one row.
     pub fn film_size(&self) -> (u32, u32) {
         if self.ray_count == 0 { (self.width, self.height) } else { (self.ray_count, 1) }

@@ -6,8 +6,9 @@ mod candidates;
 pub use all_hits::{AllHits, AllHitsJob};
 pub use candidates::{Candidates, CandidatesJob};
 
+use crate::blocks::Blocks;
 use crate::error::{Error, Result};
-use crate::io::film::Film;
+use crate::io::film::{Film, FilmWindow};
 use crate::layout::Float4;
 use crate::names::as_name;
 use crate::options::Decisions;
@@ -16,6 +17,7 @@ use crate::pack::SceneBuffers;
 use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// A ray of a batch that tracing space cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -121,6 +123,86 @@ impl RenderResult {
             self.wavefront.get_or_insert_with(WavefrontStats::default).add(&wavefront);
         }
     }
+}
+
+/// What became of blocks of a picture of bounded error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Refined {
+    /// What is left of the squared error, in the units in which blocks are decided about.
+    pub error: u64,
+    /// Pixels by [`LEVEL_SAMPLES`].
+    pub pixels: [u64; LEVEL_SAMPLES.len()],
+    /// How often it was decided what is traced next, in the block where that was most often.
+    pub rounds: u32,
+}
+
+impl Refined {
+    /// Adds what became of other blocks.
+    pub fn add(&mut self, other: &Refined) {
+        self.error += other.error;
+        self.pixels.iter_mut().zip(other.pixels).for_each(|(sum, count)| *sum += count);
+        self.rounds = self.rounds.max(other.rounds);
+    }
+}
+
+/// What blocks of a picture took.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Spent {
+    /// Rays by [`crate::shared::COUNTER_NAMES`].
+    pub counts: [u64; COUNTERS],
+    /// As [`RenderResult::second_pass`].
+    pub second_pass: Option<u64>,
+    /// As [`RenderResult::kernel_s`].
+    pub kernel_s: f64,
+    /// As [`RenderResult::read_s`].
+    pub read_s: f64,
+    /// As [`AdaptiveStats::decide_s`].
+    pub decide_s: f64,
+    /// What became of them, where their error was bounded.
+    pub refined: Refined,
+}
+
+impl Spent {
+    /// What a picture took so far, apart from what became of its blocks.
+    pub(crate) fn of(result: &RenderResult, decide_s: f64) -> Spent {
+        let RenderResult { counts, second_pass, kernel_s, read_s, .. } = *result;
+        Spent { counts, second_pass, kernel_s, read_s, decide_s, refined: Refined::default() }
+    }
+
+    /// What was spent after `earlier` was.
+    pub(crate) fn since(&self, earlier: &Spent) -> Spent {
+        Spent {
+            counts: std::array::from_fn(|i| self.counts[i] - earlier.counts[i]),
+            second_pass: self.second_pass.map(|all| all - earlier.second_pass.unwrap_or(0)),
+            kernel_s: self.kernel_s - earlier.kernel_s,
+            read_s: self.read_s - earlier.read_s,
+            decide_s: self.decide_s - earlier.decide_s,
+            refined: self.refined,
+        }
+    }
+
+    /// Adds what other blocks took.
+    pub fn add(&mut self, other: &Spent) {
+        self.counts.iter_mut().zip(other.counts).for_each(|(sum, count)| *sum += count);
+        self.kernel_s += other.kernel_s;
+        self.read_s += other.read_s;
+        self.decide_s += other.decide_s;
+        self.refined.add(&other.refined);
+        if let Some(second) = other.second_pass {
+            *self.second_pass.get_or_insert(0) += second;
+        }
+    }
+}
+
+/// Blocks of a picture that are finished.
+#[derive(Debug, Clone, Copy)]
+pub struct Finished<'a> {
+    /// Their numbers.
+    pub blocks: &'a [usize],
+    /// Where their pixels are, among others that may be anything.
+    pub film: FilmWindow<'a>,
+    /// What they took since others were finished before.
+    pub spent: Spent,
 }
 
 /// What rendering by several kernels took ([`crate::options::Kernels::Wavefront`]).
@@ -287,18 +369,20 @@ pub trait Backend: Send {
     /// The device failed or cannot hold the picture.
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult>;
 
-    /// Renders a picture by its error if the tracer decides by itself what is traced ([`crate::options::Decisions`]);
-    /// the pixels are those of [`crate::adaptive::render_adaptive`], which asks first.
+    /// Renders a picture by its error, or an area of one ([`RenderParams::cropped`]), if the tracer decides by itself
+    /// what is traced ([`crate::options::Decisions`]). `blocks` are those of the area alone; its pixels are those of
+    /// [`crate::adaptive::render_adaptive`], which asks first.
     ///
     /// # Errors
-    /// The device failed or cannot hold the picture.
+    /// The device failed or cannot hold the area.
     fn render_by_error(
         &mut self,
         params: &RenderParams,
         adaptive: Adaptive,
+        blocks: &Blocks,
         progress: Progress,
-    ) -> Result<Option<RenderResult>> {
-        let _ = (params, adaptive, progress);
+    ) -> Result<Option<(RenderResult, Spent)>> {
+        let _ = (params, adaptive, blocks, progress);
         Ok(None)
     }
 }

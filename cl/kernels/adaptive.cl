@@ -23,7 +23,7 @@
         __global float4* restrict sums, __global float4* restrict shown, __global uint* restrict states, \
         __global float* restrict errors, __global uint* restrict classes
 
-// The picture's pixels, and how they are cut into areas, patches and blocks (src/adaptive/blocks.rs).
+// The picture's pixels, and how they are cut into areas, patches and blocks (src/blocks.rs).
 typedef struct {
     uint width, height, lattice, patch_side, area_width, area_height, blocks_of_area, block_stride;
 } Grid;
@@ -155,15 +155,15 @@ __kernel void list_wanted(PIXEL_ARGUMENTS, __global const uint2* restrict tiles,
     }
 }
 
-// The positions of the new samples of listed pixels.
+// The positions of the new samples of listed pixels, in the picture, in which the first pixel is (left, top).
 __kernel void place_samples(PIXEL_ARGUMENTS, __global const uint2* restrict list,
                             __global const CameraSample* restrict sequence, __global CameraSample* restrict samples,
-                            const uint first, const uint end) {
+                            const uint left, const uint top, const uint first, const uint end) {
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint pixel = list[number].x;
     const uint level = LEVEL_OF(states[pixel]);
-    const float x = (float)(pixel % width), y = (float)(pixel / width);
+    const float x = (float)(left + pixel % width), y = (float)(top + pixel / width);
     uint to = list[number].y;
     for (uint i = LEVEL_SAMPLES[level]; i < LEVEL_SAMPLES[level + 1u]; i++) {
         const CameraSample in_pixel = sequence[i];

@@ -1,74 +1,125 @@
 //! Pictures of bounded error whose pixels the host keeps, one area after the other.
 
-use super::blocks::{Area, Blocks};
 use super::patch::{LATTICE_ERROR, Lattice, Patch, by_tiles, next_samples};
 use super::promises::{Choice, Promises};
 use super::shown::{display_steps, mean_of, squared, variance_of_mean};
-use super::{Pixels, Refined, refine, sample_sequence};
+use super::{Done, Pixels, refine, sample_sequence};
+use crate::blocks::{Area, Blocks};
 use crate::error::Result;
-use crate::io::film::Film;
-use crate::options::Decisions;
+use crate::io::film::FilmWindow;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Adaptive, Backend, Progress, RenderResult};
+use crate::tracer::{Adaptive, Backend, Finished, Progress, Refined, RenderResult, Spent};
 use crate::work::PixelWork;
 use rayon::prelude::*;
-use std::time::Instant;
-
-/// Renders a picture with `tracer`, and decides what it traces.
-///
-/// # Errors
-/// As [`Backend::render`].
-pub fn render(
-    tracer: &mut dyn Backend,
-    params: &RenderParams,
-    adaptive: Adaptive,
-    progress: Progress,
-) -> Result<RenderResult> {
-    let size = (params.width as usize, params.height as usize);
-    let blocks = Blocks::new(size, adaptive.step());
-    let film = Film { width: params.width, height: params.height, pixels: Film::try_pixels(size.0 * size.1)? };
-    let mut tracing = Tracing {
-        tracer,
-        params: *params,
-        sequence: sample_sequence(),
-        list_rays: adaptive.list_rays,
-        result: RenderResult::of_film(film),
-        decide_s: 0.0,
-    };
-    let (areas, pixels) = (blocks.areas(), blocks.pixels());
-    let mut all = Refined::default();
-    for number in 0..areas {
-        let place = blocks.area(number);
-        let of_area = &pixels[number * blocks.per_area..][..blocks.per_area];
-        let progress = |part: f64| progress((number as f64 + part) / areas as f64);
-        let mut area = AreaPixels::new(&mut tracing, &blocks, place, adaptive.step());
-        all.add(&refine(&mut area, of_area, adaptive, &progress)?);
-        area.finish();
-    }
-    let Tracing { result, decide_s, .. } = tracing;
-    let stats = all.stats(adaptive, size, Decisions::Host, decide_s);
-    Ok(RenderResult { adaptive: Some(stats), ..result })
-}
+use std::ops::Range;
+use std::time::{Duration, Instant};
 
 /// About so many first samples are taken at a time: their film is there twice, on a device and fetched.
 pub const PART_PIXELS: usize = 1 << 20;
 
-/// What traces the samples of all areas, and what became of them.
-struct Tracing<'a> {
+/// What traces the samples of areas, and what became of them.
+pub struct Tracing<'a> {
     tracer: &'a mut dyn Backend,
     params: RenderParams,
+    adaptive: Adaptive,
+    blocks: &'a Blocks,
     sequence: Vec<CameraSample>,
-    list_rays: usize,
-    /// Its film has the first samples of an area, and what lies between them, until the area is finished.
-    result: RenderResult,
+    /// Its film, of the picture or of an area, has the first samples of an area, and what lies between them, until its
+    /// blocks are finished.
+    pub result: RenderResult,
+    /// Where the film's first pixel lies in the picture.
+    origin: (usize, usize),
     decide_s: f64,
+    /// What was told of so far.
+    told: Spent,
+}
+
+impl<'a> Tracing<'a> {
+    /// Of a picture's areas, on the film of `result`, whose first pixel is `origin` of the picture.
+    pub fn new(
+        tracer: &'a mut dyn Backend,
+        params: &RenderParams,
+        adaptive: Adaptive,
+        blocks: &'a Blocks,
+        result: RenderResult,
+        origin: (usize, usize),
+    ) -> Tracing<'a> {
+        Tracing {
+            tracer,
+            params: *params,
+            adaptive,
+            blocks,
+            sequence: sample_sequence(),
+            told: Spent::of(&result, 0.0),
+            result,
+            origin,
+            decide_s: 0.0,
+        }
+    }
+
+    /// Renders blocks of an area, in ascending order, onto the film. `done` is told of those that are finished.
+    ///
+    /// # Errors
+    /// As [`Backend::render`], and those of `done`.
+    pub fn render_area(&mut self, wanted: &[usize], done: Done, progress: Progress) -> Result<()> {
+        self.render_in_groups(wanted, groups_of, done, progress)
+    }
+
+    /// As [`Tracing::render_area`], in as many groups of blocks as `groups_of` says of their number and of the time of
+    /// their first samples.
+    fn render_in_groups(
+        &mut self,
+        wanted: &[usize],
+        groups_of: impl FnOnce(usize, Duration) -> usize,
+        done: Done,
+        progress: Progress,
+    ) -> Result<()> {
+        let adaptive = self.adaptive;
+        let start = Instant::now();
+        let mut area = AreaPixels::new(self, wanted);
+        area.begin()?;
+        let groups = groups_of(wanted.len(), start.elapsed());
+        for group in 0..groups {
+            let range = group * wanted.len() / groups..(group + 1) * wanted.len() / groups;
+            let pixels: Vec<u64> = area.blocks[range.clone()].iter().map(Block::pixels).collect();
+            let promises = vec![Promises::default(); pixels.len()];
+            let progress = |part: f64| progress((group as f64 + part) / groups as f64);
+            let mut pixels_of_group = Group { area: &mut area, range: range.clone(), promises };
+            let refined = refine(&mut pixels_of_group, &pixels, adaptive, &progress)?;
+            area.finish(range.clone());
+            area.tracing.tell(&wanted[range], refined, done)?;
+        }
+        Ok(())
+    }
+
+    /// Tells that blocks are finished, and what they took since this was called before.
+    fn tell(&mut self, blocks: &[usize], refined: Refined, done: Done) -> Result<()> {
+        let all = Spent::of(&self.result, self.decide_s);
+        let spent = Spent { refined, ..all.since(&self.told) };
+        self.told = all;
+        let film = FilmWindow { film: &self.result.film, place: self.origin };
+        done(&Finished { blocks, film, spent })
+    }
+}
+
+/// So long takes what is lost of an area at the most, about, when the program is stopped.
+const GROUP_TIME: Duration = Duration::from_secs(2);
+/// A picture takes about so many times as long as its first samples: a pixel has about three rays, and what is traced in
+/// lists takes longer.
+const FIRST_SAMPLES_PART: u32 = 4;
+
+/// Into how many groups so many blocks are divided, which are refined one after the other, if their first samples took
+/// so long: lists of all of them keep a device busy, small groups are sooner finished.
+fn groups_of(blocks: usize, first_samples: Duration) -> usize {
+    let estimated = first_samples * FIRST_SAMPLES_PART;
+    (estimated.as_secs_f64() / GROUP_TIME.as_secs_f64()).ceil().clamp(1.0, blocks as f64) as usize
 }
 
 /// New samples of pixels of a patch.
 struct Listed {
     /// The block, and the patch's number in it; of first samples 0, and its number in the area.
     patch: (usize, usize),
-    /// Where it lies in the picture.
+    /// Where it lies on the film.
     place: Area,
     /// A whole patch's side.
     side: usize,
@@ -83,7 +134,7 @@ impl Listed {
         Listed { patch, place, side, pixels, samples }
     }
 
-    /// Where a pixel of it lies in the picture.
+    /// Where a pixel of it lies on the film.
     fn place_of(&self, pixel: u16) -> (usize, usize) {
         let pixel = usize::from(pixel);
         (self.place.x.start + pixel % self.side, self.place.y.start + pixel / self.side)
@@ -91,8 +142,9 @@ impl Listed {
 }
 
 impl Tracing<'_> {
+    /// Pixels of a row of the film.
     fn width(&self) -> usize {
-        self.params.width as usize
+        self.result.film.width as usize
     }
 
     /// Counts the time of what the host does.
@@ -103,13 +155,14 @@ impl Tracing<'_> {
         done
     }
 
-    /// Takes the first sample of every pixel of an area, without lists. Returns how many that are.
-    fn trace_area(&mut self, area: &Area) -> Result<u64> {
+    /// Takes the first sample of every pixel of an area, without lists.
+    fn trace_area(&mut self, area: &Area) -> Result<()> {
         let rows = (PART_PIXELS / area.x.len()).max(1).next_multiple_of(TILE_SIDE as usize);
         for top in area.y.clone().step_by(rows) {
             let part = Area { x: area.x.clone(), y: top..area.y.end.min(top + rows) };
             let (columns, rows) = part.size();
-            let params = self.params.of_part((part.x.start as u32, part.y.start as u32), (columns as u32, rows as u32));
+            let first = (self.origin.0 + part.x.start, self.origin.1 + part.y.start);
+            let params = self.params.of_part((first.0 as u32, first.1 as u32), (columns as u32, rows as u32));
             let traced = self.tracer.render(&params, &self.sequence[..1], &|_| ())?;
             self.on_host(|this| {
                 let width = this.width();
@@ -124,7 +177,7 @@ impl Tracing<'_> {
                 );
             });
         }
-        Ok((area.x.len() * area.y.len()) as u64)
+        Ok(())
     }
 
     /// Traces new samples in lists that are short enough, and hands each part with its radiances to `take`.
@@ -133,7 +186,7 @@ impl Tracing<'_> {
         while !rest.is_empty() {
             let mut samples = 0;
             let end = rest.iter().position(|listed| {
-                let is_full = samples > 0 && samples + listed.samples > self.list_rays;
+                let is_full = samples > 0 && samples + listed.samples > self.adaptive.list_rays;
                 samples += if is_full { 0 } else { listed.samples };
                 is_full
             });
@@ -159,12 +212,12 @@ impl Tracing<'_> {
     /// Where the new samples of some patches lie in the picture.
     fn positions(&self, listed: &[Listed], samples: usize) -> Vec<CameraSample> {
         let mut positions: Vec<CameraSample> = bytemuck::zeroed_vec(samples);
-        let sequence = &self.sequence;
+        let (sequence, origin) = (&self.sequence, self.origin);
         by_patch(listed, &mut positions).into_par_iter().for_each(|(listed, positions)| {
             let mut positions = positions.iter_mut();
             for &(pixel, level) in &listed.pixels {
                 let (x, y) = listed.place_of(pixel);
-                let (x, y) = (x as f32, y as f32);
+                let (x, y) = ((origin.0 + x) as f32, (origin.1 + y) as f32);
                 for (sample, to) in sequence[next_samples(level)].iter().zip(positions.by_ref()) {
                     *to = CameraSample { x: x + sample.x, y: y + sample.y, ..*sample };
                 }
@@ -213,77 +266,62 @@ fn by_groups<'a, T: PartialEq>(
 
 /// A block of an area.
 struct Block {
-    /// Where its patches lie in the picture.
+    /// Where its patches lie on the film.
     places: Vec<Area>,
     /// What is known of them.
     patches: Vec<Option<Patch>>,
 }
 
-/// The pixels of an area on their way.
+impl Block {
+    fn pixels(&self) -> u64 {
+        self.places.iter().map(|place| (place.x.len() * place.y.len()) as u64).sum()
+    }
+}
+
+/// The pixels of blocks of an area on their way.
 struct AreaPixels<'a, 't> {
     tracing: &'a mut Tracing<'t>,
+    /// Where the area lies on the film.
     place: Area,
     /// Pixels of a patch's side.
     side: usize,
     lattice: Lattice,
+    /// Those that are wanted.
     blocks: Vec<Block>,
-    promises: Vec<Promises>,
+    /// Whether each patch of the area is in one of them.
+    is_wanted: Vec<bool>,
 }
 
 impl<'a, 't> AreaPixels<'a, 't> {
-    fn new(tracing: &'a mut Tracing<'t>, blocks: &Blocks, place: Area, step: usize) -> Self {
-        let of_block = |patches: Vec<usize>| {
-            let places = patches.into_iter().map(|number| place.patch(number, blocks.patch_side)).collect();
+    /// Of blocks of one area.
+    fn new(tracing: &'a mut Tracing<'t>, wanted: &[usize]) -> Self {
+        let (blocks, step) = (tracing.blocks, tracing.adaptive.step());
+        let of_area = |block: &usize| block % blocks.per_area;
+        let number = wanted.first().map_or(0, |block| block / blocks.per_area);
+        let place = blocks.area(number).seen_from(tracing.origin);
+        let patches = blocks.patches_of(&place);
+        let mut is_wanted = vec![false; patches.iter().map(Vec::len).sum()];
+        wanted.iter().flat_map(|block| &patches[of_area(block)]).for_each(|&patch| is_wanted[patch] = true);
+        let of_block = |block: &usize| {
+            let places = patches[of_area(block)].iter().map(|&number| place.patch(number, blocks.patch_side)).collect();
             Block { places, patches: Vec::new() }
         };
         AreaPixels {
-            tracing,
             side: blocks.patch_side,
             lattice: Lattice { step, cells: Vec::new(), columns: (place.x.len() - 1) / step + 1 },
-            blocks: blocks.patches_of(&place).into_iter().map(of_block).collect(),
-            promises: vec![Promises::default(); blocks.per_area],
+            blocks: wanted.iter().map(of_block).collect(),
+            is_wanted,
+            tracing,
             place,
         }
     }
 
-    /// Takes the first samples of the points of the lattice. Returns how many that are.
-    fn trace_lattice(&mut self) -> Result<u64> {
-        let AreaPixels { tracing, place, side, lattice, .. } = self;
-        let listed = tracing.on_host(|_| pixels_of_lattice(place, *side, lattice));
-        tracing.trace(&listed, |tracing, listed, radiances| {
-            let width = tracing.width();
-            take_firsts(&mut tracing.result.film.pixels, width, listed, radiances);
-        })?;
-        Ok(listed.iter().map(|listed| listed.samples as u64).sum())
-    }
-
-    /// The picture has what became of the area.
-    fn finish(self) {
-        let AreaPixels { tracing, place, side, blocks, .. } = self;
-        tracing.on_host(|tracing| {
-            let width = tracing.width();
-            let (columns, rows) = place.patches(side);
-            let mut patches: Vec<Vec<(usize, Patch)>> = (0..rows).map(|_| Vec::with_capacity(columns)).collect();
-            for block in blocks {
-                for (at, patch) in block.places.into_iter().zip(block.patches) {
-                    let row = &mut patches[(at.y.start - place.y.start) / side];
-                    row.extend(patch.map(|patch| (at.x.start, patch)));
-                }
-            }
-            let film = &mut tracing.result.film.pixels[place.y.start * width..place.y.end * width];
-            film.par_chunks_mut(side * width).zip(patches).for_each(|(film, patches)| {
-                patches.into_iter().for_each(|(column, patch)| patch.write(film, width, column));
-            });
-        });
-    }
-}
-
-impl Pixels for AreaPixels<'_, '_> {
-    fn begin(&mut self) -> Result<u64> {
-        let traced = match self.lattice.step {
-            1 => self.tracing.trace_area(&self.place)?,
-            _ => self.trace_lattice()?,
-        };
+    /// Takes the first samples of all blocks, and gives other pixels what lies between them.
+    fn begin(&mut self) -> Result<()> {
+        match self.lattice.step == 1 && self.is_wanted.iter().all(|is| *is) {
+            true => self.tracing.trace_area(&self.place)?,
+            false => self.trace_lattice()?,
+        }
         let AreaPixels { tracing, place, side, lattice, blocks, .. } = self;
         tracing.on_host(|tracing| {
             let width = tracing.width();
@@ -296,11 +334,57 @@ impl Pixels for AreaPixels<'_, '_> {
                 block.patches = block.places.iter().map(patch).collect();
             });
         });
-        Ok(traced)
+        Ok(())
+    }
+
+    /// Takes the first samples of the points of the lattice that the blocks need.
+    fn trace_lattice(&mut self) -> Result<()> {
+        let AreaPixels { tracing, place, side, lattice, is_wanted, .. } = self;
+        let listed = tracing.on_host(|_| pixels_of_lattice(place, *side, lattice, is_wanted));
+        tracing.trace(&listed, |tracing, listed, radiances| {
+            let width = tracing.width();
+            take_firsts(&mut tracing.result.film.pixels, width, listed, radiances);
+        })
+    }
+
+    /// The film has what became of some blocks.
+    fn finish(&mut self, range: Range<usize>) {
+        let AreaPixels { tracing, place, side, blocks, .. } = self;
+        tracing.on_host(|tracing| {
+            let width = tracing.width();
+            let (columns, rows) = place.patches(*side);
+            let mut patches: Vec<Vec<(usize, Patch)>> = (0..rows).map(|_| Vec::with_capacity(columns)).collect();
+            for block in &mut blocks[range] {
+                for (at, patch) in block.places.iter().zip(std::mem::take(&mut block.patches)) {
+                    let row = &mut patches[(at.y.start - place.y.start) / *side];
+                    row.extend(patch.map(|patch| (at.x.start, patch)));
+                }
+            }
+            let film = &mut tracing.result.film.pixels[place.y.start * width..place.y.end * width];
+            film.par_chunks_mut(*side * width).zip(patches).for_each(|(film, patches)| {
+                patches.into_iter().for_each(|(column, patch)| patch.write(film, width, column));
+            });
+        });
+    }
+}
+
+/// Some blocks of an area, which are refined together.
+struct Group<'g, 'a, 't> {
+    area: &'g mut AreaPixels<'a, 't>,
+    range: Range<usize>,
+    promises: Vec<Promises>,
+}
+
+impl Pixels for Group<'_, '_, '_> {
+    fn begin(&mut self) -> Result<u64> {
+        let AreaPixels { place, lattice, blocks, .. } = &*self.area;
+        let places = blocks[self.range.clone()].iter().flat_map(|block| &block.places);
+        Ok(places.map(|patch| lattice.points(&patch.seen_from((place.x.start, place.y.start)), place.size())).sum())
     }
 
     fn raise(&mut self, choices: &[Choice]) -> Result<()> {
-        let AreaPixels { tracing, side, lattice, blocks, .. } = self;
+        let AreaPixels { tracing, side, lattice, blocks, .. } = &mut *self.area;
+        let blocks = &mut blocks[self.range.clone()];
         let listed: Vec<Vec<Listed>> = tracing.on_host(|_| {
             let chosen = blocks.par_iter().zip(choices).enumerate().map(|(number, (block, choice))| {
                 let of_patch = |(slot, patch): (usize, &Option<Patch>)| {
@@ -331,7 +415,8 @@ impl Pixels for AreaPixels<'_, '_> {
     }
 
     fn update(&mut self) -> Result<&[Promises]> {
-        let AreaPixels { tracing, lattice, blocks, promises, .. } = self;
+        let AreaPixels { tracing, lattice, blocks, .. } = &mut *self.area;
+        let (blocks, promises) = (&mut blocks[self.range.clone()], &mut self.promises);
         tracing.on_host(|_| {
             blocks.par_iter_mut().zip(promises.par_iter_mut()).for_each(|(block, promises)| {
                 block.patches.iter_mut().flatten().for_each(|patch| patch.update(lattice, promises));
@@ -341,17 +426,46 @@ impl Pixels for AreaPixels<'_, '_> {
     }
 }
 
-/// The first samples of an area, patch by patch.
-fn pixels_of_lattice(area: &Area, side: usize, lattice: &Lattice) -> Vec<Listed> {
+/// The first samples that the wanted patches of an area need, patch by patch: those of their own pixels, of the pixels
+/// beside them, with which these are compared, and of all that is interpolated from.
+fn pixels_of_lattice(area: &Area, side: usize, lattice: &Lattice, is_wanted: &[bool]) -> Vec<Listed> {
     let (columns, rows) = area.patches(side);
     let of_patch = |number| {
         let place = area.patch(number, side);
         let (left, top) = (place.x.start - area.x.start, place.y.start - area.y.start);
-        let is_on = |pixel: &usize| lattice.has((left + pixel % side, top + pixel / side), area.size());
-        let pixels = by_tiles(place.size(), side).filter(is_on).map(|pixel| (pixel as u16, 0)).collect();
-        Listed::new((0, number), place, side, pixels)
+        let needed = needed_of_patch(area, side, lattice.step, is_wanted, number);
+        let is_needed = |pixel: &usize| {
+            let (x, y) = (pixel % side, pixel / side);
+            lattice.has((left + x, top + y), area.size())
+                && needed.iter().any(|needed| needed.has(place.x.start + x, place.y.start + y))
+        };
+        let pixels: Vec<_> = match needed.is_empty() {
+            true => Vec::new(),
+            false => by_tiles(place.size(), side).filter(is_needed).map(|pixel| (pixel as u16, 0)).collect(),
+        };
+        (!pixels.is_empty()).then(|| Listed::new((0, number), place, side, pixels))
     };
-    (0..columns * rows).into_par_iter().map(of_patch).collect()
+    (0..columns * rows).into_par_iter().filter_map(of_patch).collect()
+}
+
+/// Where the first samples of a patch are needed: everywhere, where it is wanted, else around the wanted ones beside it.
+fn needed_of_patch(area: &Area, side: usize, step: usize, is_wanted: &[bool], number: usize) -> Vec<Area> {
+    if is_wanted[number] {
+        return vec![area.patch(number, side)];
+    }
+    // Pixels beside a patch are interpolated from points that are no more than a step away, and so are the points that
+    // tell the errors of its cells.
+    let beyond = if step > 1 { step + 1 } else { 1 };
+    let around = |place: &Range<usize>, area: &Range<usize>| {
+        place.start.saturating_sub(step).max(area.start)..area.end.min(place.end + beyond)
+    };
+    let (columns, rows) = area.patches(side);
+    let (column, row) = (number % columns, number / columns);
+    let rows_beside = row.saturating_sub(1)..rows.min(row + 2);
+    let beside = rows_beside.flat_map(|row| (column.saturating_sub(1)..columns.min(column + 2)).map(move |c| (c, row)));
+    let wanted = beside.map(|(column, row)| row * columns + column).filter(|&number| is_wanted[number]);
+    let grown = |place: Area| Area { x: around(&place.x, &area.x), y: around(&place.y, &area.y) };
+    wanted.map(|number| grown(area.patch(number, side))).collect()
 }
 
 /// Puts the first samples of listed pixels into the picture; the list goes through rows of patches.
@@ -492,7 +606,9 @@ fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{blocks_of, render_adaptive, render_blocks};
     use super::*;
+    use crate::io::film::Film;
     use crate::options::TraceOptions;
     use crate::tracer::{AllHits, AllHitsJob, Candidates, CandidatesJob, TraceJob, TraceResult};
 
@@ -552,58 +668,99 @@ mod tests {
 
     fn render_rings(size: (u32, u32), adaptive: Adaptive) -> RenderResult {
         let mut rings = Rings { options: TraceOptions::DEFAULT };
-        render(&mut rings, &params(size), adaptive, &|_| ()).unwrap()
+        render_adaptive(&mut rings, &params(size), adaptive, &|_| ()).unwrap()
     }
+
+    /// Checks that the window has the pixels of `whole` where blocks are.
+    fn assert_has_blocks(whole: &Film, blocks: &Blocks, finished: &Finished) {
+        for place in finished.blocks.iter().flat_map(|&block| blocks.places(block)) {
+            for y in place.y {
+                let row = y * whole.width as usize + place.x.start..y * whole.width as usize + place.x.end;
+                assert_eq!(finished.film.row(y, place.x.clone()), &whole.pixels[row], "{:?}, row {y}", finished.blocks);
+            }
+        }
+    }
+
+    /// Sizes with one area and with four, and lattices.
+    const BLOCKS: [((u32, u32), f32, u32, usize); 5] = [
+        ((700, 560), 1.0, 1, 3),
+        ((700, 560), 4.0, 1, 3),
+        ((1200, 900), 2.0, 2, 2),
+        ((1297, 1003), 4.0, 4, 1),
+        ((3101, 3075), 2.0, 2, 5),
+    ];
 
     #[test]
     fn a_block_becomes_what_it_is_whatever_becomes_of_the_others() {
-        for ((width, height), error, lattice, per_area) in
-            [((700, 560), 1.0, 1, 3), ((700, 560), 4.0, 1, 3), ((1200, 900), 2.0, 2, 2)]
-        {
+        for (size, error, lattice, per_area) in BLOCKS {
             let adaptive = Adaptive { lattice, ..Adaptive::of_error(error) };
-            let whole = render_rings((width, height), adaptive).film.pixels;
-            let size = (width as usize, height as usize);
-            let blocks = Blocks::new(size, adaptive.step());
-            assert_eq!((blocks.areas(), blocks.per_area), (1, per_area));
-            let mut refined = 0;
-            for block in 0..blocks.per_area {
+            let whole = render_rings(size, adaptive);
+            let blocks = blocks_of(size, adaptive);
+            assert_eq!(blocks.per_area, per_area, "{size:?}");
+            let mut all = Spent::default();
+            for block in 0..blocks.count() {
                 let mut rings = Rings { options: TraceOptions::DEFAULT };
-                let film = Film { width, height, pixels: vec![[0.0; 3]; size.0 * size.1] };
-                let mut tracing = Tracing {
-                    tracer: &mut rings,
-                    params: params((width, height)),
-                    sequence: sample_sequence(),
-                    list_rays: adaptive.list_rays,
-                    result: RenderResult::of_film(film),
-                    decide_s: 0.0,
+                let mut told = 0;
+                let keeps_film = block % 2 == 1;
+                let film = keeps_film.then(|| Film { width: size.0, height: size.1, pixels: Vec::new() });
+                let mut take = |finished: &Finished| {
+                    assert_eq!(finished.blocks, [block]);
+                    assert_has_blocks(&whole.film, &blocks, finished);
+                    all.add(&finished.spent);
+                    told += 1;
+                    Ok(())
                 };
-                let area = blocks.area(0);
-                let mut pixels = AreaPixels::new(&mut tracing, &blocks, area.clone(), adaptive.step());
-                // No samples are taken of the others but their first ones.
-                let target = (super::super::AIM * f64::from(error)).powi(2) * blocks.pixels()[block] as f64;
-                pixels.begin().unwrap();
-                for round in 1.. {
-                    let promises = &pixels.update().unwrap()[block];
-                    if promises.excess(target) <= 0.0 {
-                        break;
-                    }
-                    let mut choices = vec![Choice::NONE; blocks.per_area];
-                    choices[block] = promises.choose(target, round);
-                    pixels.raise(&choices).unwrap();
-                    refined += 1;
-                }
-                pixels.finish();
-                let film = &tracing.result.film.pixels;
-                for patch in &blocks.patches_of(&area)[block] {
-                    let place = area.patch(*patch, blocks.patch_side);
-                    for y in place.y {
-                        let row = y * size.0 + place.x.start..y * size.0 + place.x.end;
-                        assert_eq!(film[row.clone()], whole[row], "block {block}, error {error}, row {y}");
-                    }
+                let params = params(size);
+                let result = render_blocks(&mut rings, &params, adaptive, (&[block], film), &mut take, &|_| ());
+                let film = result.unwrap().film;
+                assert_eq!((told, film.pixels.is_empty()), (1, !keeps_film));
+                if keeps_film {
+                    let window = FilmWindow { film: &film, place: (0, 0) };
+                    let finished = Finished { blocks: &[block], film: window, spent: Spent::default() };
+                    assert_has_blocks(&whole.film, &blocks, &finished);
                 }
             }
-            assert!(refined >= blocks.per_area, "every block had something to do");
+            let stats = whole.adaptive.unwrap();
+            assert_eq!((all.refined.pixels, all.refined.rounds), (stats.pixels, stats.rounds));
+            assert!(stats.rounds > 1, "some pixels were to have more samples");
         }
+    }
+
+    #[test]
+    fn blocks_of_an_area_become_the_same_in_groups() {
+        for (size, error, lattice, per_area) in BLOCKS {
+            let adaptive = Adaptive { lattice, ..Adaptive::of_error(error) };
+            let whole = render_rings(size, adaptive);
+            let blocks = blocks_of(size, adaptive);
+            let (mut rings, params) = (Rings { options: TraceOptions::DEFAULT }, params(size));
+            let film = RenderResult::of_film(Film::black(size.0, size.1));
+            let mut tracing = Tracing::new(&mut rings, &params, adaptive, &blocks, film, (0, 0));
+            let (wanted, mut next) = ((0..per_area).collect::<Vec<_>>(), 0);
+            let mut take = |finished: &Finished| {
+                assert_eq!(finished.blocks, [next], "one after the other");
+                assert_has_blocks(&whole.film, &blocks, finished);
+                next += 1;
+                Ok(())
+            };
+            tracing.render_in_groups(&wanted, |_, _| per_area, &mut take, &|_| ()).unwrap();
+            assert_eq!(next, per_area);
+        }
+    }
+
+    #[test]
+    fn slow_areas_have_more_groups() {
+        let of = |milliseconds| groups_of(16, Duration::from_millis(milliseconds));
+        assert_eq!([0, 500, 501, 2000, 8000, 1_000_000].map(of), [1, 1, 2, 4, 16, 16]);
+        assert_eq!(groups_of(1, Duration::from_secs(9)), 1);
+    }
+
+    #[test]
+    fn what_fails_to_be_kept_ends_the_picture() {
+        let adaptive = Adaptive::of_error(1.0);
+        let mut rings = Rings { options: TraceOptions::DEFAULT };
+        let mut refuse = |_: &Finished| Err(crate::error::Error::option("-o", "no room"));
+        let result = render_blocks(&mut rings, &params((90, 90)), adaptive, (&[0], None), &mut refuse, &|_| ());
+        assert!(result.unwrap_err().to_string().contains("no room"));
     }
 
     #[test]

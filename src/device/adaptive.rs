@@ -7,13 +7,13 @@ use super::launch::Arguments;
 use super::passes::Passes;
 use super::picture::{Launches, PictureBuffers, RenderLists};
 use super::{Buffer, CompileOptions, DeviceContext, Event, Kernel, Program, ProgramSource};
-use crate::adaptive::{Blocks, COUNTED, CURVE, Choice, Pixels, Promises, cl_constants, refine, sample_sequence};
+use crate::adaptive::{COUNTED, CURVE, Choice, Pixels, Promises, cl_constants, refine, sample_sequence};
+use crate::blocks::Blocks;
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::layout::Float4;
-use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Adaptive, MOST_SAMPLES, Progress, RenderResult};
+use crate::tracer::{Adaptive, MOST_SAMPLES, Progress, RenderResult, Spent};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -87,12 +87,12 @@ struct PixelArrays {
 }
 
 impl PixelArrays {
-    fn new(context: &DeviceContext, size: (usize, usize), lattice: usize) -> Result<Self> {
+    fn new(context: &DeviceContext, size: (usize, usize), lattice: usize, blocks: Blocks) -> Result<Self> {
         let count = size.0 * size.1;
         Ok(PixelArrays {
             size,
             lattice,
-            blocks: Blocks::new(size, lattice),
+            blocks,
             film: Buffer::empty(context, "picture", count)?,
             sums: Buffer::empty(context, "sums of samples", count)?,
             shown: Buffer::empty(context, "estimates", count)?,
@@ -149,7 +149,7 @@ impl Started {
     }
 }
 
-/// A picture on its way whose pixels the device keeps.
+/// A picture, or an area of one, on its way whose pixels the device keeps.
 pub(super) struct DevicePixels<'a> {
     tracer: &'a mut dyn RenderLists,
     program: &'a AdaptiveProgram,
@@ -189,12 +189,12 @@ impl<'a> DevicePixels<'a> {
         tracer: &'a mut dyn RenderLists,
         program: &'a AdaptiveProgram,
         params: &RenderParams,
-        adaptive: Adaptive,
+        (adaptive, blocks): (Adaptive, Blocks),
     ) -> Result<Self> {
         let context = &tracer.context().clone();
         let size = (params.width as usize, params.height as usize);
-        let pixels = PixelArrays::new(context, size, adaptive.step())?;
-        let (blocks, areas) = (pixels.blocks, pixels.blocks.areas());
+        let pixels = PixelArrays::new(context, size, adaptive.step(), blocks)?;
+        let areas = blocks.areas();
         let on_axis = |pixels: usize| (pixels - 1) / adaptive.step() + 1;
         let cells = if adaptive.step() > 1 { areas * on_axis(blocks.area.0) * on_axis(blocks.area.1) } else { 0 };
         let count = areas * blocks.per_area;
@@ -227,13 +227,13 @@ impl<'a> DevicePixels<'a> {
         })
     }
 
-    /// Renders the picture.
-    pub fn render(mut self, adaptive: Adaptive, progress: Progress) -> Result<RenderResult> {
+    /// Renders it. What it took is told of the result, and with what became of its blocks.
+    pub fn render(mut self, adaptive: Adaptive, progress: Progress) -> Result<(RenderResult, Spent)> {
         self.deciding(|this| {
             this.pixels.arguments(&mut this.kernels.forget)?;
             this.started.launch(&mut this.kernels.forget, 0..this.pixels.count())
         })?;
-        let (size, blocks) = (self.pixels.size, self.pixels.blocks);
+        let blocks = self.pixels.blocks;
         let refined = refine(&mut self, &blocks.pixels(), adaptive, progress)?;
         self.deciding(|this| {
             this.pixels.arguments(&mut this.kernels.show)?;
@@ -242,8 +242,8 @@ impl<'a> DevicePixels<'a> {
         let start = Instant::now();
         self.result.film.pixels = self.pixels.shown.as_of::<[f32; 3]>(self.pixels.count()).read()?;
         self.result.read_s = start.elapsed().as_secs_f64();
-        self.result.adaptive = Some(refined.stats(adaptive, size, Decisions::Device, self.decide_s));
-        Ok(self.result)
+        let spent = Spent { refined, ..Spent::of(&self.result, self.decide_s) };
+        Ok((self.result, spent))
     }
 
     /// Counts what deciding takes beside the kernels.
@@ -284,7 +284,8 @@ impl<'a> DevicePixels<'a> {
             arguments.set(&this.list)?.set(part.before[0])?.set(part.before[1])?;
             this.started.launch(&mut kernels.list, part.tiles.clone())?;
             let arguments = pixels.arguments(&mut kernels.place)?.set(&this.list)?;
-            arguments.set(&this.program.sequence)?.set(&this.rays.samples)?;
+            let (left, top) = this.params.place();
+            arguments.set(&this.program.sequence)?.set(&this.rays.samples)?.set(left)?.set(top)?;
             this.started.launch(&mut kernels.place, 0..part.count[0] as usize)?;
             this.rays.params.write(&[this.params.of_list(part.count[1])])
         })?;

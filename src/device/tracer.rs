@@ -14,6 +14,7 @@ use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::wavefront::WavefrontPipeline;
 use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
+use crate::blocks::Blocks;
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::io::film::Film;
@@ -24,7 +25,7 @@ use crate::reference::ReferenceBackend;
 use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, RenderParams};
 use crate::tracer::{
-    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Task, TraceJob,
+    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Spent, Task, TraceJob,
     TraceResult,
 };
 use crate::work::{PixelWork, RayWork};
@@ -299,8 +300,9 @@ impl Backend for OpenClBackend {
         &mut self,
         params: &RenderParams,
         adaptive: Adaptive,
+        blocks: &Blocks,
         progress: Progress,
-    ) -> Result<Option<RenderResult>> {
+    ) -> Result<Option<(RenderResult, Spent)>> {
         let (decided_by, _) = who_decides(self.options.picture.decisions, self.context.info());
         if decided_by == Decisions::Host || self.options.counters {
             return Ok(None);
@@ -311,7 +313,7 @@ impl Backend for OpenClBackend {
             None => AdaptiveProgram::new(&self.context, &mut self.passes)?,
         };
         let may_be_host = self.options.picture.decisions == Decisions::Auto;
-        let result = match DevicePixels::new(self, &program, params, adaptive) {
+        let result = match DevicePixels::new(self, &program, params, (adaptive, *blocks)) {
             Ok(pixels) => pixels.render(adaptive, progress).map(Some),
             // The host needs none of the device's memory for what is known of the pixels.
             Err(Error::TooLarge { .. }) if may_be_host => Ok(None),

@@ -5,6 +5,7 @@
 //! above it clips. OpenEXR and PFM hold the radiance itself, every bit of it.
 
 use std::io;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -12,6 +13,7 @@ use exr::image::write::WritableImage;
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
 use rayon::prelude::*;
 
+use crate::blocks::Area;
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::io::output::{Output, check_writable, write_atomically};
@@ -26,6 +28,23 @@ pub struct Film {
     /// `width` x `height` pixels, linear RGB radiance, top row first. Nothing keeps a value from being negative or not
     /// finite.
     pub pixels: Vec<[f32; 3]>,
+}
+
+/// A film that shows all of a picture, or a part of it.
+#[derive(Debug, Clone, Copy)]
+pub struct FilmWindow<'a> {
+    /// The film.
+    pub film: &'a Film,
+    /// Column and row of its first pixel in the picture.
+    pub place: (usize, usize),
+}
+
+impl<'a> FilmWindow<'a> {
+    /// Pixels of a row of the picture, which must be on the film.
+    pub fn row(&self, y: usize, columns: Range<usize>) -> &'a [[f32; 3]] {
+        let first = (y - self.place.1) * self.film.width as usize;
+        &self.film.pixels[first + columns.start - self.place.0..first + columns.end - self.place.0]
+    }
 }
 
 /// A file format for pictures.
@@ -181,6 +200,37 @@ impl Film {
         let what = format!("a picture of {count} pixels");
         let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
         try_repeat([0.0; 3], count).map_err(|_| need.refused())
+    }
+
+    /// A film without pixels.
+    pub(crate) fn none() -> Self {
+        Film { width: 0, height: 0, pixels: Vec::new() }
+    }
+
+    /// Gives a film black pixels that has none yet.
+    ///
+    /// # Errors
+    /// As [`Film::try_pixels`].
+    pub(crate) fn make_pixels(&mut self) -> Result<()> {
+        if self.pixels.is_empty() {
+            self.pixels = Film::try_pixels(self.width as usize * self.height as usize)?;
+        }
+        Ok(())
+    }
+
+    /// Puts another film over this one, from a pixel on that leaves room for all of it.
+    pub(crate) fn put(&mut self, other: &Film, (x, y): (usize, usize)) {
+        let (width, columns) = (self.width as usize, other.width as usize);
+        let rows = self.pixels[y * width..].par_chunks_mut(width).zip(other.pixels.par_chunks(columns));
+        rows.for_each(|(row, other)| row[x..x + columns].copy_from_slice(other));
+    }
+
+    /// Copies a place of the picture that both show; this film begins at the picture's first pixel.
+    pub(crate) fn copy(&mut self, from: &FilmWindow, place: &Area) {
+        for y in place.y.clone() {
+            let first = y * self.width as usize;
+            self.pixels[first + place.x.start..first + place.x.end].copy_from_slice(from.row(y, place.x.clone()));
+        }
     }
 
     /// A black film.

@@ -1,9 +1,11 @@
-//! Files: pictures, batches of rays and hits, and what is said of them; every file is written whole or not at all.
+//! Files: pictures, batches of rays and hits, and what is said of them; every file is written whole or not at all,
+//! journals apart, which are what is left of work that was stopped.
 
 pub mod aov;
 pub mod compare;
 pub mod film;
 pub mod input;
+pub mod journal;
 mod npz;
 pub mod output;
 pub mod rays;

@@ -165,6 +165,11 @@ impl TraceOptions {
         }
     }
 
+    /// Whether every hit is the exact one: then pictures have the same bits with every structure.
+    pub fn is_exact(&self) -> bool {
+        self.intersector == Intersector::Exact && self.kd().traversal.is_exact()
+    }
+
     /// Whether a triangle may be in several leaves, so that a ray may meet it more than once.
     pub fn repeats_triangles(&self) -> bool {
         match self.structure {

@@ -4,6 +4,7 @@
 //! becomes of a pixel there depends on its block, whose patches are strewn over all of the picture.
 
 use super::{Picture, render, rendered_params};
+use crate::blocks::Area;
 use crate::error::{Error, Result};
 use crate::io::film::Film;
 use crate::pack::{SceneBuffers, sample_positions};
@@ -38,6 +39,12 @@ impl Crop {
         }
         let message = format!("{self} reaches beyond the picture of {width}x{height}; give a part that lies in it");
         Err(Error::option("crop", message))
+    }
+
+    /// Its columns and rows.
+    pub(super) fn area(self) -> Area {
+        let range = |first: u32, count: u32| first as usize..first as usize + count as usize;
+        Area { x: range(self.place.0, self.size.0), y: range(self.place.1, self.size.1) }
     }
 
     /// Width and height of what is rendered of a picture for this part.

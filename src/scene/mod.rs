@@ -8,6 +8,7 @@ mod area;
 mod builder;
 mod camera;
 mod check;
+mod digest;
 mod file;
 mod height;
 mod instances;

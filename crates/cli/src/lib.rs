@@ -30,10 +30,13 @@ mod files;
 mod flags;
 mod info;
 mod inside;
+mod keep;
 mod kernels;
+mod merge;
 mod method;
 mod methods;
 mod open;
+mod part;
 mod points;
 mod progress;
 mod render;
@@ -97,6 +100,8 @@ struct Talk {
 enum Command {
     /// Render a scene to a picture.
     Render(render::RenderArgs),
+    /// Merge the parts of a picture that several machines rendered, or write what a stopped run has left.
+    Merge(merge::MergeArgs),
     /// Trace a batch of rays from a NumPy .npz file.
     Trace(trace::TraceArgs),
     /// Tell which points of a NumPy .npz file are inside of a closed mesh.
@@ -322,6 +327,7 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
     }
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::Merge(args) => merge::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Distance(args) => distance::run(&args, cli.talk).map(|()| SUCCESS),

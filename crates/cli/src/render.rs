@@ -2,19 +2,25 @@
 
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
+use super::keep::{KeepArgs, Keeper, LazyId, journal_of};
+use super::open::Opened;
+use super::part::PartChoice;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{Film, ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
-use raybrook::low_level::renderer::{Crop, DEFAULT_DEPTH, Picture, render_full, render_part};
+use raybrook::low_level::renderer::{
+    Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part,
+};
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
-use raybrook::low_level::tracer::{MOST_SAMPLES, Task};
+use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -47,6 +53,15 @@ pub struct RenderArgs {
     /// light itself. --error means the picture without it.
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f32>,
+    /// Render part I of N alone, for `raybrook merge`: into OUT.part-I-of-N, by as many machines as there are parts.
+    ///
+    /// Every Nth block of the picture, or every Nth area of a large one. `auto` takes I and N from what runs the
+    /// program: an array of Slurm jobs (SLURM_ARRAY_TASK_ID), or ranks of Slurm, Open MPI, or PMI. Such a file is a
+    /// journal, so that the same command goes on after whatever stopped it.
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", conflicts_with_all = ["counters", "aov", "measure_error", "stats"])]
+    part: Option<PartChoice>,
+    #[command(flatten)]
+    keep: KeepArgs,
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
@@ -84,11 +99,12 @@ impl PictureArgs {
 impl RenderArgs {
     /// The name of the picture: the one that is given, or the first one like `wanted` that takes nothing from `files`,
     /// which are read.
-    fn output(&self, wanted: &Path, format: ImageFormat, mut files: Files) -> Result<PathBuf> {
+    fn output(&self, wanted: &Path, format: ImageFormat, part: Option<Part>, mut files: Files) -> Result<PathBuf> {
         files.write_if(self.stats.as_deref(), "--stats")?;
         let claim = |output: PathBuf| {
             let mut files = files.clone();
             files.write(&output, "-o")?;
+            files.write(&journal_of(&output, part), "-o, on its way,")?;
             work::claim_aovs(&output, format, &self.aov, &mut files).map(|()| output)
         };
         match &self.output {
@@ -99,7 +115,7 @@ impl RenderArgs {
 }
 
 /// Checks that a picture of this format can have the exposure that was asked for.
-fn check_exposure(stops: Option<f32>, format: ImageFormat) -> Result<()> {
+pub fn check_exposure(stops: Option<f32>, format: ImageFormat) -> Result<()> {
     let Some(stops) = stops else { return Ok(()) };
     if matches!(format, ImageFormat::Exr | ImageFormat::Pfm) {
         let message = "an .exr or .pfm holds the light itself, which viewers expose; leave it out, or write a .png";
@@ -108,10 +124,29 @@ fn check_exposure(stops: Option<f32>, format: ImageFormat) -> Result<()> {
     Film::check_exposure(stops)
 }
 
+/// Tells of pixels that are no numbers, and exposes the picture.
+pub fn finish_film(film: &mut Film, exposure: Option<f32>, talk: Talk) -> Result<()> {
+    let bad = film.non_finite();
+    if bad > 0 && !talk.quiet {
+        tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
+    }
+    exposure.map_or(Ok(()), |stops| film.expose(stops))
+}
+
+/// Renders a picture whose work is counted, which is not kept on its way.
+fn render_counted(opened: &mut Opened, picture: &Picture, crop: Option<Crop>, talk: Talk) -> Result<RenderResult> {
+    let bar = Bar::new("render", talk);
+    let (width, height) = crop.map_or(picture.size, |crop| crop.rendered_size(picture.size, picture.samples));
+    let camera_rays = f64::from(width) * f64::from(height) * f64::from(picture.samples.per_pixel());
+    let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
+    render_part(opened.tracer.as_mut(), &opened.buffers, picture, crop, &progress)
+}
+
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
     let counters = args.counters || !args.aov.is_empty();
     let options = args.method.check(counters)?;
+    let part = args.part.map(PartChoice::part).transpose()?;
     let wanted = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
@@ -121,7 +156,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     check_exposure(args.exposure, format)?;
     let mut files = Files::default();
     files.read(&args.scene.scene, "the scene");
-    let output = args.output(&wanted, format, files.clone())?;
+    let output = args.output(&wanted, format, part, files.clone())?;
     check_output(&output, Some(format))?;
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
@@ -139,7 +174,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     }
     let loaded = open::load_for_picture(&args.scene, &args.picture, &budget, talk)?;
     files.read_scene(&loaded.scene);
-    let output = args.output(&wanted, format, files)?;
+    let output = args.output(&wanted, format, part, files)?;
     open::note_name(&output, &wanted, talk);
     if args.measure_error && loaded.scene.picture.samples == Some(Samples::Corners) {
         let message =
@@ -154,24 +189,31 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let chosen = chooser.choose(&loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
+    let mut keeper = match counters {
+        true => None,
+        false => {
+            let (scene, options) = (&loaded.scene, chosen.options);
+            let id: LazyId = LazyLock::new(Box::new(move || PictureId::new(scene, &picture, args.crop, &options)));
+            let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
+            Some(Keeper::open(&args.keep, (&output, part), (id, blocks), talk)?)
+        }
+    };
     let tasks = (&[Task::Picture][..], &budget);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
     check_picture(picture.size, picture.samples)?;
 
-    let bar = Bar::new("render", talk);
-    let (width, height) = rendered_size(picture.size, picture.samples);
-    let camera_rays = f64::from(width) * f64::from(height) * f64::from(picture.samples.per_pixel());
-    let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
-    let mut result = render_part(opened.tracer.as_mut(), &opened.buffers, &picture, args.crop, &progress)?;
-    drop(bar);
-
-    let bad = result.film.non_finite();
-    if bad > 0 && !talk.quiet {
-        tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
+    let mut result = match &mut keeper {
+        Some(keeper) => keeper.render(&mut opened, &picture, talk)?,
+        None => render_counted(&mut opened, &picture, args.crop, talk)?,
+    };
+    if part.is_some() {
+        return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk));
     }
-    args.exposure.map_or(Ok(()), |stops| result.film.expose(stops))?;
+
+    finish_film(&mut result.film, args.exposure, talk)?;
     let writing = Instant::now();
     result.film.write(&output, Some(format))?;
+    keeper.map_or(Ok(()), Keeper::finish)?;
 
     let stats = &mut opened.stats;
     stats.write_s = Some(writing.elapsed().as_secs_f64());

@@ -18,7 +18,7 @@ use raybrook::low_level::accel::{Aabb, BuildOptions, KdTree, Measure, expected_c
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::choose::tune::Batch;
 use raybrook::low_level::device::{Cache, DeviceContext, DeviceHandle, DeviceKind};
-use raybrook::low_level::options::{Intersector, PacketSize, StructureKind, TraceOptions};
+use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceBackend;
 use raybrook::low_level::renderer::open_tracer;
@@ -376,7 +376,7 @@ pub const EXACT: &str = "exact by construction";
 
 /// What is claimed of a method, whatever a run finds.
 fn promise(options: &TraceOptions) -> Row {
-    let is_exact = options.intersector == Intersector::Exact && options.kd().traversal.is_exact();
+    let is_exact = options.is_exact();
     is_exact.then(|| ("promise".to_owned(), json!(EXACT))).into_iter().collect()
 }
 

@@ -58,6 +58,29 @@ impl Area {
         (self.x.len(), self.y.len())
     }
 
+    /// Whether both have a pixel in common.
+    pub fn meets(&self, other: &Area) -> bool {
+        self.within(other).is_some()
+    }
+
+    /// What both have in common, if anything.
+    pub fn within(&self, other: &Area) -> Option<Area> {
+        let common = |a: &Range<usize>, b: &Range<usize>| a.start.max(b.start)..a.end.min(b.end);
+        let area = Area { x: common(&self.x, &other.x), y: common(&self.y, &other.y) };
+        (!area.x.is_empty() && !area.y.is_empty()).then_some(area)
+    }
+
+    /// Whether it has the pixel in this column and row.
+    pub fn has(&self, x: usize, y: usize) -> bool {
+        self.x.contains(&x) && self.y.contains(&y)
+    }
+
+    /// The same in pixels from this one of the picture on, which is no farther right or below than its first.
+    #[must_use]
+    pub fn seen_from(&self, (x, y): (usize, usize)) -> Area {
+        Area { x: self.x.start - x..self.x.end - x, y: self.y.start - y..self.y.end - y }
+    }
+
     /// How many patches of a side lie in a row, and in a column.
     pub fn patches(&self, side: usize) -> (usize, usize) {
         (self.x.len().div_ceil(side), self.y.len().div_ceil(side))
@@ -113,6 +136,25 @@ impl Blocks {
     /// The block, among those of its area, of the patch in this column and row of the area.
     pub fn block_of(&self, column: usize, row: usize) -> usize {
         (column + row * self.stride) % self.per_area
+    }
+
+    /// How many blocks there are. They are numbered area after area.
+    pub fn count(&self) -> usize {
+        self.areas() * self.per_area
+    }
+
+    /// The blocks of an area alone, as if it were a picture.
+    #[must_use]
+    pub fn of_area(&self, number: usize) -> Blocks {
+        Blocks { size: self.area(number).size(), ..*self }
+    }
+
+    /// Where the pixels of a block lie in the picture: its patches, one after the other.
+    pub fn places(&self, block: usize) -> Vec<Area> {
+        let area = self.area(block / self.per_area);
+        let (columns, rows) = area.patches(self.patch_side);
+        let is_in = |patch: &usize| self.block_of(patch % columns, patch / columns) == block % self.per_area;
+        (0..columns * rows).filter(is_in).map(|patch| area.patch(patch, self.patch_side)).collect()
     }
 
     /// The patches of each block of an area.

@@ -1,0 +1,255 @@
+//! Pictures on their way are kept beside their output, in `OUT.partial`: what stops the program costs no more than the
+//! last second, and the same command goes on.
+
+use super::open::Opened;
+use super::progress::Bar;
+use super::{Talk, heading, stop};
+use clap::ValueEnum;
+use raybrook::low_level::film::Film;
+use raybrook::low_level::journal;
+use raybrook::low_level::options::Decisions;
+use raybrook::low_level::renderer::{Part, Picture, PictureBlocks, PictureId, PictureJournal, render_blocks};
+use raybrook::low_level::tracer::{Finished, RenderResult, Spent};
+use raybrook::{Error, Result};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A picture that takes less time is not kept.
+const FROM: Duration = Duration::from_secs(2);
+
+/// Whether what is finished is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Keep {
+    /// Where the picture takes more than two seconds.
+    Auto,
+    /// From the first block on.
+    Always,
+    /// Nothing is kept, and nothing that was kept is read.
+    Never,
+}
+
+#[derive(clap::Args)]
+pub struct KeepArgs {
+    /// Keep finished blocks of the picture in OUT.partial, so that the same command goes on after whatever stopped it:
+    /// auto, always or never [default: auto].
+    ///
+    /// auto: where the picture takes more than two seconds. The file is removed when the picture is written. With
+    /// --counters and --aov nothing is kept.
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
+    keep: Keep,
+    /// Begin anew, and remove what is kept of an earlier run.
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true)]
+    restart: bool,
+}
+
+/// The name of the journal of an output, or of a part of the work on it.
+pub fn journal_of(output: &Path, part: Option<Part>) -> PathBuf {
+    let ending = part.map_or("partial".to_owned(), |part| format!("part-{}-of-{}", part.number, part.of));
+    let mut name = OsString::from(output);
+    name.push(format!(".{ending}"));
+    PathBuf::from(name)
+}
+
+/// What a picture is, found out where it is needed: hashing a large scene takes a while.
+pub type LazyId<'a> = LazyLock<PictureId, Box<dyn FnOnce() -> PictureId + Send + 'a>>;
+
+/// Keeps the blocks of a picture, or of a part of the work on it.
+pub struct Keeper<'a> {
+    shared: Arc<Mutex<Shared>>,
+    path: PathBuf,
+    id: LazyId<'a>,
+    part: Option<Part>,
+    keep: Keep,
+    blocks: PictureBlocks,
+    /// What is to be rendered, and how many blocks there are with those of earlier runs.
+    rest: Vec<usize>,
+    of: usize,
+    start: Instant,
+}
+
+/// What is done.
+struct Shared {
+    journal: Option<PictureJournal>,
+    done: usize,
+    spent: Spent,
+    /// Blocks that are finished, but not in the journal, which is younger.
+    unkept: usize,
+    /// The picture, with the blocks of earlier runs until others are rendered.
+    film: Option<Film>,
+}
+
+fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<'a> Keeper<'a> {
+    /// Opens what is kept of the picture, or of a part of the work on it, if anything is.
+    ///
+    /// # Errors
+    /// What is kept is of another picture, or cannot be read; or it cannot be removed where that is asked for.
+    pub fn open(
+        args: &KeepArgs,
+        (output, part): (&Path, Option<Part>),
+        (id, blocks): (LazyId<'a>, PictureBlocks),
+        talk: Talk,
+    ) -> Result<Keeper<'a>> {
+        let path = journal_of(output, part);
+        if args.restart && journal::is_journal(&path) {
+            std::fs::remove_file(&path).map_err(|error| Error::io("remove", &path, error))?;
+        }
+        let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
+        let film = part.is_none().then(|| blocks.empty_film());
+        let shared = Shared { journal: None, done: 0, spent: Spent::default(), unkept: 0, film };
+        let (shared, of) = (Arc::new(Mutex::new(shared)), rest.len());
+        let mut keeper = Keeper { shared, path, id, part, keep: args.keep, blocks, rest, of, start: Instant::now() };
+        if args.keep != Keep::Never && is_there(&keeper.path) {
+            keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
+        } else if part.is_some() || args.keep == Keep::Always {
+            lock(&keeper.shared).journal = Some(keeper.new_journal()?);
+        }
+        keeper.watch(talk);
+        Ok(keeper)
+    }
+
+    fn new_journal(&self) -> Result<PictureJournal> {
+        PictureJournal::create(&self.path, &self.id, self.part, &self.blocks)
+    }
+
+    /// Takes what an earlier run has kept.
+    fn go_on(&mut self, talk: Talk) -> Result<()> {
+        let mut shared = lock(&self.shared);
+        let film = &mut shared.film;
+        let mut take = |blocks: &PictureBlocks, number: usize, pixels: &[[f32; 3]]| {
+            film.as_mut().map_or(Ok(()), |film| blocks.scatter(number, pixels, film))
+        };
+        let (journal, kept) = PictureJournal::open(&self.path, &self.id, self.part, &self.blocks, &mut take)?;
+        self.rest.retain(|number| kept.blocks.binary_search(number).is_err());
+        shared.done = self.of - self.rest.len();
+        shared.spent = kept.spent;
+        shared.journal = Some(journal);
+        let (path, damaged) = (self.path.display(), kept.condition.damaged_bytes);
+        if damaged > 0 && !talk.quiet {
+            tell!("warning: {damaged} bytes of '{path}' are damaged; their blocks are rendered again");
+        }
+        if !talk.quiet {
+            let (done, of) = (shared.done, self.of);
+            tell!("note: goes on with '{path}': {done} of {of} blocks are finished; --restart begins anew");
+        }
+        Ok(())
+    }
+
+    /// Has the journal brought to the disk, and told of, where the run is stopped.
+    fn watch(&self, talk: Talk) {
+        let (shared, of) = (self.shared.clone(), self.of);
+        stop::before_stop(move || {
+            // What is being appended is appended: whoever wants to append more waits for the lock.
+            let mut shared = lock(&shared);
+            let done = shared.done - shared.unkept;
+            let Some(journal) = &mut shared.journal else { return };
+            if journal.sync().is_ok() && !talk.quiet {
+                let path = journal.path().display();
+                tell!("note: {done} of {of} blocks are kept in '{path}'; the same command goes on with them");
+            }
+        });
+    }
+
+    /// Takes note of blocks that are finished.
+    fn take(&self, finished: &Finished) -> Result<()> {
+        let mut shared = lock(&self.shared);
+        shared.done += finished.blocks.len();
+        shared.spent.add(&finished.spent);
+        if shared.journal.is_none() && self.is_worth_it(shared.done) {
+            shared.journal = Some(self.new_journal()?);
+        }
+        match &mut shared.journal {
+            Some(journal) => journal.append(finished).map_err(what_is_kept),
+            None => {
+                shared.unkept += finished.blocks.len();
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether the picture takes so long, by what is done, that it is kept.
+    fn is_worth_it(&self, done: usize) -> bool {
+        let whole = self.start.elapsed().mul_f64(self.of as f64 / done.max(1) as f64);
+        self.keep == Keep::Auto && done < self.of && whole >= FROM
+    }
+
+    /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs.
+    ///
+    /// # Errors
+    /// As [`render_blocks`], and where the journal cannot be made or written.
+    pub fn render(&mut self, opened: &mut Opened, picture: &Picture, talk: Talk) -> Result<RenderResult> {
+        let bar = Bar::new("render", talk);
+        let pixels: usize = self.rest.iter().map(|&number| self.blocks.pixels(number)).sum();
+        let rays = pixels as f64 * f64::from(picture.samples.per_pixel()) / 1e6;
+        let progress = |done: f64| bar.update(done, rays, "M camera rays");
+        self.start = Instant::now();
+        let film = lock(&self.shared).film.take();
+        let (tracer, mut take) = (opened.tracer.as_mut(), |finished: &Finished| self.take(finished));
+        let rest = (&self.rest[..], film);
+        let result = render_blocks(tracer, &opened.buffers, picture, &self.blocks, rest, &mut take, &progress)?;
+        let spent = lock(&self.shared).spent;
+        let decided_by = result.adaptive.map_or(Decisions::Host, |adaptive| adaptive.decided_by);
+        let adaptive = self.blocks.adaptive_stats(&spent, decided_by);
+        let Spent { counts, second_pass, kernel_s, read_s, .. } = spent;
+        Ok(RenderResult { counts, second_pass, kernel_s, read_s, adaptive, ..result })
+    }
+
+    /// Ends keeping: the picture is written.
+    ///
+    /// # Errors
+    /// The journal cannot be removed.
+    pub fn finish(self) -> Result<()> {
+        let journal = stop::finish(|| lock(&self.shared).journal.take());
+        journal.map_or(Ok(()), PictureJournal::remove)
+    }
+
+    /// Ends keeping a part of the work, of which the journal is the result.
+    ///
+    /// # Errors
+    /// The journal cannot be brought to the disk.
+    pub fn finish_part(self, talk: Talk) -> Result<()> {
+        let journal = stop::finish(|| lock(&self.shared).journal.take());
+        journal.map_or(Ok(()), |mut journal| journal.sync())?;
+        if let (Some(part), false) = (self.part, talk.quiet) {
+            say!(
+                "{}: part {part}, {} blocks, {:.2} s",
+                self.path.display(),
+                self.of,
+                self.start.elapsed().as_secs_f64()
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Says, too, what is not lost.
+fn what_is_kept(error: Error) -> Error {
+    match error {
+        Error::Io { action, path, source } => {
+            let message = format!("{source}; the blocks before are kept: make room, and the same command goes on");
+            Error::io(action, &path, std::io::Error::new(source.kind(), message))
+        }
+        other => other,
+    }
+}
+
+/// Whether something has this name, a link to nowhere included.
+fn is_there(path: &Path) -> bool {
+    path.symlink_metadata().is_ok()
+}
+
+/// Says, too, how to do without what is kept.
+fn to_begin_anew(error: Error, path: &Path) -> Error {
+    match error {
+        Error::Input { path: input, line, message } if journal::is_journal(path) => {
+            let message = format!("{message}; --restart begins anew, --keep never leaves it alone");
+            Error::Input { path: input, line, message }
+        }
+        other => other,
+    }
+}

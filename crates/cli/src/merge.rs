@@ -1,0 +1,152 @@
+//! `raybrook merge`.
+
+use super::files::Files;
+use super::render::{check_exposure, finish_film};
+use super::{MemoryArgs, Talk, heading};
+use raybrook::low_level::budget::{DecidedBy, Need};
+use raybrook::low_level::film::{Film, FilmWindow, ImageFormat, check_output};
+use raybrook::low_level::renderer::{Kept, Part, PictureBlocks, PictureId, read_kept};
+use raybrook::low_level::stats::RayCounts;
+use raybrook::low_level::tracer::Spent;
+use raybrook::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+pub struct MergeArgs {
+    /// What `render --part` or a `render` that was stopped has left, in any order.
+    #[arg(value_name = "JOURNAL", required = true)]
+    journals: Vec<PathBuf>,
+    /// Picture to write: .png (sRGB), .exr or .pfm (linear).
+    #[arg(short, long, value_name = "FILE", help_heading = heading::OUTPUT)]
+    output: PathBuf,
+    /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
+    #[arg(long, value_name = "BITS", help_heading = heading::OUTPUT)]
+    bit_depth: Option<u8>,
+    /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
+    #[arg(long, help_heading = heading::OUTPUT, value_name = "EV", allow_hyphen_values = true)]
+    exposure: Option<f32>,
+    #[command(flatten)]
+    memory: MemoryArgs,
+}
+
+/// What was merged so far.
+#[derive(Default)]
+struct Merged {
+    film: Option<Film>,
+    first: Option<PictureId>,
+    have: BTreeSet<usize>,
+    /// Blocks that were in more than one journal.
+    doubled: usize,
+    spent: Spent,
+    /// What each journal has.
+    parts: Vec<Kept>,
+}
+
+impl Merged {
+    /// Takes the blocks of one more journal.
+    fn read(&mut self, path: &Path, memory: MemoryArgs) -> Result<()> {
+        let Merged { film, have, doubled, .. } = self;
+        let mut take = |blocks: &PictureBlocks, number: usize, pixels: &[[f32; 3]]| {
+            let film = match film {
+                Some(film) => film,
+                None => film.insert(new_film(blocks, memory)?),
+            };
+            if have.insert(number) {
+                return blocks.scatter(number, pixels, film);
+            }
+            *doubled += 1;
+            let before = blocks.gather(number, &FilmWindow { film, place: blocks.place() });
+            let is_same = |(a, b): (&[f32; 3], &[f32; 3])| a.map(f32::to_bits) == b.map(f32::to_bits);
+            if before.iter().zip(pixels).all(is_same) {
+                return Ok(());
+            }
+            let message = format!(
+                "block {number} has other pixels here than in another journal: one of them is damaged, or was rendered by another \
+                 program; leave out one of the two, or render that part again with --restart"
+            );
+            Err(Error::input(path, None, message))
+        };
+        let kept = read_kept(path, self.first.as_ref(), &mut take)?;
+        self.first.get_or_insert_with(|| kept.id.clone());
+        self.spent.add(&kept.spent);
+        self.parts.push(kept);
+        Ok(())
+    }
+
+    /// What is missing, in words, if anything is.
+    fn missing(&self, blocks: &PictureBlocks) -> Option<String> {
+        let missing: Vec<usize> = blocks.numbers().into_iter().filter(|number| !self.have.contains(number)).collect();
+        if missing.is_empty() {
+            return None;
+        }
+        let all = missing.len() + self.have.len();
+        let parts = self.parts_of(&missing, blocks);
+        let advice = match parts.is_empty() {
+            true => "let the command that made the journal go on".to_owned(),
+            false => format!("render these parts, or let them go on: --part {}", parts.join(", ")),
+        };
+        Some(format!("{} of {all} blocks are missing; {advice}", missing.len()))
+    }
+
+    /// The parts that have the missing blocks.
+    fn parts_of(&self, missing: &[usize], blocks: &PictureBlocks) -> Vec<String> {
+        /// More are not listed.
+        const MOST: usize = 20;
+        let Some(part) = self.parts.iter().find_map(|kept| kept.part) else { return Vec::new() };
+        let all = (1..=part.of).map(|number| Part { number, ..part });
+        let has_missing = |part: &Part| part.blocks(blocks).iter().any(|block| missing.binary_search(block).is_ok());
+        let mut parts: Vec<String> = all.filter(has_missing).take(MOST + 1).map(|part| part.to_string()).collect();
+        if parts.len() > MOST {
+            parts[MOST] = "and more".to_owned();
+        }
+        parts
+    }
+}
+
+/// A film for the whole picture, if there is memory for it.
+fn new_film(blocks: &PictureBlocks, memory: MemoryArgs) -> Result<Film> {
+    let film = blocks.empty_film();
+    let what = format!("a picture of {}x{} pixels", film.width, film.height);
+    let bytes = u64::from(film.width) * u64::from(film.height) * size_of::<[f32; 3]>() as u64;
+    let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "raise --memory-limit" };
+    memory.budget().check(&need)?;
+    Ok(film)
+}
+
+pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
+    let format = ImageFormat::from_path(&args.output)?;
+    let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
+    check_exposure(args.exposure, format)?;
+    let mut files = Files::default();
+    args.journals.iter().for_each(|journal| files.read(journal, "a journal"));
+    files.write(&args.output, "-o")?;
+    check_output(&args.output, Some(format))?;
+    let mut merged = Merged::default();
+    for path in &args.journals {
+        merged.read(path, args.memory)?;
+    }
+    let Some(id) = &merged.first else { return Ok(()) }; // there is at least one journal
+    let blocks = id.blocks().map_err(|message| Error::input(&args.journals[0], None, message))?;
+    if let Some(missing) = merged.missing(&blocks) {
+        return Err(Error::input(&args.journals[0], None, missing));
+    }
+    let mut film = merged.film.take().unwrap_or_else(|| blocks.empty_film());
+    finish_film(&mut film, args.exposure, talk)?;
+    film.write(&args.output, Some(format))?;
+    if talk.quiet {
+        return Ok(());
+    }
+    if merged.doubled > 0 {
+        tell!("note: {} blocks are in more than one journal, with the same pixels", merged.doubled);
+    }
+    say!(
+        "{}: {}x{} of {} journals, {} rays",
+        args.output.display(),
+        film.width,
+        film.height,
+        merged.parts.len(),
+        RayCounts::from_counters(&merged.spent.counts).total_cast()
+    );
+    Ok(())
+}

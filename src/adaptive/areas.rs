@@ -1,0 +1,154 @@
+//! Blocks of a picture of bounded error, area after area: by the device, where it decides about an area by itself, else
+//! by the host.
+
+use super::host::Tracing;
+use super::promises::squared_error;
+use super::{Done, blocks_of};
+use crate::blocks::{Area, Blocks};
+use crate::error::Result;
+use crate::io::film::{Film, FilmWindow};
+use crate::options::Decisions;
+use crate::shared::RenderParams;
+use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
+
+/// Renders some blocks of a picture, in ascending order, and tells `done` of them as soon as they are finished: their
+/// pixels are those of [`super::render_adaptive`], whatever else is rendered. The result has `film`, one of the picture
+/// or without pixels yet, with the blocks on it; or none.
+///
+/// # Errors
+/// As [`Backend::render`], and those of `done`.
+pub fn render_blocks(
+    tracer: &mut dyn Backend,
+    params: &RenderParams,
+    adaptive: Adaptive,
+    (wanted, film): (&[usize], Option<Film>),
+    done: Done,
+    progress: Progress,
+) -> Result<RenderResult> {
+    let blocks = blocks_of((params.width, params.height), adaptive);
+    let areas: Vec<&[usize]> = wanted.chunk_by(|a, b| a / blocks.per_area == b / blocks.per_area).collect();
+    let mut run = Run {
+        params,
+        adaptive,
+        blocks,
+        keeps_film: film.is_some(),
+        result: RenderResult::of_film(film.unwrap_or_else(Film::none)),
+        spent: Spent::default(),
+        decided_by: Decisions::Device,
+    };
+    for (number, wanted) in areas.iter().enumerate() {
+        let progress = |part: f64| progress((number as f64 + part) / areas.len() as f64);
+        run.area(tracer, wanted, done, &progress)?;
+    }
+    Ok(run.finish())
+}
+
+/// A picture on its way.
+struct Run<'a> {
+    params: &'a RenderParams,
+    adaptive: Adaptive,
+    blocks: Blocks,
+    keeps_film: bool,
+    result: RenderResult,
+    spent: Spent,
+    /// The device, unless the host had to decide about an area.
+    decided_by: Decisions,
+}
+
+impl Run<'_> {
+    /// Renders blocks of one area.
+    fn area(&mut self, tracer: &mut dyn Backend, wanted: &[usize], done: Done, progress: Progress) -> Result<()> {
+        let number = wanted[0] / self.blocks.per_area;
+        let place = self.blocks.area(number);
+        if wanted.len() == self.blocks.per_area {
+            let params = self.params.cropped(to_u32((place.x.start, place.y.start)), to_u32(place.size()));
+            let of_area = self.blocks.of_area(number);
+            if let Some((traced, spent)) = tracer.render_by_error(&params, self.adaptive, &of_area, progress)? {
+                return self.take(traced, spent, &place, wanted, done);
+            }
+        }
+        self.decided_by = Decisions::Host;
+        self.on_host(tracer, &place, wanted, done, progress)
+    }
+
+    /// Takes an area that the device rendered by itself.
+    fn take(&mut self, traced: RenderResult, spent: Spent, place: &Area, wanted: &[usize], done: Done) -> Result<()> {
+        self.spent.add(&spent);
+        self.result.add(&traced);
+        let origin = (place.x.start, place.y.start);
+        done(&Finished { blocks: wanted, film: FilmWindow { film: &traced.film, place: origin }, spent })?;
+        let is_all = (traced.film.width, traced.film.height) == (self.params.width, self.params.height);
+        match (self.keeps_film, is_all) {
+            (false, _) => {}
+            (true, true) => self.result.film = traced.film,
+            (true, false) => {
+                self.result.film.make_pixels()?;
+                self.result.film.put(&traced.film, origin);
+            }
+        }
+        Ok(())
+    }
+
+    /// Renders blocks of an area, and decides about them.
+    fn on_host(
+        &mut self,
+        tracer: &mut dyn Backend,
+        place: &Area,
+        wanted: &[usize],
+        done: Done,
+        progress: Progress,
+    ) -> Result<()> {
+        let mut told = Spent::default();
+        let mut tell = |finished: &Finished| {
+            told.add(&finished.spent);
+            done(finished)
+        };
+        // On the picture's film, unless other blocks of the area are there, which would be drawn over.
+        if self.keeps_film && wanted.len() == self.blocks.per_area {
+            self.result.film.make_pixels()?;
+            let picture = std::mem::replace(&mut self.result, RenderResult::of_film(Film::none()));
+            let mut tracing = Tracing::new(tracer, self.params, self.adaptive, &self.blocks, picture, (0, 0));
+            let rendered = tracing.render_area(wanted, &mut tell, progress);
+            self.result = tracing.result;
+            rendered?;
+        } else {
+            let (width, height) = to_u32(place.size());
+            let film = Film { width, height, pixels: Film::try_pixels(place.x.len() * place.y.len())? };
+            let (area, origin) = (RenderResult::of_film(film), (place.x.start, place.y.start));
+            let mut tracing = Tracing::new(tracer, self.params, self.adaptive, &self.blocks, area, origin);
+            tracing.render_area(wanted, &mut tell, progress)?;
+            let area = tracing.result;
+            self.result.add(&area);
+            if self.keeps_film {
+                self.result.film.make_pixels()?;
+                let window = FilmWindow { film: &area.film, place: origin };
+                let places = wanted.iter().flat_map(|&block| self.blocks.places(block));
+                places.for_each(|place| self.result.film.copy(&window, &place));
+            }
+        }
+        self.spent.add(&told);
+        Ok(())
+    }
+
+    fn finish(self) -> RenderResult {
+        let pixels = u64::from(self.params.width) * u64::from(self.params.height);
+        let stats = stats_of(&self.spent, self.adaptive, pixels, self.decided_by);
+        RenderResult { adaptive: Some(stats), ..self.result }
+    }
+}
+
+/// What became of a picture, or of a part of it, of so many pixels.
+pub fn stats_of(spent: &Spent, adaptive: Adaptive, pixels: u64, decided_by: Decisions) -> AdaptiveStats {
+    AdaptiveStats {
+        error: adaptive.error,
+        estimated_error: (squared_error(spent.refined.error) / pixels as f64).sqrt() as f32,
+        pixels: spent.refined.pixels,
+        rounds: spent.refined.rounds,
+        decided_by,
+        decide_s: spent.decide_s,
+    }
+}
+
+fn to_u32((x, y): (usize, usize)) -> (u32, u32) {
+    (x as u32, y as u32)
+}

@@ -1,0 +1,348 @@
+//! Journals: files that long work is kept in, piece by piece, so that what is done survives whatever ends the program.
+//!
+//! A journal begins with a header, which tells what work it is of; each piece of work that is finished is a record
+//! behind it. Records are appended and never changed. A record that was cut off, as by a full disk or a power failure,
+//! or that the disk has damaged, is found by its checksum and left out when the journal is read: its work is done again.
+//!
+//! ```text
+//! bytes  0..16  "raybrook journal"
+//!       16..    records; the first one is the header
+//! record  0..4  "rec\n"
+//!         4..8  CRC-32 of what follows, little endian
+//!        8..16  bytes of the payload, little endian
+//!        16..   the payload
+//! ```
+
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+const MAGIC: &[u8; 16] = b"raybrook journal";
+const RECORD: &[u8; 4] = b"rec\n";
+const PREFIX_BYTES: u64 = 16;
+
+/// What is appended reaches the disk so often at the least: work of this time is lost at the most where the machine
+/// fails. Where only the program ends, nothing is.
+const SYNC_EVERY: Duration = Duration::from_secs(1);
+
+/// A journal that can be appended to. One program at a time has it.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+    /// Where the next record begins.
+    end: u64,
+    synced: Instant,
+}
+
+/// What a journal had when it was opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Condition {
+    /// Bytes at its end that are no whole record: something was being written when the program ended. They are
+    /// overwritten by what is appended.
+    pub cut_bytes: u64,
+    /// Bytes between records that are none: the disk has damaged them.
+    pub damaged_bytes: u64,
+}
+
+impl Journal {
+    /// A new journal with this header.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "create" when there is a file at `path` or none can be made, and "write".
+    pub fn create(path: &Path, header: &[u8]) -> Result<Journal> {
+        let new = File::options().read(true).write(true).create_new(true).open(path);
+        let file = new.map_err(|error| Error::io("create", path, error))?;
+        let mut journal = Journal { path: path.to_owned(), file, end: MAGIC.len() as u64, synced: Instant::now() };
+        lock(&journal.file, path)?;
+        journal.file.write_all(MAGIC).map_err(|error| Error::io("write", path, error))?;
+        journal.append(&[header])?;
+        journal.sync()?;
+        Ok(journal)
+    }
+
+    /// Opens a journal to append to it. `take` gets the payload of every whole record, the header first; where it fails,
+    /// the journal is left as it is.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "read", or "write" when another program has it; [`Error::Input`] when the file is no
+    /// journal; and those of `take`.
+    pub fn open(path: &Path, take: impl FnMut(&[u8]) -> Result<()>) -> Result<(Journal, Condition)> {
+        let file = File::options().read(true).write(true).open(path).map_err(|error| Error::io("read", path, error))?;
+        lock(&file, path)?;
+        let (end, condition) = read_records(&file, path, take)?;
+        Ok((Journal { path: path.to_owned(), file, end, synced: Instant::now() }, condition))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Appends a record whose payload is `parts` one after the other. Where that fails, the journal has the records that
+    /// it had before.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "write".
+    pub fn append(&mut self, parts: &[&[u8]]) -> Result<()> {
+        let length = parts.iter().map(|part| part.len() as u64).sum::<u64>();
+        let mut checksum = crc32fast::Hasher::new();
+        checksum.update(&length.to_le_bytes());
+        parts.iter().for_each(|part| checksum.update(part));
+        let (checksum, length) = (checksum.finalize().to_le_bytes(), length.to_le_bytes());
+        let mut write = || {
+            self.file.seek(SeekFrom::Start(self.end))?;
+            [RECORD, &checksum[..], &length[..]].iter().chain(parts).try_for_each(|part| self.file.write_all(part))?;
+            // What was cut off here before may have been longer.
+            self.file.set_len(self.end + PREFIX_BYTES + u64::from_le_bytes(length))
+        };
+        if let Err(error) = write() {
+            // The next reader leaves out what is no whole record anyway.
+            let _ = self.file.set_len(self.end);
+            return Err(Error::io("write", &self.path, error));
+        }
+        self.end += PREFIX_BYTES + u64::from_le_bytes(length);
+        if self.synced.elapsed() >= SYNC_EVERY { self.sync() } else { Ok(()) }
+    }
+
+    /// Has the disk take what was appended.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "write".
+    pub fn sync(&mut self) -> Result<()> {
+        self.synced = Instant::now();
+        self.file.sync_data().map_err(|error| Error::io("write", &self.path, error))
+    }
+
+    /// Removes the journal: its work is done.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "remove".
+    pub fn remove(self) -> Result<()> {
+        std::fs::remove_file(&self.path).map_err(|error| Error::io("remove", &self.path, error))
+    }
+}
+
+/// Reads a journal without appending to it. `take` gets the payload of every whole record, the header first.
+///
+/// # Errors
+/// As [`Journal::open`].
+pub fn read(path: &Path, take: impl FnMut(&[u8]) -> Result<()>) -> Result<Condition> {
+    let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
+    read_records(&file, path, take).map(|(_, condition)| condition)
+}
+
+/// Whether `path` is a journal.
+pub fn is_journal(path: &Path) -> bool {
+    let mut magic = [0; MAGIC.len()];
+    File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok() && magic == *MAGIC
+}
+
+/// Keeps other programs from appending to the same journal. The system lets go when the program ends, however it does.
+#[cfg(unix)]
+fn lock(file: &File, path: &Path) -> Result<()> {
+    use rustix::fs::{FlockOperation, flock};
+    match flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Err(error) if error.kind() == ErrorKind::WouldBlock => {
+            let message = "another run is writing it; wait until that has ended, or choose another output";
+            Err(Error::io("write", path, io::Error::new(ErrorKind::WouldBlock, message)))
+        }
+        // Where a file system has no locks, one does without.
+        _ => Ok(()),
+    }
+}
+
+#[cfg(not(unix))]
+fn lock(_: &File, _: &Path) -> Result<()> {
+    Ok(())
+}
+
+/// Hands all whole records to `take`. Returns where the last one ends.
+fn read_records(file: &File, path: &Path, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<(u64, Condition)> {
+    let to_error = |error| Error::io("read", path, error);
+    let length = file.metadata().map_err(to_error)?.len();
+    let mut reader = BufReader::with_capacity(1 << 20, file);
+    reader.seek(SeekFrom::Start(0)).map_err(to_error)?;
+    let mut magic = [0; MAGIC.len()];
+    if reader.read_exact(&mut magic).is_err() || magic != *MAGIC {
+        return Err(Error::input(path, None, "not a journal of raybrook"));
+    }
+    let (mut at, mut end) = (MAGIC.len() as u64, MAGIC.len() as u64);
+    let mut condition = Condition { cut_bytes: 0, damaged_bytes: 0 };
+    let mut payload = Vec::new();
+    while at < length {
+        reader.seek(SeekFrom::Start(at)).map_err(to_error)?;
+        if read_record(&mut reader, length - at, &mut payload).map_err(to_error)? {
+            take(&payload)?;
+            condition.damaged_bytes += at - end;
+            at += PREFIX_BYTES + payload.len() as u64;
+            end = at;
+        } else {
+            at = match next_record(&mut reader, at + 1).map_err(to_error)? {
+                Some(next) => next,
+                None => length,
+            };
+        }
+    }
+    condition.cut_bytes = length - end;
+    Ok((end, condition))
+}
+
+/// Reads the record that begins here, if there is a whole one in so many bytes.
+fn read_record(reader: &mut impl Read, most: u64, payload: &mut Vec<u8>) -> io::Result<bool> {
+    let mut prefix = [0; PREFIX_BYTES as usize];
+    if most < PREFIX_BYTES {
+        return Ok(false);
+    }
+    reader.read_exact(&mut prefix)?;
+    let (checksum, length) = (&prefix[4..8], &prefix[8..16]);
+    let count = u64::from_le_bytes(std::array::from_fn(|i| length[i]));
+    if prefix[..4] != *RECORD || count > most - PREFIX_BYTES {
+        return Ok(false);
+    }
+    payload.clear();
+    reader.take(count).read_to_end(payload)?;
+    let mut found = crc32fast::Hasher::new();
+    found.update(length);
+    found.update(payload);
+    Ok(payload.len() as u64 == count && found.finalize().to_le_bytes() == *checksum)
+}
+
+/// Where something begins, from here on, that looks like a record.
+fn next_record(reader: &mut (impl Read + Seek), from: u64) -> io::Result<Option<u64>> {
+    reader.seek(SeekFrom::Start(from))?;
+    let mut window = Vec::new();
+    let mut at = from;
+    loop {
+        // Pieces overlap by what a beginning that is cut in two leaves.
+        let kept = window.len();
+        reader.take(1 << 20).read_to_end(&mut window)?;
+        if let Some(found) = window.windows(RECORD.len()).position(|bytes| bytes == RECORD) {
+            return Ok(Some(at + found as u64));
+        }
+        if window.len() == kept {
+            return Ok(None);
+        }
+        let done = window.len().saturating_sub(RECORD.len() - 1);
+        window.drain(..done);
+        at += done as u64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// A journal of some records, and where each begins.
+    fn written(path: &Path) -> (Vec<Vec<u8>>, Vec<u64>) {
+        let mut random = Random::new(7);
+        let mut records = vec![b"{\"what\": \"a test\"}".to_vec()];
+        let mut journal = Journal::create(path, &records[0]).unwrap();
+        let mut begins = vec![MAGIC.len() as u64];
+        for length in [0, 1, 4, 5000, 70_000] {
+            let payload: Vec<u8> = (0..length).map(|_| random.below(256) as u8).collect();
+            begins.push(journal.end);
+            let (front, back) = payload.split_at(length / 3);
+            journal.append(&[front, back]).unwrap();
+            records.push(payload);
+        }
+        begins.push(journal.end);
+        (records, begins)
+    }
+
+    fn read_all(path: &Path) -> (Vec<Vec<u8>>, Condition) {
+        let mut records = Vec::new();
+        let condition = read(path, |record| {
+            records.push(record.to_vec());
+            Ok(())
+        });
+        (records, condition.unwrap())
+    }
+
+    #[test]
+    fn what_is_appended_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.partial");
+        let (mut records, _) = written(&path);
+        assert_eq!(read_all(&path), (records.clone(), Condition { cut_bytes: 0, damaged_bytes: 0 }));
+        assert!(is_journal(&path));
+        let (mut journal, _) = Journal::open(&path, |_| Ok(())).unwrap();
+        journal.append(&[b"more"]).unwrap();
+        records.push(b"more".to_vec());
+        assert_eq!(read_all(&path).0, records);
+        journal.remove().unwrap();
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_record_that_is_cut_off_is_left_out_and_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.partial");
+        let (records, begins) = written(&path);
+        let bytes = std::fs::read(&path).unwrap();
+        for cut in (17..bytes.len()).step_by(997).chain(begins.iter().flat_map(|&at| [at as usize + 1, at as usize])) {
+            if cut > bytes.len() {
+                continue;
+            }
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let whole = begins.iter().filter(|&&begin| begin <= cut as u64).count() - 1;
+            let (read, condition) = read_all(&path);
+            assert_eq!(read, records[..whole], "cut at {cut}");
+            assert_eq!(condition.cut_bytes, cut as u64 - begins[whole], "cut at {cut}");
+            let (mut journal, _) = Journal::open(&path, |_| Ok(())).unwrap();
+            journal.append(&[b"x"]).unwrap();
+            let (read, condition) = read_all(&path);
+            assert_eq!((read.len(), read.last().unwrap().as_slice()), (whole + 1, &b"x"[..]));
+            assert_eq!(condition, Condition { cut_bytes: 0, damaged_bytes: 0 });
+        }
+    }
+
+    #[test]
+    fn damaged_records_are_left_out_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.partial");
+        let (records, begins) = written(&path);
+        let bytes = std::fs::read(&path).unwrap();
+        let mut random = Random::new(3);
+        for round in 0..300 {
+            let mut damaged = bytes.clone();
+            let at = MAGIC.len() + random.below(bytes.len() - MAGIC.len());
+            damaged[at] ^= 1 << (round % 8);
+            std::fs::write(&path, &damaged).unwrap();
+            let hurt = begins.iter().filter(|&&begin| begin <= at as u64).count() - 1;
+            let mut expected = records.clone();
+            expected.remove(hurt);
+            let (read, condition) = read_all(&path);
+            assert_eq!(read, expected, "byte {at}");
+            assert_eq!(condition.damaged_bytes + condition.cut_bytes, begins[hurt + 1] - begins[hurt]);
+        }
+    }
+
+    #[test]
+    fn other_files_are_no_journals_and_are_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        for text in [&b""[..], b"raybrook journa", b"\x89PNG and so on and on"] {
+            std::fs::write(&path, text).unwrap();
+            let message = Journal::open(&path, |_| Ok(())).unwrap_err().to_string();
+            assert!(message.contains("a.png") && message.contains("not a journal"), "{message}");
+            assert!(Journal::create(&path, b"").is_err() && !is_journal(&path));
+            assert_eq!(std::fs::read(&path).unwrap(), text);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn one_program_at_a_time_appends() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.partial");
+        let first = Journal::create(&path, b"x").unwrap();
+        let message = Journal::open(&path, |_| Ok(())).unwrap_err().to_string();
+        assert!(message.contains("another run"), "{message}");
+        drop(first);
+        Journal::open(&path, |_| Ok(())).unwrap();
+    }
+}

@@ -1,0 +1,269 @@
+//! Pictures in blocks: rendered in any order, by any number of tracers, with the bits of the whole picture.
+//!
+//! With a fixed number of samples a block is a band of rows. A picture by its error has the blocks in which samples are
+//! decided about ([`crate::blocks`]). Either depends on the picture's size and samples alone.
+
+use super::{Crop, Picture, rendered_params};
+use crate::adaptive::{Done, blocks_of, render_blocks as render_by_error, stats_of};
+use crate::blocks::{Area, Blocks};
+use crate::error::Result;
+use crate::io::film::{Film, FilmWindow};
+use crate::options::Decisions;
+use crate::pack::{SceneBuffers, sample_positions};
+use crate::scene::Samples;
+use crate::shared::{RenderParams, TILE_SIDE};
+use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+/// The most pixels of a band, and about how many camera rays.
+const BAND_PIXELS: u64 = 1 << 17;
+const BAND_RAYS: u64 = 1 << 20;
+
+/// Camera rays of the first bands that are rendered together, and how many times as many are next while that takes
+/// little time.
+const FIRST_RAYS: u64 = 1 << 20;
+const GROWTH: u64 = 8;
+/// So long take bands that are rendered together, about: what is lost when the program is stopped.
+const GROUP_TIME: Duration = Duration::from_secs(1);
+
+/// How a picture, or a part of one, is cut into blocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PictureBlocks {
+    /// What is rendered of the picture.
+    part: Crop,
+    samples: Samples,
+    cut: Cut,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Cut {
+    /// Into bands of so many rows.
+    Bands(u32),
+    /// As decisions are taken for this error.
+    Strewn(Blocks, f32),
+}
+
+impl PictureBlocks {
+    /// Of a picture of this size, or of a part of it.
+    pub fn new(size: (u32, u32), samples: Samples, part: Option<Crop>) -> PictureBlocks {
+        let part = part.unwrap_or(Crop { place: (0, 0), size });
+        let cut = match samples {
+            Samples::Error(error) => Cut::Strewn(blocks_of(size, Adaptive::of_error(error)), error),
+            fixed => {
+                let pixels = (BAND_RAYS / u64::from(fixed.per_pixel())).min(BAND_PIXELS);
+                let rows = (pixels / u64::from(part.size.0)) as u32 / TILE_SIDE * TILE_SIDE;
+                Cut::Bands(rows.max(TILE_SIDE))
+            }
+        };
+        PictureBlocks { part, samples, cut }
+    }
+
+    /// The numbers of its blocks, in ascending order: of a part by its error those of the areas in which it lies, whose
+    /// pixels are decided about together with its own.
+    pub fn numbers(&self) -> Vec<usize> {
+        match self.cut {
+            Cut::Bands(rows) => (0..self.part.size.1.div_ceil(rows) as usize).collect(),
+            Cut::Strewn(blocks, _) => {
+                let part = self.part.area();
+                let areas = (0..blocks.areas()).filter(|&number| blocks.area(number).meets(&part));
+                areas.flat_map(|number| number * blocks.per_area..(number + 1) * blocks.per_area).collect()
+            }
+        }
+    }
+
+    /// Column and row in the picture where what is rendered begins.
+    pub fn place(&self) -> (usize, usize) {
+        (self.part.place.0 as usize, self.part.place.1 as usize)
+    }
+
+    /// Whether there is a block of this number.
+    pub fn has(&self, number: usize) -> bool {
+        match self.cut {
+            Cut::Bands(rows) => number < self.part.size.1.div_ceil(rows) as usize,
+            Cut::Strewn(blocks, _) => {
+                number < blocks.count() && blocks.area(number / blocks.per_area).meets(&self.part.area())
+            }
+        }
+    }
+
+    /// How many pixels a block has in what is rendered.
+    pub fn pixels(&self, number: usize) -> usize {
+        self.places(number).iter().map(|place| place.x.len() * place.y.len()).sum()
+    }
+
+    /// Where the pixels of a block lie in the picture, one place after the other; nothing beyond the part.
+    pub fn places(&self, number: usize) -> Vec<Area> {
+        match self.cut {
+            Cut::Bands(rows) => vec![self.bands(number..number + 1, rows).area()],
+            Cut::Strewn(blocks, _) => {
+                let part = self.part.area();
+                blocks.places(number).into_iter().filter_map(|place| place.within(&part)).collect()
+            }
+        }
+    }
+
+    /// Neighbouring bands.
+    fn bands(&self, numbers: Range<usize>, rows: u32) -> Crop {
+        let row = |band: usize| (band as u32).saturating_mul(rows).min(self.part.size.1);
+        let (top, end) = (row(numbers.start), row(numbers.end));
+        Crop { place: (self.part.place.0, self.part.place.1 + top), size: (self.part.size.0, end - top) }
+    }
+
+    /// The blocks that part `number` of `count` parts renders, counted from 0: together all, each block in one part.
+    /// Whole areas where there are enough of them, because blocks of an area have first samples in common.
+    pub fn of_part(&self, number: usize, count: usize) -> Vec<usize> {
+        let numbers = self.numbers();
+        let unit = match self.cut {
+            Cut::Strewn(blocks, _) if numbers.len() / blocks.per_area >= ENOUGH_AREAS * count => blocks.per_area,
+            _ => 1,
+        };
+        numbers.chunks(unit).skip(number).step_by(count).flatten().copied().collect()
+    }
+
+    /// The pixels of a block, place after place and row by row, from a film that shows them.
+    pub fn gather(&self, number: usize, film: &FilmWindow) -> Vec<[f32; 3]> {
+        let mut pixels = Vec::new();
+        for place in self.places(number) {
+            place.y.for_each(|y| pixels.extend_from_slice(film.row(y, place.x.clone())));
+        }
+        pixels
+    }
+
+    /// Puts the pixels of a block, as [`PictureBlocks::gather`] has them, onto a film of the part, or one without pixels
+    /// yet.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) when the system has no memory for the film.
+    pub fn scatter(&self, number: usize, pixels: &[[f32; 3]], film: &mut Film) -> Result<()> {
+        film.make_pixels()?;
+        let mut rest = pixels;
+        for place in self.places(number) {
+            for y in place.y {
+                let (row, below) = rest.split_at(place.x.len());
+                self.row_mut(film, y, &place.x).copy_from_slice(row);
+                rest = below;
+            }
+        }
+        Ok(())
+    }
+
+    /// Copies the pixels of blocks that are finished onto such a film.
+    fn copy(&self, finished: &Finished, film: &mut Film) -> Result<()> {
+        film.make_pixels()?;
+        for place in finished.blocks.iter().flat_map(|&number| self.places(number)) {
+            for y in place.y {
+                self.row_mut(film, y, &place.x).copy_from_slice(finished.film.row(y, place.x.clone()));
+            }
+        }
+        Ok(())
+    }
+
+    /// Pixels of a row of the picture on a film of the part.
+    fn row_mut<'f>(&self, film: &'f mut Film, y: usize, columns: &Range<usize>) -> &'f mut [[f32; 3]] {
+        let (left, top) = self.place();
+        let first = (y - top) * film.width as usize;
+        &mut film.pixels[first + columns.start - left..first + columns.end - left]
+    }
+
+    /// A film for the part, without pixels.
+    pub fn empty_film(&self) -> Film {
+        Film { width: self.part.size.0, height: self.part.size.1, pixels: Vec::new() }
+    }
+
+    /// What is told of a picture by its error.
+    pub fn adaptive_stats(&self, spent: &Spent, decided_by: Decisions) -> Option<AdaptiveStats> {
+        let Cut::Strewn(_, error) = self.cut else { return None };
+        // Of the blocks that were rendered, which may reach beyond the part.
+        let pixels = spent.refined.pixels.iter().sum::<u64>().max(1);
+        Some(stats_of(spent, Adaptive::of_error(error), pixels, decided_by))
+    }
+}
+
+/// A part takes whole areas where it has so many.
+const ENOUGH_AREAS: usize = 4;
+
+/// Renders the `wanted` blocks of a picture, in ascending order, and tells `done` of them as soon as they are finished.
+/// What `done` gets shows other pixels, too, which may be anything. The result has `film`, one of the part that is
+/// rendered or without pixels yet, with the blocks on it; or none. It has no counted work.
+///
+/// # Errors
+/// As [`super::render`], and those of `done`.
+pub fn render_blocks(
+    tracer: &mut dyn Backend,
+    buffers: &SceneBuffers,
+    picture: &Picture,
+    blocks: &PictureBlocks,
+    (wanted, film): (&[usize], Option<Film>),
+    done: Done,
+    progress: Progress,
+) -> Result<RenderResult> {
+    picture.samples.check(picture.size)?;
+    let params = rendered_params(tracer, buffers, picture);
+    match blocks.cut {
+        Cut::Strewn(_, error) => {
+            let adaptive = Adaptive::of_error(error);
+            if blocks.part.size == picture.size {
+                return render_by_error(tracer, &params, adaptive, (wanted, film), done, progress);
+            }
+            let mut part = film;
+            let mut take = |finished: &Finished| {
+                part.as_mut().map_or(Ok(()), |film| blocks.copy(finished, film))?;
+                done(finished)
+            };
+            let result = render_by_error(tracer, &params, adaptive, (wanted, None), &mut take, progress)?;
+            Ok(RenderResult { film: part.unwrap_or_else(Film::none), ..result })
+        }
+        Cut::Bands(rows) => render_bands(tracer, &params, (blocks, rows), (wanted, film), done, progress),
+    }
+}
+
+fn render_bands(
+    tracer: &mut dyn Backend,
+    params: &RenderParams,
+    (blocks, rows): (&PictureBlocks, u32),
+    (wanted, film): (&[usize], Option<Film>),
+    done: Done,
+    progress: Progress,
+) -> Result<RenderResult> {
+    let samples = sample_positions(blocks.samples);
+    let rays_of_band = u64::from(rows) * u64::from(blocks.part.size.0) * samples.len() as u64;
+    let mut rays = FIRST_RAYS;
+    let keeps_film = film.is_some();
+    let mut result = RenderResult::of_film(film.unwrap_or_else(Film::none));
+    let mut rest = wanted;
+    while !rest.is_empty() {
+        let most = (rays / rays_of_band).max(1) as usize;
+        let (now, later) = rest.split_at(neighbours(rest).min(most));
+        let before = wanted.len() - rest.len();
+        let progress = |part: f64| progress((before as f64 + part * now.len() as f64) / wanted.len() as f64);
+        let bands = blocks.bands(now[0]..now[0] + now.len(), rows);
+        let start = Instant::now();
+        let traced = tracer.render(&params.cropped(bands.place, bands.size), &samples, &progress)?;
+        rays = next_rays(rays_of_band * now.len() as u64, start.elapsed());
+        result.add(&traced);
+        let place = (bands.place.0 as usize, bands.place.1 as usize);
+        let film = FilmWindow { film: &traced.film, place };
+        let finished = Finished { blocks: now, film, spent: Spent::of(&traced, 0.0) };
+        done(&finished)?;
+        match keeps_film {
+            true if bands == blocks.part => result.film = traced.film,
+            true => blocks.copy(&finished, &mut result.film)?,
+            false => {}
+        }
+        rest = later;
+    }
+    Ok(result)
+}
+
+/// How many of the first numbers follow each other without a gap.
+fn neighbours(numbers: &[usize]) -> usize {
+    let breaks = numbers.windows(2).position(|pair| pair[0] + 1 != pair[1]);
+    breaks.map_or(numbers.len(), |last| last + 1)
+}
+
+/// How many camera rays are traced together next, if so many took so long.
+fn next_rays(rays: u64, took: Duration) -> u64 {
+    let in_time = rays as f64 * GROUP_TIME.as_secs_f64() / took.as_secs_f64().max(1e-3);
+    (in_time as u64).min(rays.saturating_mul(GROWTH)).max(1)
+}

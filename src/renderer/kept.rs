@@ -1,0 +1,340 @@
+//! Pictures whose finished blocks are kept in a journal, so that nothing is rendered twice: a run that was stopped goes
+//! on, and parts that several machines rendered are merged.
+
+use super::{Crop, Picture, PictureBlocks};
+use crate::error::{Error, Result};
+use crate::io::journal::{self, Condition, Journal};
+use crate::options::TraceOptions;
+use crate::scene::{Samples, Scene};
+use crate::tracer::{Finished, Spent};
+use bytemuck::cast_slice;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::Path;
+use std::str::FromStr;
+
+/// What a picture's pixels depend on. Journals of different pictures do not go together.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PictureId {
+    /// Version of raybrook.
+    version: String,
+    /// [`Scene::digest`] of the completed scene, its camera included.
+    scene: String,
+    /// Width and height in pixels.
+    size: (u32, u32),
+    /// As in the options, of which a picture has one.
+    error: Option<String>,
+    samples: Option<String>,
+    /// The part of the picture that is rendered, as in the option.
+    crop: Option<String>,
+    depth: u32,
+    /// As in the option.
+    kill_weight: Option<String>,
+    roulette: Option<String>,
+    /// The options of a method that is not exact; all exact ones have the same pixels.
+    method: Option<String>,
+}
+
+impl PictureId {
+    /// Of a picture of a completed scene.
+    pub fn new(scene: &Scene, picture: &Picture, crop: Option<Crop>, options: &TraceOptions) -> PictureId {
+        let (error, samples) = match picture.samples {
+            Samples::Error(error) => (Some(error.to_string()), None),
+            Samples::PerPixel(count) => (None, Some(count.to_string())),
+            Samples::Corners => (None, Some(Samples::CORNERS.to_owned())),
+        };
+        PictureId {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: scene.digest(),
+            size: picture.size,
+            error,
+            samples,
+            crop: crop.map(|crop| crop.to_string()),
+            depth: picture.depth,
+            kill_weight: picture.kill_weight.map(|weight| weight.to_string()),
+            roulette: options.picture.roulette.map(|weight| weight.to_string()),
+            method: (!options.is_exact()).then(|| format!("{:?}", TraceOptions { counters: false, ..*options })),
+        }
+    }
+
+    /// How the picture is cut into blocks.
+    ///
+    /// # Errors
+    /// Says what in it is no such thing.
+    pub fn blocks(&self) -> std::result::Result<PictureBlocks, String> {
+        let samples = match (&self.error, &self.samples) {
+            (Some(error), None) => Samples::Error(error.parse().map_err(|_| format!("'{error}' is no error"))?),
+            (None, Some(samples)) => samples.parse()?,
+            _ => return Err("it has no samples and no error, or both".to_owned()),
+        };
+        samples.check(self.size).map_err(|error| error.to_string())?;
+        let crop = self.crop.as_ref().map(|crop| crop.parse::<Crop>()).transpose()?;
+        crop.map_or(Ok(()), |crop| crop.check(self.size)).map_err(|error| error.to_string())?;
+        Ok(PictureBlocks::new(self.size, samples, crop))
+    }
+
+    /// What another picture has differently.
+    pub fn difference(&self, other: &PictureId) -> Option<String> {
+        let or_none = |value: &Option<String>| value.clone().unwrap_or_else(|| "none".to_owned());
+        let size = |(width, height): (u32, u32)| format!("{width}x{height}");
+        let fields = [
+            ("version of raybrook", self.version.clone(), other.version.clone()),
+            ("size", size(self.size), size(other.size)),
+            ("error", or_none(&self.error), or_none(&other.error)),
+            ("samples", or_none(&self.samples), or_none(&other.samples)),
+            ("crop", or_none(&self.crop), or_none(&other.crop)),
+            ("depth", self.depth.to_string(), other.depth.to_string()),
+            ("kill weight", or_none(&self.kill_weight), or_none(&other.kill_weight)),
+            ("roulette", or_none(&self.roulette), or_none(&other.roulette)),
+            ("method", or_none(&self.method), or_none(&other.method)),
+        ];
+        let differs = fields.iter().find(|(_, a, b)| a != b).map(|(name, a, b)| format!("its {name} is {b}, not {a}"));
+        differs.or_else(|| (self.scene != other.scene).then(|| "its scene, camera or light is another".to_owned()))
+    }
+}
+
+/// What lies before the pixels of a record.
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    blocks: Vec<usize>,
+    spent: Spent,
+}
+
+/// The first byte of a record.
+const HEADER: u8 = b'H';
+const BLOCKS: u8 = b'B';
+
+/// The first record of a journal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Header {
+    picture: PictureId,
+    part: Option<Part>,
+}
+
+/// One of several parts of the work on a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Part {
+    /// Counted from 1.
+    pub number: u32,
+    /// How many there are, 1 to [`Part::MOST`].
+    pub of: u32,
+}
+
+impl Part {
+    /// The most parts.
+    pub const MOST: u32 = 1_000_000;
+
+    /// The blocks that this part has of a picture.
+    pub fn blocks(self, blocks: &PictureBlocks) -> Vec<usize> {
+        blocks.of_part(self.number.max(1) as usize - 1, self.of.max(1) as usize)
+    }
+}
+
+/// As people type it.
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+impl FromStr for Part {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Part, String> {
+        let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+        match numbers {
+            Some((number, of)) if (1..=Part::MOST).contains(&of) && (1..=of).contains(&number) => {
+                Ok(Part { number, of })
+            }
+            _ => Err(format!("expected I/N, part I of N with N up to {}, such as 3/16", Part::MOST)),
+        }
+    }
+}
+
+/// A journal of the blocks of a picture.
+#[derive(Debug)]
+pub struct PictureJournal {
+    journal: Journal,
+    blocks: PictureBlocks,
+}
+
+impl PictureJournal {
+    /// A new one, of a picture or a part of the work on it, of which no block is finished.
+    ///
+    /// # Errors
+    /// As [`Journal::create`].
+    pub fn create(path: &Path, id: &PictureId, part: Option<Part>, blocks: &PictureBlocks) -> Result<PictureJournal> {
+        let header = Header { picture: id.clone(), part };
+        let header = serde_json::to_vec(&header).map_err(|error| Error::io("write", path, error.into()))?;
+        Ok(PictureJournal { journal: Journal::create(path, &[&[HEADER], &header[..]].concat())?, blocks: *blocks })
+    }
+
+    /// Opens one to go on with it; `take` gets the blocks that are in it.
+    ///
+    /// # Errors
+    /// As [`Journal::open`], those of `take`, and [`Error::Input`] when it is of another picture or part.
+    pub fn open(
+        path: &Path,
+        id: &PictureId,
+        part: Option<Part>,
+        blocks: &PictureBlocks,
+        take: TakeBlock,
+    ) -> Result<(PictureJournal, Kept)> {
+        let mut reader = Reader::new(path, Some(id), take);
+        let (journal, condition) = Journal::open(path, |record| reader.take(record))?;
+        let kept = reader.finish(condition)?;
+        if kept.part != part {
+            let name = |part: Option<Part>| part.map_or("the whole picture".to_owned(), |part| format!("part {part}"));
+            let message = format!("the journal is of {}, not of {}", name(kept.part), name(part));
+            return Err(Error::input(path, None, message));
+        }
+        Ok((PictureJournal { journal, blocks: *blocks }, kept))
+    }
+
+    /// Appends blocks that are finished.
+    ///
+    /// # Errors
+    /// As [`Journal::append`].
+    pub fn append(&mut self, finished: &Finished) -> Result<()> {
+        let entry = Entry { blocks: finished.blocks.to_vec(), spent: finished.spent };
+        let to_error = |error: serde_json::Error| Error::io("write", self.journal.path(), error.into());
+        let entry = serde_json::to_vec(&entry).map_err(to_error)?;
+        let pixels: Vec<Vec<[f32; 3]>> =
+            finished.blocks.iter().map(|&number| self.blocks.gather(number, &finished.film)).collect();
+        let length = (entry.len() as u32).to_le_bytes();
+        let mut parts: Vec<&[u8]> = vec![&[BLOCKS], &length, &entry];
+        parts.extend(pixels.iter().map(|pixels| cast_slice::<[f32; 3], u8>(pixels)));
+        self.journal.append(&parts)
+    }
+
+    /// Has the disk take what was appended.
+    ///
+    /// # Errors
+    /// As [`Journal::sync`].
+    pub fn sync(&mut self) -> Result<()> {
+        self.journal.sync()
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.journal.path()
+    }
+
+    /// Removes it: the picture is written.
+    ///
+    /// # Errors
+    /// As [`Journal::remove`].
+    pub fn remove(self) -> Result<()> {
+        self.journal.remove()
+    }
+}
+
+/// What was in a journal.
+#[derive(Debug, Clone)]
+pub struct Kept {
+    /// Of which picture it is.
+    pub id: PictureId,
+    /// Of which part of the work on it.
+    pub part: Option<Part>,
+    /// The numbers of its blocks, in ascending order.
+    pub blocks: Vec<usize>,
+    /// What they took.
+    pub spent: Spent,
+    /// Whether everything in it could be read.
+    pub condition: Condition,
+}
+
+/// Takes the pixels of a block.
+pub type TakeBlock<'a> = &'a mut dyn FnMut(&PictureBlocks, usize, &[[f32; 3]]) -> Result<()>;
+
+/// Reads the journal of a picture, or of a part of one; `take` gets its blocks.
+///
+/// # Errors
+/// As [`journal::read`], those of `take`, and [`Error::Input`] when it is of another picture than `id`.
+pub fn read_kept(path: &Path, id: Option<&PictureId>, take: TakeBlock) -> Result<Kept> {
+    let mut reader = Reader::new(path, id, take);
+    let condition = journal::read(path, |record| reader.take(record))?;
+    reader.finish(condition)
+}
+
+/// A journal that is being read.
+struct Reader<'a> {
+    path: &'a Path,
+    /// Of which picture it must be.
+    wanted: Option<&'a PictureId>,
+    put: TakeBlock<'a>,
+    found: Option<(Header, PictureBlocks)>,
+    blocks: Vec<usize>,
+    spent: Spent,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, wanted: Option<&'a PictureId>, put: TakeBlock<'a>) -> Self {
+        Reader { path, wanted, put, found: None, blocks: Vec::new(), spent: Spent::default() }
+    }
+
+    fn refuse(&self, message: String) -> Error {
+        Error::input(self.path, None, message)
+    }
+
+    fn take(&mut self, record: &[u8]) -> Result<()> {
+        match (record.split_first(), &self.found) {
+            (Some((&HEADER, header)), None) => self.take_header(header),
+            (Some((&BLOCKS, rest)), Some((_, blocks))) => {
+                let blocks = *blocks;
+                self.take_blocks(rest, &blocks)
+            }
+            _ => Err(self.no_header()),
+        }
+    }
+
+    /// Without its header nobody knows what is in it.
+    fn no_header(&self) -> Error {
+        self.refuse("the journal's header is damaged or missing; remove the file to begin anew".to_owned())
+    }
+
+    fn take_header(&mut self, header: &[u8]) -> Result<()> {
+        let header: Header = serde_json::from_slice(header).map_err(|error| {
+            self.refuse(format!(
+                "a journal of another version of raybrook ({error}); finish it with that one, or remove it"
+            ))
+        })?;
+        if let Some(difference) = self.wanted.and_then(|wanted| wanted.difference(&header.picture)) {
+            return Err(self.refuse(format!("the journal is of another picture: {difference}")));
+        }
+        let blocks = header
+            .picture
+            .blocks()
+            .map_err(|message| self.refuse(format!("the journal's header is wrong: {message}")))?;
+        self.found = Some((header, blocks));
+        Ok(())
+    }
+
+    fn take_blocks(&mut self, rest: &[u8], blocks: &PictureBlocks) -> Result<()> {
+        let wrong = || Error::input(self.path, None, "a record of the journal does not hold what it says");
+        let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(wrong)?;
+        let (entry, mut pixels) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(wrong)?;
+        let entry: Entry = serde_json::from_slice(entry).map_err(|_| wrong())?;
+        for &number in &entry.blocks {
+            let count = if blocks.has(number) { blocks.pixels(number) } else { return Err(wrong()) };
+            let (now, later) = pixels.split_at_checked(count * size_of::<[f32; 3]>()).ok_or_else(wrong)?;
+            // Bytes of a record lie anywhere.
+            let values: Vec<[f32; 3]> = bytemuck::pod_collect_to_vec(now);
+            (self.put)(blocks, number, &values)?;
+            pixels = later;
+        }
+        if !pixels.is_empty() {
+            return Err(wrong());
+        }
+        self.blocks.extend(entry.blocks);
+        self.spent.add(&entry.spent);
+        Ok(())
+    }
+
+    fn finish(mut self, condition: Condition) -> Result<Kept> {
+        let Some((Header { picture, part }, _)) = self.found.take() else { return Err(self.no_header()) };
+        self.blocks.sort_unstable();
+        self.blocks.dedup();
+        Ok(Kept { id: picture, part, blocks: self.blocks, spent: self.spent, condition })
+    }
+}

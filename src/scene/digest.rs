@@ -1,0 +1,148 @@
+//! What tells scenes apart: a hash of everything that pictures and rays of a scene depend on.
+
+use super::{Object, Scene, Texture, Triangle};
+use bytemuck::{Pod, cast_slice};
+use glam::{Vec2, Vec3};
+use sha2::{Digest, Sha256};
+
+impl Scene {
+    /// SHA-256, in hexadecimal, of what is in the scene: triangles, instances, materials, textures, lights, camera and
+    /// background. Names of files, warnings and what is said of the picture are left out, so that a scene that is moved
+    /// to another folder or machine remains the same.
+    pub fn digest(&self) -> String {
+        // Whoever adds a field decides about it here.
+        #[rustfmt::skip]
+        let Scene {
+            positions, normals, uvs, triangles, instances, materials, textures, lights, camera, background, ambient,
+            up: _, picture: _, warnings: _, files: _,
+        } = self;
+        let mut hash = Hash(Sha256::new());
+        hash.geometry((positions, normals, uvs), triangles);
+        hash.number(instances.objects().len());
+        for object in instances.objects() {
+            let Object { positions, normals, uvs, triangles } = &**object;
+            hash.geometry((positions, normals, uvs), triangles);
+        }
+        hash.text(&instances.placed());
+        hash.text(materials);
+        hash.number(textures.len());
+        for texture in textures {
+            match texture {
+                Texture::Image(image) => {
+                    hash.text(&(image.width, image.height));
+                    hash.bytes(image.rgba.as_flattened());
+                }
+                Texture::Procedural(procedural) => hash.text(procedural),
+            }
+        }
+        hash.text(&(lights, camera, background, ambient));
+        hash.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// A hash of parts that cannot be taken for each other: each has its length before it.
+struct Hash(Sha256);
+
+impl Hash {
+    fn number(&mut self, number: usize) {
+        self.0.update((number as u64).to_le_bytes());
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.number(bytes.len());
+        self.0.update(bytes);
+    }
+
+    /// Everything that a few values are: numbers are written so that they can be read back to the bit.
+    fn text(&mut self, value: &impl std::fmt::Debug) {
+        self.bytes(format!("{value:?}").as_bytes());
+    }
+
+    fn geometry(&mut self, (positions, normals, uvs): (&[Vec3], &[Vec3], &[Vec2]), triangles: &[Triangle]) {
+        self.list(positions, |p| p.to_array());
+        self.list(normals, |n| n.to_array());
+        self.list(uvs, |uv| uv.to_array());
+        self.list(triangles, |t| [t.positions, t.normals, t.uvs, [t.material, 0, 0]]);
+    }
+
+    fn list<T, N: Pod>(&mut self, list: &[T], numbers_of: impl Fn(&T) -> N) {
+        self.number(list.len());
+        for chunk in list.chunks(1 << 12) {
+            let numbers: Vec<N> = chunk.iter().map(&numbers_of).collect();
+            self.0.update(cast_slice::<N, u8>(&numbers));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Background, Image, Instance, Light, Material, Transform};
+    use super::*;
+
+    fn scene() -> Scene {
+        let triangle = Triangle { positions: [0, 1, 2], normals: [0; 3], uvs: [0; 3], material: 0 };
+        let object = Object {
+            positions: vec![Vec3::X; 3],
+            normals: vec![Vec3::Y],
+            uvs: vec![Vec2::ONE],
+            triangles: vec![triangle],
+        };
+        let mut scene = Scene {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: vec![Vec3::Z],
+            uvs: vec![Vec2::ZERO],
+            triangles: vec![triangle],
+            materials: vec![Material::default()],
+            textures: vec![Image { name: "a".into(), width: 1, height: 1, rgba: vec![[1, 2, 3, 4]] }.into()],
+            ..Scene::default()
+        };
+        let object = scene.instances.add_object(object).unwrap();
+        scene.instances.add(Instance { object, transform: Transform::IDENTITY, material: None }).unwrap();
+        scene
+    }
+
+    #[test]
+    fn everything_that_shows_changes_the_digest() {
+        let changes: [fn(&mut Scene); 12] = [
+            |scene| scene.positions[1].x = 1.0_f32.next_up(),
+            |scene| scene.positions[0].x = -0.0,
+            |scene| scene.normals[0] = Vec3::X,
+            |scene| scene.uvs[0] = Vec2::ONE,
+            |scene| scene.triangles[0].positions = [1, 2, 0],
+            |scene| scene.triangles[0].material = 1,
+            |scene| scene.materials[0].shininess = 1e-30,
+            |scene| {
+                scene.textures[0] = Image { name: "a".into(), width: 1, height: 1, rgba: vec![[1, 2, 3, 5]] }.into()
+            },
+            |scene| scene.lights.push(Light::directional(Vec3::Y, Vec3::ONE)),
+            |scene| scene.background = Background { bottom: Vec3::ZERO, ..Background::default() },
+            |scene| scene.ambient = Vec3::splat(0.1),
+            |scene| {
+                let object = scene.instances.placed()[0];
+                scene.instances.add(object).unwrap();
+            },
+        ];
+        let mut all: Vec<String> = changes
+            .iter()
+            .map(|change| {
+                let mut scene = scene();
+                change(&mut scene);
+                scene.digest()
+            })
+            .collect();
+        all.push(scene().digest());
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), changes.len() + 1);
+        assert!(all.iter().all(|digest| digest.len() == 64));
+    }
+
+    #[test]
+    fn where_a_scene_lies_does_not_change_the_digest() {
+        let mut moved = scene();
+        moved.warnings.push("a repair".into());
+        moved.files.push(super::super::SourceFile { path: "elsewhere.obj".into(), role: "the scene".into() });
+        moved.textures[0] = Image { name: "b".into(), width: 1, height: 1, rgba: vec![[1, 2, 3, 4]] }.into();
+        assert_eq!(moved.digest(), scene().digest());
+    }
+}
