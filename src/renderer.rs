@@ -3,10 +3,12 @@
 mod blocks;
 mod crop;
 mod kept;
+mod several;
 
 pub use blocks::{PictureBlocks, render_blocks};
 pub use crop::{Crop, render_part};
 pub use kept::{Kept, Part, PictureId, PictureJournal, read_kept};
+pub use several::{Renderer, Watcher, render_by_several};
 
 use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, sample_sequence};
 use crate::budget::MemoryBudget;

@@ -19,6 +19,17 @@ use crate::shared::COUNTERS;
 use crate::tracer::{AdaptiveStats, WavefrontStats};
 use crate::work::WorkSum;
 
+/// What one of several devices did for a picture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DeviceShare {
+    /// The device.
+    pub name: String,
+    /// Blocks of the picture that are its.
+    pub blocks: usize,
+    /// Seconds from the time when it was ready until it found nothing more to do.
+    pub busy_s: f64,
+}
+
 /// Rays of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct RayCount {
@@ -84,6 +95,9 @@ pub struct RunStats {
     pub device: String,
     /// "cpu", "gpu", "reference", ...
     pub device_kind: String,
+    /// Of several devices what each did.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shares: Vec<DeviceShare>,
     /// What the user handed to the device's compiler.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compiler_options: Option<String>,

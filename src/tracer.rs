@@ -98,7 +98,7 @@ pub struct RenderResult {
 
 impl RenderResult {
     /// A film, and nothing that it took yet.
-    pub(crate) fn of_film(film: Film) -> Self {
+    pub fn of_film(film: Film) -> Self {
         RenderResult {
             film,
             counts: [0; COUNTERS],

@@ -107,16 +107,18 @@ impl Run<'_> {
         if self.keeps_film && wanted.len() == self.blocks.per_area {
             self.result.film.make_pixels()?;
             let picture = std::mem::replace(&mut self.result, RenderResult::of_film(Film::none()));
-            let mut tracing = Tracing::new(tracer, self.params, self.adaptive, &self.blocks, picture, (0, 0));
-            let rendered = tracing.render_area(wanted, &mut tell, progress);
+            let (adaptive, blocks) = (self.adaptive, self.blocks);
+            let mut tracing = Tracing::new(tracer, self.params, adaptive, &blocks, (picture, (0, 0)), progress);
+            let rendered = tracing.render_area(wanted, &mut tell);
             self.result = tracing.result;
             rendered?;
         } else {
             let (width, height) = to_u32(place.size());
             let film = Film { width, height, pixels: Film::try_pixels(place.x.len() * place.y.len())? };
             let (area, origin) = (RenderResult::of_film(film), (place.x.start, place.y.start));
-            let mut tracing = Tracing::new(tracer, self.params, self.adaptive, &self.blocks, area, origin);
-            tracing.render_area(wanted, &mut tell, progress)?;
+            let (adaptive, blocks) = (self.adaptive, self.blocks);
+            let mut tracing = Tracing::new(tracer, self.params, adaptive, &blocks, (area, origin), progress);
+            tracing.render_area(wanted, &mut tell)?;
             let area = tracing.result;
             self.result.add(&area);
             if self.keeps_film {

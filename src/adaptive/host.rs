@@ -12,6 +12,8 @@ use crate::tracer::{Adaptive, Backend, Finished, Progress, Refined, RenderResult
 use crate::work::PixelWork;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// About so many first samples are taken at a time: their film is there twice, on a device and fetched.
@@ -32,6 +34,26 @@ pub struct Tracing<'a> {
     decide_s: f64,
     /// What was told of so far.
     told: Spent,
+    progress: Shown<'a>,
+}
+
+/// The progress of an area, which launches tell again, so that whoever wants to stop gets a word in.
+#[derive(Clone)]
+struct Shown<'a> {
+    progress: Progress<'a>,
+    /// The bits of the part that is done.
+    done: Arc<AtomicU64>,
+}
+
+impl Shown<'_> {
+    fn set(&self, done: f64) {
+        self.done.store(done.to_bits(), Relaxed);
+        self.again();
+    }
+
+    fn again(&self) {
+        (self.progress)(f64::from_bits(self.done.load(Relaxed)));
+    }
 }
 
 impl<'a> Tracing<'a> {
@@ -41,8 +63,8 @@ impl<'a> Tracing<'a> {
         params: &RenderParams,
         adaptive: Adaptive,
         blocks: &'a Blocks,
-        result: RenderResult,
-        origin: (usize, usize),
+        (result, origin): (RenderResult, (usize, usize)),
+        progress: Progress<'a>,
     ) -> Tracing<'a> {
         Tracing {
             tracer,
@@ -54,6 +76,7 @@ impl<'a> Tracing<'a> {
             result,
             origin,
             decide_s: 0.0,
+            progress: Shown { progress, done: Arc::default() },
         }
     }
 
@@ -61,8 +84,8 @@ impl<'a> Tracing<'a> {
     ///
     /// # Errors
     /// As [`Backend::render`], and those of `done`.
-    pub fn render_area(&mut self, wanted: &[usize], done: Done, progress: Progress) -> Result<()> {
-        self.render_in_groups(wanted, groups_of, done, progress)
+    pub fn render_area(&mut self, wanted: &[usize], done: Done) -> Result<()> {
+        self.render_in_groups(wanted, groups_of, done)
     }
 
     /// As [`Tracing::render_area`], in as many groups of blocks as `groups_of` says of their number and of the time of
@@ -72,7 +95,6 @@ impl<'a> Tracing<'a> {
         wanted: &[usize],
         groups_of: impl FnOnce(usize, Duration) -> usize,
         done: Done,
-        progress: Progress,
     ) -> Result<()> {
         let adaptive = self.adaptive;
         let start = Instant::now();
@@ -83,7 +105,8 @@ impl<'a> Tracing<'a> {
             let range = group * wanted.len() / groups..(group + 1) * wanted.len() / groups;
             let pixels: Vec<u64> = area.blocks[range.clone()].iter().map(Block::pixels).collect();
             let promises = vec![Promises::default(); pixels.len()];
-            let progress = |part: f64| progress((group as f64 + part) / groups as f64);
+            let shown = area.tracing.progress.clone();
+            let progress = |part: f64| shown.set((group as f64 + part) / groups as f64);
             let mut pixels_of_group = Group { area: &mut area, range: range.clone(), promises };
             let refined = refine(&mut pixels_of_group, &pixels, adaptive, &progress)?;
             area.finish(range.clone());
@@ -163,7 +186,7 @@ impl Tracing<'_> {
             let (columns, rows) = part.size();
             let first = (self.origin.0 + part.x.start, self.origin.1 + part.y.start);
             let params = self.params.of_part((first.0 as u32, first.1 as u32), (columns as u32, rows as u32));
-            let traced = self.tracer.render(&params, &self.sequence[..1], &|_| ())?;
+            let traced = self.tracer.render(&params, &self.sequence[..1], &|_| self.progress.again())?;
             self.on_host(|this| {
                 let width = this.width();
                 this.result.add(&traced);
@@ -192,7 +215,8 @@ impl Tracing<'_> {
             });
             let (now, later) = rest.split_at(end.unwrap_or(rest.len()));
             let positions = self.on_host(|this| this.positions(now, samples));
-            let mut traced = self.tracer.render(&self.params.of_list(samples as u32), &positions, &|_| ())?;
+            let mut traced =
+                self.tracer.render(&self.params.of_list(samples as u32), &positions, &|_| self.progress.again())?;
             drop(positions);
             let radiances = std::mem::take(&mut traced.film.pixels);
             self.on_host(|this| {
@@ -681,13 +705,13 @@ mod tests {
         }
     }
 
-    /// Sizes with one area and with four, and lattices.
+    /// Sizes with one area and with two, errors and lattices, and the blocks of an area.
     const BLOCKS: [((u32, u32), f32, u32, usize); 5] = [
         ((700, 560), 1.0, 1, 3),
         ((700, 560), 4.0, 1, 3),
         ((1200, 900), 2.0, 2, 2),
         ((1297, 1003), 4.0, 4, 1),
-        ((3101, 3075), 2.0, 2, 5),
+        ((3101, 300), 1.0, 1, 4),
     ];
 
     #[test]
@@ -734,7 +758,7 @@ mod tests {
             let blocks = blocks_of(size, adaptive);
             let (mut rings, params) = (Rings { options: TraceOptions::DEFAULT }, params(size));
             let film = RenderResult::of_film(Film::black(size.0, size.1));
-            let mut tracing = Tracing::new(&mut rings, &params, adaptive, &blocks, film, (0, 0));
+            let mut tracing = Tracing::new(&mut rings, &params, adaptive, &blocks, (film, (0, 0)), &|_| ());
             let (wanted, mut next) = ((0..per_area).collect::<Vec<_>>(), 0);
             let mut take = |finished: &Finished| {
                 assert_eq!(finished.blocks, [next], "one after the other");
@@ -742,7 +766,7 @@ mod tests {
                 next += 1;
                 Ok(())
             };
-            tracing.render_in_groups(&wanted, |_, _| per_area, &mut take, &|_| ()).unwrap();
+            tracing.render_in_groups(&wanted, |_, _| per_area, &mut take).unwrap();
             assert_eq!(next, per_area);
         }
     }

@@ -340,8 +340,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.partial");
         let first = Journal::create(&path, b"x").unwrap();
-        let message = Journal::open(&path, |_| Ok(())).unwrap_err().to_string();
-        assert!(message.contains("another run"), "{message}");
+        let error = Journal::open(&path, |_| Ok(())).unwrap_err();
+        assert!(format!("{error:?}").contains("another run") && error.exit_code() == 5, "{error:?}");
         drop(first);
         Journal::open(&path, |_| Ok(())).unwrap();
     }

@@ -113,12 +113,22 @@ impl PictureBlocks {
     /// The blocks that part `number` of `count` parts renders, counted from 0: together all, each block in one part.
     /// Whole areas where there are enough of them, because blocks of an area have first samples in common.
     pub fn of_part(&self, number: usize, count: usize) -> Vec<usize> {
-        let numbers = self.numbers();
-        let unit = match self.cut {
-            Cut::Strewn(blocks, _) if numbers.len() / blocks.per_area >= ENOUGH_AREAS * count => blocks.per_area,
-            _ => 1,
+        let units = self.units_of(&self.numbers(), ENOUGH_AREAS * count);
+        units.into_iter().skip(number).step_by(count).flatten().collect()
+    }
+
+    /// Some blocks in pieces that are best rendered together: those of an area, where they lie in so many areas, because
+    /// they have first samples in common; else one by one.
+    pub(super) fn units_of(&self, numbers: &[usize], enough: usize) -> Vec<Vec<usize>> {
+        let per_area = match self.cut {
+            Cut::Strewn(blocks, _) => blocks.per_area,
+            Cut::Bands(_) => 1,
         };
-        numbers.chunks(unit).skip(number).step_by(count).flatten().copied().collect()
+        let areas: Vec<&[usize]> = numbers.chunk_by(|a, b| a / per_area == b / per_area).collect();
+        match areas.len() >= enough {
+            true => areas.into_iter().map(<[usize]>::to_vec).collect(),
+            false => numbers.iter().map(|&number| vec![number]).collect(),
+        }
     }
 
     /// The pixels of a block, place after place and row by row, from a film that shows them.
@@ -149,7 +159,10 @@ impl PictureBlocks {
     }
 
     /// Copies the pixels of blocks that are finished onto such a film.
-    fn copy(&self, finished: &Finished, film: &mut Film) -> Result<()> {
+    ///
+    /// # Errors
+    /// As [`PictureBlocks::scatter`].
+    pub fn copy(&self, finished: &Finished, film: &mut Film) -> Result<()> {
         film.make_pixels()?;
         for place in finished.blocks.iter().flat_map(|&number| self.places(number)) {
             for y in place.y {
@@ -266,4 +279,71 @@ fn neighbours(numbers: &[usize]) -> usize {
 fn next_rays(rays: u64, took: Duration) -> u64 {
     let in_time = rays as f64 * GROUP_TIME.as_secs_f64() / took.as_secs_f64().max(1e-3);
     (in_time as u64).min(rays.saturating_mul(GROWTH)).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(size: (u32, u32)) -> Vec<PictureBlocks> {
+        let part = Crop { place: (3, 5), size: (size.0 - 7, size.1 - 6) };
+        let samples =
+            [Samples::PerPixel(1), Samples::PerPixel(64), Samples::Corners, Samples::Error(1.0), Samples::Error(4.0)];
+        let parts = [None, Some(part)];
+        samples.iter().flat_map(|&samples| parts.map(|part| PictureBlocks::new(size, samples, part))).collect()
+    }
+
+    #[test]
+    fn every_pixel_is_in_one_block() {
+        for size in [(9, 8), (1500, 40), (40, 1500), (3200, 900)] {
+            for blocks in all(size) {
+                let mut film = Film { width: size.0, height: size.1, pixels: Vec::new() };
+                film.pixels = (0..size.0 * size.1).map(|i| [i as f32 + 1.0; 3]).collect();
+                let mut part = blocks.empty_film();
+                let numbers = blocks.numbers();
+                for &number in &numbers {
+                    let pixels = blocks.gather(number, &FilmWindow { film: &film, place: (0, 0) });
+                    assert_eq!(pixels.len(), blocks.pixels(number));
+                    blocks.scatter(number, &pixels, &mut part).unwrap();
+                }
+                let count: usize = numbers.iter().map(|&number| blocks.pixels(number)).sum();
+                assert_eq!(count, part.pixels.len(), "{blocks:?}");
+                let (left, top) = blocks.place();
+                for (i, pixel) in part.pixels.iter().enumerate() {
+                    let (x, y) = (i % part.width as usize + left, i / part.width as usize + top);
+                    assert_eq!(*pixel, film.pixels[y * size.0 as usize + x], "{blocks:?}");
+                }
+                let last = *numbers.last().unwrap();
+                assert!(blocks.has(last) && !blocks.has(last + 1_000_000));
+            }
+        }
+    }
+
+    #[test]
+    fn parts_have_every_block_once() {
+        for size in [(1500, 800), (9000, 9000), (65535, 65535)] {
+            for samples in [Samples::PerPixel(4), Samples::Error(1.0)] {
+                let blocks = PictureBlocks::new(size, samples, None);
+                for count in [1, 2, 3, 16, 100] {
+                    let parts: Vec<_> = (0..count).map(|number| blocks.of_part(number, count)).collect();
+                    assert!(parts.iter().all(|part| part.is_sorted()));
+                    let longest = parts.iter().map(Vec::len).max().unwrap();
+                    let average = blocks.numbers().len().div_ceil(count);
+                    assert!(longest <= average + average / ENOUGH_AREAS + 1, "{longest} of {average}");
+                    let mut together = parts.concat();
+                    together.sort_unstable();
+                    assert_eq!(together, blocks.numbers());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rays_are_traced_in_groups_of_about_a_second() {
+        assert_eq!(next_rays(1000, Duration::from_secs(4)), 250);
+        assert_eq!(next_rays(1000, Duration::from_millis(500)), 2000);
+        assert_eq!(next_rays(1000, Duration::ZERO), 8000);
+        assert_eq!(next_rays(1, Duration::from_secs(1000)), 1);
+        assert_eq!([neighbours(&[4]), neighbours(&[4, 5, 6]), neighbours(&[4, 5, 7])], [1, 3, 2]);
+    }
 }

@@ -1,9 +1,10 @@
 //! A part of a picture, with the bits that the whole picture has there.
 //!
-//! With a fixed number of samples nothing but the part is rendered. A picture by its error is rendered whole: what
-//! becomes of a pixel there depends on its block, whose patches are strewn over all of the picture.
+//! With a fixed number of samples nothing but the part is rendered. Of a picture by its error the areas are rendered that
+//! the part meets: what becomes of a pixel there depends on its block, whose patches are strewn over all of its area.
+//! Where work is counted, all of the picture is.
 
-use super::{Picture, render, rendered_params};
+use super::{Picture, PictureBlocks, render, render_blocks, rendered_params};
 use crate::blocks::Area;
 use crate::error::{Error, Result};
 use crate::io::film::Film;
@@ -100,6 +101,11 @@ pub fn render_part(
         picture.samples.check(picture.size)?;
         let params = rendered_params(tracer, buffers, picture).cropped(crop.place, crop.size);
         return tracer.render(&params, &sample_positions(picture.samples), progress);
+    }
+    if !tracer.options().counters {
+        let blocks = PictureBlocks::new(picture.size, picture.samples, part);
+        let (wanted, film) = (blocks.numbers(), blocks.empty_film());
+        return render_blocks(tracer, buffers, picture, &blocks, (&wanted, Some(film)), &mut |_| Ok(()), progress);
     }
     let whole = render(tracer, buffers, picture, progress)?;
     let (width, height) = crop.size;

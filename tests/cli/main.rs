@@ -12,6 +12,7 @@ mod compiler_options;
 mod device_faults;
 mod distance;
 mod explain;
+mod keep;
 mod limits;
 mod losses;
 mod methods;

@@ -8,6 +8,7 @@ mod crop;
 mod features;
 mod images;
 mod roulette;
+mod several;
 mod shading;
 mod texture_filter;
 mod truth;

@@ -3,12 +3,15 @@
 
 use super::open::Opened;
 use super::progress::Bar;
-use super::{Talk, heading, stop};
+use super::{Talk, chain, heading, stop};
 use clap::ValueEnum;
 use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
-use raybrook::low_level::renderer::{Part, Picture, PictureBlocks, PictureId, PictureJournal, render_blocks};
+use raybrook::low_level::renderer::{
+    Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, Watcher, render_blocks, render_by_several,
+};
+use raybrook::low_level::stats::DeviceShare;
 use raybrook::low_level::tracer::{Finished, RenderResult, Spent};
 use raybrook::{Error, Result};
 use std::ffi::OsString;
@@ -163,6 +166,10 @@ impl<'a> Keeper<'a> {
         if shared.journal.is_none() && self.is_worth_it(shared.done) {
             shared.journal = Some(self.new_journal()?);
         }
+        // Of several devices; a single one has the film.
+        if let Some(film) = &mut shared.film {
+            self.blocks.copy(finished, film)?;
+        }
         match &mut shared.journal {
             Some(journal) => journal.append(finished).map_err(what_is_kept),
             None => {
@@ -184,19 +191,47 @@ impl<'a> Keeper<'a> {
     /// As [`render_blocks`], and where the journal cannot be made or written.
     pub fn render(&mut self, opened: &mut Opened, picture: &Picture, talk: Talk) -> Result<RenderResult> {
         let bar = Bar::new("render", talk);
-        let pixels: usize = self.rest.iter().map(|&number| self.blocks.pixels(number)).sum();
-        let rays = pixels as f64 * f64::from(picture.samples.per_pixel()) / 1e6;
+        let rays = self.rays(picture);
         let progress = |done: f64| bar.update(done, rays, "M camera rays");
         self.start = Instant::now();
         let film = lock(&self.shared).film.take();
         let (tracer, mut take) = (opened.tracer.as_mut(), |finished: &Finished| self.take(finished));
         let rest = (&self.rest[..], film);
         let result = render_blocks(tracer, &opened.buffers, picture, &self.blocks, rest, &mut take, &progress)?;
+        Ok(self.with_all(result))
+    }
+
+    /// As [`Keeper::render`], by several devices.
+    ///
+    /// # Errors
+    /// As [`render_by_several`], and where the journal cannot be made or written.
+    pub fn render_by(
+        &mut self,
+        renderers: Vec<Renderer>,
+        picture: &Picture,
+        talk: Talk,
+    ) -> Result<(RenderResult, Vec<DeviceShare>)> {
+        self.start = Instant::now();
+        let watching = Watching { bar: Bar::new("render", talk), rays: self.rays(picture), keeper: self, talk };
+        let shares = render_by_several(renderers, picture, &self.blocks, &self.rest, &watching)?;
+        drop(watching);
+        let film = lock(&self.shared).film.take().unwrap_or_else(|| self.blocks.empty_film());
+        Ok((self.with_all(RenderResult::of_film(film)), shares))
+    }
+
+    /// Millions of camera rays that are at least to be traced.
+    fn rays(&self, picture: &Picture) -> f64 {
+        let pixels: usize = self.rest.iter().map(|&number| self.blocks.pixels(number)).sum();
+        pixels as f64 * f64::from(picture.samples.per_pixel()) / 1e6
+    }
+
+    /// A result with what the blocks of earlier runs took.
+    fn with_all(&self, result: RenderResult) -> RenderResult {
         let spent = lock(&self.shared).spent;
         let decided_by = result.adaptive.map_or(Decisions::Host, |adaptive| adaptive.decided_by);
         let adaptive = self.blocks.adaptive_stats(&spent, decided_by);
         let Spent { counts, second_pass, kernel_s, read_s, .. } = spent;
-        Ok(RenderResult { counts, second_pass, kernel_s, read_s, adaptive, ..result })
+        RenderResult { counts, second_pass, kernel_s, read_s, adaptive, ..result }
     }
 
     /// Ends keeping: the picture is written.
@@ -222,6 +257,31 @@ impl<'a> Keeper<'a> {
                 self.of,
                 self.start.elapsed().as_secs_f64()
             );
+        }
+        Ok(())
+    }
+}
+
+/// Keeps what several devices finish.
+struct Watching<'k, 'a> {
+    keeper: &'k Keeper<'a>,
+    bar: Bar,
+    rays: f64,
+    talk: Talk,
+}
+
+impl Watcher for Watching<'_, '_> {
+    fn done(&self, finished: &Finished) -> Result<()> {
+        self.keeper.take(finished)
+    }
+
+    fn progress(&self, done: f64) {
+        self.bar.update(done, self.rays, "M camera rays");
+    }
+
+    fn lost(&self, name: &str, error: Error) -> Result<()> {
+        if !self.talk.quiet {
+            tell!("note: the other devices go on without '{name}', which failed: {}", chain(&error));
         }
         Ok(())
     }

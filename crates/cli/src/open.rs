@@ -145,7 +145,12 @@ pub fn check_picture(
 
 /// A chosen device; `None` is the reference. Says which devices do not open, where nobody named one.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
-    let (selection, notes) = select_working(args.device.as_deref())?;
+    choose_named(args.device.as_deref(), args, talk)
+}
+
+/// The same, of another device than `args` name, or the best.
+pub fn choose_named(name: Option<&str>, args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
+    let (selection, notes) = select_working(name)?;
     for note in notes.iter().filter(|_| !talk.quiet) {
         tell!("note: {}", in_flags(note));
     }

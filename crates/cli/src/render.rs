@@ -6,6 +6,7 @@ use super::keep::{KeepArgs, Keeper, LazyId, journal_of};
 use super::open::Opened;
 use super::part::PartChoice;
 use super::progress::Bar;
+use super::several;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{Film, ImageFormat, check_output};
@@ -44,7 +45,8 @@ pub struct RenderArgs {
     /// Part of the picture to render, WxH pixels from column X and row Y on.
     ///
     /// Its pixels are those of the whole picture, bit for bit. With --samples nothing else is rendered. With --error
-    /// all of the picture is, and the part is cut out: where samples go is decided in blocks that are strewn over it.
+    /// the areas of about 2048x2048 pixels are that it meets: where samples go is decided in blocks that are strewn over
+    /// them.
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "X,Y,WxH")]
     crop: Option<Crop>,
     /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
@@ -161,7 +163,12 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     work::check_aovs(&output, format, &args.aov)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let opening = Instant::now();
-    let device = open::choose(&args.device, talk)?;
+    let devices = several::choose(&args.device, talk)?;
+    if devices.len() > 1 && (counters || args.measure_error) {
+        let message = "work is counted, and errors are measured, on one device; name one";
+        return Err(Error::option("--device", message));
+    }
+    let device = devices.first().cloned().flatten();
     let device_s = opening.elapsed().as_secs_f64();
     let budget = args.scene.memory.budget();
     let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
@@ -186,25 +193,35 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         pictures: true,
         ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
     };
-    let chosen = chooser.choose(&loaded)?;
+    let mut chosen = several::choose_methods(&chooser, &devices, &loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
     let mut keeper = match counters {
         true => None,
         false => {
-            let (scene, options) = (&loaded.scene, chosen.options);
+            let (scene, options) = (&loaded.scene, chosen[0].options);
             let id: LazyId = LazyLock::new(Box::new(move || PictureId::new(scene, &picture, args.crop, &options)));
             let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
             Some(Keeper::open(&args.keep, (&output, part), (id, blocks), talk)?)
         }
     };
-    let tasks = (&[Task::Picture][..], &budget);
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
-    check_picture(picture.size, picture.samples)?;
-
-    let mut result = match &mut keeper {
-        Some(keeper) => keeper.render(&mut opened, &picture, talk)?,
-        None => render_counted(&mut opened, &picture, args.crop, talk)?,
+    let mut opened = None;
+    let (mut result, mut stats) = match &mut keeper {
+        Some(keeper) if devices.len() > 1 => {
+            several::render(keeper, &loaded, (&devices, &args.device), &chosen, (&picture, &budget), talk)?
+        }
+        keeper => {
+            let tasks = (&[Task::Picture][..], &budget);
+            let chosen = chosen.swap_remove(0);
+            let one = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
+            let opened = opened.insert(one);
+            check_picture(picture.size, picture.samples)?;
+            let result = match keeper {
+                Some(keeper) => keeper.render(opened, &picture, talk)?,
+                None => render_counted(opened, &picture, args.crop, talk)?,
+            };
+            (result, std::mem::take(&mut opened.stats))
+        }
     };
     if part.is_some() {
         return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk));
@@ -215,7 +232,6 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     result.film.write(&output, Some(format))?;
     keeper.map_or(Ok(()), Keeper::finish)?;
 
-    let stats = &mut opened.stats;
     stats.write_s = Some(writing.elapsed().as_secs_f64());
     stats.device_s = Some(device_s);
     stats.rays = RayCounts::from_counters(&result.counts);
@@ -226,15 +242,17 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             aovs: work::write_aovs(&output, format, &args.aov, pixels, (result.film.width, result.film.height))?,
         });
     }
-    stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
     stats.second_pass = result.second_pass;
-    stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
-    stats.set_rate();
+    if let Some(opened) = &opened {
+        stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
+        stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
+        stats.set_rate();
+    }
     stats.read_s = Some(result.read_s);
     stats.wavefront = result.wavefront;
     stats.adaptive = result.adaptive;
     stats.total_s = start.elapsed().as_secs_f64();
-    if args.measure_error {
+    if let (true, Some(opened)) = (args.measure_error, &mut opened) {
         let bar = Bar::new("full picture", talk);
         let camera_rays = result.film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
         let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
@@ -261,7 +279,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             result.film.height,
             stats.triangle_count,
             stats.device,
-            open::rate(stats),
+            open::rate(&stats),
             stats.total_s
         );
     }
