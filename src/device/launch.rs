@@ -1,7 +1,8 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
-use super::{Buffer, DeviceKind, Kernel, KernelArg};
+use super::{Buffer, DeviceContext, DeviceKind, Kernel, KernelArg};
 use crate::error::Result;
+use crate::tracer::STOPPABLE_LAUNCH_S;
 use bytemuck::Pod;
 
 /// Work is cut into launches of about so many seconds, so that desktops stay alive and watchdogs (typically 2 s) quiet.
@@ -36,6 +37,13 @@ impl LaunchPlan {
     pub fn starting_with(first: usize, kind: DeviceKind) -> Self {
         let launch_s = if kind == DeviceKind::Cpu { LAUNCH_S_CPU } else { LAUNCH_S };
         LaunchPlan { launch_s, largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, caution: 1.0 }
+    }
+
+    /// A plan for a device that is open, whose launches are short where something may stop them.
+    pub fn on(context: &DeviceContext, first: usize) -> Self {
+        let plan = LaunchPlan::starting_with(first, context.info().kind);
+        let launch_s = if context.is_stoppable() { STOPPABLE_LAUNCH_S } else { plan.launch_s };
+        LaunchPlan { launch_s, ..plan }
     }
 
     /// The next launches have other items than those before.

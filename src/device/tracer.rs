@@ -22,7 +22,7 @@ use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
 use crate::reference::extreme::{all_extreme, answer_extreme};
-use crate::shared::{CameraSample, Hit, RenderParams};
+use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Task, TraceJob,
     TraceResult,
@@ -30,6 +30,7 @@ use crate::tracer::{
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// How many samples of each pixel one launch traces. A pixel that is deferred is traced again with all samples of its
@@ -164,7 +165,7 @@ impl OpenClBackend {
             points: None,
             buffers: buffers.clone(),
             options: *options,
-            trace_plan: LaunchPlan::starting_with(first_items, context.info().kind),
+            trace_plan: LaunchPlan::on(&context, first_items),
             first_items,
             work_group: work_group_size(context.info()).0,
             upload_s: start.elapsed().as_secs_f64(),
@@ -198,6 +199,16 @@ impl Backend for OpenClBackend {
 
     fn has_clock(&self) -> bool {
         self.context.has_clock()
+    }
+
+    fn stop_when(&mut self, stop: Arc<AtomicBool>) {
+        self.context.stop_when(stop);
+        self.trace_plan = LaunchPlan::on(&self.context, self.first_items);
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        self.scene.lights = Buffer::from_slice(&self.context, "lights", lights)?;
+        Ok(())
     }
 
     fn notes(&self) -> &[String] {
@@ -247,7 +258,7 @@ impl Backend for OpenClBackend {
         let upload_s = start.elapsed().as_secs_f64();
         let mut lister = Lister {
             deferred: Deferred::new(&self.context, false, 0)?,
-            plan: LaunchPlan::starting_with(self.first_items, self.context.info().kind),
+            plan: LaunchPlan::on(&self.context, self.first_items),
             work_group: self.work_group,
             context: &self.context,
             scene: &self.scene,
@@ -385,7 +396,7 @@ impl OpenClBackend {
         let samples = self.samples_of_launch(params) as usize;
         Ok(Launches {
             deferred: Deferred::new(&self.context, self.passes.defers(), items_of(params))?,
-            plan: LaunchPlan::starting_with(self.first_items / samples.max(1), self.context.info().kind),
+            plan: LaunchPlan::on(&self.context, self.first_items / samples.max(1)),
         })
     }
 
