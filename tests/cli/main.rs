@@ -21,6 +21,7 @@ mod roulette;
 mod study;
 mod truth;
 mod tune;
+mod view;
 mod warm_up;
 
 use std::path::Path;

@@ -46,6 +46,7 @@ mod trace;
 mod truth;
 mod tune;
 mod values;
+mod view;
 mod warm_up;
 mod work;
 
@@ -97,6 +98,8 @@ struct Talk {
 enum Command {
     /// Render a scene to a picture.
     Render(render::RenderArgs),
+    /// Show a scene in the browser: move about, pick, compare methods.
+    View(view::ViewArgs),
     /// Trace a batch of rays from a NumPy .npz file.
     Trace(trace::TraceArgs),
     /// Tell which points of a NumPy .npz file are inside of a closed mesh.
@@ -322,6 +325,7 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
     }
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::View(args) => view::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Distance(args) => distance::run(&args, cli.talk).map(|()| SUCCESS),
