@@ -108,7 +108,7 @@ fn begin_anew(engine: &Engine, hub: &Hub) {
 /// Does what is to be done next.
 ///
 /// # Errors
-/// The device failed: nothing more can be done with it.
+/// The device failed, or the server did: nothing more can be done with it.
 fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
     let (doing, done) = match hub.next_task() {
         Task::Draw(job) => {
@@ -127,6 +127,7 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
             }
             return Ok(());
         }
+        Task::End(why) => return Err(Error::io("listen on", "127.0.0.1", std::io::Error::other(why))),
         Task::Switch(asked) => {
             hub.tell(|facts| facts.busy = Some("building for another method".to_owned()));
             ("the method stays as it was", engine.switch(&asked))

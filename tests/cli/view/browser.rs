@@ -124,6 +124,12 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", event);
     }
 
+    /// Chooses of a list of the panel.
+    fn choose(&mut self, list: &str, value: &str) {
+        let list = format!("document.getElementById('{list}')");
+        self.value(&format!("{list}.value = '{value}'; {list}.dispatchEvent(new Event('change'))"));
+    }
+
     /// Colours of the canvas, as a text.
     fn pixels(&mut self) -> String {
         let canvas = "document.getElementById('picture').toDataURL()";
@@ -145,7 +151,7 @@ fn the_page_shows_turns_and_picks_on_a_desk_and_on_a_phone() {
     let Some(name) = browser() else { return };
     let folder = super::folder();
     let at = folder.path();
-    let viewer = Viewer::start(at, "one.obj", &SMALL);
+    let viewer = Viewer::start(at, "one.obj", &[&SMALL[..], &["--watch"]].concat());
     let address = format!("http://127.0.0.1:{}{}", viewer.port, viewer.root);
     let mut browser = Browser::start(at, name);
     for size in [(1280, 800), (400, 800)] {
@@ -188,11 +194,27 @@ fn the_page_shows_turns_and_picks_on_a_desk_and_on_a_phone() {
             "document.body.dataset.state === 'done' && document.getElementById('picture').toDataURL() === {same}"
         ));
         // Another method and another layer, from the panel.
-        browser.value(
-            "(() => { const s = document.getElementById('layer'); s.value = 'wrong'; s.dispatchEvent(new Event('change')); })()",
-        );
+        browser.choose("layer", "wrong");
         browser.wait_for("document.body.dataset.state === 'done' && document.body.dataset.layer === 'wrong'");
         assert_eq!(browser.value("document.getElementById('counted').textContent"), "0 of 3,072");
+        browser.choose("structure", "grid");
+        browser.wait_for("document.body.dataset.state === 'done' && told.method.includes('--structure grid')");
+        browser.choose("structure", "auto");
+        browser.wait_for("document.body.dataset.state === 'done' && told.asked.structure === 'auto'");
+        // What is wrong with the scene is told, and the picture remains.
+        let (whole, before) = (std::fs::read(at.join("one.obj")).unwrap(), browser.pixels());
+        std::fs::write(at.join("one.obj"), "f 1 2 9\n").unwrap();
+        browser.wait_for("!document.getElementById('notice').hidden && document.body.innerText.includes('one.obj:1')");
+        assert_eq!(browser.pixels(), before);
+        std::fs::write(at.join("one.obj"), whole).unwrap();
+        browser.wait_for("document.getElementById('notice').hidden && document.body.dataset.state === 'done'");
+    }
+    // A tab that is closed takes its page with it.
+    let session = browser.value("session");
+    browser.call("Page.navigate", json!({"url": "about:blank"}));
+    let start = Instant::now();
+    while viewer.get(&format!("next?session={session}&version=0&frame=0")).code != 404 {
+        assert!(start.elapsed() < PATIENCE, "the page lives");
     }
     assert!(browser.complaints.is_empty(), "{:#?}", browser.complaints);
 }

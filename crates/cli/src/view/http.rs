@@ -152,30 +152,45 @@ impl Server {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Answers requests until the system gives no more of them.
+    /// Answers requests until the system gives no more of them, which ends the worker, too.
     pub fn serve(&self, hub: &Arc<Hub>, name: &str) {
         let open = Arc::new(AtomicUsize::new(0));
         let shared = Arc::new(Pages { hub: hub.clone(), token: self.token.clone(), name: name.to_owned() });
         loop {
             let request = match self.server.recv_timeout(LOOK_EVERY) {
                 Ok(request) => request,
-                Err(_) => return,
+                Err(why) => return hub.end_all(why.to_string()),
             };
             hub.forget_gone();
             let Some(request) = request else { continue };
-            let (pages, open) = (shared.clone(), open.clone());
-            if open.fetch_add(1, Ordering::Relaxed) >= MOST_REQUESTS {
-                open.fetch_sub(1, Ordering::Relaxed);
+            let (pages, place) = (shared.clone(), Place::of(&open));
+            if open.load(Ordering::Relaxed) > MOST_REQUESTS {
                 send(request, &Answer::refusal(503, "too many requests at a time"));
                 continue;
             }
             // Without a thread the request is dropped, which is an answer, too.
             let answer = move || {
                 pages.answer(request);
-                open.fetch_sub(1, Ordering::Relaxed);
+                drop(place);
             };
             _ = std::thread::Builder::new().name("request".to_owned()).spawn(answer);
         }
+    }
+}
+
+/// A place among the requests that are answered at a time.
+struct Place(Arc<AtomicUsize>);
+
+impl Place {
+    fn of(open: &Arc<AtomicUsize>) -> Place {
+        open.fetch_add(1, Ordering::Relaxed);
+        Place(open.clone())
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
     }
 }
 

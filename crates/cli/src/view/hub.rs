@@ -194,6 +194,8 @@ pub enum Task {
     Switch(AskedMethod),
     /// Read the scene's files again.
     Reload,
+    /// End: there are no more requests, for this reason.
+    End(String),
 }
 
 struct State {
@@ -204,6 +206,8 @@ struct State {
     facts: SceneFacts,
     asked: Option<AskedMethod>,
     must_reload: bool,
+    /// Why there are no more requests.
+    end: Option<String>,
     pickable: Option<Arc<Pickable>>,
     /// The picture that is being made.
     current: Option<Job>,
@@ -274,6 +278,7 @@ impl Hub {
             facts,
             asked: None,
             must_reload: false,
+            end: None,
             pickable: None,
             current: None,
             last_served: 0,
@@ -398,6 +403,14 @@ impl Hub {
         self.changed.notify_all();
     }
 
+    /// Has the worker end, as there are no more requests.
+    pub fn end_all(&self, why: String) {
+        let mut state = self.lock();
+        state.end = Some(why);
+        self.stop_finer_work(&state);
+        self.changed.notify_all();
+    }
+
     /// Stops what is being made, unless it is coarse: a camera that goes on moving is to be followed by pictures.
     fn stop_finer_work(&self, state: &State) {
         if state.current.as_ref().is_some_and(|job| job.step > 0) {
@@ -441,6 +454,9 @@ impl Hub {
         loop {
             state.current = None;
             self.stop.store(false, Ordering::Relaxed);
+            if let Some(why) = state.end.take() {
+                return Task::End(why);
+            }
             if std::mem::take(&mut state.must_reload) {
                 return Task::Reload;
             }
