@@ -4,6 +4,7 @@
 //! ([`hub`]); a thread for each request answers the pages ([`http`]). They share nothing but the hub.
 
 mod engine;
+mod facts;
 mod http;
 mod hub;
 mod navigator;
@@ -14,8 +15,9 @@ mod wrong;
 use super::explain::ExplainArgs;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, chain, heading, open};
 use engine::Engine;
+use facts::SceneFacts;
 use http::Server;
-use hub::{Hub, SceneFacts, Task};
+use hub::{Hub, Task};
 use raybrook::{Error, Result};
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -4,7 +4,8 @@
 //! page of another site that guesses the port knows neither the token nor, by DNS rebinding, the right name of the
 //! host. Nothing is read from disk, nothing is loaded from elsewhere, and nothing may show the page in a frame.
 
-use super::hub::{AskedMethod, Hub, Layer, News, Shown};
+use super::facts::{AskedMethod, Layer, Shown};
+use super::hub::{Hub, News};
 use super::navigator::Move;
 use raybrook::low_level::film::{Film, ImageFormat};
 use raybrook::low_level::options::{Intersector, MethodOption, StructureKind, Traversal};
@@ -35,8 +36,8 @@ const PAGE: [(&str, &str, &str); 3] = [
 
 /// What every answer forbids browsers.
 const SAFETY: &str = "Cache-Control: no-store\r\n\
-    Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; \
-    base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+    Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
+    connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Referrer-Policy: no-referrer\r\n\

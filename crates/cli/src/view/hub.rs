@@ -3,12 +3,11 @@
 //! The worker takes the next job, the pages take the newest picture. Nothing is queued: a page that is slow misses
 //! pictures, and a camera that moves makes what is on its way worthless, so that it is stopped.
 
+use super::facts::{AskedMethod, CameraText, Layer, SceneFacts, Shown, Told};
 use super::navigator::{Move, Navigator};
 use super::pick::Pickable;
 use raybrook::Camera;
 use raybrook::low_level::film::Film;
-use raybrook::low_level::shared::WorkCounter;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -20,74 +19,6 @@ pub const PATIENCE: Duration = Duration::from_secs(2);
 const GONE_AFTER: Duration = Duration::from_secs(5);
 /// Pages that are open at a time; of more those that asked least recently are forgotten.
 const MOST_SESSIONS: usize = 64;
-
-/// What a page shows of the scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layer {
-    /// The picture.
-    Picture,
-    /// Counted work as false colours.
-    Work(WorkCounter),
-    /// Pixels whose hit is not the exact one.
-    Wrong,
-}
-
-impl Layer {
-    /// The counters that can be shown.
-    pub const COUNTERS: [WorkCounter; 3] = [WorkCounter::Steps, WorkCounter::Tests, WorkCounter::Leaves];
-
-    /// The name that the page has for it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Layer::Picture => "picture",
-            Layer::Work(counter) => counter.name(),
-            Layer::Wrong => "wrong",
-        }
-    }
-
-    /// The layer of that name.
-    pub fn find(name: &str) -> Option<Layer> {
-        let work = Self::COUNTERS.map(Layer::Work);
-        [Layer::Picture, Layer::Wrong].into_iter().chain(work).find(|layer| layer.name() == name)
-    }
-}
-
-/// A picture that a page shows, and what it took.
-#[derive(Debug, Clone)]
-pub struct Shown {
-    /// Linear radiance, or false colours.
-    pub film: Arc<Film>,
-    /// What the page tells of it.
-    pub facts: PictureFacts,
-    /// Pixels of a side for one that was made.
-    pub divisor: u32,
-}
-
-/// What the page tells of a picture.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct PictureFacts {
-    /// How fine it is.
-    pub label: String,
-    /// Whether it is the finished still picture.
-    pub is_done: bool,
-    /// Rays that were cast.
-    pub rays: u64,
-    /// Seconds from the job's start to its end.
-    pub seconds: f64,
-    /// Millions of rays a second of device time.
-    pub mrays_per_s: f64,
-    /// The error that is left, as estimated, steps of 8-bit sRGB.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub error: Option<f32>,
-    /// What false colours mean: black is 0, and this the brightest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub brightest: Option<u32>,
-    /// Pixels whose hit is not the exact one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wrong: Option<u64>,
-    /// Pixels of the picture.
-    pub pixels: usize,
-}
 
 /// One page.
 struct Session {
@@ -134,40 +65,6 @@ impl Session {
         let shown = self.shown.as_ref().filter(|_| self.frame != frame);
         News { text, picture: shown.map(|shown| (shown.film.clone(), self.exposure)) }
     }
-}
-
-/// What the page can choose of the method; `auto` leaves a part to the program.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct AskedMethod {
-    /// The structure.
-    pub structure: String,
-    /// The way through a kd-tree.
-    pub traversal: String,
-    /// The triangle test.
-    pub intersector: String,
-}
-
-/// What is true of all pages.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct SceneFacts {
-    /// The scene's file.
-    pub scene: String,
-    /// Triangles.
-    pub triangles: usize,
-    /// Where is traced.
-    pub device: String,
-    /// Width and height of the picture.
-    pub size: (u32, u32),
-    /// The method in effect, as options.
-    pub method: String,
-    /// What is typed for a picture such as this one, but for the camera.
-    pub command: String,
-    /// The method that was asked for.
-    pub asked: AskedMethod,
-    /// What is wrong, if something is.
-    pub notice: Option<String>,
-    /// What is being done that takes long, if anything is.
-    pub busy: Option<String>,
 }
 
 /// A picture to make.
@@ -228,43 +125,6 @@ pub struct News {
     pub text: String,
     /// The picture, if it is another one than the page has, with its exposure.
     pub picture: Option<(Arc<Film>, f32)>,
-}
-
-/// What a page learns.
-#[derive(Serialize)]
-struct Told<'a> {
-    version: u64,
-    frame: u64,
-    layer: &'static str,
-    exposure: f32,
-    is_working: bool,
-    camera: CameraText,
-    picture: Option<&'a PictureFacts>,
-    refused: Option<&'a str>,
-    #[serde(flatten)]
-    facts: &'a SceneFacts,
-}
-
-/// A camera as it is written.
-#[derive(Debug, PartialEq, Serialize)]
-pub struct CameraText {
-    /// In a scene file.
-    pub toml: String,
-    /// On the command line.
-    pub options: String,
-}
-
-impl CameraText {
-    /// `camera` with all digits that its numbers have.
-    pub fn of(camera: &Camera) -> CameraText {
-        let list = |v: raybrook::glam::Vec3, gap: &str| v.to_array().map(|x| (x + 0.0).to_string()).join(gap);
-        let Camera { eye, target, up, fov_degrees } = *camera;
-        let [eye_list, target_list, up_list] = [eye, target, up].map(|v| list(v, ", "));
-        let toml =
-            format!("[camera]\neye = [{eye_list}]\ntarget = [{target_list}]\nup = [{up_list}]\nfov = {fov_degrees}\n");
-        let [eye, target, up] = [eye, target, up].map(|v| list(v, ","));
-        CameraText { toml, options: format!("--eye={eye} --target={target} --up={up} --fov={fov_degrees}") }
-    }
 }
 
 impl Hub {

@@ -150,7 +150,8 @@ let isSending = false;
 // Adds numbers to those of the same kind that wait.
 function move(kind, by) {
   const before = waiting[kind];
-  waiting[kind] = Array.isArray(by) && before ? by.map((x, i) => x + before[i]) : before && kind === "zoom" ? before + by : by;
+  if (before === undefined || kind === "reset") waiting[kind] = by;
+  else waiting[kind] = Array.isArray(by) ? by.map((x, i) => x + before[i]) : before + by;
   send();
 }
 
@@ -179,7 +180,8 @@ let lastTap = { time: 0, x: 0, y: 0 };
 // A place on the canvas in pixels of the picture.
 function place(event) {
   const box = canvas.getBoundingClientRect();
-  return { x: (event.clientX - box.left) * canvas.width / box.width, y: (event.clientY - box.top) * canvas.height / box.height };
+  const part = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+  return { x: part[0] * canvas.width, y: part[1] * canvas.height };
 }
 
 canvas.addEventListener("pointerdown", event => {
@@ -275,7 +277,9 @@ async function aimAt(at) {
 
 // ---- Keys ----
 
-const flying = { KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0] };
+const flying = {
+  KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0],
+};
 const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const layers = ["picture", "wrong", "steps", "tests", "leaves"];
 const held = new Set();
