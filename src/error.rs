@@ -75,6 +75,9 @@ pub enum Error {
         /// What failed before, if anything did.
         failure: Option<String>,
     },
+    /// The call was stopped by the flag that was given for that.
+    #[error("the call was stopped")]
+    Stopped,
     /// The device's compiler refused the kernels.
     #[error("device '{device}': the kernels do not build with '{options}':\n{log}")]
     Build {
@@ -135,7 +138,7 @@ impl Error {
         Error::Option { option: option.into(), message: message.into() }
     }
 
-    /// The documented exit code of the binary for this error: 2 usage, 3 input, 4 device, 5 output.
+    /// The documented exit code of the binary for this error: 2 usage, 3 input, 4 device, 5 output, 130 stopped.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Option { .. } => 2,
@@ -148,6 +151,7 @@ impl Error {
             | Error::Build { .. }
             | Error::TooLarge { .. } => 4,
             Error::Io { .. } => 5,
+            Error::Stopped => 130,
         }
     }
 }

@@ -57,6 +57,7 @@
 //! | [`method`](TracerBuilder::method) | structure, build, traversal and triangle test, as in `kd+ropes+plucker` | the fastest exact one |
 //! | [`precision`](TracerBuilder::precision) | [`Precision::Exact`], [`Precision::Fast`] | exact |
 //! | [`progress`](TracerBuilder::progress) | a function | none |
+//! | [`stop`](TracerBuilder::stop) | a flag that stops calls | none |
 //! | [`memory_limit`](TracerBuilder::memory_limit) | bytes | nine tenths of what is left |
 //! | [`cache`](TracerBuilder::cache), [`cache_folder`](TracerBuilder::cache_folder) | whether and where compiled kernels are kept | the user's cache |
 //!

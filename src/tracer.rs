@@ -14,10 +14,15 @@ use crate::names::as_name;
 use crate::options::Decisions;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use crate::shared::{COUNTERS, CameraSample, Hit, Light, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Launches of calls that may be stopped aim at so many seconds: who moves a camera sees pictures follow.
+pub const STOPPABLE_LAUNCH_S: f64 = 0.02;
 
 /// A ray of a batch that tracing space cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -337,6 +342,17 @@ pub trait Backend: Send {
     fn has_clock(&self) -> bool {
         true
     }
+
+    /// Has calls end with [`Error::Stopped`] as soon as `stop` is true: between two launches, which are short from now
+    /// on ([`STOPPABLE_LAUNCH_S`]). The tracer is as good as before; `stop` is to be false again before the next call.
+    fn stop_when(&mut self, stop: Arc<AtomicBool>);
+
+    /// Has `lights` shine in place of the scene's ([`SceneBuffers::packed_light`]); as many, or others of the same
+    /// [features](crate::features). Nothing else is sent to the device again.
+    ///
+    /// # Errors
+    /// The device failed.
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()>;
 
     /// What a curious user should know, such as a kernel cache that cannot be used; one sentence each.
     fn notes(&self) -> &[String] {

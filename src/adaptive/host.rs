@@ -634,7 +634,10 @@ mod tests {
     use super::*;
     use crate::io::film::Film;
     use crate::options::TraceOptions;
+    use crate::shared::Light;
     use crate::tracer::{AllHits, AllHitsJob, Candidates, CandidatesJob, TraceJob, TraceResult};
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
 
     /// Shows rings around a point instead of a scene: thin far from it, wide near it, on a ground without any.
     struct Rings {
@@ -657,6 +660,12 @@ mod tests {
 
         fn options(&self) -> &TraceOptions {
             &self.options
+        }
+
+        fn stop_when(&mut self, _: Arc<AtomicBool>) {}
+
+        fn set_lights(&mut self, _: &[Light]) -> Result<()> {
+            unreachable!("nobody asks for it")
         }
 
         fn trace(&mut self, _: &TraceJob, _: Progress) -> Result<TraceResult> {

@@ -138,6 +138,11 @@ impl Request {
         self.given.push(choice);
     }
 
+    /// Leaves `option` to be chosen again.
+    pub fn leave(&mut self, option: &str) {
+        self.given.retain(|choice| choice.option().name != option);
+    }
+
     /// Asks for the value `text` of the option `name`, such as `leaf_size`.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use opencl3::context::Context;
 use opencl3::device::Device;
 use opencl3::error_codes::ClError;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 
 /// Held while platforms are asked and contexts made: PoCL 3.1 fails when several threads do so at once (7 of 8 runs).
 static RUNTIME: Mutex<()> = Mutex::new(());
@@ -44,6 +44,8 @@ pub(super) struct Opened {
     /// What the user hands to the compiler.
     pub compiler_options: String,
     pub allocated_bytes: AtomicU64,
+    /// What stops commands from being started, if something may.
+    pub stop: OnceLock<Arc<AtomicBool>>,
 }
 
 /// What those share who have the same device open.
@@ -114,6 +116,7 @@ impl DeviceContext {
             info,
             compiler_options: handle.compiler_options.clone(),
             allocated_bytes: AtomicU64::new(0),
+            stop: OnceLock::new(),
         })))
     }
 
@@ -136,6 +139,22 @@ impl DeviceContext {
     /// Forgets compiled programs, so that the next ones are compiled, or loaded from a cache, as by a new process.
     pub fn forget_programs(&self) {
         self.0.shared.programs.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
+    /// Has launches fail with [`Error::Stopped`] while `stop` is true. The first flag of a context stays.
+    pub(super) fn stop_when(&self, stop: Arc<AtomicBool>) {
+        self.0.stop.get_or_init(|| stop);
+    }
+
+    /// Whether something may stop it.
+    pub(super) fn is_stoppable(&self) -> bool {
+        self.0.stop.get().is_some()
+    }
+
+    /// Refuses to go on where it is stopped.
+    pub(super) fn check_stop(&self) -> Result<()> {
+        let is_stopped = self.0.stop.get().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        if is_stopped { Err(Error::Stopped) } else { Ok(()) }
     }
 
     /// Waits until every command is done.

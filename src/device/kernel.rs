@@ -146,13 +146,15 @@ impl Kernel {
     /// Returns at once; [`Event::wait`] tells when it is done. No work items at all is an event that is already over.
     ///
     /// # Errors
-    /// [`Error::OpenCl`] when an argument was not set, the work-group does not fit, or the driver refuses otherwise.
+    /// [`Error::OpenCl`] when an argument was not set, the work-group does not fit, or the driver refuses otherwise;
+    /// [`Error::Stopped`] when the context is stopped.
     ///
     /// # Panics
     /// When `global` has not 1 to 3 dimensions or `local` has another number of them.
     pub fn launch(&self, global: &[usize], local: Option<&[usize]>) -> Result<Event> {
         assert!((1..=3).contains(&global.len()), "work items have 1 to 3 dimensions, not {}", global.len());
         assert!(local.is_none_or(|l| l.len() == global.len()), "work-groups have as many dimensions as work items");
+        self.context.check_stop()?;
         let call =
             format!("clEnqueueNDRangeKernel of '{}' with {global:?} work items in groups of {local:?}", self.name);
         let device = &self.context.info().name;

@@ -1,7 +1,8 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
-use super::{Buffer, DeviceKind, Kernel, KernelArg};
+use super::{Buffer, DeviceContext, DeviceKind, Kernel, KernelArg};
 use crate::error::Result;
+use crate::tracer::STOPPABLE_LAUNCH_S;
 use bytemuck::Pod;
 
 /// Work is cut into launches of about so many seconds, so that desktops stay alive and watchdogs (typically 2 s) quiet.
@@ -25,6 +26,18 @@ pub(super) struct LaunchPlan {
     seconds_per_item: f64,
     /// How many times dearer the next items may be than the last ones.
     caution: f64,
+    /// Of calls that may be stopped what limits launches more.
+    short: Option<Short>,
+}
+
+/// Limits of launches that are to be short wherever they are: one part of a picture may be a hundred times as dear as
+/// the one before, and a camera may move in the middle of it.
+#[derive(Debug, Clone, Copy)]
+struct Short {
+    /// Items that a launch may always have.
+    first: usize,
+    /// Seconds that an item took where they took most.
+    dearest_s: f64,
 }
 
 /// Items of another kind may be so many times dearer: a launch is still far from what watchdogs allow if they are even
@@ -35,7 +48,33 @@ impl LaunchPlan {
     /// A plan for devices of that kind, whose first launch has about `first` items.
     pub fn starting_with(first: usize, kind: DeviceKind) -> Self {
         let launch_s = if kind == DeviceKind::Cpu { LAUNCH_S_CPU } else { LAUNCH_S };
-        LaunchPlan { launch_s, largest: first.max(1).div_ceil(GROWTH), seconds_per_item: 0.0, caution: 1.0 }
+        LaunchPlan {
+            launch_s,
+            largest: first.max(1).div_ceil(GROWTH),
+            seconds_per_item: 0.0,
+            caution: 1.0,
+            short: None,
+        }
+    }
+
+    /// A plan for a device that is open, whose launches are short where something may stop them.
+    pub fn on(context: &DeviceContext, first: usize) -> Self {
+        let plan = LaunchPlan::starting_with(first, context.info().kind);
+        if context.is_stoppable() { plan.stoppable(first) } else { plan }
+    }
+
+    fn stoppable(self, first: usize) -> Self {
+        LaunchPlan { launch_s: STOPPABLE_LAUNCH_S, short: Some(Short { first, dearest_s: 0.0 }), ..self }
+    }
+
+    /// Seconds that an item took where they took most; 0 unless something may stop the launches.
+    pub fn dearest_s(&self) -> f64 {
+        self.short.map_or(0.0, |short| short.dearest_s)
+    }
+
+    /// Expects items that take so many seconds.
+    pub fn expect(&mut self, dearest_s: f64) {
+        self.short.iter_mut().for_each(|short| short.dearest_s = short.dearest_s.max(dearest_s));
     }
 
     /// The next launches have other items than those before.
@@ -46,7 +85,11 @@ impl LaunchPlan {
     /// Items of the next launch when `left` remain; a multiple of `multiple` unless it is the last.
     pub fn next(&self, left: usize, multiple: usize) -> usize {
         let in_time = (self.launch_s / (self.caution * self.seconds_per_item).max(1e-12)) as usize;
-        let items = in_time.clamp(1, GROWTH * self.largest).next_multiple_of(multiple);
+        let most = self.short.map_or(usize::MAX, |short| {
+            let in_time = (self.launch_s / short.dearest_s.max(1e-12)) as usize;
+            in_time.max(short.first)
+        });
+        let items = in_time.clamp(1, GROWTH * self.largest).min(most).next_multiple_of(multiple);
         // A rest of less than half a launch goes along: its own launch would leave units idle twice.
         if items + items / 2 >= left { left } else { items }
     }
@@ -68,6 +111,7 @@ impl LaunchPlan {
             self.seconds_per_item = seconds / busy as f64;
             self.caution = 1.0;
             self.largest = self.largest.max(largest);
+            self.expect(self.seconds_per_item);
         }
     }
 }
@@ -173,6 +217,28 @@ mod tests {
             let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
             assert!(longest <= 0.3, "{longest} s");
         }
+    }
+
+    #[test]
+    fn launches_that_may_be_stopped_are_short_wherever_they_are() {
+        let mut plan = LaunchPlan::starting_with(1000, DeviceKind::Cpu).stoppable(1000);
+        let mut launches = |seconds: f64| {
+            let mut longest: f64 = 0.0;
+            for _ in 0..20 {
+                let items = plan.next(10_000_000, 1);
+                plan.learn(items, items as f64 * seconds);
+                longest = longest.max(items as f64 * seconds);
+            }
+            longest
+        };
+        assert!(launches(1e-6) < 0.021);
+        // A dear part comes by surprise once, and not again.
+        assert!(launches(1e-5) > 0.1);
+        assert!(launches(1e-6) < 0.0021);
+        assert!(launches(1e-5) < 0.021);
+        // Not so few that a device would idle.
+        assert!(launches(1e-3) <= 2.0);
+        assert_eq!((plan.dearest_s(), plan.next(10_000_000, 1)), (1e-3, 20));
     }
 
     #[test]

@@ -121,7 +121,7 @@ impl Passes {
             // such items do in a row takes as long in one work-group as in several, and PoCL compiles a kernel anew for
             // each size of a work-group, which takes a second.
             let kind = context.info().kind;
-            let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, kind);
+            let mut plan = LaunchPlan::on(context, FIRST_ITEMS);
             let most = if kind == DeviceKind::Cpu { 1 } else { work_group };
             let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, most);
             let shape = Shape { work_group, ..shape(count, entry.second()) };

@@ -23,7 +23,7 @@ use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
 use crate::reference::extreme::{all_extreme, answer_extreme};
-use crate::shared::{CameraSample, Hit, RenderParams};
+use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Spent, Task, TraceJob,
     TraceResult,
@@ -31,6 +31,7 @@ use crate::tracer::{
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// How many samples of each pixel one launch traces. A pixel that is deferred is traced again with all samples of its
@@ -59,6 +60,8 @@ pub struct OpenClBackend {
     first_items: usize,
     work_group: usize,
     upload_s: f64,
+    /// Seconds that a sample of the last pictures took where they took most, if something may stop them.
+    dearest_sample_s: f64,
 }
 
 /// Kernels that are compiled while the scene's structure is built.
@@ -165,10 +168,11 @@ impl OpenClBackend {
             points: None,
             buffers: buffers.clone(),
             options: *options,
-            trace_plan: LaunchPlan::starting_with(first_items, context.info().kind),
+            trace_plan: LaunchPlan::on(&context, first_items),
             first_items,
             work_group: work_group_size(context.info()).0,
             upload_s: start.elapsed().as_secs_f64(),
+            dearest_sample_s: 0.0,
             scene,
             context,
         })
@@ -199,6 +203,16 @@ impl Backend for OpenClBackend {
 
     fn has_clock(&self) -> bool {
         self.context.has_clock()
+    }
+
+    fn stop_when(&mut self, stop: Arc<AtomicBool>) {
+        self.context.stop_when(stop);
+        self.trace_plan = LaunchPlan::on(&self.context, self.first_items);
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        self.scene.lights = Buffer::from_slice(&self.context, "lights", lights)?;
+        Ok(())
     }
 
     fn notes(&self) -> &[String] {
@@ -248,7 +262,7 @@ impl Backend for OpenClBackend {
         let upload_s = start.elapsed().as_secs_f64();
         let mut lister = Lister {
             deferred: Deferred::new(&self.context, false, 0)?,
-            plan: LaunchPlan::starting_with(self.first_items, self.context.info().kind),
+            plan: LaunchPlan::on(&self.context, self.first_items),
             work_group: self.work_group,
             context: &self.context,
             scene: &self.scene,
@@ -384,11 +398,11 @@ impl OpenClBackend {
 
     /// What launches of pictures of this size, or of lists that are no longer, have in common.
     fn launches_of(&self, params: &RenderParams) -> Result<Launches> {
-        let samples = self.samples_of_launch(params) as usize;
-        Ok(Launches {
-            deferred: Deferred::new(&self.context, self.passes.defers(), items_of(params))?,
-            plan: LaunchPlan::starting_with(self.first_items / samples.max(1), self.context.info().kind),
-        })
+        let samples = self.samples_of_launch(params).max(1);
+        let mut plan = LaunchPlan::on(&self.context, self.first_items / samples as usize);
+        // The camera may have moved away from what was dear.
+        plan.expect(0.5 * self.dearest_sample_s * f64::from(samples));
+        Ok(Launches { deferred: Deferred::new(&self.context, self.passes.defers(), items_of(params))?, plan })
     }
 
     fn samples_of_launch(&self, params: &RenderParams) -> u32 {
@@ -428,7 +442,7 @@ impl OpenClBackend {
         let before = deferred.resolved();
         let at_a_time = self.samples_of_launch(params).max(1);
         let entry = Entry::of_picture(self.options.packet_size);
-        let OpenClBackend { context, scene, passes, .. } = self;
+        let OpenClBackend { context, scene, passes, dearest_sample_s, .. } = self;
         let mut rendered = Rendered::default();
         let mut done = 0;
         let mut failed = None;
@@ -440,12 +454,15 @@ impl OpenClBackend {
                 arguments.set(first_sample)?.set(end_sample).map(|_| ())
             };
             let shape = (items, self.work_group);
-            rendered.kernel_s += passes.run(context, entry, &set, plan, shape, deferred, |launched| {
+            let seconds = passes.run(context, entry, &set, plan, shape, deferred, |launched| {
                 done += launched * (end_sample - first_sample) as usize;
                 progress((done as f64 / (items * samples as usize) as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.
                 failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
-            })?;
+            });
+            // What was stopped has taught something, too.
+            *dearest_sample_s = plan.dearest_s() / f64::from(at_a_time);
+            rendered.kernel_s += seconds?;
         }
         rendered.second_pass = deferred.resolved().map(|all| all - before.unwrap_or(0));
         failed.map_or(Ok(rendered), Err)

@@ -135,7 +135,7 @@ impl WavefrontPipeline {
             picture,
             state: &state,
             work_group,
-            plan: LaunchPlan::starting_with(first_items, context.info().kind),
+            plan: LaunchPlan::on(context, first_items),
             uncounted: 0,
             rendered: Rendered { second_pass: self.setup.defers.then_some(0), ..Rendered::default() },
             stats: WavefrontStats { paths_in_flight: shape.slots, ..WavefrontStats::default() },

@@ -12,6 +12,8 @@ use crate::error::{Error, Result};
 use crate::options::Intersector;
 use crate::scene::Scene;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// How right hits are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -53,6 +55,7 @@ pub struct TracerBuilder<'a> {
     method: Option<String>,
     precision: Option<Precision>,
     progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
+    stop: Option<Arc<AtomicBool>>,
     memory_limit: Option<u64>,
     place: Place,
 }
@@ -65,6 +68,7 @@ impl<'a> TracerBuilder<'a> {
             method: None,
             precision: None,
             progress: None,
+            stop: None,
             memory_limit: None,
             place: Place::Usual,
         }
@@ -96,9 +100,17 @@ impl<'a> TracerBuilder<'a> {
     /// Default: nothing is called.
     ///
     /// It may unwind ([`resume_unwind`](std::panic::resume_unwind)) to stop the call, which unwinds then. Drop the
-    /// tracer after that.
+    /// tracer after that; [`TracerBuilder::stop`] leaves it as it was.
     pub fn progress(mut self, progress: impl Fn(f64) + Send + Sync + 'static) -> Self {
         self.progress = Some(Box::new(progress));
+        self
+    }
+
+    /// A flag that stops calls: while it is true, each ends with [`Error::Stopped`] as soon as the device has done what
+    /// it was last given, which takes about 20 ms. The tracer is as good as before. Set it to false again before the
+    /// next call. Default: nothing stops them.
+    pub fn stop(mut self, stop: Arc<AtomicBool>) -> Self {
+        self.stop = Some(stop);
         self
     }
 
@@ -160,7 +172,7 @@ impl<'a> TracerBuilder<'a> {
         let choices = chosen.decisions.iter().map(ToString::to_string).collect();
         let limit = self.memory_limit.map(MemoryBudget::of_bytes);
         let options = chosen.options;
-        let chosen = Chosen { device, options, cache, limit, notes, choices, progress: self.progress };
+        let chosen = Chosen { device, options, cache, limit, notes, choices, progress: self.progress, stop: self.stop };
         Tracer::open(&lit, depth, chosen)
     }
 

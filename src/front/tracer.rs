@@ -26,6 +26,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::fmt;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// What a builder has chosen.
@@ -39,11 +40,24 @@ pub(super) struct Chosen {
     pub notes: Vec<String>,
     pub choices: Vec<String>,
     pub progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Chosen {
     fn budget(&self) -> MemoryBudget {
         self.limit.unwrap_or_else(MemoryBudget::available)
+    }
+
+    /// `backend`, which the flag stops.
+    fn stoppable(&self, mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+        self.stop.iter().for_each(|stop| backend.stop_when(stop.clone()));
+        backend
+    }
+
+    /// Opens a tracer of `buffers`.
+    fn open(&self, buffers: &Arc<SceneBuffers>, depth: u32) -> Result<Box<dyn Backend>> {
+        let backend = open_tracer(self.device.as_ref(), buffers, &self.options, depth, self.cache.as_ref())?;
+        Ok(self.stoppable(backend))
     }
 }
 
@@ -118,7 +132,7 @@ impl Tracer {
         let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
         Ok(Tracer {
             buffers,
-            backend: Some(backend),
+            backend: Some(chosen.stoppable(backend)),
             depth,
             defaults: scene.picture,
             camera: scene.camera,
@@ -166,8 +180,7 @@ impl Tracer {
         let buffers = Arc::new(SceneBuffers::after(&mut self.kept, &lit.scene, options, &budget)?);
         // A device may have no room for both; then what was there is opened again when it is needed.
         self.backend = None;
-        let Chosen { device, options, cache, .. } = &self.chosen;
-        self.backend = Some(open_tracer(device.as_ref(), &buffers, options, self.depth, cache.as_ref())?);
+        self.backend = Some(self.chosen.open(&buffers, self.depth)?);
         (self.buffers, self.is_closed) = (buffers, false);
         (self.points, self.winding) = (None, None);
         (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, scene.up);
@@ -531,10 +544,7 @@ impl Tracer {
         }
         let backend = match self.backend.take() {
             Some(backend) => backend,
-            None => {
-                let Chosen { device, options, cache, .. } = &self.chosen;
-                open_tracer(device.as_ref(), &self.buffers, options, self.depth, cache.as_ref())?
-            }
+            None => self.chosen.open(&self.buffers, self.depth)?,
         };
         let progress: Progress = match &self.chosen.progress {
             Some(progress) => &**progress,

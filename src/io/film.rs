@@ -300,7 +300,11 @@ impl Film {
                 format!("a film of {} x {} cannot hold {} pixels", self.width, self.height, self.pixels.len());
             return Err(Error::io("write", path, io::Error::new(io::ErrorKind::InvalidInput, message)));
         }
-        write_atomically(path, |out| match format {
+        write_atomically(path, |out| self.encode(out, format))
+    }
+
+    fn encode(&self, out: &mut dyn Output, format: ImageFormat) -> io::Result<()> {
+        match format {
             ImageFormat::Png8 => self.write_png(out, png::BitDepth::Eight, self.to_srgb8().as_flattened()),
             ImageFormat::Png16 => {
                 let big_endian: Vec<u8> =
@@ -309,7 +313,17 @@ impl Film {
             }
             ImageFormat::Exr => self.write_exr(out),
             ImageFormat::Pfm => self.write_pfm(out),
-        })
+        }
+    }
+
+    /// The bytes that [`Film::write`] gives a file of this format.
+    ///
+    /// # Errors
+    /// As there, of a film without pixels, or with other than `width` x `height` of them.
+    pub fn to_bytes(&self, format: ImageFormat) -> io::Result<Vec<u8>> {
+        let mut out = io::Cursor::new(Vec::new());
+        self.encode(&mut out, format)?;
+        Ok(out.into_inner())
     }
 
     /// The bytes of a .png file of 8 bits a channel, with the rules of [`Film::to_srgb8`].
@@ -317,9 +331,7 @@ impl Film {
     /// # Errors
     /// The film has no pixels, or not `width` x `height` of them.
     pub fn to_png(&self) -> io::Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        self.write_png(&mut bytes, png::BitDepth::Eight, self.to_srgb8().as_flattened())?;
-        Ok(bytes)
+        self.to_bytes(ImageFormat::Png8)
     }
 
     fn write_png(&self, out: impl io::Write, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {

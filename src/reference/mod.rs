@@ -13,13 +13,13 @@ pub mod shared;
 pub mod traverse;
 
 use crate::bounds::MOST_CANDIDATES;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
+use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
 };
@@ -34,7 +34,7 @@ use shade::local_light::requested_colour;
 use shared::fma::with_fma;
 use shared::ray::NO_HIT;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// Rays that one task traces: long enough to hide the scheduler, short enough to share out evenly.
@@ -44,12 +44,14 @@ const CHUNK: usize = 256;
 pub struct ReferenceBackend {
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
+    /// What stops calls, if something may.
+    stop: Option<Arc<AtomicBool>>,
 }
 
 impl ReferenceBackend {
     /// A tracer of `buffers`, which were built with `options`.
     pub fn new(buffers: Arc<SceneBuffers>, options: TraceOptions) -> Self {
-        ReferenceBackend { buffers, options }
+        ReferenceBackend { buffers, options, stop: None }
     }
 }
 
@@ -97,10 +99,19 @@ impl Backend for ReferenceBackend {
         &self.options
     }
 
+    fn stop_when(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = Some(stop);
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        Arc::make_mut(&mut self.buffers).lights = lights.to_vec();
+        Ok(())
+    }
+
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let pays = self.options.gains_by_sorted_rays(None);
-        let trial = |job: &TraceJob, options| Ok(Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ()));
-        let trace = |job: &TraceJob| Ok(self.trace_batch(job, progress));
+        let trial = |job: &TraceJob, options| Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ());
+        let trace = |job: &TraceJob| self.trace_batch(job, progress);
         let mut result = trace_in_order(job, &self.options, &self.buffers.params, pays, trial, trace)?;
         answer_extreme(job, &self.options, &self.buffers, &mut result);
         Ok(result)
@@ -113,7 +124,7 @@ impl Backend for ReferenceBackend {
         let mut work = self.room_for_work(counts.len());
         let done = AtomicUsize::new(0);
         let passes = if job.wants_hits { 2 } else { 1 };
-        let parts = Parts { progress, done: &done, total: passes * job.rays.len() };
+        let parts = self.parts(progress, &done, passes * job.rays.len());
         let chunks = counts.par_chunks_mut(CHUNK).zip(work_of_parts(&mut work, job.rays.len().div_ceil(CHUNK), CHUNK));
         chunks.zip(job.rays.par_chunks(CHUNK)).for_each(|((counts, work), rays)| {
             parts.part(rays.len(), || count_chunk(&self.buffers, &self.options, rays, job.most, counts, work));
@@ -137,6 +148,7 @@ impl Backend for ReferenceBackend {
                 });
             });
         }
+        parts.check_done()?;
         result.kernel_s = [count_s, start.elapsed().as_secs_f64()];
         extreme.list_in(&mut result);
         Ok(result)
@@ -146,11 +158,13 @@ impl Backend for ReferenceBackend {
         let start = Instant::now();
         let (total, most) = (job.points.len(), MOST_CANDIDATES as usize);
         let (mut counts, mut listed) = (vec![0; total], vec![0; most * total]);
-        let parts = Parts { progress, done: &AtomicUsize::new(0), total };
+        let done = AtomicUsize::new(0);
+        let parts = self.parts(progress, &done, total);
         let chunks = counts.par_chunks_mut(CHUNK).zip(listed.par_chunks_mut(most * CHUNK));
         chunks.zip(job.points.par_chunks(CHUNK)).for_each(|((counts, listed), points)| {
             parts.part(points.len(), || list_candidates(job.scene, points, counts, listed));
         });
+        parts.check_done()?;
         Ok(Candidates { counts, listed, kernel_s: start.elapsed().as_secs_f64() })
     }
 
@@ -160,7 +174,7 @@ impl Backend for ReferenceBackend {
         let mut pixels = Film::try_pixels(params.film_len())?;
         let mut work = self.room_for_work(pixels.len());
         let done = AtomicUsize::new(0);
-        let parts = Parts { progress, done: &done, total: params.height as usize };
+        let parts = self.parts(progress, &done, params.height as usize);
         let counts = pixels
             .par_chunks_mut(width)
             .zip(work_of_parts(&mut work, params.height as usize, width))
@@ -172,6 +186,7 @@ impl Backend for ReferenceBackend {
                 counts
             })
             .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        parts.check_done()?;
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
         let kernel_s = start.elapsed().as_secs_f64();
@@ -193,29 +208,42 @@ struct Parts<'a> {
     progress: Progress<'a>,
     done: &'a AtomicUsize,
     total: usize,
+    stop: Option<&'a AtomicBool>,
 }
 
 impl Parts<'_> {
-    /// Does a part of `size`. Progress is told before it, too: where that unwinds, to stop the job, parts that other
+    /// Does a part of `size`, unless the job is stopped. Progress is told before it, too: where that unwinds, to stop the job, parts that other
     /// threads have not begun are not done first.
     fn part(&self, size: usize, work: impl FnOnce()) {
         let tell = |done: usize| (self.progress)(done as f64 / self.total as f64);
         tell(self.done.load(Ordering::Relaxed));
+        if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            return;
+        }
         work();
         tell(self.done.fetch_add(size, Ordering::Relaxed) + size);
+    }
+
+    /// Refuses a job of which parts were left out.
+    fn check_done(&self) -> Result<()> {
+        if self.done.load(Ordering::Relaxed) < self.total { Err(Error::Stopped) } else { Ok(()) }
     }
 }
 
 impl ReferenceBackend {
+    fn parts<'a>(&'a self, progress: Progress<'a>, done: &'a AtomicUsize, total: usize) -> Parts<'a> {
+        Parts { progress, done, total, stop: self.stop.as_deref() }
+    }
+
     /// Traces a batch in the order of the job.
-    fn trace_batch(&self, job: &TraceJob, progress: Progress) -> TraceResult {
+    fn trace_batch(&self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         let mut result = TraceResult { hits: vec![NO_HIT; job.rays.len()], ..TraceResult::default() };
         let mut next_hits = vec![NO_HIT; job.next_directions.map_or(0, <[_]>::len)];
         result.work = self.room_for_work(job.rays.len());
         result.next_work = job.next_directions.and_then(|directions| self.room_for_work(directions.len()));
         let chunks = job.rays.len().div_ceil(CHUNK);
         let done = AtomicUsize::new(0);
-        let parts = Parts { progress, done: &done, total: job.rays.len() * job.repeat as usize };
+        let parts = self.parts(progress, &done, job.rays.len() * job.repeat as usize);
         for _ in 0..job.repeat {
             let start = Instant::now();
             let work = work_of_parts(&mut result.work, chunks, CHUNK);
@@ -234,7 +262,8 @@ impl ReferenceBackend {
             }
             result.kernel_s.push(start.elapsed().as_secs_f64());
         }
+        parts.check_done()?;
         result.next_hits = job.next_directions.map(|_| next_hits);
-        result
+        Ok(result)
     }
 }

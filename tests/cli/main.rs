@@ -22,6 +22,7 @@ mod roulette;
 mod study;
 mod truth;
 mod tune;
+mod view;
 mod warm_up;
 
 use std::path::Path;

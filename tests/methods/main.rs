@@ -18,6 +18,7 @@ mod packets;
 mod rounded_packets;
 mod same_answers;
 mod sorted;
+mod stop;
 mod stress;
 mod structures;
 mod table;

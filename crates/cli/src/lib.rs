@@ -50,6 +50,7 @@ mod trace;
 mod truth;
 mod tune;
 mod values;
+mod view;
 mod warm_up;
 mod work;
 
@@ -103,6 +104,8 @@ enum Command {
     Render(render::RenderArgs),
     /// Merge the parts of a picture that several machines rendered, or write what a stopped run has left.
     Merge(merge::MergeArgs),
+    /// Show a scene in the browser: move about, pick, compare methods.
+    View(view::ViewArgs),
     /// Trace a batch of rays from a NumPy .npz file.
     Trace(trace::TraceArgs),
     /// Tell which points of a NumPy .npz file are inside of a closed mesh.
@@ -330,6 +333,7 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
     match cli.command {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Merge(args) => merge::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::View(args) => view::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Distance(args) => distance::run(&args, cli.talk).map(|()| SUCCESS),

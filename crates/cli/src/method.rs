@@ -169,6 +169,24 @@ impl MethodArgs {
         self.request.clone().with_counters(counters)
     }
 
+    /// The same with other parts, each an option and the name of its value, or `auto`, which leaves it to the program.
+    pub fn with(&self, parts: &[(&str, &str)]) -> Result<MethodArgs, Error> {
+        let mut request = self.request.clone();
+        for &(option, value) in parts {
+            match value {
+                AUTO => request.leave(option),
+                value => request.set(option, value)?,
+            }
+        }
+        Ok(MethodArgs { request })
+    }
+
+    /// The value that is asked for of an option, or `auto`.
+    pub fn asked(&self, option: &str) -> &'static str {
+        let given = self.request.given().iter().find(|choice| choice.option().name == option);
+        given.and_then(Choice::name).unwrap_or(AUTO)
+    }
+
     /// What is wrong with the options on any device comes before what takes time.
     pub fn check(&self, counters: bool) -> Result<TraceOptions, Error> {
         Ok(self.request(counters).choose(&Workload::without_scene(None), None)?.options)

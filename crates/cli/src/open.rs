@@ -26,6 +26,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// Where its camera comes from, part by part, if it was given one.
     pub camera: Vec<Decision>,
+    /// Whether it has no light of its own: one is added for pictures, and goes with the camera.
+    pub has_key_light: bool,
     /// Seconds.
     pub load_s: f64,
 }
@@ -113,7 +115,8 @@ pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    Ok(Loaded { scene, camera: Vec::new(), load_s: start.elapsed().as_secs_f64() })
+    let has_key_light = scene.lights.is_empty();
+    Ok(Loaded { scene, camera: Vec::new(), has_key_light, load_s: start.elapsed().as_secs_f64() })
 }
 
 /// Checks that there is memory for the numbers of all triangles, which instances can make many of.

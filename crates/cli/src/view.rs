@@ -1,0 +1,192 @@
+//! `raybrook view`: a page in the browser that shows a scene, moves its camera, and tells what is under the pointer.
+//!
+//! One worker, the main thread, owns the tracers and makes the pictures of all pages, the coarsest first
+//! ([`hub`]); a thread for each request answers the pages ([`http`]). They share nothing but the hub.
+
+mod engine;
+mod facts;
+mod http;
+mod hub;
+mod navigator;
+mod pick;
+mod watch;
+mod wrong;
+
+use super::explain::ExplainArgs;
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, chain, heading, open};
+use engine::Engine;
+use facts::SceneFacts;
+use http::Server;
+use hub::{Hub, Task};
+use raybrook::{Error, Result};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use watch::Watched;
+
+#[derive(clap::Args)]
+pub struct ViewArgs {
+    #[command(flatten)]
+    picture: PictureArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
+    explain: ExplainArgs,
+    /// Port of 127.0.0.1 to listen on; 0 takes a free one.
+    #[arg(long, value_name = "PORT", default_value_t = 0, help_heading = heading::OUTPUT)]
+    port: u16,
+    /// Open no browser, only print the address.
+    #[arg(long, help_heading = heading::OUTPUT)]
+    no_open: bool,
+    /// Read the scene's files again whenever they are saved.
+    ///
+    /// What is wrong with them stands on the page then, and the last picture stays.
+    #[arg(long)]
+    watch: bool,
+}
+
+pub fn run(args: &ViewArgs, talk: Talk) -> Result<()> {
+    args.method.check(false)?;
+    let server = Server::listen(args.port)?;
+    let device = open::choose(&args.device, talk)?;
+    let loaded = engine::load(args, device.as_ref(), talk)?;
+    let camera = args.picture.picture(&loaded.scene).camera;
+    let facts = SceneFacts {
+        scene: args.scene.scene.display().to_string(),
+        busy: Some("building the scene".to_owned()),
+        ..SceneFacts::default()
+    };
+    let hub = Arc::new(Hub::new(camera, engine::diagonal(&loaded.scene), facts));
+    let address = server.address();
+    say!("{address}");
+    if !talk.quiet {
+        tell!("the page is there until Ctrl-C; from another machine: ssh -L PORT:127.0.0.1:PORT, of the same port");
+    }
+    let name = stem(&args.scene.scene);
+    let serve = {
+        let hub = hub.clone();
+        move || server.serve(&hub, &name)
+    };
+    start("server", serve)?;
+    if !args.no_open {
+        open_browser(&address);
+    }
+    let mut engine = Engine::open(args, device, loaded, &hub.stop, talk)?;
+    let watched = Arc::new(Watched::default());
+    watched.set(engine.files());
+    if args.watch {
+        let (hub, watched) = (hub.clone(), watched.clone());
+        start("watch", move || watch::watch(&hub, &watched))?;
+    }
+    begin_anew(&engine, &hub);
+    loop {
+        work(&mut engine, &hub, &watched)?;
+    }
+}
+
+/// Starts a thread that lives as long as the program.
+fn start(name: &str, work: impl FnOnce() + Send + 'static) -> Result<()> {
+    let thread = std::thread::Builder::new().name(name.to_owned()).spawn(work);
+    thread.map(drop).map_err(|why| Error::io("start", Path::new(name), why))
+}
+
+/// The name of the scene for pictures that are saved: of its letters those that no browser minds.
+fn stem(scene: &Path) -> String {
+    let stem = scene.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let plain: String =
+        stem.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
+    if plain.is_empty() { "picture".to_owned() } else { plain }
+}
+
+/// Has all pages show what the engine has now.
+fn begin_anew(engine: &Engine, hub: &Hub) {
+    hub.begin_anew(engine.facts(), engine.pickable(), engine.first_view());
+}
+
+/// Does what is to be done next.
+///
+/// # Errors
+/// The device failed, or the server did: nothing more can be done with it.
+fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
+    let (doing, done) = match hub.next_task() {
+        Task::Draw(job) => {
+            let must_open = engine.must_open(job.layer);
+            if must_open {
+                hub.tell(|facts| facts.busy = Some("compiling and opening what that takes".to_owned()));
+            }
+            match engine.draw(&job) {
+                Ok(shown) => hub.publish(&job, shown),
+                Err(Error::Stopped) => {}
+                Err(error) if is_end(&error) => return Err(error),
+                Err(error) => hub.give_up(&job, chain(&error)),
+            }
+            if must_open {
+                hub.tell(|facts| facts.busy = None);
+            }
+            return Ok(());
+        }
+        Task::End(why) => return Err(Error::io("listen on", "127.0.0.1", std::io::Error::other(why))),
+        Task::Switch(asked) => {
+            hub.tell(|facts| facts.busy = Some("building for another method".to_owned()));
+            ("the method stays as it was", engine.switch(&asked))
+        }
+        Task::Reload => {
+            hub.tell(|facts| facts.busy = Some("reading the scene again".to_owned()));
+            let done = engine.reload();
+            watched.set(engine.files());
+            ("the picture is of the scene as it was", done)
+        }
+    };
+    match done {
+        Ok(()) => begin_anew(engine, hub),
+        Err(error) if is_end(&error) => return Err(error),
+        Err(error) => hub.tell(|facts| {
+            *facts = SceneFacts { notice: Some(format!("{}; {doing}", chain(&error))), ..engine.facts() };
+        }),
+    }
+    Ok(())
+}
+
+/// Whether nothing can be done after an error: a device that failed once is not to be trusted.
+fn is_end(error: &Error) -> bool {
+    matches!(error, Error::OpenCl { .. } | Error::Hang { .. })
+}
+
+/// Opens a browser, where there is a desktop. That none opens is no failure: the address is printed.
+fn open_browser(address: &str) {
+    let Some((program, arguments)) = opener() else { return };
+    let mut command = Command::new(program);
+    command.args(arguments).arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    if let Ok(mut child) = command.spawn() {
+        // Whoever does not wait leaves a zombie behind.
+        _ = std::thread::Builder::new().name("browser".to_owned()).spawn(move || child.wait());
+    }
+}
+
+/// What opens an address on this system.
+fn opener() -> Option<(&'static str, &'static [&'static str])> {
+    if cfg!(target_os = "macos") {
+        return Some(("open", &[]));
+    }
+    if cfg!(windows) {
+        return Some(("rundll32", &["url.dll,FileProtocolHandler"]));
+    }
+    let has_display = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    has_display.then_some(("xdg-open", &[]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn saved_pictures_have_plain_names() {
+        assert_eq!(stem(Path::new("a/vase-1.toml")), "vase-1");
+        assert_eq!(stem(Path::new("\"x\r\n.obj")), "_x__");
+        assert_eq!(stem(Path::new("/")), "picture");
+    }
+}

@@ -1,0 +1,397 @@
+//! What the pages and the worker share: who looks, from where, and what is there to show.
+//!
+//! The worker takes the next job, the pages take the newest picture. Nothing is queued: a page that is slow misses
+//! pictures, and a camera that moves makes what is on its way worthless, so that it is stopped.
+
+use super::facts::{AskedMethod, CameraText, Layer, SceneFacts, Shown, Told};
+use super::navigator::{Move, Navigator};
+use super::pick::Pickable;
+use raybrook::Camera;
+use raybrook::low_level::film::Film;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How long a page waits for news before it asks again.
+pub const PATIENCE: Duration = Duration::from_secs(2);
+/// A page that has not asked for so long is closed.
+const GONE_AFTER: Duration = Duration::from_secs(5);
+/// Pages that are open at a time; of more those that asked least recently are forgotten.
+const MOST_SESSIONS: usize = 64;
+
+/// One page.
+struct Session {
+    navigator: Navigator,
+    layer: Layer,
+    exposure: f32,
+    /// Counts what makes pictures that are on their way worthless.
+    generation: u64,
+    /// The next step of refinement; `None` when the picture is finished.
+    step: Option<usize>,
+    /// How coarse the coarse picture was.
+    divisor: u32,
+    shown: Option<Shown>,
+    /// Why there is no picture.
+    refused: Option<String>,
+    /// Number of the picture.
+    frame: u64,
+    /// Counts all that the page tells.
+    version: u64,
+    asked: Instant,
+}
+
+impl Session {
+    fn begin_anew(&mut self) {
+        self.generation += 1;
+        (self.step, self.refused) = (Some(0), None);
+        self.version += 1;
+    }
+
+    /// What the page is told that has the picture number `frame`.
+    fn news(&self, facts: &SceneFacts, frame: u64, is_current: bool) -> News {
+        let told = Told {
+            version: self.version,
+            frame: self.frame,
+            layer: self.layer.name(),
+            exposure: self.exposure,
+            is_working: is_current || self.step.is_some(),
+            camera: CameraText::of(&self.navigator.camera()),
+            picture: self.shown.as_ref().map(|shown| &shown.facts),
+            refused: self.refused.as_deref(),
+            facts,
+        };
+        let text = serde_json::to_string(&told).expect("numbers and names serialise");
+        let shown = self.shown.as_ref().filter(|_| self.frame != frame);
+        News { text, picture: shown.map(|shown| (shown.film.clone(), self.exposure)) }
+    }
+}
+
+/// A picture to make.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Job {
+    session: u64,
+    generation: u64,
+    /// Which step of refinement it is; 0 is coarse.
+    pub step: usize,
+    /// How coarse the coarse picture was: pixels of a side for a ray.
+    pub divisor: u32,
+    /// Where from.
+    pub camera: Camera,
+    /// What of.
+    pub layer: Layer,
+}
+
+/// What the worker is to do.
+#[derive(Debug, PartialEq)]
+pub enum Task {
+    /// Make a picture.
+    Draw(Job),
+    /// Trace by another method.
+    Switch(AskedMethod),
+    /// Read the scene's files again.
+    Reload,
+    /// End: there are no more requests, for this reason.
+    End(String),
+}
+
+struct State {
+    sessions: BTreeMap<u64, Session>,
+    next_session: u64,
+    first_camera: Camera,
+    diagonal: f64,
+    facts: SceneFacts,
+    asked: Option<AskedMethod>,
+    must_reload: bool,
+    /// Why there are no more requests.
+    end: Option<String>,
+    pickable: Option<Arc<Pickable>>,
+    /// The picture that is being made.
+    current: Option<Job>,
+    last_served: u64,
+}
+
+/// What the pages and the worker share.
+pub struct Hub {
+    state: Mutex<State>,
+    changed: Condvar,
+    /// Stops what the worker's tracers do.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// News for a page.
+pub struct News {
+    /// What it tells, as JSON.
+    pub text: String,
+    /// The picture, if it is another one than the page has, with its exposure.
+    pub picture: Option<(Arc<Film>, f32)>,
+}
+
+impl Hub {
+    /// For a scene of that diagonal, which is first seen by `camera`.
+    pub fn new(camera: Camera, diagonal: f64, facts: SceneFacts) -> Hub {
+        let state = State {
+            sessions: BTreeMap::new(),
+            next_session: 1,
+            first_camera: camera,
+            diagonal,
+            facts,
+            asked: None,
+            must_reload: false,
+            end: None,
+            pickable: None,
+            current: None,
+            last_served: 0,
+        };
+        Hub { state: Mutex::new(state), changed: Condvar::new(), stop: Arc::default() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Begins a page, and returns its number.
+    pub fn begin(&self) -> u64 {
+        let mut state = self.lock();
+        if state.sessions.len() >= MOST_SESSIONS {
+            let oldest = state.sessions.iter().min_by_key(|(_, session)| session.asked).map(|(&id, _)| id);
+            oldest.and_then(|id| state.sessions.remove(&id));
+        }
+        let id = state.next_session;
+        state.next_session += 1;
+        let session = Session {
+            navigator: Navigator::new(state.first_camera, state.diagonal),
+            layer: Layer::Picture,
+            exposure: 0.0,
+            generation: 0,
+            step: Some(0),
+            divisor: 1,
+            shown: None,
+            refused: None,
+            frame: 0,
+            version: 1,
+            asked: Instant::now(),
+        };
+        state.sessions.insert(id, session);
+        self.stop_finer_work(&state);
+        self.changed.notify_all();
+        id
+    }
+
+    /// Ends a page: what is made for it is stopped.
+    pub fn end(&self, id: u64) {
+        let mut state = self.lock();
+        state.sessions.remove(&id);
+        if state.current.as_ref().is_some_and(|job| job.session == id) {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+        self.changed.notify_all();
+    }
+
+    /// Does something to a page; `None` where there is no such page.
+    fn with<T>(&self, id: u64, work: impl FnOnce(&mut Session) -> T) -> Option<T> {
+        let mut state = self.lock();
+        let session = state.sessions.get_mut(&id)?;
+        session.asked = Instant::now();
+        let generation = session.generation;
+        let done = work(session);
+        if session.generation != generation {
+            self.stop_finer_work(&state);
+        }
+        self.changed.notify_all();
+        Some(done)
+    }
+
+    /// Moves a page's camera.
+    pub fn apply(&self, id: u64, moves: &[Move]) -> Option<()> {
+        self.with(id, |session| {
+            let before = session.navigator.camera();
+            moves.iter().for_each(|&by| session.navigator.apply(by));
+            if session.navigator.camera() != before {
+                session.begin_anew();
+            }
+        })
+    }
+
+    /// Has a page show something else.
+    pub fn set_layer(&self, id: u64, layer: Layer) -> Option<()> {
+        self.with(id, |session| {
+            if session.layer != layer {
+                session.layer = layer;
+                session.begin_anew();
+            }
+        })
+    }
+
+    /// Makes a page's picture lighter by so many stops.
+    pub fn set_exposure(&self, id: u64, stops: f32) -> Option<()> {
+        self.with(id, |session| {
+            session.exposure = stops;
+            session.frame += 1;
+            session.version += 1;
+        })
+    }
+
+    /// Where a page's camera is.
+    pub fn camera(&self, id: u64) -> Option<Camera> {
+        self.with(id, |session| session.navigator.camera())
+    }
+
+    /// The picture that a page shows, and its exposure.
+    pub fn shown(&self, id: u64) -> Option<(Option<Shown>, f32)> {
+        self.with(id, |session| (session.shown.clone(), session.exposure))
+    }
+
+    /// What tells what is under the pointer, once the scene is built.
+    pub fn pickable(&self) -> Option<Arc<Pickable>> {
+        self.lock().pickable.clone()
+    }
+
+    /// Asks for another method.
+    pub fn ask_method(&self, asked: AskedMethod) {
+        let mut state = self.lock();
+        state.asked = Some(asked);
+        self.stop_finer_work(&state);
+        self.changed.notify_all();
+    }
+
+    /// Asks for the scene's files to be read again.
+    pub fn ask_reload(&self) {
+        let mut state = self.lock();
+        state.must_reload = true;
+        self.stop_finer_work(&state);
+        self.changed.notify_all();
+    }
+
+    /// Has the worker end, as there are no more requests.
+    pub fn end_all(&self, why: String) {
+        let mut state = self.lock();
+        state.end = Some(why);
+        self.stop_finer_work(&state);
+        self.changed.notify_all();
+    }
+
+    /// Stops what is being made, unless it is coarse: a camera that goes on moving is to be followed by pictures.
+    fn stop_finer_work(&self, state: &State) {
+        if state.current.as_ref().is_some_and(|job| job.step > 0) {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Waits for news of a page that knows `version`, and has the picture number `frame`. `None` where there is no such
+    /// page, `Some(None)` where there is no news for a while.
+    pub fn news(&self, id: u64, version: u64, frame: u64) -> Option<Option<News>> {
+        let deadline = Instant::now() + PATIENCE;
+        let mut state = self.lock();
+        loop {
+            let State { sessions, facts, current, .. } = &mut *state;
+            let session = sessions.get_mut(&id)?;
+            session.asked = Instant::now();
+            if session.version != version {
+                let is_current = current.as_ref().is_some_and(|job| job.session == id);
+                return Some(Some(session.news(facts, frame, is_current)));
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Some(None);
+            }
+            state = self.changed.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    /// Forgets pages that are gone, and stops what is made for them.
+    pub fn forget_gone(&self) {
+        let mut state = self.lock();
+        state.sessions.retain(|_, session| session.asked.elapsed() < GONE_AFTER);
+        if state.current.as_ref().is_some_and(|job| !state.sessions.contains_key(&job.session)) {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Waits for something to do.
+    pub fn next_task(&self) -> Task {
+        let mut state = self.lock();
+        loop {
+            state.current = None;
+            self.stop.store(false, Ordering::Relaxed);
+            if let Some(why) = state.end.take() {
+                return Task::End(why);
+            }
+            if std::mem::take(&mut state.must_reload) {
+                return Task::Reload;
+            }
+            if let Some(asked) = state.asked.take() {
+                return Task::Switch(asked);
+            }
+            if let Some(job) = state.next_job() {
+                state.current = Some(job.clone());
+                state.last_served = job.session;
+                return Task::Draw(job);
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Hands a picture to its page. One of a camera that has moved since is better than an older one.
+    pub fn publish(&self, job: &Job, shown: Shown) {
+        let mut state = self.lock();
+        state.current = None;
+        if let Some(session) = state.sessions.get_mut(&job.session) {
+            if session.generation == job.generation {
+                session.step = (!shown.facts.is_done).then_some(job.step + 1);
+                session.divisor = if job.step == 0 { shown.divisor } else { session.divisor };
+            }
+            if session.layer == job.layer {
+                session.shown = Some(shown);
+                session.frame += 1;
+                session.version += 1;
+            }
+        }
+        self.changed.notify_all();
+    }
+
+    /// Gives up a picture that cannot be made, and tells its page why.
+    pub fn give_up(&self, job: &Job, why: String) {
+        let mut state = self.lock();
+        state.current = None;
+        if let Some(session) = state.sessions.get_mut(&job.session)
+            && session.generation == job.generation
+        {
+            (session.step, session.refused) = (None, Some(why));
+            session.version += 1;
+        }
+        self.changed.notify_all();
+    }
+
+    /// Tells all pages something.
+    pub fn tell(&self, change: impl FnOnce(&mut SceneFacts)) {
+        let mut state = self.lock();
+        change(&mut state.facts);
+        state.sessions.values_mut().for_each(|session| session.version += 1);
+        self.changed.notify_all();
+    }
+
+    /// Has all pictures made anew: of another method, or of another scene, which `camera` sees first.
+    pub fn begin_anew(&self, facts: SceneFacts, pickable: Arc<Pickable>, (camera, diagonal): (Camera, f64)) {
+        let mut state = self.lock();
+        state.facts = facts;
+        state.pickable = Some(pickable);
+        (state.first_camera, state.diagonal) = (camera, diagonal);
+        for session in state.sessions.values_mut() {
+            session.navigator.follow(camera, diagonal);
+            session.begin_anew();
+        }
+        self.changed.notify_all();
+    }
+}
+
+impl State {
+    /// The picture that is wanted most: the coarsest, and of several of these that of another page than the last one.
+    fn next_job(&self) -> Option<Job> {
+        let last = self.last_served;
+        let wanted = self.sessions.iter().filter_map(|(&id, session)| Some((session.step?, id <= last, id, session)));
+        let (step, _, session, of) = wanted.min_by_key(|&(step, is_before, id, _)| (step, is_before, id))?;
+        let Session { generation, divisor, layer, .. } = *of;
+        Some(Job { session, generation, step, divisor, camera: of.navigator.camera(), layer })
+    }
+}
