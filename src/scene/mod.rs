@@ -9,6 +9,7 @@ mod builder;
 mod camera;
 mod check;
 mod file;
+mod gltf;
 mod height;
 mod instances;
 mod known;

@@ -4,6 +4,7 @@
 mod common;
 
 mod builder;
+mod gltf_files;
 mod hostile;
 mod instances;
 mod models;

@@ -115,7 +115,8 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], **choices: Any) -> Scene:
-        """The scene of a file: ``.obj``, ``.ply``, ``.stl``, ``.nff`` or a ``.toml`` scene file, as one mesh.
+        """The scene of a file: ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.nff`` or a ``.toml`` scene file,
+        as one mesh.
 
         Args:
             path: where it is.
