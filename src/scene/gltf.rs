@@ -9,7 +9,7 @@
 //! |---|---|
 //! | the default scene, else the first, else all nodes without a parent | what is loaded |
 //! | mesh of one node | triangles, placed in f64 and rounded once |
-//! | meshes of the same accessors in several places, `EXT_mesh_gpu_instancing` | instances |
+//! | meshes of the same numbers in several places, `EXT_mesh_gpu_instancing` | instances |
 //! | material | see `materials.rs` |
 //! | first perspective camera | camera; its distances and its aspect are not used |
 //! | `KHR_lights_punctual` | lights; candela and lux over π, because a matt surface of the format gives back 1/π |
@@ -110,9 +110,7 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
         return Err(source.fault(format!("has no triangles{}", unused.instead())));
     }
     scene.camera = scene.camera.map(|camera| lights::look_at_something(camera, scene_middle(&scene)));
-    if let Some(message) = unused.message() {
-        warnings.add(path, None, message);
-    }
+    warnings.extend(path, unused.message());
     warn_of_dropped(path, &scene, &mut warnings);
     scene.warnings = warnings.into_vec();
     scene.files = files;

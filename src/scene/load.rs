@@ -1,7 +1,7 @@
 //! Loads a scene by the kind of its file.
 
 use super::reading::{Loaders, ending, loader_of};
-use super::{Scene, SourceFile, file, gltf, nff, obj, ply, stl};
+use super::{Scene, SourceFile, file, gltf, nff, obj, off, ply, stl, threemf};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -13,11 +13,13 @@ const MODELS: &Loaders = &[
     ("stl", stl::load),
     ("gltf", gltf::load),
     ("glb", gltf::load),
+    ("off", off::load),
+    ("3mf", threemf::load),
     ("nff", nff::load),
 ];
 
 /// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a
-/// `.stl`, glTF 2.0 as `.gltf` or `.glb`, or an `.nff`; in what memory there is ([`MemoryBudget::available`]).
+/// `.stl`, glTF 2.0 as `.gltf` or `.glb`, an `.off`, a `.3mf` or an `.nff`; in what memory there is ([`MemoryBudget::available`]).
 ///
 /// # Errors
 /// As [`load_within`].
@@ -38,7 +40,7 @@ pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scen
         _ => Err(Error::input(
             path,
             None,
-            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl, .gltf, .glb and \
+            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl, .gltf, .glb, .off, .3mf and \
              Haines' .nff",
         )),
     }?;

@@ -20,6 +20,8 @@ mod mesh;
 mod mtl;
 mod nff;
 mod obj;
+mod off;
+mod paint;
 mod ply;
 mod procedural;
 mod reading;
@@ -29,7 +31,9 @@ mod solids;
 mod stl;
 mod text;
 mod texture;
+mod threemf;
 mod triangulate;
+mod words;
 
 pub use aim::{Aim, Origin, Placed, Viewpoint};
 pub use area::{PROJECTIONS, projected_area};

@@ -115,6 +115,34 @@ def gltf(binary):
     return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
 
 
+OFF = b"""STCNOFF
+4 3 0
+0 0 0 0 0 1 255 0 0 255 0 0
+1 0 0 0 0 1 0 255 0 255 1 0
+1 1 0 0 0 1 0 0 255 128 1 1
+0 1 0 0 0 1 9 9 9 255 0 1
+4 0 1 2 3 1 0 0
+3 0 1 2 0.5 0.5 0.5
+3 2 1 0
+"""
+
+THREEMF = b"""<?xml version="1.0"?>
+<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
+<basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF0080"/></basematerials>
+<object id="1" pid="5" pindex="0"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>
+<triangles><triangle v1="0" v2="1" v3="2" pid="5" p1="0" p2="1"/><triangle v1="2" v2="1" v3="0"/></triangles></mesh></object>
+<object id="2"><components><component objectid="1"/><component objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>
+</resources><build><item objectid="2" transform="0 1 0 -1 0 0 0 0 1 0 0 0"/></build></model>
+"""
+
+
+def threemf(compression):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as archive:
+        archive.writestr(zipfile.ZipInfo("3D/3dmodel.model"), THREEMF, compression)
+    return file.getvalue()
+
+
 def npy(rows, columns, numbers):
     shape = "(%d,)" % rows if columns == 1 else "(%d, %d)" % (rows, columns)
     text = "{'descr': '<f4', 'fortran_order': False, 'shape': %s, }" % shape
@@ -256,6 +284,8 @@ def kinds():
         "stl binary": ("made.stl", scene, [stl(True)]),
         "gltf": ("made.gltf", scene, [gltf(False)]),
         "glb": ("made.glb", scene, [gltf(True)]),
+        "off": ("made.off", scene, [OFF]),
+        "3mf": ("made.3mf", scene, [threemf(zipfile.ZIP_STORED), threemf(zipfile.ZIP_DEFLATED)]),
         "nff": ("made.nff", scene, [NFF]),
         "npz": ("made.npz", rays, [npz(zipfile.ZIP_STORED, False), npz(zipfile.ZIP_DEFLATED, True)]),
         "png": ("made.png", ["obj"], [png(), png(7, 3)]),

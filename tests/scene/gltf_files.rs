@@ -285,6 +285,18 @@ fn nodes_place_their_meshes() {
     assert_eq!((b - a).cross(c - a), Vec3::new(0.0, 0.0, 2.0), "the outside of a mirrored square stays outside");
     assert_eq!(scene.bounds().unwrap(), (Vec3::new(8.0, 0.0, 0.0), Vec3::new(10.0, 1.0, 5.0)));
     assert_eq!(scene.vertices(2)[1], Vec3::new(10.0, 1.0, 5.0));
+    // Of other accessors with the same numbers, too.
+    let mut copied = File { json: file.json.clone(), bytes: file.bytes.clone() };
+    let positions = copied.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+    copied.json["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = positions.into();
+    let counts = |file: &File| {
+        let scene = file.load();
+        (scene.triangles.len(), scene.instances.placed().len(), scene.instances.objects().len())
+    };
+    assert_eq!(counts(&copied), (0, 2, 1));
+    let other = copied.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 1.0, 0.0]);
+    copied.json["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = other.into();
+    assert_eq!(counts(&copied), (4, 0, 0));
     // Of another material: still one object.
     file.json["materials"] = json!([{"name": "a"}, {"name": "b"}]);
     file.json["meshes"][0]["primitives"][0]["material"] = 0.into();

@@ -100,11 +100,16 @@ impl Wholes<'_> {
 pub(super) struct Accessors<'a> {
     source: &'a Source<'a>,
     replaced: RefCell<HashMap<usize, Replaced>>,
+    /// The first accessor of each content.
+    firsts: RefCell<HashMap<Content<'a>, usize>>,
 }
+
+/// What makes packed accessors equal: count and type of the elements, component type, whether normalised, the bytes.
+type Content<'a> = (u64, u8, u8, bool, &'a [u8]);
 
 impl<'a> Accessors<'a> {
     pub fn new(source: &'a Source<'a>) -> Accessors<'a> {
-        Accessors { source, replaced: RefCell::default() }
+        Accessors { source, replaced: RefCell::default(), firsts: RefCell::default() }
     }
 
     /// How many elements accessor `index` says that it has, and of which type.
@@ -112,6 +117,21 @@ impl<'a> Accessors<'a> {
         let accessor = self.find(index)?;
         let Checked::Valid(kind) = accessor.type_ else { return Err(self.fault(index, "is of no known type")) };
         Ok((accessor.count.0, kind))
+    }
+
+    /// The number of the first accessor that was asked for and has the same numbers as accessor `index`; of those that
+    /// are sparse or interleaved nobody looks whether they are the same.
+    pub fn first_alike(&self, index: Index<Accessor>) -> Result<usize> {
+        let accessor = self.find(index)?;
+        let (count, kind) = self.kind(index)?;
+        let component = self.component(index, accessor)?;
+        let Some(view) = accessor.buffer_view.filter(|_| accessor.sparse.is_none()) else { return Ok(index.value()) };
+        let elements = self.elements(index, view, accessor.byte_offset, count, (component, kind.multiplicity()))?;
+        let size = kind.multiplicity() * component.size();
+        let bytes = elements.bytes.get(..count as usize * size).filter(|_| elements.stride == size);
+        let Some(bytes) = bytes else { return Ok(index.value()) };
+        let content = (count, kind as u8, component as u8, accessor.normalized, bytes);
+        Ok(*self.firsts.borrow_mut().entry(content).or_insert(index.value()))
     }
 
     /// Accessor `index` as vectors of `N` numbers.

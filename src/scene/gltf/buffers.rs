@@ -152,7 +152,8 @@ impl<'a> Buffers<'a> {
         range.and_then(|(from, to)| buffer.get(from..to)).ok_or_else(|| {
             let (size, buffer) = (buffer.len(), view.buffer.value());
             self.fault(format!(
-                "bufferView {number} reaches beyond its buffer: {length} bytes from {offset} of the {size} of buffer {buffer}"
+                "bufferView {number} reaches beyond its buffer: {length} bytes from {offset} of the {size} of buffer \
+                 {buffer}"
             ))
         })
     }

@@ -7,8 +7,7 @@
 //! |---|---|
 //! | base colour | diffuse = b (1 - m s)(1 - t) a, with its texture; ambient likewise |
 //! | metal | mirror = b m s, of a textured surface the mean colour; the rest is diffuse |
-//! | roughness | a highlight of exponent 2 / r⁴ - 2, where that is 1 or more |
-//! | reflectance f of a straight look: from `ior` and `specular`, b for metal | specular = f / (4 r⁴), at most 1: the height of the lobe (GGX; Blinn–Phong) that a light is mirrored by |
+//! | roughness | shininess = 2 / r⁴ - 2, where that is 1 or more; see [`Finish::material`] |
 //! | `MASK` | nothing where alpha is below the cutoff everywhere; else opaque |
 //! | `BLEND` | transmission = 1 - a, straight through |
 //! | `KHR_materials_transmission` | transmission = t b (1 - m), refracted by `ior` as by solid glass |
@@ -393,6 +392,11 @@ struct Finish {
 
 impl Finish {
     /// The material of base colour `colour`, which is `mean` with its texture, and of which `opacity` is there.
+    ///
+    /// The highlight is as wide and, up to 1, as high as the format's own: at its middle the lobe of Trowbridge and
+    /// Reitz (GGX) gives back D f / 4 of a light, D = 1 / (π r⁴) and f the reflectance of a straight look, where a matt
+    /// surface gives back 1 / π; so specular is f / (4 r⁴). The exponent of the Blinn–Phong lobe of the same width is
+    /// 2 / r⁴ - 2 (Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007, section 5.2).
     fn material(&self, colour: Vec3, mean: Vec3, opacity: f32) -> Material {
         let Finish { roughness, metallic, metal, scattered, reflectance, ior, transmission } = *self;
         let sharp = (1.0 - roughness).powi(2);

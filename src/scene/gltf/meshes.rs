@@ -1,7 +1,7 @@
 //! Meshes: primitives as triangles, each mesh where the nodes put it.
 //!
-//! A mesh in one place becomes triangles there. Meshes of the same accessors, whatever they are called, in several
-//! places are one object with instances; of one primitive they may differ in their materials.
+//! A mesh in one place becomes triangles there. Meshes of the same numbers, whatever they are called, in several places
+//! are one object with instances; of one primitive they may differ in their materials.
 
 use super::Source;
 use super::accessors::{Accessors, Numbers};
@@ -23,7 +23,7 @@ use std::collections::hash_map::Entry;
 const TRIANGLE_BYTES: u64 =
     (size_of::<Triangle>() + 100) as u64 + 3 * (2 * size_of::<Vec3>() + size_of::<Vec2>() + 64) as u64;
 
-/// What makes the triangles of a primitive.
+/// What makes the triangles of a primitive: accessors by their content, see [`Accessors::first_alike`].
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 struct Shape {
     positions: usize,
@@ -161,10 +161,10 @@ impl<'a> Reader<'a> {
         unused.add("textures without coordinates", usize::from(look.uvs.is_some() && uvs.is_none()));
         let normals = attribute(Semantic::Normals);
         let shape = Shape {
-            positions: positions.value(),
-            normals: normals.map(|index| index.value()),
-            uvs: uvs.map(|(index, uvs)| (index.value(), uvs.bits())),
-            indices: primitive.indices.map(|index| index.value()),
+            positions: self.accessors.first_alike(positions)?,
+            normals: normals.map(|index| self.accessors.first_alike(index)).transpose()?,
+            uvs: uvs.map(|(index, uvs)| Ok((self.accessors.first_alike(index)?, uvs.bits()))).transpose()?,
+            indices: primitive.indices.map(|index| self.accessors.first_alike(index)).transpose()?,
             mode: mode as u8,
         };
         Ok(Some(Part { primitive, mode, shape, look, uvs }))
@@ -225,7 +225,12 @@ impl<'a> Reader<'a> {
             builder.pop();
         }
         for placed in flat {
-            meshes.iter().for_each(|mesh| mesh.flattened(placed.transform).add(builder));
+            for mesh in &meshes {
+                match mesh.flattened(placed.transform) {
+                    Some(flat) => flat.add(builder),
+                    None => _ = builder.fail("the transform moves a vertex out of float32's range"),
+                }
+            }
         }
         if shared.is_empty() {
             return Ok(());
@@ -370,11 +375,15 @@ impl Mesh {
         builder.use_material(self.material).mesh(&self.positions, normals, &self.uvs, &self.triangles);
     }
 
-    /// The mesh where a transform puts it that flattens space: its normals are those of the triangles.
-    fn flattened(&self, transform: DAffine3) -> Mesh {
-        let place = |p: &Vec3| transform.transform_point3(p.as_dvec3()).as_vec3();
-        let positions = self.positions.iter().map(place).collect();
+    /// The mesh where a transform puts it that flattens space: its normals are those of the triangles. None where that
+    /// is out of float32's range.
+    fn flattened(&self, transform: DAffine3) -> Option<Mesh> {
+        let place = |p: &Vec3| {
+            let placed = transform.transform_point3(p.as_dvec3()).as_vec3();
+            (placed.is_finite() || !p.is_finite()).then_some(placed)
+        };
+        let positions = self.positions.iter().map(place).collect::<Option<Vec<Vec3>>>()?;
         let (uvs, triangles) = (self.uvs.clone(), self.triangles.clone());
-        Mesh { positions, normals: None, uvs, triangles, material: self.material }
+        Some(Mesh { positions, normals: None, uvs, triangles, material: self.material })
     }
 }

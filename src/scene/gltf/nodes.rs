@@ -29,7 +29,8 @@ pub(super) struct Hierarchy {
 
 /// Follows the nodes of the scene that is shown, parents before children.
 ///
-/// Without recursion, as a file may be deeper than the stack; a node with two parents, and so one in a cycle, is refused.
+/// Without recursion, as a file may be deeper than the stack. A node with two parents, and so one in a cycle, is
+/// refused.
 pub(super) fn walk(source: &Source, unused: &mut Unused) -> Result<Hierarchy> {
     let nodes = &source.root.nodes;
     let accessors = Accessors::new(source);
