@@ -16,8 +16,8 @@
 //!
 //! What a file has beside that is told in one warning: `unused.rs`.
 //!
-//! Bad at: what is finer than a material, which textures other than that of the base colour and colours of vertices
-//! are. A file is read whole, and stays until the scene is complete.
+//! Bad at: what is finer than a material, which textures other than that of the base colour are; smooth colours of
+//! vertices on large triangles. A file is read whole, and stays until the scene is complete.
 
 mod accessors;
 mod buffers;

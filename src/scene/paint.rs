@@ -1,4 +1,4 @@
-//! The colours and textures of PLY, OFF and 3MF files as materials.
+//! The colours and textures of PLY, OFF and 3MF files as materials; what of it glTF files share.
 //!
 //! A surface has one material, so each colour becomes a matt one, named by its code. Until all faces are known a
 //! triangle has a *paint* for a material: its colour, its texture, or neither.
@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 
 /// The most colours that become a material each. With more, red, green and blue are rounded to [`LEVELS`] values each,
 /// which makes at most as many.
-const MAX_COLOURS: usize = 4096;
+pub(super) const MAX_COLOURS: usize = 4096;
 
 /// Values of red, green and blue after rounding: the cube root of [`MAX_COLOURS`].
 const LEVELS: u32 = 16;
@@ -69,11 +69,11 @@ pub(super) fn materials(
         last = Some((triangle.material, id));
         triangle.material = id;
     }
-    (materials, told(blended, too_many))
+    (materials, reduction(blended, too_many))
 }
 
 /// The warning about colours that are not as they were.
-fn told(blended: bool, rounded: bool) -> Option<String> {
+pub(super) fn reduction(blended: bool, rounded: bool) -> Option<String> {
     let averaging = blended.then(|| "each triangle has the mean colour of its corners".to_owned());
     let rounding = rounded.then(|| format!("red, green and blue are rounded to {LEVELS} values each"));
     let reduced: Vec<String> = averaging.into_iter().chain(rounding).collect();
@@ -83,9 +83,14 @@ fn told(blended: bool, rounded: bool) -> Option<String> {
 
 /// The nearest colour of those whose parts have [`LEVELS`] values.
 fn rounded(colour: MaterialId) -> MaterialId {
-    let step = 255 / (LEVELS - 1); // 17, without remainder
     let [_, parts @ ..] = colour.to_be_bytes();
-    coloured(parts.map(|part| ((u32::from(part) + step / 2) / step * step) as u8))
+    coloured(parts.map(rounded_part))
+}
+
+/// The nearest of [`LEVELS`] values.
+pub(super) fn rounded_part(part: u8) -> u8 {
+    let step = 255 / (LEVELS - 1); // 17, without remainder
+    ((u32::from(part) + step / 2) / step * step) as u8
 }
 
 fn material(paint: MaterialId, textures: &[Image]) -> Material {

@@ -625,7 +625,25 @@ fn colours_of_vertices() {
     assert_eq!((scene.materials[0].diffuse, scene.warnings.len()), (Vec3::new(1.0, 0.0, 1.0), 0));
     let colours = file.floats("VEC3", &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     file.primitive()["attributes"]["COLOR_0"] = colours.into();
-    assert_warned(&file.load(), "not used: colours of vertices");
+    let scene = file.load();
+    let of = |triangle: usize| scene.materials[scene.triangles[triangle].material as usize].diffuse;
+    // Of three corners one is red; in 8 bits.
+    assert!((of(0) - Vec3::X / 3.0).abs().max_element() < 1.0 / 255.0, "{}", of(0));
+    assert_eq!((of(0), scene.warnings.len()), (of(1), 1));
+    assert_warned(&scene, "a.GLB: each triangle has the mean colour of its corners: a triangle has one material");
+    // One colour for each triangle, on a material.
+    let corners = file.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0].repeat(2));
+    let colours = file.floats("VEC4", &[[1.0, 1.0, 0.0, 1.0].repeat(3), [0.0, 1.0, 1.0, 0.4].repeat(3)].concat());
+    *file.primitive() = json!({"attributes": {"POSITION": corners, "COLOR_0": colours}, "material": 0});
+    file.json["materials"] = json!([{"alphaMode": "BLEND", "normalTexture": {"index": 0},
+        "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 1, 1]}}]);
+    let scene = file.load();
+    let of = |triangle: usize| &scene.materials[scene.triangles[triangle].material as usize];
+    assert_eq!((of(0).diffuse, of(0).transmission), (Vec3::new(1.0, 0.5, 0.0), Vec3::ZERO));
+    assert_near(of(1).transmission, [0.6; 3]);
+    assert_eq!(scene.warnings.len(), 1);
+    assert_warned(&scene, "not used: normal textures");
+    assert!(!scene.warnings[0].contains('('), "told once: {}", scene.warnings[0]);
 }
 
 #[test]

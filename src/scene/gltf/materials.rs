@@ -20,6 +20,8 @@
 use super::Source;
 use super::images::{Images, Summary};
 use super::unused::Unused;
+use crate::scene::file::linear;
+use crate::scene::paint::{MAX_COLOURS, reduction, rounded_part, to_8_bits};
 use crate::scene::text::{Warnings, quote};
 use crate::scene::{Builder, Material, MaterialId, SourceFile, TextureId};
 use ::gltf::json::extensions::material::{Material as Extensions, Specular, Volume};
@@ -27,7 +29,7 @@ use ::gltf::json::material::{AlphaMode, Material as Description};
 use ::gltf::json::texture::{Info, MagFilter, WrappingMode};
 use ::gltf::json::validation::Checked;
 use glam::{DAffine2, DMat2, DVec2, Vec2, Vec3, Vec4};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// The largest emission that is kept, as that of other formats.
 const MAX_EMISSION: f32 = 1e6;
@@ -116,12 +118,28 @@ pub(super) struct Looks<'a> {
     known: HashMap<(Option<usize>, [u32; 4]), Look>,
     /// By picture and the directions in which it is mirrored.
     textures: HashMap<(usize, [bool; 2]), Option<Kept>>,
+    /// The linear value of each 8-bit one.
+    levels: Vec<f32>,
+    /// Colours of vertices that became materials; whether triangles have the mean of several, or a rounded one.
+    colours: HashSet<[u8; 4]>,
+    blended: bool,
+    rounded: bool,
 }
 
 impl<'a> Looks<'a> {
     pub fn new(source: &'a Source<'a>) -> Looks<'a> {
         let images = Images::new(source);
-        Looks { source, images, unlit: Unlit::Matt, known: HashMap::new(), textures: HashMap::new() }
+        Looks {
+            source,
+            images,
+            unlit: Unlit::Matt,
+            known: HashMap::new(),
+            textures: HashMap::new(),
+            levels: (0..=u8::MAX).map(linear).collect(),
+            colours: HashSet::new(),
+            blended: false,
+            rounded: false,
+        }
     }
 
     /// Whether material `number` of the file is lit by nothing.
@@ -149,10 +167,57 @@ impl<'a> Looks<'a> {
         look
     }
 
-    /// What was wrong with pictures, and the files that they are in.
+    /// The materials of triangles with these colours, each the mean of several where that is said, on material `number`.
+    /// A triangle has one material, so each colour is one: in 8 bits, and where there are very many in fewer.
+    pub fn of_colours(
+        &mut self,
+        number: Option<usize>,
+        colours: &[(Vec4, bool)],
+        builder: &mut Builder,
+    ) -> Vec<MaterialId> {
+        let mut codes: Vec<[u8; 4]> = colours.iter().map(|(colour, _)| self.code(*colour)).collect();
+        let new: HashSet<&[u8; 4]> = codes.iter().filter(|code| !self.colours.contains(*code)).collect();
+        if self.colours.len() + new.len() > MAX_COLOURS {
+            codes.iter_mut().flatten().for_each(|part| *part = rounded_part(*part));
+            self.rounded = true;
+        }
+        self.blended |= colours.iter().any(|(_, is_mean)| *is_mean);
+        self.colours.extend(&codes);
+        // What is not used of the material was told when it was met first.
+        let mut told = Unused::default();
+        let mut last = None;
+        let mut material = |code: &[u8; 4]| match last {
+            Some((known, material)) if known == *code => material,
+            _ => {
+                let [red, green, blue, alpha] = *code;
+                let [red, green, blue] = [red, green, blue].map(|part| self.levels[usize::from(part)]);
+                let tint = Vec4::new(red, green, blue, f32::from(alpha) / 255.0);
+                let material = self.of(number, tint, builder, &mut told).material;
+                last = Some((*code, material));
+                material
+            }
+        };
+        codes.iter().map(&mut material).collect()
+    }
+
+    /// A linear colour in 8 bits, as sRGB, and its alpha.
+    fn code(&self, colour: Vec4) -> [u8; 4] {
+        let [red, green, blue, alpha] = zero_to_one(colour).to_array();
+        let nearest = |part: f32| {
+            let above = self.levels.partition_point(|&level| level < part).min(255);
+            let below = above.saturating_sub(1);
+            let is_nearer_below = part - self.levels[below] < self.levels[above] - part;
+            (if is_nearer_below { below } else { above }) as u8
+        };
+        [nearest(red), nearest(green), nearest(blue), to_8_bits(255.0 * alpha)]
+    }
+
+    /// What was wrong with pictures and colours, and the files that pictures are in.
     pub fn finish(self) -> (Warnings, Vec<SourceFile>) {
         let files = self.images.files();
-        (self.images.warnings, files)
+        let mut warnings = self.images.warnings;
+        warnings.extend(self.source.path, reduction(self.blended, self.rounded));
+        (warnings, files)
     }
 
     fn look(

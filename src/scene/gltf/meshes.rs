@@ -9,8 +9,10 @@ use super::materials::{Coordinates, Look, Looks, Unlit};
 use super::nodes::{Hierarchy, Placed};
 use super::unused::Unused;
 use crate::error::Result;
+use crate::scene::mesh::Corner;
 use crate::scene::reading::check_memory;
-use crate::scene::{Builder, Normals, Transform, Triangle};
+use crate::scene::{Builder, MaterialId, NO_INDEX, Transform, Triangle};
+use ::gltf::json::accessor::Type;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Accessor, Index};
@@ -30,6 +32,8 @@ struct Shape {
     normals: Option<usize>,
     /// With what becomes of them, as bits.
     uvs: Option<(usize, [u64; 6])>,
+    /// Where vertices have several.
+    colours: Option<usize>,
     indices: Option<usize>,
     mode: u8,
 }
@@ -62,7 +66,7 @@ pub(super) fn add<'a>(
     let groups = groups(hierarchy, &parts);
     reader.check_memory(&groups, &parts)?;
     for group in groups {
-        reader.add_group(&group, &parts, builder, unused)?;
+        reader.add_group(&group, &parts, looks, builder, unused)?;
         if let Some(fault) = builder.take_fault() {
             return Err(source.fault(format!("mesh {} cannot be placed: {fault}", group[0].number)));
         }
@@ -90,7 +94,8 @@ fn groups(hierarchy: &Hierarchy, parts: &HashMap<usize, Vec<Part>>) -> Vec<Vec<P
             continue;
         }
         // An instance may have one material, for all of it.
-        let materials: Vec<_> = parts.iter().filter(|_| parts.len() > 1).map(|part| part.look.material).collect();
+        let has_several = parts.len() > 1 || parts[0].shape.colours.is_some();
+        let materials: Vec<_> = parts.iter().filter(|_| has_several).map(|part| part.look.material).collect();
         let shapes: Vec<_> = parts.iter().map(|part| &part.shape).collect();
         let group = *numbers.entry((shapes, materials)).or_insert(groups.len());
         if group == groups.len() {
@@ -147,12 +152,13 @@ impl<'a> Reader<'a> {
             return Ok(None);
         };
         unused.add("morph targets", usize::from(primitive.targets.as_ref().is_some_and(|all| !all.is_empty())));
-        let tint = self.tint(attribute(Semantic::Colors(0)), unused)?;
+        let colours = attribute(Semantic::Colors(0));
+        let tint = self.tint(colours)?;
         let material = primitive.material.map(|index| index.value());
         if let Some(number) = material.filter(|&number| number >= self.source.root.materials.len()) {
             return Err(self.source.fault(format!("there is no material {number}, though a primitive has it")));
         }
-        let look = looks.of(material, tint, builder, unused);
+        let look = looks.of(material, tint.unwrap_or(Vec4::ONE), builder, unused);
         if !look.is_seen {
             unused.note("surfaces that their alpha mask hides");
             return Ok(None);
@@ -164,25 +170,36 @@ impl<'a> Reader<'a> {
             positions: self.accessors.first_alike(positions)?,
             normals: normals.map(|index| self.accessors.first_alike(index)).transpose()?,
             uvs: uvs.map(|(index, uvs)| Ok((self.accessors.first_alike(index)?, uvs.bits()))).transpose()?,
+            colours: colours.filter(|_| tint.is_none()).map(|index| self.accessors.first_alike(index)).transpose()?,
             indices: primitive.indices.map(|index| self.accessors.first_alike(index)).transpose()?,
             mode: mode as u8,
         };
         Ok(Some(Part { primitive, mode, shape, look, uvs }))
     }
 
-    /// The one colour of all vertices; white where they have several, which are not used.
-    fn tint(&self, colours: Option<Index<Accessor>>, unused: &mut Unused) -> Result<Vec4> {
-        let Some(index) = colours else { return Ok(Vec4::ONE) };
-        let has_alpha = self.accessors.kind(index)?.1.multiplicity() == 4;
-        let one = if has_alpha {
-            let colours = self.accessors.numbers::<4>(index)?;
-            only_one((0..colours.count).map(|i| Vec4::from(colours.at(i))))
-        } else {
-            let colours = self.accessors.numbers::<3>(index)?;
-            only_one((0..colours.count).map(|i| Vec3::from(colours.at(i)).extend(1.0)))
+    /// The one colour of all vertices; none where they have several.
+    fn tint(&self, colours: Option<Index<Accessor>>) -> Result<Option<Vec4>> {
+        let Some(index) = colours else { return Ok(Some(Vec4::ONE)) };
+        let colours = Colours::new(&self.accessors, index)?;
+        let mut all = (0..colours.count()).map(|i| colours.at(i));
+        let Some(first) = all.next() else { return Ok(Some(Vec4::ONE)) };
+        Ok(all.all(|colour| colour == first).then_some(first))
+    }
+
+    /// The mean colour of each triangle's corners, of which there are `vertices` in all; and whether they differ.
+    fn triangle_colours(
+        &self,
+        index: Index<Accessor>,
+        triangles: &[[u32; 3]],
+        vertices: usize,
+    ) -> Result<Vec<(Vec4, bool)>> {
+        let colours = Colours::new(&self.accessors, index)?;
+        self.check_count("colours", colours.count(), vertices)?;
+        let mean = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|corner| colours.at(corner as usize));
+            ((a + b + c) / 3.0, a != b || a != c)
         };
-        unused.add("colours of vertices", usize::from(one.is_none()));
-        Ok(one.unwrap_or(Vec4::ONE))
+        Ok(triangles.iter().map(mean).collect())
     }
 
     /// How many corners the triangles of a part have.
@@ -208,6 +225,7 @@ impl<'a> Reader<'a> {
         &self,
         group: &[Placed],
         parts: &HashMap<usize, Vec<Part>>,
+        looks: &mut Looks<'a>,
         builder: &mut Builder,
         unused: &mut Unused,
     ) -> Result<()> {
@@ -217,8 +235,10 @@ impl<'a> Reader<'a> {
         let solid: Vec<&Placed> = group.iter().filter(is_solid).collect();
         let flat: Vec<&Placed> = group.iter().filter(|placed| !is_solid(placed)).collect();
         let (single, shared) = if solid.len() == 1 { (&solid[..], &[][..]) } else { (&[][..], &solid[..]) };
-        let meshes: Vec<Mesh> =
-            own.iter().map(|part| self.mesh(part, unused)).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
+        let mut meshes: Vec<Mesh> = Vec::new();
+        for part in own {
+            meshes.extend(self.mesh(part, looks, builder, unused)?);
+        }
         for placed in single {
             builder.push().multiply("node", placed.transform);
             meshes.iter().for_each(|mesh| mesh.add(builder));
@@ -247,12 +267,26 @@ impl<'a> Reader<'a> {
     }
 
     /// The triangles of a part; none where it has too few vertices.
-    fn mesh(&self, part: &Part, unused: &mut Unused) -> Result<Option<Mesh>> {
+    fn mesh(
+        &self,
+        part: &Part,
+        looks: &mut Looks<'a>,
+        builder: &mut Builder,
+        unused: &mut Unused,
+    ) -> Result<Option<Mesh>> {
         let positions = self.accessors.numbers::<3>(Index::new(part.shape.positions as u32))?;
         let corners = self.corner_indices(part, positions.count)?;
         let mut triangles = triangles(part.mode, &corners);
         unused.add("indices that make no triangle", left_over(part.mode, corners.len()));
         drop(corners);
+        let materials = match part.shape.colours {
+            None => Materials::One(part.look.material),
+            Some(colours) => {
+                let colours = self.triangle_colours(Index::new(colours as u32), &triangles, positions.count)?;
+                let number = part.primitive.material.map(|index| index.value());
+                Materials::Each(looks.of_colours(number, &colours, builder))
+            }
+        };
         let used = number_anew(&mut triangles, positions.count);
         if triangles.is_empty() {
             return Ok(None);
@@ -265,7 +299,7 @@ impl<'a> Reader<'a> {
         }
         let uvs = self.uvs(part, &used, positions.count, unused)?;
         let (positions, normals) = (vector(&positions), normals.as_ref().map(vector));
-        Ok(Some(Mesh { positions, normals, uvs, triangles, material: part.look.material }))
+        Ok(Some(Mesh { positions, normals, uvs, triangles, materials }))
     }
 
     fn check_count(&self, what: &str, count: usize, due: usize) -> Result<()> {
@@ -307,10 +341,33 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The one value of all; none of several, white of none at all.
-fn only_one(mut colours: impl Iterator<Item = Vec4>) -> Option<Vec4> {
-    let Some(first) = colours.next() else { return Some(Vec4::ONE) };
-    colours.all(|colour| colour == first).then_some(first)
+/// Colours of vertices, with alpha or without.
+enum Colours<'a> {
+    Opaque(Numbers<'a, 3>),
+    Transparent(Numbers<'a, 4>),
+}
+
+impl<'a> Colours<'a> {
+    fn new(accessors: &Accessors<'a>, index: Index<Accessor>) -> Result<Colours<'a>> {
+        Ok(match accessors.kind(index)?.1 {
+            Type::Vec4 => Colours::Transparent(accessors.numbers(index)?),
+            _ => Colours::Opaque(accessors.numbers(index)?),
+        })
+    }
+
+    fn count(&self) -> usize {
+        match self {
+            Colours::Opaque(colours) => colours.count,
+            Colours::Transparent(colours) => colours.count,
+        }
+    }
+
+    fn at(&self, vertex: usize) -> Vec4 {
+        match self {
+            Colours::Opaque(colours) => Vec3::from(colours.at(vertex)).extend(1.0),
+            Colours::Transparent(colours) => colours.at(vertex).into(),
+        }
+    }
 }
 
 /// The triangles that `corners` make.
@@ -360,19 +417,42 @@ fn number_anew(triangles: &mut [[u32; 3]], vertices: usize) -> Vec<u32> {
     used
 }
 
+/// What triangles are made of.
+#[derive(Clone)]
+enum Materials {
+    /// All of the same.
+    One(MaterialId),
+    /// Each of its own.
+    Each(Vec<MaterialId>),
+}
+
 /// The triangles of a primitive in coordinates of their own.
 struct Mesh {
     positions: Vec<Vec3>,
     normals: Option<Vec<Vec3>>,
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    material: u32,
+    materials: Materials,
 }
 
 impl Mesh {
     fn add(&self, builder: &mut Builder) {
-        let normals = self.normals.as_ref().map_or(Normals::Flat, |normals| Normals::Given(normals));
-        builder.use_material(self.material).mesh(&self.positions, normals, &self.uvs, &self.triangles);
+        let (has_normals, has_uvs) = (self.normals.is_some(), !self.uvs.is_empty());
+        let corner = |position: u32| Corner {
+            position,
+            normal: if has_normals { position } else { NO_INDEX },
+            uv: if has_uvs { position } else { NO_INDEX },
+        };
+        let mesh = crate::scene::mesh::Mesh {
+            positions: self.positions.iter().map(|p| p.as_dvec3()).collect(),
+            normals: self.normals.iter().flatten().map(|n| n.as_dvec3()).collect(),
+            uvs: self.uvs.clone(),
+            triangles: self.triangles.iter().map(|triangle| triangle.map(corner)).collect(),
+        };
+        builder.add_geometry(&mesh, |triangle| match &self.materials {
+            Materials::One(material) => *material,
+            Materials::Each(materials) => materials[triangle],
+        });
     }
 
     /// The mesh where a transform puts it that flattens space: its normals are those of the triangles. None where that
@@ -384,6 +464,6 @@ impl Mesh {
         };
         let positions = self.positions.iter().map(place).collect::<Option<Vec<Vec3>>>()?;
         let (uvs, triangles) = (self.uvs.clone(), self.triangles.clone());
-        Some(Mesh { positions, normals: None, uvs, triangles, material: self.material })
+        Some(Mesh { positions, normals: None, uvs, triangles, materials: self.materials.clone() })
     }
 }
