@@ -5,7 +5,7 @@
 //! ```no_run
 //! use raybrook::{Scene, Tracer, View};
 //!
-//! let scene = Scene::load("bunny.obj")?; // .toml, .obj, .ply, .stl or .nff
+//! let scene = Scene::load("bunny.obj")?; // .toml, .obj, .ply, .stl, .gltf, .glb, .off, .3mf or .nff
 //! let mut tracer = Tracer::new(&scene)?; // the fastest device, the fastest exact method
 //! tracer.render(&View::new(640, 480))?.save("bunny.png")?;
 //! # Ok::<(), raybrook::Error>(())

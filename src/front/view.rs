@@ -66,8 +66,8 @@ impl View {
         View { aim: Aim { target: Some(target.into()), ..self.aim }, ..self }
     }
 
-    /// Which way is up, a direction of any length. Where neither view nor scene says it, z is up in `.stl` files, and y
-    /// in others.
+    /// Which way is up, a direction of any length. Where neither view nor scene says it, z is up in `.stl` and `.3mf`
+    /// files, and y in others.
     #[must_use]
     pub fn up(self, up: [f32; 3]) -> View {
         View { aim: Aim { up: Some(up.into()), ..self.aim }, ..self }

@@ -485,7 +485,7 @@ impl Builder {
     }
 
     /// Transforms `mesh` and appends it; `material(i)` is that of its triangle `i`.
-    fn add_geometry(&mut self, mesh: &Mesh, material: impl Fn(usize) -> MaterialId) -> &mut Self {
+    pub(super) fn add_geometry(&mut self, mesh: &Mesh, material: impl Fn(usize) -> MaterialId) -> &mut Self {
         let first = [self.scene.positions.len(), self.scene.normals.len(), self.scene.uvs.len()];
         let added = [mesh.positions.len(), mesh.normals.len(), mesh.uvs.len()];
         if first.iter().zip(added).any(|(&a, b)| a + b >= NO_INDEX as usize) {

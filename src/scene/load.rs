@@ -1,16 +1,25 @@
 //! Loads a scene by the kind of its file.
 
 use super::reading::{Loaders, ending, loader_of};
-use super::{Scene, SourceFile, file, nff, obj, ply, stl};
+use super::{Scene, SourceFile, file, gltf, nff, obj, off, ply, stl, threemf};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use std::path::Path;
 
 /// The files that hold a model: what an object of a scene file can name.
-const MODELS: &Loaders = &[("obj", obj::load), ("ply", ply::load), ("stl", stl::load), ("nff", nff::load)];
+const MODELS: &Loaders = &[
+    ("obj", obj::load),
+    ("ply", ply::load),
+    ("stl", stl::load),
+    ("gltf", gltf::load),
+    ("glb", gltf::load),
+    ("off", off::load),
+    ("3mf", threemf::load),
+    ("nff", nff::load),
+];
 
 /// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a
-/// `.stl` or an `.nff`; in what memory there is ([`MemoryBudget::available`]).
+/// `.stl`, glTF 2.0 as `.gltf` or `.glb`, an `.off`, a `.3mf` or an `.nff`; in what memory there is ([`MemoryBudget::available`]).
 ///
 /// # Errors
 /// As [`load_within`].
@@ -31,7 +40,8 @@ pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scen
         _ => Err(Error::input(
             path,
             None,
-            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl and Haines' .nff",
+            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl, .gltf, .glb, .off, .3mf and \
+             Haines' .nff",
         )),
     }?;
     scene.files.push(SourceFile { path: path.to_owned(), role: "the scene".to_owned() });

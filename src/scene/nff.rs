@@ -19,13 +19,13 @@
 
 mod looks;
 mod solids;
-mod words;
 
 use super::check::{camera_fault, light_fault};
 use super::obj::{read_text, warn_of_dropped};
 use super::reading::check_memory;
 use super::text::{Ignored, Tally, Warnings, quote};
 use super::triangulate::{MAX_CORNERS, Triangulator};
+use super::words::{Word, Words};
 use super::{Background, Builder, Camera, Light, MaterialId, Normals, PictureDefaults, Scene};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
@@ -35,7 +35,6 @@ use std::fmt::Display;
 use std::iter::Peekable;
 use std::ops::RangeInclusive;
 use std::path::Path;
-use words::{Word, Words};
 
 /// What a file takes while it is turned into a scene, in its own size, without the solids.
 const BYTES_PER_BYTE: u64 = 9;

@@ -93,7 +93,11 @@ fn load_in_parts(path: &Path, part_bytes: usize, budget: &MemoryBudget) -> Resul
         return Err(Error::input(path, None, "has no face of three or more corners"));
     }
     warn_of_faces(path, tallies, &mut library.warnings);
-    let Vertices { positions, uvs, normals } = vertices;
+    let Vertices { positions, uvs, normals, extras } = vertices;
+    if extras.count > 0 {
+        let message = format!("colours and weights of vertices not used: {}, this is the first", extras.count);
+        library.warnings.add(path, extras.first, message);
+    }
     let mut scene = Scene { positions, normals, uvs, triangles, ..Scene::default() };
     warn_of_dropped(path, &scene, &mut library.warnings);
     scene.files = library.take_files();

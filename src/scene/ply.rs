@@ -17,20 +17,21 @@
 //! | | `texnumber` | which `comment TextureFile` is its texture; the first when missing |
 //!
 //! Colours are values as displayed (sRGB): 0 to 255, 0 to 65535 for integers of 16 bits, 0 to 1 for floats; kept in 8
-//! bits. The material model has no colours of vertices, so each colour becomes a matt material (`paint.rs`), and where
+//! bits. The material model has no colours of vertices, so each colour becomes a matt material (`../paint.rs`), and where
 //! a texture could be loaded colours are not used. What else a file has is read over and told in a warning.
 //!
 //! Bad at: smooth colours on large triangles. Triangle strips and point clouds are refused.
 
 mod faces;
-mod paint;
 mod rows;
 mod source;
+mod textures;
 mod values;
 mod vertices;
 mod whole;
 
 use super::obj::warn_of_dropped;
+use super::paint;
 use super::reading::{check_memory, refused};
 use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture, Triangle};
@@ -104,7 +105,7 @@ impl Mesh {
         let [vertex_element, face_element] = [vertex, face].map(|i| &header.elem_defs[i]);
         let vertices = Vertices::new(vertex_element).map_err(fault)?;
         let (numbers, textures) = match vertices.has_uvs || Faces::has_texcoords(face_element) {
-            true => paint::load_textures(path, &header.comments, warnings, budget),
+            true => textures::load_textures(path, &header.comments, warnings, budget),
             false => Default::default(),
         };
         let faces = Faces::new(face_element, &vertices, numbers).map_err(fault)?;
@@ -193,25 +194,25 @@ impl Mesh {
             }
         }
         let unused = self.unused(header).map(|unused| format!("not used: {unused}"));
+        if !self.textures.is_empty() && (self.vertices.has_colours || faces.has_colours) {
+            warnings.add(path, None, "not used where there is a texture: colours");
+        }
+        if !faces.has_texcoords && !self.vertices.has_uvs && !textures::named(&header.comments).is_empty() {
+            warnings.add(path, None, "not used: textures, for which there are no coordinates");
+        }
         for message in faces.fans_message().into_iter().chain(unused) {
             warnings.add(path, None, message);
         }
         let Mesh { vertices, mut faces, textures, .. } = self;
-        let (materials, rounded) = paint::materials(&mut faces.triangles, &textures);
-        let averaging = faces.blended.then(|| "each triangle has the mean colour of its corners".to_owned());
-        let rounding = rounded.then(|| format!("red, green and blue are rounded to {} values each", paint::LEVELS));
-        let reduced: Vec<String> = averaging.into_iter().chain(rounding).collect();
-        if !reduced.is_empty() {
-            let message = format!("{}: a triangle has one material, and each colour is one", reduced.join(", and "));
-            warnings.add(path, None, message);
-        }
+        let (materials, reduced) = paint::materials(&mut faces.triangles, &textures, faces.blended);
+        warnings.extend(path, reduced);
         let uvs = if faces.uvs.is_empty() { vertices.uvs } else { faces.uvs };
         let (positions, normals, triangles) = (vertices.positions, vertices.normals, faces.triangles);
         let textures = textures.into_iter().map(Texture::from).collect();
         let mut scene = Scene { positions, normals, uvs, triangles, materials, textures, ..Scene::default() };
         warn_of_dropped(path, &scene, &mut warnings);
         scene.warnings = warnings.into_vec();
-        scene.files = paint::named_files(path, &header.comments);
+        scene.files = textures::named_files(path, &header.comments);
         Ok(scene)
     }
 

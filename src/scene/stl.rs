@@ -6,13 +6,13 @@
 //!
 //! Corners at exactly equal positions become one vertex. Facet normals are not used: which side is outside follows from
 //! the order of the corners, which is what the format asks for when the two disagree. Attribute bytes, which some
-//! programs use for colours, are not used either.
+//! programs use for colours, are not used either; a warning tells of them.
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
 use super::obj::warn_of_dropped;
 use super::reading::{check_memory, refused};
-use super::text::{Warnings, quote};
+use super::text::{Tally, Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
@@ -73,6 +73,13 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
         return Err(Error::input(path, None, "has no triangles"));
     }
     let mut warnings = Warnings::default();
+    let attributes = attributes(&data, facets.filter(|_| !is_text).unwrap_or(0));
+    if attributes.count > 0 {
+        let Tally { first, count } = attributes;
+        let message =
+            format!("attributes of facets, which may be colours, not used: {count}, the first of facet {first}");
+        warnings.add(path, None, message);
+    }
     warn_of_dropped(path, &scene, &mut warnings);
     scene.warnings = warnings.into_vec();
     scene.up = Some(Vec3::Z); // what writes this format stands on the x-y plane, with rare exceptions
@@ -84,6 +91,18 @@ fn binary_facets(data: &[u8]) -> Option<usize> {
     let count = data.get(HEADER_BYTES..)?.first_chunk::<COUNT_BYTES>()?;
     let facets = u32::from_le_bytes(*count) as usize;
     (facets.checked_mul(FACET_BYTES)?.checked_add(HEADER_BYTES + COUNT_BYTES)? == data.len()).then_some(facets)
+}
+
+/// The facets of a binary file whose attribute bytes say something.
+fn attributes(data: &[u8], facets: usize) -> Tally {
+    let mut tally = Tally::default();
+    let body = data.get(HEADER_BYTES + COUNT_BYTES..).unwrap_or_default();
+    for (facet, bytes) in body.chunks_exact(FACET_BYTES).take(facets).enumerate() {
+        if !bytes.ends_with(&[0, 0]) {
+            tally.note(facet);
+        }
+    }
+    tally
 }
 
 /// Whether `data` looks like a text: many binary files begin with "solid" too.

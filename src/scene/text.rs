@@ -51,6 +51,13 @@ impl Warnings {
         self.list.push(format!("{}{line}: {}", path.display(), message.as_ref()));
     }
 
+    /// Adds what there is to say of the whole of `path`.
+    pub(super) fn extend(&mut self, path: &Path, message: Option<String>) {
+        if let Some(message) = message {
+            self.add(path, None, message);
+        }
+    }
+
     /// All warnings, and how many more there were.
     pub(super) fn into_vec(mut self) -> Vec<String> {
         if self.left_out > 0 {

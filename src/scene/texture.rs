@@ -7,7 +7,7 @@ use super::Procedural;
 use crate::budget::{DecidedBy, MemoryBudget, Need};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::{Path, PathBuf};
 
 /// Index of a texture in its scene.
@@ -89,16 +89,37 @@ pub(super) fn find_inside(root: &Path, folder: &Path, name: &str) -> Result<Path
 
 /// Decodes the picture at `path`; `name` is for messages.
 pub(super) fn decode(path: &Path, name: &str, budget: &MemoryBudget) -> Result<Image, String> {
-    let unreadable = |e: std::io::Error| format!("cannot be read: {e}");
     let file = File::open(path).map_err(unreadable)?;
     let file_bytes = file.metadata().map_err(unreadable)?.len();
+    // For TGA, which has no signature.
+    let format = ImageFormat::from_path(path).ok();
+    decode_from(BufReader::new(file), file_bytes, format, name, budget)
+}
+
+/// Decodes the picture that `bytes` are, of a kind that has a signature; `name` is for messages.
+pub(super) fn decode_bytes(bytes: &[u8], name: &str, budget: &MemoryBudget) -> Result<Image, String> {
+    decode_from(Cursor::new(bytes), bytes.len() as u64, None, name, budget)
+}
+
+fn unreadable(e: std::io::Error) -> String {
+    format!("cannot be read: {e}")
+}
+
+/// Decodes the picture in `file`, which has `file_bytes`; where it has no signature it is of kind `format`.
+fn decode_from(
+    file: impl BufRead + Seek,
+    file_bytes: u64,
+    format: Option<ImageFormat>,
+    name: &str,
+    budget: &MemoryBudget,
+) -> Result<Image, String> {
     let too_large = |bytes: u64| format!("needs {} MiB to load; the most is {} MiB", bytes >> 20, MAX_BYTES >> 20);
     if file_bytes > MAX_BYTES {
         return Err(too_large(file_bytes));
     }
-    let mut reader = ImageReader::new(BufReader::new(file));
-    if let Ok(format) = ImageFormat::from_path(path) {
-        reader.set_format(format); // for TGA, which has no signature
+    let mut reader = ImageReader::new(file);
+    if let Some(format) = format {
+        reader.set_format(format);
     }
     let mut reader = reader.with_guessed_format().map_err(unreadable)?;
     let mut limits = Limits::default();

@@ -12,7 +12,9 @@ and nothing else.
 """
 
 import argparse
+import base64
 import io
+import json
 import os
 import random
 import re
@@ -78,6 +80,67 @@ def png(width=4, height=4):
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+def gltf(binary):
+    """A tetrahedron in two places, one of its points sparse, with a texture, a camera and a light."""
+    parts = [struct.pack("<12f", 0, 0, 0, 9, 9, 9, 0, 1, 0, 0, 0, 1), bytes([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]), b"\x01\0\0\0",
+             struct.pack("<3f", 1, 0, 0), struct.pack("<8f", 0, 0, 1, 0, 0, 1, 1, 1), png()]
+    views, data = [], b""
+    for part in parts:
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(part)})
+        data += part.ljust(-(-len(part) // 4) * 4, b"\0")
+    buffer = {"byteLength": len(data)}
+    if not binary:
+        buffer["uri"] = "data:;base64," + base64.b64encode(data).decode()
+    text = json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "buffers": [buffer], "bufferViews": views,
+        "nodes": [{"mesh": 0, "children": [1, 2]}, {"mesh": 0, "translation": [2, 0, 0], "rotation": [0, 0, 0.6, 0.8]},
+                  {"camera": 0, "translation": [1, 0, 5], "extensions": {"KHR_lights_punctual": {"light": 0}}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "sparse": {
+                          "count": 1, "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 3}}},
+                      {"bufferView": 1, "componentType": 5121, "count": 12, "type": "SCALAR"},
+                      {"bufferView": 4, "componentType": 5126, "count": 4, "type": "VEC2"}],
+        "materials": [{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.5], "roughnessFactor": 0.3,
+                                                                    "baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}], "images": [{"bufferView": 5}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "spot", "intensity": 40, "spot": {"outerConeAngle": 0.5}}]}},
+    }).encode()
+    if not binary:
+        return text
+    text = text.ljust(-(-len(text) // 4) * 4)
+    chunks = struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", len(data)) + b"BIN\0" + data
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+OFF = b"""STCNOFF
+4 3 0
+0 0 0 0 0 1 255 0 0 255 0 0
+1 0 0 0 0 1 0 255 0 255 1 0
+1 1 0 0 0 1 0 0 255 128 1 1
+0 1 0 0 0 1 9 9 9 255 0 1
+4 0 1 2 3 1 0 0
+3 0 1 2 0.5 0.5 0.5
+3 2 1 0
+"""
+
+THREEMF = b"""<?xml version="1.0"?>
+<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
+<basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF0080"/></basematerials>
+<object id="1" pid="5" pindex="0"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>
+<triangles><triangle v1="0" v2="1" v3="2" pid="5" p1="0" p2="1"/><triangle v1="2" v2="1" v3="0"/></triangles></mesh></object>
+<object id="2"><components><component objectid="1"/><component objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>
+</resources><build><item objectid="2" transform="0 1 0 -1 0 0 0 0 1 0 0 0"/></build></model>
+"""
+
+
+def threemf(compression):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as archive:
+        archive.writestr(zipfile.ZipInfo("3D/3dmodel.model"), THREEMF, compression)
+    return file.getvalue()
 
 
 def npy(rows, columns, numbers):
@@ -219,6 +282,10 @@ def kinds():
         "ply binary": ("made.ply", scene, [ply("<", False), ply("<", True), ply(">", True)]),
         "stl ascii": ("made.stl", scene, [stl(False)]),
         "stl binary": ("made.stl", scene, [stl(True)]),
+        "gltf": ("made.gltf", scene, [gltf(False)]),
+        "glb": ("made.glb", scene, [gltf(True)]),
+        "off": ("made.off", scene, [OFF]),
+        "3mf": ("made.3mf", scene, [threemf(zipfile.ZIP_STORED), threemf(zipfile.ZIP_DEFLATED)]),
         "nff": ("made.nff", scene, [NFF]),
         "npz": ("made.npz", rays, [npz(zipfile.ZIP_STORED, False), npz(zipfile.ZIP_DEFLATED, True)]),
         "png": ("made.png", ["obj"], [png(), png(7, 3)]),

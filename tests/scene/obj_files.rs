@@ -78,6 +78,8 @@ fn quirks_give_the_right_materials_and_warnings() {
         assert_eq!(size_of_picture(&scene), (4, 4), "{name}");
         assert_eq!(scene.triangles[1].uvs.map(|i| scene.uvs[i as usize].to_array()), [[0., 0.], [1., 1.], [0., 1.]]);
     }
+    assert_warned(&scene("vertex_colours.obj"), "colours and weights of vertices not used: 8, this is the first");
+    assert!(scene("vertex_w.obj").warnings.is_empty(), "{:?}", scene("vertex_w.obj").warnings);
     assert_warned(&scene("map_options.obj"), "map_options.mtl:3: ");
     assert_warned(&scene("map_options.obj"), "-s -o -clamp -mm");
     assert_warned(&scene("missing_mtllib.obj"), "missing_mtllib.obj:1: material library 'nowhere.mtl'");

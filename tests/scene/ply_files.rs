@@ -226,7 +226,9 @@ fn textures_are_named_in_comments_and_chosen_by_faces() {
     assert_eq!(colours(&load(&path).unwrap()), ["two.png"; 2]);
     let file = square("", [""; 4], "", &["4 0 1 2 3"]);
     std::fs::write(&path, file.replace("element vertex", "comment TextureFile none.png\nelement vertex")).unwrap();
-    assert_eq!(load(&path).unwrap().warnings, [] as [&str; 0]);
+    let scene = load(&path).unwrap();
+    assert_eq!(scene.warnings.len(), 1);
+    assert_warned(&scene, "not used: textures, for which there are no coordinates");
 }
 
 #[test]

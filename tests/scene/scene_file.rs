@@ -630,7 +630,7 @@ fn missing_and_foreign_files_name_key_and_line() {
     assert_fault("[[object]]\n\nfile = 'none.obj'\n", 3, &["file", "'none.obj'"]);
     assert_fault("[material.x]\ntexture = 'none.png'\n", 2, &["texture", "'none.png'"]);
     let folder = Folder::new("[[object]]\nfile = 'scene.toml'\n");
-    assert!(fault_in(&folder).1.contains("not a model; possible: .obj, .ply, .stl, .nff"));
+    assert!(fault_in(&folder).1.contains("not a model; possible: .obj, .ply, .stl, .gltf, .glb, .off, .3mf, .nff"));
     let folder = Folder::new("[material.x]\ntexture = 'scene.toml'\n");
     let (line, message) = fault_in(&folder);
     assert!(line == Some(2) && message.contains("texture 'scene.toml'"), "{message}");

@@ -30,7 +30,8 @@ pub struct CameraArgs {
         value_parser = parse_vector,
     )]
     target: Option<Vec3>,
-    /// Which way is up: an axis, or a direction X,Y,Z [default: the scene's, else z in .stl files and y in others].
+    /// Which way is up: an axis, or a direction X,Y,Z [default: the scene's, else z in .stl and .3mf files and y in
+    /// others].
     #[arg(
         long,
         help_heading = heading::CAMERA,

@@ -233,7 +233,7 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// The scene: a model (.obj, .ply, .stl, .nff) or a scene file (.toml, see the book's page on scenes).
+    /// The scene: a model (.obj, .ply, .stl, .gltf, .glb, .off, .3mf, .nff) or a scene file (.toml, see the book's page on scenes).
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// Take a scene file without any object: every ray misses.

@@ -67,7 +67,7 @@ pub struct StressArgs {
     /// these, joined by + where several are meant, such as exact,grid+watertight,median+restart.
     #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, value_delimiter = ',', default_missing_value = "")]
     methods: Option<Vec<String>>,
-    /// Trace these rays through this model (.obj, .ply, .stl) instead, such as --write wrote them or any others.
+    /// Trace these rays through this model (.obj, .ply, .stl, .gltf, .glb, .off, .3mf) instead, such as --write wrote them or any others.
     #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"])]
     replay: Option<Vec<PathBuf>>,
     /// With --replay: any hit within the limits will do, as for shadows.

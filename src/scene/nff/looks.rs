@@ -1,9 +1,9 @@
 //! Colours and materials of NFF files.
 
 use super::Reader;
-use super::words::Word;
 use crate::scene::check::material_fault;
 use crate::scene::text::quote;
+use crate::scene::words::Word;
 use crate::scene::{Material, mtl};
 use glam::Vec3;
 

@@ -1,10 +1,10 @@
 //! Spheres, cones and cylinders of NFF files, broken into triangles.
 
 use super::Reader;
-use super::words::Words;
 use crate::error::{Error, Result};
 use crate::scene::solids::DEFAULT_SEGMENTS;
 use crate::scene::text::Warnings;
+use crate::scene::words::Words;
 use glam::{DAffine3, DMat3};
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! The faces of a PLY file, split into triangles.
 
-use super::paint;
 use super::rows::Sink;
 use super::values::Values;
 use super::vertices::{BLUE, GREEN, RED, Vertices, colour_scale, find};
+use crate::scene::paint;
 use crate::scene::reading::split_by;
 use crate::scene::text::Tally;
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
@@ -35,8 +35,10 @@ enum Role {
 /// The faces.
 pub(super) struct Faces {
     roles: Vec<Role>,
-    has_colours: bool,
-    has_texcoords: bool,
+    /// Whether faces have colours.
+    pub has_colours: bool,
+    /// Whether corners have texture coordinates of their face's own.
+    pub has_texcoords: bool,
     count: usize,
     face: Face,
     polygon: Vec<Vec3>,

@@ -1,7 +1,7 @@
 //! The vertices of a PLY file.
 
-use super::paint;
 use super::rows::Sink;
+use crate::scene::paint;
 use glam::{Vec2, Vec3};
 use serde::de::{IgnoredAny, MapAccess};
 use serde_ply::{ElementDef, PlyProperty, PropertyType, ScalarType};

@@ -1,4 +1,6 @@
-//! The words of an NFF text: what stands between blanks, line ends and comments, and on which line.
+//! The words of NFF and OFF texts: what stands between blanks, line ends and comments, and on which line.
+
+use super::text::number;
 
 /// A word and the number of its line.
 #[derive(Debug, Clone, Copy)]
@@ -10,7 +12,7 @@ pub(super) struct Word<'a> {
 impl Word<'_> {
     /// The number that it is; one that float32 cannot hold is infinite.
     pub(super) fn number(&self) -> Option<f32> {
-        std::str::from_utf8(self.text).ok()?.parse().ok()
+        number(self.text)
     }
 }
 

@@ -1,26 +1,19 @@
-//! The colours and textures of a PLY file as materials.
+//! The colours and textures of PLY, OFF and 3MF files as materials; what of it glTF files share.
 //!
 //! A surface has one material, so each colour becomes a matt one, named by its code. Until all faces are known a
 //! triangle has a *paint* for a material: its colour, its texture, or neither.
 
-use crate::budget::MemoryBudget;
-use crate::scene::file::linear;
-use crate::scene::text::{Warnings, quote};
-use crate::scene::texture::{decode, find_inside};
-use crate::scene::{Image, Material, MaterialId, SourceFile, TextureId, Triangle};
+use super::file::linear;
+use super::{Image, Material, MaterialId, TextureId, Triangle};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
-use std::path::{Path, PathBuf};
 
 /// The most colours that become a material each. With more, red, green and blue are rounded to [`LEVELS`] values each,
 /// which makes at most as many.
-const MAX_COLOURS: usize = 4096;
+pub(super) const MAX_COLOURS: usize = 4096;
 
 /// Values of red, green and blue after rounding: the cube root of [`MAX_COLOURS`].
-pub(super) const LEVELS: u32 = 16;
-
-/// What the name of a texture follows in a comment; MeshLab's convention.
-const TEXTURE_COMMENT: &str = "TextureFile ";
+const LEVELS: u32 = 16;
 
 /// The paint of a triangle without colour or texture.
 pub(super) const PLAIN: MaterialId = MaterialId::MAX;
@@ -48,8 +41,13 @@ pub(super) fn mean(colours: [[u8; 3]; 3]) -> [u8; 3] {
     [0, 1, 2].map(|part| ((colours.iter().map(|c| u32::from(c[part])).sum::<u32>() + 1) / 3) as u8)
 }
 
-/// Turns the paints of `triangles` into materials, in order of first use; whether colours were rounded.
-pub(super) fn materials(triangles: &mut [Triangle], textures: &[Image]) -> (Vec<Material>, bool) {
+/// Turns the paints of `triangles` into materials, in order of first use; and what there is to say of it. `blended`:
+/// whether a triangle has corners of different colours.
+pub(super) fn materials(
+    triangles: &mut [Triangle],
+    textures: &[Image],
+    blended: bool,
+) -> (Vec<Material>, Option<String>) {
     let mut colours = HashSet::new();
     let too_many =
         triangles.iter().any(|t| t.material < TEXTURED && colours.insert(t.material) && colours.len() > MAX_COLOURS);
@@ -71,14 +69,28 @@ pub(super) fn materials(triangles: &mut [Triangle], textures: &[Image]) -> (Vec<
         last = Some((triangle.material, id));
         triangle.material = id;
     }
-    (materials, too_many)
+    (materials, reduction(blended, too_many))
+}
+
+/// The warning about colours that are not as they were.
+pub(super) fn reduction(blended: bool, rounded: bool) -> Option<String> {
+    let averaging = blended.then(|| "each triangle has the mean colour of its corners".to_owned());
+    let rounding = rounded.then(|| format!("red, green and blue are rounded to {LEVELS} values each"));
+    let reduced: Vec<String> = averaging.into_iter().chain(rounding).collect();
+    (!reduced.is_empty())
+        .then(|| format!("{}: a triangle has one material, and each colour is one", reduced.join(", and ")))
 }
 
 /// The nearest colour of those whose parts have [`LEVELS`] values.
 fn rounded(colour: MaterialId) -> MaterialId {
-    let step = 255 / (LEVELS - 1); // 17, without remainder
     let [_, parts @ ..] = colour.to_be_bytes();
-    coloured(parts.map(|part| ((u32::from(part) + step / 2) / step * step) as u8))
+    coloured(parts.map(rounded_part))
+}
+
+/// The nearest of [`LEVELS`] values.
+pub(super) fn rounded_part(part: u8) -> u8 {
+    let step = 255 / (LEVELS - 1); // 17, without remainder
+    ((u32::from(part) + step / 2) / step * step) as u8
 }
 
 fn material(paint: MaterialId, textures: &[Image]) -> Material {
@@ -92,46 +104,6 @@ fn material(paint: MaterialId, textures: &[Image]) -> Material {
     }
     let [_, parts @ ..] = paint.to_be_bytes();
     Material { name: format!("#{paint:06x}"), ..Material::matt(parts.map(linear).into()) }
-}
-
-/// Loads the textures that `comments` of the PLY file `path` name: which of them each number of a face means, and the
-/// textures.
-pub(super) fn load_textures(
-    path: &Path,
-    comments: &[String],
-    warnings: &mut Warnings,
-    budget: &MemoryBudget,
-) -> (Vec<Option<TextureId>>, Vec<Image>) {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let (mut numbers, mut textures) = (Vec::new(), Vec::new());
-    let mut known: HashMap<PathBuf, Option<TextureId>> = HashMap::new();
-    for name in comments.iter().filter_map(|c| c.strip_prefix(TEXTURE_COMMENT)) {
-        let root = folder.canonicalize().map_err(|e| format!("cannot be opened: {e}"));
-        let found = root.and_then(|root| find_inside(&root, &root, name)).and_then(|file| {
-            if let Some(&id) = known.get(&file) {
-                return Ok(id);
-            }
-            let decoded = decode(&file, name, budget);
-            let id = decoded.is_ok().then_some(textures.len() as TextureId);
-            known.insert(file, id);
-            textures.push(decoded?);
-            Ok(id)
-        });
-        numbers.push(found.unwrap_or_else(|reason| {
-            warnings.add(path, None, format!("texture '{}' {reason}; it is left out", quote(name.as_bytes())));
-            None
-        }));
-    }
-    (numbers, textures)
-}
-
-/// The pictures that `comments` of the PLY file `path` name and that are there, whether faces use them or not.
-pub(super) fn named_files(path: &Path, comments: &[String]) -> Vec<SourceFile> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let Ok(root) = folder.canonicalize() else { return Vec::new() };
-    let names = comments.iter().filter_map(|comment| comment.strip_prefix(TEXTURE_COMMENT));
-    let files = names.filter_map(|name| find_inside(&root, &root, name).ok());
-    files.map(|file| SourceFile { path: file, role: format!("the texture that '{}' names", path.display()) }).collect()
 }
 
 #[cfg(test)]
