@@ -21,6 +21,8 @@ rooms! {
     accel,
     /// Pictures of bounded error: which pixels get how many samples.
     adaptive,
+    /// Pictures one after the other in one file.
+    animation in io,
     /// False-colour pictures of counted work.
     aov in io,
     /// Bounds of rounding errors that builders, kernels and the twin share.
@@ -45,6 +47,8 @@ rooms! {
     film in io,
     /// Input files, read whole.
     input in io,
+    /// What a picture knows beside light: depth, normals, numbers of primitives and the like.
+    layers,
     /// Vectors as kernels have them.
     layout,
     /// Arithmetic with the same bits everywhere.
@@ -55,6 +59,8 @@ rooms! {
     output in io,
     /// Scene and structure as flat arrays in tracing space, which kernels and twin read alike.
     pack,
+    /// Layers of numbers of pixels, and OpenEXR files of them.
+    planes in io,
     /// Random numbers that are the same on every machine.
     random,
     /// Batches of rays and hits as NumPy archives.

@@ -228,7 +228,7 @@ impl SceneBuffers {
     ///
     /// # Errors
     /// [`Error::Scene`] when it is too far away to be a point.
-    pub(crate) fn packed_light(&self, light: &crate::scene::Light) -> Result<Light> {
+    pub fn packed_light(&self, light: &crate::scene::Light) -> Result<Light> {
         pack_light(0, light, self.params.scale)
     }
 

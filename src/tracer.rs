@@ -13,7 +13,7 @@ use crate::names::as_name;
 use crate::options::Decisions;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::shared::{COUNTERS, CameraSample, Hit, NO_PRIMITIVE, RenderParams, TraceRay};
+use crate::shared::{COUNTERS, CameraSample, Hit, Light, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
 
@@ -261,6 +261,13 @@ pub trait Backend: Send {
         &[]
     }
 
+    /// Has `lights` shine from now on in place of those of the scene; as many of them, and no brighter. What
+    /// [`SceneBuffers::packed_light`] makes.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for another number of lights; the device failed.
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()>;
+
     /// Traces a batch of rays.
     ///
     /// # Errors
@@ -301,6 +308,15 @@ pub trait Backend: Send {
         let _ = (params, adaptive, progress);
         Ok(None)
     }
+}
+
+/// Checks that as many lights take the place of those of `buffers`.
+pub(crate) fn check_lights(buffers: &SceneBuffers, lights: &[Light]) -> Result<()> {
+    let (given, had) = (lights.len(), buffers.lights.len());
+    if given == had {
+        return Ok(());
+    }
+    Err(Error::option("lights", format!("{given} cannot take the place of {had}; give as many")))
 }
 
 /// Refuses a device whose times are not its own, where times are what is asked for.

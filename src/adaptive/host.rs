@@ -494,6 +494,7 @@ fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 mod tests {
     use super::*;
     use crate::options::TraceOptions;
+    use crate::shared::Light;
     use crate::tracer::{AllHits, AllHitsJob, Candidates, CandidatesJob, TraceJob, TraceResult};
 
     /// Shows rings around a point instead of a scene: thin far from it, wide near it, on a ground without any.
@@ -517,6 +518,10 @@ mod tests {
 
         fn options(&self) -> &TraceOptions {
             &self.options
+        }
+
+        fn set_lights(&mut self, _: &[Light]) -> Result<()> {
+            unreachable!("nobody asks for it")
         }
 
         fn trace(&mut self, _: &TraceJob, _: Progress) -> Result<TraceResult> {

@@ -22,10 +22,10 @@ use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
 use crate::reference::extreme::{all_extreme, answer_extreme};
-use crate::shared::{CameraSample, Hit, RenderParams};
+use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Task, TraceJob,
-    TraceResult,
+    TraceResult, check_lights,
 };
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
@@ -224,6 +224,11 @@ impl Backend for OpenClBackend {
                 Ok(())
             }
         }
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        check_lights(&self.buffers, lights)?;
+        self.scene.lights.write(lights)
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {

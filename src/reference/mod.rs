@@ -5,6 +5,7 @@
 //! accuracy is measured.
 
 pub mod extreme;
+pub mod first_hits;
 pub mod intersect;
 pub mod kernels;
 pub mod oracle;
@@ -19,9 +20,10 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
-use crate::shared::{COUNTERS, CameraSample, RenderParams, TextureRequest};
+use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
+    check_lights,
 };
 use extreme::{all_extreme, answer_extreme};
 use kernels::closest_point::list_candidates;
@@ -95,6 +97,13 @@ impl Backend for ReferenceBackend {
 
     fn options(&self) -> &TraceOptions {
         &self.options
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        check_lights(&self.buffers, lights)?;
+        // Once a copy, where others have the scene, too.
+        Arc::make_mut(&mut self.buffers).lights.copy_from_slice(lights);
+        Ok(())
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {

@@ -12,15 +12,18 @@ mod compiler_options;
 mod device_faults;
 mod distance;
 mod explain;
+mod layers;
 mod limits;
 mod losses;
 mod methods;
 mod peers;
 mod ply_headers;
+mod progress;
 mod roulette;
 mod study;
 mod truth;
 mod tune;
+mod turntable;
 mod warm_up;
 
 use std::path::Path;

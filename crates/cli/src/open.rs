@@ -26,6 +26,10 @@ pub struct Loaded {
     pub scene: Scene,
     /// Where its camera comes from, part by part, if it was given one.
     pub camera: Vec<Decision>,
+    /// Its camera as it was placed, if it was given one.
+    pub placed: Option<Placed>,
+    /// Whether its only light is the one that a scene without lights gets.
+    pub has_key_light: bool,
     /// Seconds.
     pub load_s: f64,
 }
@@ -36,8 +40,10 @@ pub fn load_for_picture(scene: &SceneArgs, args: &PictureArgs, budget: &MemoryBu
     args.camera.aim().check()?;
     let mut loaded = load_with_objects(&scene.scene, scene.allow_empty, budget, talk)?;
     let start = Instant::now();
+    loaded.has_key_light = loaded.scene.lights.is_empty();
     let placed = complete_for_picture(&mut loaded.scene, &scene.scene, Some(args))?;
     loaded.camera = flags::decisions(camera_decisions(&placed).to_vec());
+    loaded.placed = Some(placed);
     loaded.load_s += start.elapsed().as_secs_f64();
     Ok(loaded)
 }
@@ -113,7 +119,8 @@ pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    Ok(Loaded { scene, camera: Vec::new(), load_s: start.elapsed().as_secs_f64() })
+    let load_s = start.elapsed().as_secs_f64();
+    Ok(Loaded { scene, camera: Vec::new(), placed: None, has_key_light: false, load_s })
 }
 
 /// Checks that there is memory for the numbers of all triangles, which instances can make many of.
@@ -128,9 +135,9 @@ fn check_list(scene: &Scene, path: &Path, budget: &MemoryBudget) -> Result<()> {
     })
 }
 
-/// Checks that there is memory for a picture.
+/// Checks that there is memory for a picture, and so many bytes beside it.
 pub fn check_picture(
-    size: (u32, u32),
+    (size, more_bytes): ((u32, u32), u64),
     samples: Samples,
     options: &TraceOptions,
     device: Option<&DeviceHandle>,
@@ -138,7 +145,7 @@ pub fn check_picture(
     budget: &MemoryBudget,
 ) -> Result<()> {
     let what = format!("a picture of {}x{} pixels", size.0, size.1);
-    let bytes = picture_bytes(size, samples, options, device, Some(format));
+    let bytes = picture_bytes(size, samples, options, device, Some(format)) + more_bytes;
     let remedy = "lower --size (a scene file's width and height), or raise --memory-limit";
     budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
 }

@@ -2,14 +2,15 @@
 
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
+use super::layers::LayerArgs;
+use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
-use raybrook::low_level::film::{Film, ImageFormat, check_output};
+use raybrook::low_level::film::{ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::renderer::{Crop, DEFAULT_DEPTH, Picture, render_full, render_part};
 use raybrook::low_level::scene::{Samples, Scene};
-use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
 use raybrook::low_level::tracer::{MOST_SAMPLES, Task};
 use raybrook::low_level::work::WorkSum;
@@ -32,28 +33,21 @@ pub struct RenderArgs {
     /// The default is in this folder, and has -render.png where .png is one of the scene's files.
     #[arg(short, long, value_name = "FILE", help_heading = heading::OUTPUT)]
     output: Option<PathBuf>,
-    /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
-    #[arg(long, value_name = "BITS", hide_short_help = true, help_heading = heading::OUTPUT)]
-    bit_depth: Option<u8>,
+    #[command(flatten)]
+    file: PictureFileArgs,
     /// Part of the picture to render, WxH pixels from column X and row Y on.
     ///
     /// Its pixels are those of the whole picture, bit for bit. With --samples nothing else is rendered. With --error
     /// all of the picture is, and the part is cut out: where samples go is decided in blocks that are strewn over it.
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "X,Y,WxH")]
     crop: Option<Crop>,
-    /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
-    ///
-    /// All light is multiplied by 2 to the power of EV before it becomes sRGB. Not for .exr and .pfm, which hold the
-    /// light itself. --error means the picture without it.
-    #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "EV", allow_hyphen_values = true)]
-    exposure: Option<f32>,
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
     #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     counters: bool,
-    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
-    aov: Vec<WorkCounter>,
+    #[command(flatten)]
+    layers: LayerArgs,
     /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has
     /// against it.
     #[arg(long, hide_short_help = true, conflicts_with = "crop", help_heading = heading::DIAGNOSIS)]
@@ -89,7 +83,7 @@ impl RenderArgs {
         let claim = |output: PathBuf| {
             let mut files = files.clone();
             files.write(&output, "-o")?;
-            work::claim_aovs(&output, format, &self.aov, &mut files).map(|()| output)
+            self.layers.claim(&output, format, &mut files).map(|()| output)
         };
         match &self.output {
             Some(output) => claim(output.clone()),
@@ -98,32 +92,21 @@ impl RenderArgs {
     }
 }
 
-/// Checks that a picture of this format can have the exposure that was asked for.
-fn check_exposure(stops: Option<f32>, format: ImageFormat) -> Result<()> {
-    let Some(stops) = stops else { return Ok(()) };
-    if matches!(format, ImageFormat::Exr | ImageFormat::Pfm) {
-        let message = "an .exr or .pfm holds the light itself, which viewers expose; leave it out, or write a .png";
-        return Err(Error::option("exposure", message));
-    }
-    Film::check_exposure(stops)
-}
-
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
-    let counters = args.counters || !args.aov.is_empty();
+    let counters = args.counters || args.layers.wants_counters();
     let options = args.method.check(counters)?;
     let wanted = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
     };
-    let format = ImageFormat::from_path(&wanted)?;
-    let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
-    check_exposure(args.exposure, format)?;
+    let format = args.file.format(&wanted)?;
+    args.layers.check(format)?;
     let mut files = Files::default();
     files.read(&args.scene.scene, "the scene");
     let output = args.output(&wanted, format, files.clone())?;
     check_output(&output, Some(format))?;
-    work::check_aovs(&output, format, &args.aov)?;
+    args.layers.check_writable(&output, format)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let opening = Instant::now();
     let device = open::choose(&args.device, talk)?;
@@ -132,7 +115,9 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
     let check_picture = |size, samples| {
         args.crop.map_or(Ok(()), |crop| crop.check(size))?;
-        open::check_picture(rendered_size(size, samples), samples, &options, device.as_ref(), format, &budget)
+        let layer_bytes = args.layers.bytes(args.crop.map_or(size, |crop| crop.size));
+        let size = rendered_size(size, samples);
+        open::check_picture((size, layer_bytes), samples, &options, device.as_ref(), format, &budget)
     };
     if let Some(size) = args.picture.size {
         check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
@@ -154,7 +139,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let chosen = chooser.choose(&loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
-    let tasks = (&[Task::Picture][..], &budget);
+    let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
+    let tasks = (tasks, &budget);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
     check_picture(picture.size, picture.samples)?;
 
@@ -164,24 +150,30 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
     let mut result = render_part(opened.tracer.as_mut(), &opened.buffers, &picture, args.crop, &progress)?;
     drop(bar);
+    let tracing_layers = Instant::now();
+    let scene = (&*opened.buffers, &loaded.scene);
+    let layers = args.layers.trace(opened.tracer.as_mut(), scene, &picture, args.crop, talk)?;
+    let layers_s = args.layers.wants_hits().then(|| tracing_layers.elapsed().as_secs_f64());
 
     let bad = result.film.non_finite();
     if bad > 0 && !talk.quiet {
         tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
     }
-    args.exposure.map_or(Ok(()), |stops| result.film.expose(stops))?;
+    args.file.expose(&mut result.film)?;
     let writing = Instant::now();
-    result.film.write(&output, Some(format))?;
+    args.layers.write((&output, format), &result, layers, talk)?;
 
     let stats = &mut opened.stats;
     stats.write_s = Some(writing.elapsed().as_secs_f64());
     stats.device_s = Some(device_s);
+    stats.layers_s = layers_s;
+    stats.materials = args.layers.materials(&loaded.scene);
     stats.rays = RayCounts::from_counters(&result.counts);
     if let Some(pixels) = &result.work {
         stats.work = Some(WorkStats {
             camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
             all: WorkSum::new(stats.rays.total_cast(), pixels.iter().flat_map(|pixel| [pixel.camera, pixel.secondary])),
-            aovs: work::write_aovs(&output, format, &args.aov, pixels, (result.film.width, result.film.height))?,
+            aovs: args.layers.write_aovs((&output, format), pixels, (result.film.width, result.film.height))?,
         });
     }
     stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
@@ -197,7 +189,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         let camera_rays = result.film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
         let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
         let mut full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
-        args.exposure.map_or(Ok(()), |stops| full.film.expose(stops))?;
+        args.file.expose(&mut full.film)?;
         stats.full_picture = Some(FullPicture {
             samples: MOST_SAMPLES,
             rays: RayCounts::from_counters(&full.counts),
