@@ -218,6 +218,20 @@ pub fn render_adaptive(
     }
 }
 
+/// As [`render_adaptive`], and tells how each pixel was sampled. The host decides, whoever else would; so the pixels are
+/// the same.
+///
+/// # Errors
+/// As [`Backend::render`].
+pub fn render_adaptive_noting(
+    tracer: &mut dyn Backend,
+    params: &RenderParams,
+    adaptive: Adaptive,
+    progress: Progress,
+) -> Result<RenderResult> {
+    host::render_noting(tracer, params, adaptive, true, progress)
+}
+
 /// What `cl/kernels/adaptive.cl` has of the constants of these files.
 pub(crate) fn cl_constants() -> String {
     let list = |values: &[f32]| values.iter().map(|value| format!("{value:?}f")).collect::<Vec<_>>().join(", ");

@@ -1,9 +1,9 @@
 //! What a picture knows beside light: depth, normals, numbers of primitives and the like, one value a pixel.
 //!
-//! They are of the first hit on the ray through the middle of a pixel (of a picture through corners: the pixel's corner),
-//! whatever samples the picture has. These rays are a batch as any other; the hits of an exact tracer are the same bits
-//! on every device, and all else is computed of them on the host (`reference/first_hits.rs`). Whoever asks for no layer
-//! pays nothing.
+//! Most are of the first hit on the ray through the middle of a pixel (of a picture through corners: the pixel's
+//! corner), whatever samples the picture has. These rays are a batch as any other; the hits of an exact tracer are the
+//! same bits on every device, and all else is computed of them on the host (`reference/first_hits.rs`). Two tell how the
+//! pixels were sampled. Whoever asks for no layer pays nothing.
 //!
 //! Bad at: edges. A mean of depths or numbers of what meets in a pixel would be neither, so that layers have no smooth
 //! ones.
@@ -20,12 +20,12 @@ use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::first_hits::{CameraRays, FirstHit, directions_of, first_hits};
 use crate::renderer::{Crop, Picture};
 use crate::scene::{Camera, Numbering, Samples};
-use crate::tracer::{Backend, Progress};
+use crate::tracer::{Backend, Progress, Sampling};
 use glam::Vec3;
 use rayon::prelude::*;
 
 names! {
-    /// What can be told of a pixel, beside its light: of the first hit on the ray through its middle.
+    /// What can be told of a pixel, beside its light: most of it of the first hit on the ray through its middle.
     pub enum Layer ("layers") {
         /// Distance along the view, world units; infinite where nothing is hit.
         Depth = "depth",
@@ -47,6 +47,10 @@ names! {
         Instance = "instance",
         /// Number of the material.
         Material = "material",
+        /// How many samples the pixel has; 0: it is interpolated.
+        Samples = "samples",
+        /// The pixel's error as estimated, in steps of 8-bit sRGB; of pictures by their error.
+        Error = "error",
     }
 }
 
@@ -58,13 +62,18 @@ impl Layer {
             Layer::Position | Layer::Normal | Layer::GeometricNormal => &['X', 'Y', 'Z'],
             Layer::Albedo => &['R', 'G', 'B'],
             Layer::Uv => &['U', 'V'],
-            Layer::Primitive | Layer::Object | Layer::Instance | Layer::Material => &['X'],
+            _ => &['X'],
         }
     }
 
-    /// Whether it has whole numbers, [`Numbering::NONE`] where nothing is hit, in place of measures.
-    pub fn is_number(self) -> bool {
-        matches!(self, Layer::Primitive | Layer::Object | Layer::Instance | Layer::Material)
+    /// Whether it tells of what is hit, and not of how the pixel was sampled.
+    pub fn is_of_hit(self) -> bool {
+        !matches!(self, Layer::Samples | Layer::Error)
+    }
+
+    /// Whether it has whole numbers in place of measures: where nothing is hit [`Numbering::NONE`].
+    pub fn is_whole(self) -> bool {
+        matches!(self, Layer::Primitive | Layer::Object | Layer::Instance | Layer::Material | Layer::Samples)
     }
 
     /// Channel `k` of a layer of measures.
@@ -107,7 +116,8 @@ pub fn layers_bytes((width, height): (u32, u32), layers: &[Layer]) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
     let channels: usize = layers.iter().map(|layer| layer.channels().len()).sum();
     let batch = RAY_BYTES * pixels.min(BATCH_RAYS as u64);
-    batch + pixels * (channels * size_of::<f32>() + size_of::<[f32; 3]>()) as u64
+    let noted = if layers.iter().all(|layer| layer.is_of_hit()) { 0 } else { size_of::<[f32; 2]>() };
+    batch + pixels * (channels * size_of::<f32>() + size_of::<[f32; 3]>() + noted) as u64
 }
 
 /// Room for a layer.
@@ -115,7 +125,7 @@ fn room_for(layer: Layer, pixels: usize) -> Result<PlaneGroup> {
     let what = format!("the layer {layer} of {pixels} pixels");
     let bytes = (4 * layer.channels().len() * pixels) as u64;
     let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
-    let plane = || match layer.is_number() {
+    let plane = || match layer.is_whole() {
         true => try_repeat(Numbering::NONE, pixels).map(Plane::Uint),
         false => try_repeat(0.0, pixels).map(Plane::Float),
     };
@@ -139,21 +149,41 @@ fn fill(group: &mut PlaneGroup, layer: Layer, first: usize, hits: &[FirstHit], n
     }
 }
 
+/// What a layer tells of how the pixels were sampled.
+fn sampled(layer: Layer, picture: &Picture, pixels: usize, sampling: Option<&Sampling>) -> Result<PlaneGroup> {
+    let mut group = room_for(layer, pixels)?;
+    for (_, plane) in &mut group.planes {
+        match (plane, sampling) {
+            (Plane::Uint(values), Some(sampling)) => values.copy_from_slice(&sampling.samples),
+            (Plane::Uint(values), None) => values.fill(picture.samples.per_pixel()),
+            (Plane::Float(values), Some(sampling)) => values.copy_from_slice(&sampling.errors),
+            (Plane::Float(_), None) => return Err(no_estimate()),
+        }
+    }
+    Ok(group)
+}
+
+fn no_estimate() -> Error {
+    let message = "error: only a picture by its `error` has an estimate of it, not one of `samples`; leave it out";
+    Error::option(Layer::OPTION, message)
+}
+
 /// The `layers` of a picture of the scene that `tracer` was opened with, or of a `part` of it. `numbering`: that of the
-/// scene.
+/// scene; `sampling`: how a picture by its error was sampled.
 ///
 /// # Errors
-/// The picture has no such samples or no such part, a layer is asked for twice, or the device failed or cannot hold a
-/// batch of its rays.
+/// The picture has no such samples or no such part, a layer is asked for twice, one of `sampling` without it, or the
+/// device failed or cannot hold a batch of its rays.
 pub fn trace_layers(
     tracer: &mut dyn Backend,
     (buffers, numbering): (&SceneBuffers, &Numbering),
     picture: &Picture,
     part: Option<Crop>,
     layers: &[Layer],
+    sampling: Option<&Sampling>,
     progress: Progress,
 ) -> Result<Vec<PlaneGroup>> {
-    check_layers(layers)?;
+    check_layers(layers, picture.samples)?;
     picture.samples.check(picture.size)?;
     let crop = part.unwrap_or(Crop { place: (0, 0), size: picture.size });
     crop.check(picture.size)?;
@@ -163,24 +193,32 @@ pub fn trace_layers(
     let params = whole.cropped(crop.place, crop.size);
     let rays = CameraRays { params: &params, centre: sample_positions(samples)[0] };
     let pixels = params.film_len();
-    let mut groups = layers.iter().map(|&layer| room_for(layer, pixels)).collect::<Result<Vec<_>>>()?;
-    for first in (0..if layers.is_empty() { 0 } else { pixels }).step_by(BATCH_RAYS) {
+    let group = |&layer: &Layer| match layer.is_of_hit() {
+        true => room_for(layer, pixels),
+        false => sampled(layer, picture, pixels, sampling),
+    };
+    let mut groups = layers.iter().map(group).collect::<Result<Vec<_>>>()?;
+    let traced = if layers.iter().any(|layer| layer.is_of_hit()) { pixels } else { 0 };
+    for first in (0..traced).step_by(BATCH_RAYS) {
         let end = pixels.min(first + BATCH_RAYS);
         let part_done = |done: f64| progress((first as f64 + done * (end - first) as f64) / pixels as f64);
         let wants_albedo = layers.contains(&Layer::Albedo);
         let found = hits_of(tracer, buffers, &picture.camera, &rays, first..end, wants_albedo, &part_done)?;
-        for (group, &layer) in groups.iter_mut().zip(layers) {
+        for (group, &layer) in groups.iter_mut().zip(layers).filter(|(_, layer)| layer.is_of_hit()) {
             fill(group, layer, first, &found, numbering);
         }
     }
     Ok(groups)
 }
 
-/// Checks that no layer is asked for twice.
+/// Checks that no layer is asked for twice, and that a picture of these samples has all of them.
 ///
 /// # Errors
 /// [`Error::Option`].
-pub fn check_layers(layers: &[Layer]) -> Result<()> {
+pub fn check_layers(layers: &[Layer], samples: Samples) -> Result<()> {
+    if layers.contains(&Layer::Error) && !matches!(samples, Samples::Error(_)) {
+        return Err(no_estimate());
+    }
     let twice = layers.iter().enumerate().find(|(i, layer)| layers[..*i].contains(layer));
     match twice {
         Some((_, layer)) => Err(Error::option(Layer::OPTION, format!("{layer} is there twice; leave one out"))),
@@ -242,7 +280,12 @@ mod tests {
 
         fn layers(&mut self, part: Option<Crop>, layers: &[Layer]) -> Result<Vec<PlaneGroup>> {
             let Pictured { tracer, buffers, numbering, picture } = self;
-            trace_layers(tracer, (buffers, numbering), picture, part, layers, &|_| ())
+            trace_layers(tracer, (buffers, numbering), picture, part, layers, None, &|_| ())
+        }
+
+        fn of_hits(&mut self, part: Option<Crop>) -> Vec<PlaneGroup> {
+            let layers: Vec<_> = Layer::ALL.iter().copied().filter(|layer| layer.is_of_hit()).collect();
+            self.layers(part, &layers).unwrap()
         }
     }
 
@@ -273,7 +316,7 @@ mod tests {
     fn a_plane_has_its_depth_position_and_normal_and_what_is_missed_has_nothing() {
         let (scene, camera) = half_plane();
         let mut pictured = Pictured::new(&scene, camera, Samples::Error(1.0));
-        let groups = pictured.layers(None, Layer::ALL).unwrap();
+        let groups = pictured.of_hits(None);
         let group = |layer: Layer| groups.iter().find(|group| group.name == layer.name()).unwrap();
         let whole = |layer: Layer, pixel: usize| numbers(group(layer))[pixel];
         let place = |layer: Layer, pixel: usize| [0, 1, 2].map(|k| floats(group(layer), k)[pixel]);
@@ -328,7 +371,7 @@ mod tests {
         let camera = Camera { eye: Vec3::Z * 6.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
         for samples in [Samples::PerPixel(1), Samples::Corners] {
             let mut pictured = Pictured::new(&scene, camera, samples);
-            let whole = pictured.layers(None, Layer::ALL).unwrap();
+            let whole = pictured.of_hits(None);
             let material = whole.iter().find(|group| group.name == "material").unwrap();
             let Pictured { tracer, buffers, picture, .. } = &mut pictured;
             let film = render_part(tracer, buffers, picture, None, &|_| ()).unwrap().film;
@@ -338,7 +381,7 @@ mod tests {
             }
             assert!(numbers(material).contains(&u32::MAX) && numbers(material).iter().any(|&m| m < 41));
             let crop = Crop { place: (3, 2), size: (4, 3) };
-            let part = pictured.layers(Some(crop), Layer::ALL).unwrap();
+            let part = pictured.of_hits(Some(crop));
             let at = |i: usize| (2 + i / 4) * 8 + 3 + i % 4;
             for (part, whole) in part.iter().zip(&whole) {
                 for ((_, part), (_, whole)) in part.planes.iter().zip(&whole.planes) {
@@ -373,7 +416,7 @@ mod tests {
         let scene = builder.finish().unwrap();
         let camera = Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
         let mut pictured = Pictured::new(&scene, camera, Samples::PerPixel(1));
-        let groups = pictured.layers(None, Layer::ALL).unwrap();
+        let groups = pictured.of_hits(None);
         assert_eq!(floats(&groups[0], 0)[5 * 8 + 4], 1e30);
     }
 
@@ -384,6 +427,10 @@ mod tests {
         assert!(pictured.layers(None, &[]).unwrap().is_empty());
         let error = pictured.layers(None, &[Layer::Depth, Layer::Uv, Layer::Depth]).unwrap_err();
         assert_eq!((error.exit_code(), error.to_string().contains("layers: depth is there twice")), (2, true));
+        // What is told of samples needs no rays; their error is not known of fixed ones.
+        assert_eq!(numbers(&pictured.layers(None, &[Layer::Samples]).unwrap()[0]), [1; 48]);
+        let error = pictured.layers(None, &[Layer::Error]).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("layers: error: only a picture"), "{error}");
         let beyond = Crop { place: (7, 0), size: (2, 1) };
         assert_eq!(pictured.layers(Some(beyond), &[Layer::Depth]).unwrap_err().exit_code(), 2);
     }

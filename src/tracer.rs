@@ -92,6 +92,18 @@ pub struct RenderResult {
     pub wavefront: Option<WavefrontStats>,
     /// How the picture was sampled, where its error was bounded.
     pub adaptive: Option<AdaptiveStats>,
+    /// How each pixel was, where that was asked for, too.
+    pub sampling: Option<Sampling>,
+}
+
+/// How each pixel of a picture by its error was sampled, top row first.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sampling {
+    /// How many samples it has; 0 where it is interpolated.
+    pub samples: Vec<u32>,
+    /// The root of its mean squared error, as estimated, in steps of 8-bit sRGB. The root of the mean of the squares of
+    /// all of them is the picture's ([`AdaptiveStats::estimated_error`]).
+    pub errors: Vec<f32>,
 }
 
 impl RenderResult {
@@ -106,6 +118,7 @@ impl RenderResult {
             read_s: 0.0,
             wavefront: None,
             adaptive: None,
+            sampling: None,
         }
     }
 

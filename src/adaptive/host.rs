@@ -5,11 +5,12 @@ use super::patch::{LATTICE_ERROR, Lattice, Patch, by_tiles, next_samples};
 use super::promises::{Choice, Promises};
 use super::shown::{display_steps, mean_of, squared, variance_of_mean};
 use super::{Pixels, Refined, refine, sample_sequence};
+use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::options::Decisions;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Adaptive, Backend, Progress, RenderResult};
+use crate::tracer::{Adaptive, Backend, LEVEL_SAMPLES, Progress, RenderResult, Sampling};
 use crate::work::PixelWork;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -24,9 +25,24 @@ pub fn render(
     adaptive: Adaptive,
     progress: Progress,
 ) -> Result<RenderResult> {
+    render_noting(tracer, params, adaptive, false, progress)
+}
+
+/// The same; with `notes_sampling` it tells how each pixel was sampled.
+///
+/// # Errors
+/// As [`render`]; [`Error::OutOfMemory`](crate::Error::OutOfMemory) when there is no memory for that.
+pub fn render_noting(
+    tracer: &mut dyn Backend,
+    params: &RenderParams,
+    adaptive: Adaptive,
+    notes_sampling: bool,
+    progress: Progress,
+) -> Result<RenderResult> {
     let size = (params.width as usize, params.height as usize);
     let blocks = Blocks::new(size, adaptive.step());
     let film = Film { width: params.width, height: params.height, pixels: Film::try_pixels(size.0 * size.1)? };
+    let mut sampling = notes_sampling.then(|| room_for_sampling(size.0 * size.1)).transpose()?;
     let mut tracing = Tracing {
         tracer,
         params: *params,
@@ -43,11 +59,23 @@ pub fn render(
         let progress = |part: f64| progress((number as f64 + part) / areas as f64);
         let mut area = AreaPixels::new(&mut tracing, &blocks, place, adaptive.step());
         all.add(&refine(&mut area, of_area, adaptive, &progress)?);
+        if let Some(sampling) = &mut sampling {
+            area.note_sampling(sampling);
+        }
         area.finish();
     }
     let Tracing { result, decide_s, .. } = tracing;
     let stats = all.stats(adaptive, size, Decisions::Host, decide_s);
-    Ok(RenderResult { adaptive: Some(stats), ..result })
+    Ok(RenderResult { adaptive: Some(stats), sampling, ..result })
+}
+
+/// Room for how so many pixels were sampled.
+fn room_for_sampling(pixels: usize) -> Result<Sampling> {
+    let what = format!("how {pixels} pixels were sampled");
+    let bytes = 2 * (size_of::<f32>() * pixels) as u64;
+    let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
+    let samples = try_repeat(0, pixels).map_err(|_| need.refused())?;
+    Ok(Sampling { samples, errors: try_repeat(0.0, pixels).map_err(|_| need.refused())? })
 }
 
 /// About so many first samples are taken at a time: their film is there twice, on a device and fetched.
@@ -255,6 +283,23 @@ impl<'a, 't> AreaPixels<'a, 't> {
             take_firsts(&mut tracing.result.film.pixels, width, listed, radiances);
         })?;
         Ok(listed.iter().map(|listed| listed.samples as u64).sum())
+    }
+
+    /// Keeps how the pixels of the area were sampled.
+    fn note_sampling(&self, sampling: &mut Sampling) {
+        let AreaPixels { tracing, place, lattice, blocks, .. } = self;
+        let patches = blocks.iter().flat_map(|block| block.places.iter().zip(&block.patches));
+        for (at, patch) in patches {
+            for (y, x) in at.y.clone().flat_map(|y| at.x.clone().map(move |x| (y, x))) {
+                // Of a patch of one colour nothing is known but its first samples.
+                let first = || lattice.has((x - place.x.start, y - place.y.start), place.size());
+                let in_patch = (x - at.x.start, y - at.y.start);
+                let (level, squared) = patch.as_ref().map_or_else(|| (first().into(), 0.0), |p| p.sampled(in_patch));
+                let pixel = y * tracing.width() + x;
+                sampling.samples[pixel] = LEVEL_SAMPLES[usize::from(level)];
+                sampling.errors[pixel] = squared.sqrt();
+            }
+        }
     }
 
     /// The picture has what became of the area.
@@ -558,6 +603,24 @@ mod tests {
     fn render_rings(size: (u32, u32), adaptive: Adaptive) -> RenderResult {
         let mut rings = Rings { options: TraceOptions::DEFAULT };
         render(&mut rings, &params(size), adaptive, &|_| ()).unwrap()
+    }
+
+    #[test]
+    fn how_pixels_were_sampled_adds_up_to_what_is_told_of_the_picture() {
+        for (size, error, lattice) in [((70, 45), 1.0, 1), ((300, 140), 3.0, 4)] {
+            let adaptive = Adaptive { error, lattice, list_rays: 1 << 12 };
+            let mut rings = Rings { options: TraceOptions::DEFAULT };
+            let noted = render_noting(&mut rings, &params(size), adaptive, true, &|_| ()).unwrap();
+            assert!(noted.film == render_rings(size, adaptive).film, "{size:?}");
+            let (sampling, stats) = (noted.sampling.unwrap(), noted.adaptive.unwrap());
+            for (samples, count) in LEVEL_SAMPLES.into_iter().zip(stats.pixels) {
+                let found = sampling.samples.iter().filter(|&&found| found == samples).count() as u64;
+                assert_eq!(found, count, "{size:?}, {samples} samples");
+            }
+            let squares: f64 = sampling.errors.iter().map(|&error| f64::from(error).powi(2)).sum();
+            let error = (squares / sampling.errors.len() as f64).sqrt();
+            assert!((error / f64::from(stats.estimated_error) - 1.0).abs() < 1e-3, "{error} {stats:?}");
+        }
     }
 
     #[test]

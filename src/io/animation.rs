@@ -27,8 +27,8 @@ fn decode(path: &Path) -> io::Result<Decoded> {
 /// them is in memory at a time. The file appears when it is complete.
 ///
 /// # Errors
-/// [`Error::Io`] when a frame cannot be read, or is not of the size and kind of the first one, or when the file cannot be
-/// written.
+/// [`Error::Io`] when a frame cannot be read or the file cannot be written; [`Error::Input`] when a frame is not of the
+/// size and kind of the first one.
 pub fn write_animation(path: &Path, frames: &[PathBuf], fps: u16) -> Result<()> {
     let read = |frame: &PathBuf| decode(frame).map_err(|e| Error::io("read", frame, e));
     let Some(first) = frames.first() else {

@@ -72,6 +72,11 @@ pub fn false_colours(layer: Layer, group: &PlaneGroup, (width, height): (u32, u3
             let meaning = "what u and v have behind the point, from 0 to 1, is red and green".to_owned();
             (film(&|pixel| uv_colour(measures(group, pixel))), meaning)
         }
+        Layer::Samples | Layer::Error => {
+            let value = |pixel| numbers(group).get(pixel).map_or_else(|| measures(group, pixel)[0], |&n| n as f32);
+            let most = (0..count).map(value).fold(0.0, f32::max);
+            (film(&|pixel| amount_colour(value(pixel), most)), format!("from 0 (black) to {most} (brightest)"))
+        }
         Layer::Primitive | Layer::Object | Layer::Instance | Layer::Material => {
             let meaning = "each number has a colour; none is black".to_owned();
             (film(&|pixel| number_colour(numbers(group).get(pixel).copied())), meaning)
@@ -117,6 +122,13 @@ fn uv_colour([u, v, _]: [f32; 3]) -> [f32; 3] {
     [behind_point(u), behind_point(v), 0.0]
 }
 
+/// Of Inferno, as counted work has it.
+fn amount_colour(value: f32, most: f32) -> [f32; 3] {
+    let part = if most > 0.0 { f64::from(value) / f64::from(most) } else { 0.0 };
+    let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(part);
+    [r, g, b].map(|code| light_of(f64::from(code)))
+}
+
 /// Neighbours are far from each other on the circle of colours: multiples of the golden ratio fill it evenly.
 fn number_colour(number: Option<u32>) -> [f32; 3] {
     const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
@@ -155,6 +167,18 @@ mod tests {
         assert_eq!(uv, [[51, 0, 0], [51, 128, 0], [204, 0, 0], [0; 3]]);
         let nothing = codes(Layer::Depth, vec![Plane::Float(vec![f32::INFINITY; 4])]);
         assert_eq!(nothing.0, [[0; 3]; 4]);
+    }
+
+    #[test]
+    fn amounts_are_the_brighter_the_larger() {
+        for (layer, plane) in
+            [(Layer::Samples, Plane::Uint(vec![0, 1, 64, 256])), (Layer::Error, Plane::Float(vec![0.0, 0.5, 1.5, 3.0]))]
+        {
+            let (amounts, meaning) = codes(layer, vec![plane]);
+            let lightness = |code: [u8; 3]| code.iter().map(|&c| u32::from(c)).sum::<u32>();
+            assert!(amounts.iter().map(|&code| lightness(code)).is_sorted_by(|a, b| a < b), "{amounts:?}");
+            assert!(meaning.starts_with("from 0 (black) to "), "{meaning}");
+        }
     }
 
     #[test]

@@ -193,6 +193,7 @@ impl Backend for ReferenceBackend {
             read_s: 0.0,
             wavefront: None,
             adaptive: None,
+            sampling: None,
         })
     }
 }

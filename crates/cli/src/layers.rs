@@ -12,9 +12,9 @@ use raybrook::low_level::output::check_writable;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::planes::{Plane, PlaneGroup, write_exr};
 use raybrook::low_level::renderer::{Crop, Picture};
-use raybrook::low_level::scene::{Numbering, Scene};
+use raybrook::low_level::scene::{Numbering, Samples, Scene};
 use raybrook::low_level::shared::WorkCounter;
-use raybrook::low_level::tracer::{Backend, RenderResult};
+use raybrook::low_level::tracer::{Backend, RenderResult, Sampling};
 use raybrook::low_level::work::PixelWork;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -80,9 +80,19 @@ impl LayerArgs {
         !self.aov.is_empty() || self.counters().next().is_some()
     }
 
+    /// Whether there are layers proper.
+    pub fn any(&self) -> bool {
+        !self.layers().is_empty()
+    }
+
     /// Whether first hits are to be traced.
     pub fn wants_hits(&self) -> bool {
-        !self.layers().is_empty()
+        self.layers().iter().any(|layer| layer.is_of_hit())
+    }
+
+    /// Whether it is to be kept how pixels are sampled.
+    pub fn wants_sampling(&self) -> bool {
+        self.layers().iter().any(|layer| !layer.is_of_hit())
     }
 
     /// The names that the numbers of materials stand for, if these are asked for.
@@ -109,7 +119,13 @@ impl LayerArgs {
         if let Some((_, twice)) = counters.iter().enumerate().find(|(i, counter)| counters[..*i].contains(counter)) {
             return Err(Error::option(Layer::OPTION, format!("{twice} is there twice; leave one out")));
         }
-        check_layers(&self.layers())
+        // Which samples there are the scene may say.
+        check_layers(&self.layers(), Samples::DEFAULT)
+    }
+
+    /// Checks that a picture of these samples has the layers.
+    pub fn check_samples(&self, samples: Samples) -> Result<()> {
+        check_layers(&self.layers(), samples)
     }
 
     /// The pictures of layers proper beside a .png.
@@ -137,7 +153,7 @@ impl LayerArgs {
         tracer: &mut dyn Backend,
         (buffers, scene): (&SceneBuffers, &Scene),
         picture: &Picture,
-        part: Option<Crop>,
+        (part, sampling): (Option<Crop>, Option<&Sampling>),
         talk: Talk,
     ) -> Result<Vec<PlaneGroup>> {
         let layers = self.layers();
@@ -148,7 +164,7 @@ impl LayerArgs {
         let (width, height) = part.map_or(picture.size, |part| part.size);
         let rays = f64::from(width) * f64::from(height) / 1e6;
         let progress = |done: f64| bar.update(done, rays, "M rays");
-        trace_layers(tracer, (buffers, &Numbering::of(scene)), picture, part, &layers, &progress)
+        trace_layers(tracer, (buffers, &Numbering::of(scene)), picture, part, &layers, sampling, &progress)
     }
 
     /// Writes the picture, with its layers in it or beside it; tells what the colours of those mean.

@@ -9,7 +9,7 @@ use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open,
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
-use raybrook::low_level::renderer::{Crop, DEFAULT_DEPTH, Picture, render_full, render_part};
+use raybrook::low_level::renderer::{Crop, DEFAULT_DEPTH, Picture, render_full, render_part_noting};
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
 use raybrook::low_level::tracer::{MOST_SAMPLES, Task};
@@ -139,6 +139,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let chosen = chooser.choose(&loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
+    args.layers.check_samples(picture.samples)?;
     let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
     let tasks = (tasks, &budget);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
@@ -148,12 +149,15 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let (width, height) = rendered_size(picture.size, picture.samples);
     let camera_rays = f64::from(width) * f64::from(height) * f64::from(picture.samples.per_pixel());
     let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
-    let mut result = render_part(opened.tracer.as_mut(), &opened.buffers, &picture, args.crop, &progress)?;
+    let notes = args.layers.wants_sampling();
+    let mut result =
+        render_part_noting(opened.tracer.as_mut(), &opened.buffers, &picture, args.crop, notes, &progress)?;
     drop(bar);
     let tracing_layers = Instant::now();
     let scene = (&*opened.buffers, &loaded.scene);
-    let layers = args.layers.trace(opened.tracer.as_mut(), scene, &picture, args.crop, talk)?;
-    let layers_s = args.layers.wants_hits().then(|| tracing_layers.elapsed().as_secs_f64());
+    let layers =
+        args.layers.trace(opened.tracer.as_mut(), scene, &picture, (args.crop, result.sampling.as_ref()), talk)?;
+    let layers_s = args.layers.any().then(|| tracing_layers.elapsed().as_secs_f64());
 
     let bad = result.film.non_finite();
     if bad > 0 && !talk.quiet {

@@ -33,9 +33,15 @@ pub struct TurntableArgs {
     #[command(flatten)]
     device: DeviceArgs,
     /// How many pictures to make [default: up to the scene's last camera key].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=99_999), help_heading = heading::CAMERA)]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=99_999),
+        help_heading = heading::CAMERA,
+    )]
     frames: Option<u32>,
-    /// How far to turn, counter-clockwise as seen from above; the frame after the last one would be there [default: 360].
+    /// How far to turn, counter-clockwise as seen from above, to where the frame after the last one would be
+    /// [default: 360].
     ///
     /// A scene with camera keys ([[camera.key]]) has the camera follow these instead, unless this, --eye, --target or
     /// --view is given.
@@ -47,8 +53,8 @@ pub struct TurntableArgs {
         help_heading = heading::CAMERA,
     )]
     degrees: Option<f32>,
-    /// Folder for frame-0001.png and so on, or a picture's name: turn.png makes turn-0001.png [default: the scene's name
-    /// with -turntable].
+    /// Folder for frame-0001.png and so on, or a picture's name: turn.png makes turn-0001.png
+    /// [default: the scene's name with -turntable].
     #[arg(short, long, value_name = "DIR|FILE", help_heading = heading::OUTPUT)]
     output: Option<PathBuf>,
     #[command(flatten)]
