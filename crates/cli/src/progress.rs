@@ -44,8 +44,8 @@ pub enum Event<'a> {
         rate: f64,
         unit: &'a str,
     },
-    /// A task has ended, whether all of it is done or it failed.
-    End { task: &'a str, done: f64, elapsed_s: f64 },
+    /// A task has ended, done or failed.
+    End { task: &'a str, elapsed_s: f64 },
     /// What is told to people otherwise.
     Message { text: &'a str },
     /// The program ends.
@@ -78,8 +78,7 @@ pub struct Bar {
     what: String,
     shown: bool,
     bar: OnceLock<ProgressBar>,
-    /// What of the work is done, as the bits of a float; and when that was last told, in nanoseconds from the start.
-    done: AtomicU64,
+    /// When it was last told how much is done, in nanoseconds from the start.
     told_ns: AtomicU64,
 }
 
@@ -91,14 +90,7 @@ impl Bar {
             print::event(&Event::Start { task: &what });
         }
         let shown = !talk.quiet && std::io::stderr().is_terminal();
-        Bar {
-            start: Instant::now(),
-            what,
-            shown,
-            bar: OnceLock::new(),
-            done: AtomicU64::default(),
-            told_ns: AtomicU64::default(),
-        }
+        Bar { start: Instant::now(), what, shown, bar: OnceLock::new(), told_ns: AtomicU64::default() }
     }
 
     /// Shows that the part `done` (0..=1) is done; `units` is how much work there is, for the rate.
@@ -124,7 +116,6 @@ impl Bar {
     }
 
     fn tell(&self, done: f64, rate: f64, unit: &str, elapsed: Duration) {
-        self.done.store(done.to_bits(), Ordering::Relaxed);
         let (now, last) = (elapsed.as_nanos() as u64, self.told_ns.load(Ordering::Relaxed));
         let is_due = now >= last.saturating_add(PACE.as_nanos() as u64);
         // Of several threads that find it due one tells.
@@ -140,9 +131,7 @@ impl Bar {
 impl Drop for Bar {
     fn drop(&mut self) {
         if is_json() {
-            let done = f64::from_bits(self.done.load(Ordering::Relaxed));
-            let elapsed_s = self.start.elapsed().as_secs_f64();
-            print::event(&Event::End { task: &self.what, done, elapsed_s });
+            print::event(&Event::End { task: &self.what, elapsed_s: self.start.elapsed().as_secs_f64() });
         }
         if let Some(bar) = self.bar.get() {
             bar.finish_and_clear();
