@@ -190,6 +190,20 @@ pub(crate) fn blocks_of((width, height): (u32, u32), adaptive: Adaptive) -> Bloc
     Blocks::new((width as usize, height as usize), adaptive.step())
 }
 
+/// As [`render_adaptive`], and tells how each pixel was sampled. The host decides, whoever else would; so the pixels are
+/// the same.
+///
+/// # Errors
+/// As [`Backend::render`].
+pub fn render_adaptive_noting(
+    tracer: &mut dyn Backend,
+    params: &RenderParams,
+    adaptive: Adaptive,
+    progress: Progress,
+) -> Result<RenderResult> {
+    areas::render_noting(tracer, params, adaptive, progress)
+}
+
 /// What `cl/kernels/adaptive.cl` has of the constants of these files.
 pub(crate) fn cl_constants() -> String {
     let list = |values: &[f32]| values.iter().map(|value| format!("{value:?}f")).collect::<Vec<_>>().join(", ");

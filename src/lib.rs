@@ -89,6 +89,7 @@
 //! | [`options`](low_level::options) | what can be chosen, and what goes together |
 //! | [`choose`](low_level::choose) | what is taken where nothing is asked for, and why: by a model, or by what was measured |
 //! | [`budget`](low_level::budget) | how much memory may be taken |
+//! | [`layers`](low_level::layers), [`planes`](low_level::planes), [`animation`](low_level::animation) | what a picture knows beside light, and its files; pictures one after the other |
 //! | [`film`](low_level::film), [`output`](low_level::output), [`rays`](low_level::rays) | files of pictures and rays |
 //! | [`stats`](low_level::stats), [`work`](low_level::work), [`aov`](low_level::aov), [`compare`](low_level::compare) | statistics, counted work, comparisons |
 //! | `cl/` | kernels: `intersect/` and `traverse/` have one method a file |
@@ -123,6 +124,7 @@ mod error;
 mod features;
 mod front;
 mod io;
+mod layers;
 mod layout;
 pub mod low_level;
 mod math;
@@ -147,6 +149,8 @@ pub use front::{
     View, devices,
 };
 pub use glam;
+pub use io::planes::{Plane, PlaneGroup};
+pub use layers::Layer;
 pub use scene::{Builder, Camera, Light, Material, Scene, Viewpoint};
 
 /// The samples of the README and of the book, which are tests.

@@ -21,6 +21,8 @@ rooms! {
     accel,
     /// Pictures of bounded error: which pixels get how many samples.
     adaptive,
+    /// Pictures one after the other in one file.
+    animation in io,
     /// False-colour pictures of counted work.
     aov in io,
     /// How pictures are cut into blocks that are finished one by one, with the same pixels in any order.
@@ -49,6 +51,8 @@ rooms! {
     input in io,
     /// Journals: files that long work is kept in, piece by piece.
     journal in io,
+    /// What a picture knows beside light: depth, normals, numbers of primitives and the like.
+    layers,
     /// Vectors as kernels have them.
     layout,
     /// Arithmetic with the same bits everywhere.
@@ -59,6 +63,8 @@ rooms! {
     output in io,
     /// Scene and structure as flat arrays in tracing space, which kernels and twin read alike.
     pack,
+    /// Layers of numbers of pixels, and OpenEXR files of them.
+    planes in io,
     /// Random numbers that are the same on every machine.
     random,
     /// Batches of rays and hits as NumPy archives.

@@ -6,11 +6,11 @@ mod kept;
 mod several;
 
 pub use blocks::{PictureBlocks, render_blocks};
-pub use crop::{Crop, render_part};
+pub use crop::{Crop, render_part, render_part_noting};
 pub use kept::{Kept, Part, PictureId, PictureJournal, read_kept};
 pub use several::{Renderer, Watcher, render_by_several};
 
-use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, sample_sequence};
+use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, render_adaptive_noting, sample_sequence};
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
 use crate::error::Result;
@@ -228,9 +228,23 @@ pub fn render(
     picture: &Picture,
     progress: Progress,
 ) -> Result<RenderResult> {
+    render_as(tracer, buffers, picture, false, progress)
+}
+
+/// As [`render`]; with `notes_sampling` a picture by its error tells how each pixel was sampled.
+fn render_as(
+    tracer: &mut dyn Backend,
+    buffers: &SceneBuffers,
+    picture: &Picture,
+    notes_sampling: bool,
+    progress: Progress,
+) -> Result<RenderResult> {
     picture.samples.check(picture.size)?;
     let params = rendered_params(tracer, buffers, picture);
     match picture.samples {
+        Samples::Error(error) if notes_sampling => {
+            render_adaptive_noting(tracer, &params, Adaptive::of_error(error), progress)
+        }
         Samples::Error(error) => render_adaptive(tracer, &params, Adaptive::of_error(error), progress),
         fixed => tracer.render(&params, &sample_positions(fixed), progress),
     }

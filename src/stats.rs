@@ -153,6 +153,12 @@ pub struct RunStats {
     /// could decide: see `cl/intersect/exact.cl`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_pass: Option<u64>,
+    /// Render: tracing and computing the layers, which are not in `kernel_s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers_s: Option<f64>,
+    /// Render with the layer of materials: their names, by their numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub materials: Vec<String>,
     /// Copying the result back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub read_s: Option<f64>,

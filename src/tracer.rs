@@ -99,6 +99,18 @@ pub struct RenderResult {
     pub wavefront: Option<WavefrontStats>,
     /// How the picture was sampled, where its error was bounded.
     pub adaptive: Option<AdaptiveStats>,
+    /// How each pixel was, where that was asked for, too.
+    pub sampling: Option<Sampling>,
+}
+
+/// How each pixel of a picture by its error was sampled, top row first.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sampling {
+    /// How many samples it has; 0 where it is interpolated.
+    pub samples: Vec<u32>,
+    /// The root of its mean squared error, as estimated, in steps of 8-bit sRGB. The root of the mean of the squares of
+    /// all of them is the picture's ([`AdaptiveStats::estimated_error`]).
+    pub errors: Vec<f32>,
 }
 
 impl RenderResult {
@@ -113,6 +125,7 @@ impl RenderResult {
             read_s: 0.0,
             wavefront: None,
             adaptive: None,
+            sampling: None,
         }
     }
 
@@ -347,17 +360,17 @@ pub trait Backend: Send {
     /// on ([`STOPPABLE_LAUNCH_S`]). The tracer is as good as before; `stop` is to be false again before the next call.
     fn stop_when(&mut self, stop: Arc<AtomicBool>);
 
-    /// Has `lights` shine in place of the scene's ([`SceneBuffers::packed_light`]); as many, or others of the same
-    /// [features](crate::features). Nothing else is sent to the device again.
-    ///
-    /// # Errors
-    /// The device failed.
-    fn set_lights(&mut self, lights: &[Light]) -> Result<()>;
-
     /// What a curious user should know, such as a kernel cache that cannot be used; one sentence each.
     fn notes(&self) -> &[String] {
         &[]
     }
+
+    /// Has `lights` shine from now on in place of those of the scene; as many of them, and no brighter. What
+    /// [`SceneBuffers::packed_light`] makes.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for another number of lights; the device failed.
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()>;
 
     /// Traces a batch of rays.
     ///
@@ -401,6 +414,15 @@ pub trait Backend: Send {
         let _ = (params, adaptive, blocks, progress);
         Ok(None)
     }
+}
+
+/// Checks that as many lights take the place of those of `buffers`.
+pub(crate) fn check_lights(buffers: &SceneBuffers, lights: &[Light]) -> Result<()> {
+    let (given, had) = (lights.len(), buffers.lights.len());
+    if given == had {
+        return Ok(());
+    }
+    Err(Error::option("lights", format!("{given} cannot take the place of {had}; give as many")))
 }
 
 /// Refuses a device whose times are not its own, where times are what is asked for.

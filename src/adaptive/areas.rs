@@ -1,7 +1,7 @@
 //! Blocks of a picture of bounded error, area after area: by the device, where it decides about an area by itself, else
 //! by the host.
 
-use super::host::Tracing;
+use super::host::{Tracing, room_for_sampling};
 use super::promises::squared_error;
 use super::{Done, blocks_of};
 use crate::blocks::{Area, Blocks};
@@ -25,21 +25,28 @@ pub fn render_blocks(
     done: Done,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let blocks = blocks_of((params.width, params.height), adaptive);
-    let areas: Vec<&[usize]> = wanted.chunk_by(|a, b| a / blocks.per_area == b / blocks.per_area).collect();
-    let mut run = Run {
-        params,
-        adaptive,
-        blocks,
-        keeps_film: film.is_some(),
-        result: RenderResult::of_film(film.unwrap_or_else(Film::none)),
-        spent: Spent::default(),
-        decided_by: Decisions::Device,
-    };
-    for (number, wanted) in areas.iter().enumerate() {
-        let progress = |part: f64| progress((number as f64 + part) / areas.len() as f64);
-        run.area(tracer, wanted, done, &progress)?;
-    }
+    let keeps_film = film.is_some();
+    let mut run = Run::new(params, adaptive, (RenderResult::of_film(film.unwrap_or_else(Film::none)), keeps_film));
+    run.areas(tracer, wanted, done, progress)?;
+    Ok(run.finish())
+}
+
+/// Renders all blocks of a picture, and tells how each pixel was sampled.
+///
+/// # Errors
+/// As [`Backend::render`]; [`Error::OutOfMemory`](crate::Error::OutOfMemory) when there is no memory for that.
+pub fn render_noting(
+    tracer: &mut dyn Backend,
+    params: &RenderParams,
+    adaptive: Adaptive,
+    progress: Progress,
+) -> Result<RenderResult> {
+    let count = params.width as usize * params.height as usize;
+    let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
+    let result = RenderResult { sampling: Some(room_for_sampling(count)?), ..RenderResult::of_film(film) };
+    let mut run = Run::new(params, adaptive, (result, true));
+    let all: Vec<usize> = (0..run.blocks.count()).collect();
+    run.areas(tracer, &all, &mut |_| Ok(()), progress)?;
     Ok(run.finish())
 }
 
@@ -55,12 +62,37 @@ struct Run<'a> {
     decided_by: Decisions,
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    /// On the film of `result`, if it keeps one.
+    fn new(params: &'a RenderParams, adaptive: Adaptive, (result, keeps_film): (RenderResult, bool)) -> Self {
+        Run {
+            params,
+            adaptive,
+            blocks: blocks_of((params.width, params.height), adaptive),
+            keeps_film,
+            result,
+            spent: Spent::default(),
+            decided_by: Decisions::Device,
+        }
+    }
+
+    /// Renders blocks, area after area.
+    fn areas(&mut self, tracer: &mut dyn Backend, wanted: &[usize], done: Done, progress: Progress) -> Result<()> {
+        let per_area = self.blocks.per_area;
+        let areas: Vec<&[usize]> = wanted.chunk_by(|a, b| a / per_area == b / per_area).collect();
+        for (number, wanted) in areas.iter().enumerate() {
+            let progress = |part: f64| progress((number as f64 + part) / areas.len() as f64);
+            self.area(tracer, wanted, done, &progress)?;
+        }
+        Ok(())
+    }
+
     /// Renders blocks of one area.
     fn area(&mut self, tracer: &mut dyn Backend, wanted: &[usize], done: Done, progress: Progress) -> Result<()> {
         let number = wanted[0] / self.blocks.per_area;
         let place = self.blocks.area(number);
-        if wanted.len() == self.blocks.per_area {
+        // The host alone tells how pixels are sampled.
+        if wanted.len() == self.blocks.per_area && self.result.sampling.is_none() {
             let params = self.params.cropped(to_u32((place.x.start, place.y.start)), to_u32(place.size()));
             let of_area = self.blocks.of_area(number);
             if let Some((traced, spent)) = tracer.render_by_error(&params, self.adaptive, &of_area, progress)? {

@@ -5,16 +5,29 @@ use super::promises::{Choice, Promises};
 use super::shown::{display_steps, mean_of, squared, variance_of_mean};
 use super::{Done, Pixels, refine, sample_sequence};
 use crate::blocks::{Area, Blocks};
+use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::Result;
 use crate::io::film::FilmWindow;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
-use crate::tracer::{Adaptive, Backend, Finished, Progress, Refined, RenderResult, Spent};
+use crate::tracer::{Adaptive, Backend, Finished, LEVEL_SAMPLES, Progress, Refined, RenderResult, Sampling, Spent};
 use crate::work::PixelWork;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
+
+/// Room for how so many pixels were sampled.
+///
+/// # Errors
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory) when the system has no memory for that.
+pub fn room_for_sampling(pixels: usize) -> Result<Sampling> {
+    let what = format!("how {pixels} pixels were sampled");
+    let bytes = 2 * (size_of::<f32>() * pixels) as u64;
+    let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
+    let samples = try_repeat(0, pixels).map_err(|_| need.refused())?;
+    Ok(Sampling { samples, errors: try_repeat(0.0, pixels).map_err(|_| need.refused())? })
+}
 
 /// About so many first samples are taken at a time: their film is there twice, on a device and fetched.
 pub const PART_PIXELS: usize = 1 << 20;
@@ -27,7 +40,7 @@ pub struct Tracing<'a> {
     blocks: &'a Blocks,
     sequence: Vec<CameraSample>,
     /// Its film, of the picture or of an area, has the first samples of an area, and what lies between them, until its
-    /// blocks are finished.
+    /// blocks are finished. Where there is room for it, it is told how each pixel was sampled.
     pub result: RenderResult,
     /// Where the film's first pixel lies in the picture.
     origin: (usize, usize),
@@ -109,6 +122,7 @@ impl<'a> Tracing<'a> {
             let progress = |part: f64| shown.set((group as f64 + part) / groups as f64);
             let mut pixels_of_group = Group { area: &mut area, range: range.clone(), promises };
             let refined = refine(&mut pixels_of_group, &pixels, adaptive, &progress)?;
+            area.note_sampling(range.clone());
             area.finish(range.clone());
             area.tracing.tell(&wanted[range], refined, done)?;
         }
@@ -371,6 +385,24 @@ impl<'a, 't> AreaPixels<'a, 't> {
         })
     }
 
+    /// Keeps how the pixels of some blocks were sampled, where that is asked for.
+    fn note_sampling(&mut self, range: Range<usize>) {
+        let AreaPixels { tracing, place, lattice, blocks, .. } = self;
+        let width = tracing.width();
+        let Some(sampling) = &mut tracing.result.sampling else { return };
+        let patches = blocks[range].iter().flat_map(|block| block.places.iter().zip(&block.patches));
+        for (at, patch) in patches {
+            for (y, x) in at.y.clone().flat_map(|y| at.x.clone().map(move |x| (y, x))) {
+                // Of a patch of one colour nothing is known but its first samples.
+                let first = || lattice.has((x - place.x.start, y - place.y.start), place.size());
+                let in_patch = (x - at.x.start, y - at.y.start);
+                let (level, squared) = patch.as_ref().map_or_else(|| (first().into(), 0.0), |p| p.sampled(in_patch));
+                sampling.samples[y * width + x] = LEVEL_SAMPLES[usize::from(level)];
+                sampling.errors[y * width + x] = squared.sqrt();
+            }
+        }
+    }
+
     /// The film has what became of some blocks.
     fn finish(&mut self, range: Range<usize>) {
         let AreaPixels { tracing, place, side, blocks, .. } = self;
@@ -630,7 +662,7 @@ fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{blocks_of, render_adaptive, render_blocks};
+    use super::super::{blocks_of, render_adaptive, render_adaptive_noting, render_blocks};
     use super::*;
     use crate::io::film::Film;
     use crate::options::TraceOptions;
@@ -722,6 +754,24 @@ mod tests {
         ((1297, 1003), 4.0, 4, 1),
         ((3101, 300), 1.0, 1, 4),
     ];
+
+    #[test]
+    fn how_pixels_were_sampled_adds_up_to_what_is_told_of_the_picture() {
+        for (size, error, lattice) in [((70, 45), 1.0, 1), ((300, 140), 3.0, 4)] {
+            let adaptive = Adaptive { error, lattice, list_rays: 1 << 12 };
+            let mut rings = Rings { options: TraceOptions::DEFAULT };
+            let noted = render_adaptive_noting(&mut rings, &params(size), adaptive, &|_| ()).unwrap();
+            assert!(noted.film == render_rings(size, adaptive).film, "{size:?}");
+            let (sampling, stats) = (noted.sampling.unwrap(), noted.adaptive.unwrap());
+            for (samples, count) in LEVEL_SAMPLES.into_iter().zip(stats.pixels) {
+                let found = sampling.samples.iter().filter(|&&found| found == samples).count() as u64;
+                assert_eq!(found, count, "{size:?}, {samples} samples");
+            }
+            let squares: f64 = sampling.errors.iter().map(|&error| f64::from(error).powi(2)).sum();
+            let error = (squares / sampling.errors.len() as f64).sqrt();
+            assert!((error / f64::from(stats.estimated_error) - 1.0).abs() < 1e-3, "{error} {stats:?}");
+        }
+    }
 
     #[test]
     fn a_block_becomes_what_it_is_whatever_becomes_of_the_others() {

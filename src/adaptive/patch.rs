@@ -319,6 +319,12 @@ impl Patch {
             .collect()
     }
 
+    /// The level of a pixel of it, and its squared error as estimated.
+    pub fn sampled(&self, (x, y): (usize, usize)) -> (u8, f32) {
+        let pixel = y * self.side + x;
+        (self.levels[pixel], self.errors[pixel])
+    }
+
     /// Writes what its pixels show to their places in the rows of `film`, a picture of `width`, which have the first
     /// samples and what lies between them.
     pub fn write(&self, film: &mut [[f32; 3]], width: usize, first_column: usize) {

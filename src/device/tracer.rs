@@ -26,7 +26,7 @@ use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Spent, Task, TraceJob,
-    TraceResult,
+    TraceResult, check_lights,
 };
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
@@ -210,11 +210,6 @@ impl Backend for OpenClBackend {
         self.trace_plan = LaunchPlan::on(&self.context, self.first_items);
     }
 
-    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
-        self.scene.lights = Buffer::from_slice(&self.context, "lights", lights)?;
-        Ok(())
-    }
-
     fn notes(&self) -> &[String] {
         &self.passes.notes
     }
@@ -239,6 +234,11 @@ impl Backend for OpenClBackend {
                 Ok(())
             }
         }
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        check_lights(&self.buffers, lights)?;
+        self.scene.lights.write(lights)
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {

@@ -1,7 +1,9 @@
 //! Rendered pictures.
 
 use crate::error::Result;
-use crate::io::film::Film;
+use crate::io::film::{Film, ImageFormat};
+use crate::io::planes::{PlaneGroup, write_exr};
+use crate::layers::Layer;
 use crate::stats::RayCounts;
 use crate::tracer::RenderResult;
 use std::path::Path;
@@ -11,11 +13,12 @@ use std::path::Path;
 pub struct Picture {
     film: Film,
     rays: RayCounts,
+    layers: Vec<PlaneGroup>,
 }
 
 impl Picture {
-    pub(super) fn new(result: RenderResult) -> Picture {
-        Picture { rays: RayCounts::from_counters(&result.counts), film: result.film }
+    pub(super) fn new(result: RenderResult, layers: Vec<PlaneGroup>) -> Picture {
+        Picture { rays: RayCounts::from_counters(&result.counts), film: result.film, layers }
     }
 
     /// Pixels a row.
@@ -48,6 +51,18 @@ impl Picture {
         Ok(self)
     }
 
+    /// The layers that the view asked for ([`View::layers`](crate::View::layers)), in the order of
+    /// [`Layer::ALL`](crate::Layer::ALL): each has a plane of `width` x `height` numbers, top row first, for each of its
+    /// channels. They are of the first hit on the ray through the middle of a pixel, and the same bits on every device.
+    pub fn layers(&self) -> &[PlaneGroup] {
+        &self.layers
+    }
+
+    /// One of them, if the view asked for it.
+    pub fn layer(&self, layer: Layer) -> Option<&PlaneGroup> {
+        self.layers.iter().find(|group| group.name == layer.name())
+    }
+
     /// The bytes of a .png file with these values.
     ///
     /// # Errors
@@ -57,12 +72,17 @@ impl Picture {
     }
 
     /// Writes the picture to `path`, in the format that the ending names: `.png` (8-bit sRGB), `.exr` (OpenEXR, 32-bit
-    /// linear) or `.pfm` (portable float map, 32-bit linear). The file appears when it is complete.
+    /// linear) or `.pfm` (portable float map, 32-bit linear). An `.exr` has the layers in it, too. The file appears when
+    /// it is complete.
     ///
     /// # Errors
     /// [`Error::Option`](crate::Error::Option) for another ending; [`Error::Io`](crate::Error::Io) when the file cannot
     /// be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        if !self.layers.is_empty() && ImageFormat::from_path(path)? == ImageFormat::Exr {
+            return write_exr(path, &self.film, self.layers.clone());
+        }
         self.film.write(path, None)
     }
 

@@ -14,11 +14,12 @@ use crate::closest::{self, Closest, closest_points, point_scene, take_signs};
 use crate::crossings::{check_closed, contains, is_tie, require_exact, trace_crossings};
 use crate::device::{Cache, DeviceHandle, DeviceKind};
 use crate::error::{Error, Result};
+use crate::layers::{layers_bytes, trace_layers};
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
-use crate::scene::{Camera, Framed, Framing, Light, PictureDefaults, Samples, Scene};
+use crate::scene::{Camera, Framed, Framing, Light, Numbering, PictureDefaults, Samples, Scene};
 use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use crate::winding::WindingTree;
@@ -92,6 +93,8 @@ pub struct Tracer {
     up: Option<Vec3>,
     /// The camera that was last placed so that it frames the scene; not yet known, or not needed, at first.
     framed: Option<(Framing, Framed)>,
+    /// The numbers of the scene's parts.
+    numbering: Arc<Numbering>,
     /// Whether the only light is the one that was added.
     has_key_light: bool,
     /// Whether it is known that the scene is closed.
@@ -138,6 +141,7 @@ impl Tracer {
             camera: scene.camera,
             up: scene.up,
             framed: *framed,
+            numbering: Arc::new(Numbering::of(scene)),
             has_key_light: *has_key_light,
             is_closed: false,
             kept: Vec::new(),
@@ -185,6 +189,7 @@ impl Tracer {
         (self.points, self.winding) = (None, None);
         (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, scene.up);
         (self.framed, self.has_key_light) = (lit.framed, lit.has_key_light);
+        self.numbering = Arc::new(Numbering::of(scene));
         Ok(())
     }
 
@@ -479,13 +484,18 @@ impl Tracer {
     /// [`Error::Hang`] when the driver fails.
     pub fn render(&mut self, view: &View) -> Result<Picture> {
         let frame = view.over(&self.defaults)?;
-        let Frame { size, samples, depth, crop, .. } = frame;
         let camera = self.aim(&frame)?;
-        self.check_picture(crop.map_or(size, |crop| crop.rendered_size(size, samples)), samples)?;
-        let buffers = self.buffers.clone();
+        let Frame { size, samples, depth, crop, layers, .. } = frame;
+        let layers_bytes = layers_bytes(crop.map_or(size, |crop| crop.size), &layers);
+        self.check_picture(crop.map_or(size, |crop| crop.rendered_size(size, samples)), samples, layers_bytes)?;
+        let (buffers, numbering) = (self.buffers.clone(), self.numbering.clone());
         let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
         let rendered = |backend: &mut dyn Backend, progress: Progress| {
-            renderer::render_part(backend, &buffers, &picture, crop, progress).map(Picture::new)
+            let notes_sampling = layers.iter().any(|layer| !layer.is_of_hit());
+            let result = renderer::render_part_noting(backend, &buffers, &picture, crop, notes_sampling, progress)?;
+            let (of, sampling) = ((&*buffers, &*numbering), result.sampling.as_ref());
+            let layers = trace_layers(backend, of, &picture, crop, &layers, sampling, &|_| ())?;
+            Ok(Picture::new(result, layers))
         };
         self.timed(depth, rendered)
     }
@@ -519,9 +529,10 @@ impl Tracer {
         Ok(())
     }
 
-    fn check_picture(&self, size: (u32, u32), samples: Samples) -> Result<()> {
+    fn check_picture(&self, size: (u32, u32), samples: Samples, layers_bytes: u64) -> Result<()> {
         let what = format!("a picture of {}x{} pixels", size.0, size.1);
-        let bytes = picture_bytes(size, samples, &self.chosen.options, self.chosen.device.as_ref(), None);
+        let bytes =
+            picture_bytes(size, samples, &self.chosen.options, self.chosen.device.as_ref(), None) + layers_bytes;
         let remedy = "ask for a smaller one, or raise the memory limit";
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }

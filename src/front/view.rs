@@ -1,6 +1,7 @@
 //! What a picture shows, and how.
 
 use crate::error::{Error, Result};
+use crate::layers::{Layer, check_layers};
 use crate::renderer::{Crop, DEFAULT_DEPTH, DEFAULT_SIZE};
 use crate::scene::{Aim, Camera, PictureDefaults, Samples, Viewpoint};
 
@@ -30,6 +31,8 @@ pub struct View {
     samples: Option<Samples>,
     depth: Option<u32>,
     crop: Option<Crop>,
+    /// A bit for each layer, by its place in [`Layer::ALL`].
+    layers: u32,
 }
 
 /// A view with all that it leaves to the scene, apart from the camera.
@@ -39,6 +42,7 @@ pub(super) struct Frame {
     pub depth: u32,
     pub aim: Aim,
     pub crop: Option<Crop>,
+    pub layers: Vec<Layer>,
 }
 
 impl View {
@@ -113,11 +117,18 @@ impl View {
         View { crop: Some(Crop { place: (x, y), size: (width, height) }), ..self }
     }
 
+    /// What else to tell of the pixels, as [`Picture::layers`](crate::Picture::layers): depth, normals, numbers of objects
+    /// and more. Takes the place of the layers that were asked for before.
+    #[must_use]
+    pub fn layers(self, layers: &[Layer]) -> View {
+        View { layers: layers.iter().fold(0, |all, &layer| all | 1 << layer as u32), ..self }
+    }
+
     /// The view with what `scene` says of its picture where this one says nothing.
     ///
     /// # Errors
-    /// [`Error::Option`] for a size, samples or depth out of range, a part that the picture has not, and a camera that
-    /// sees nothing.
+    /// [`Error::Option`] for a size, samples or depth out of range, a part or a layer that the picture has not, and a
+    /// camera that sees nothing.
     pub(super) fn over(&self, scene: &PictureDefaults) -> Result<Frame> {
         let size = self.size.or(scene.size).unwrap_or(DEFAULT_SIZE);
         let samples = self.samples.or(scene.samples).unwrap_or(Samples::DEFAULT);
@@ -133,6 +144,8 @@ impl View {
         }
         self.crop.map_or(Ok(()), |crop| crop.check(size))?;
         self.aim.check()?;
-        Ok(Frame { size, samples, depth, aim: self.aim, crop: self.crop })
+        let layers: Vec<_> = Layer::ALL.iter().copied().filter(|&layer| self.layers >> layer as u32 & 1 != 0).collect();
+        check_layers(&layers, samples)?;
+        Ok(Frame { size, samples, depth, aim: self.aim, crop: self.crop, layers })
     }
 }

@@ -1,6 +1,7 @@
 //! Files: pictures, batches of rays and hits, and what is said of them; every file is written whole or not at all,
 //! journals apart, which are what is left of work that was stopped.
 
+pub mod animation;
 pub mod aov;
 pub mod compare;
 pub mod film;
@@ -8,4 +9,5 @@ pub mod input;
 pub mod journal;
 mod npz;
 pub mod output;
+pub mod planes;
 pub mod rays;

@@ -5,6 +5,7 @@
 //! accuracy is measured.
 
 pub mod extreme;
+pub mod first_hits;
 pub mod intersect;
 pub mod kernels;
 pub mod oracle;
@@ -22,6 +23,7 @@ use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
+    check_lights,
 };
 use extreme::{all_extreme, answer_extreme};
 use kernels::closest_point::list_candidates;
@@ -104,7 +106,9 @@ impl Backend for ReferenceBackend {
     }
 
     fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
-        Arc::make_mut(&mut self.buffers).lights = lights.to_vec();
+        check_lights(&self.buffers, lights)?;
+        // Once a copy, where others have the scene, too.
+        Arc::make_mut(&mut self.buffers).lights.copy_from_slice(lights);
         Ok(())
     }
 
@@ -199,6 +203,7 @@ impl Backend for ReferenceBackend {
             read_s: 0.0,
             wavefront: None,
             adaptive: None,
+            sampling: None,
         })
     }
 }

@@ -4,13 +4,13 @@
 //! the part meets: what becomes of a pixel there depends on its block, whose patches are strewn over all of its area.
 //! Where work is counted, all of the picture is.
 
-use super::{Picture, PictureBlocks, render, render_blocks, rendered_params};
+use super::{Picture, PictureBlocks, render_as, render_blocks, rendered_params};
 use crate::blocks::Area;
 use crate::error::{Error, Result};
 use crate::io::film::Film;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
-use crate::tracer::{Backend, Progress, RenderResult};
+use crate::tracer::{Backend, Progress, RenderResult, Sampling};
 use std::fmt;
 use std::str::FromStr;
 
@@ -84,10 +84,10 @@ impl FromStr for Crop {
     }
 }
 
-/// As [`render`], of a part of the picture alone; of all of it without one.
+/// As [`render`](super::render), of a part of the picture alone; of all of it without one.
 ///
 /// # Errors
-/// As [`render`], and as [`Crop::check`].
+/// As [`render`](super::render), and as [`Crop::check`].
 pub fn render_part(
     tracer: &mut dyn Backend,
     buffers: &SceneBuffers,
@@ -95,23 +95,44 @@ pub fn render_part(
     part: Option<Crop>,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let Some(crop) = part else { return render(tracer, buffers, picture, progress) };
+    render_part_noting(tracer, buffers, picture, part, false, progress)
+}
+
+/// As [`render_part`]; with `notes_sampling` a picture by its error tells how each pixel was sampled
+/// ([`RenderResult::sampling`]): then the host decides that.
+///
+/// # Errors
+/// As there.
+pub fn render_part_noting(
+    tracer: &mut dyn Backend,
+    buffers: &SceneBuffers,
+    picture: &Picture,
+    part: Option<Crop>,
+    notes_sampling: bool,
+    progress: Progress,
+) -> Result<RenderResult> {
+    let Some(crop) = part else { return render_as(tracer, buffers, picture, notes_sampling, progress) };
     crop.check(picture.size)?;
     if !matches!(picture.samples, Samples::Error(_)) {
         picture.samples.check(picture.size)?;
         let params = rendered_params(tracer, buffers, picture).cropped(crop.place, crop.size);
         return tracer.render(&params, &sample_positions(picture.samples), progress);
     }
-    if !tracer.options().counters {
+    if !tracer.options().counters && !notes_sampling {
         let blocks = PictureBlocks::new(picture.size, picture.samples, part);
         let (wanted, film) = (blocks.numbers(), blocks.empty_film());
         return render_blocks(tracer, buffers, picture, &blocks, (&wanted, Some(film)), &mut |_| Ok(()), progress);
     }
-    let whole = render(tracer, buffers, picture, progress)?;
+    let whole = render_as(tracer, buffers, picture, notes_sampling, progress)?;
     let (width, height) = crop.size;
     let film = Film { width, height, pixels: crop.cut(&whole.film.pixels, whole.film.width) };
     let work = whole.work.map(|work| crop.cut(&work, whole.film.width));
-    Ok(RenderResult { film, work, ..whole })
+    let cut = |sampling: Sampling| Sampling {
+        samples: crop.cut(&sampling.samples, whole.film.width),
+        errors: crop.cut(&sampling.errors, whole.film.width),
+    };
+    let sampling = whole.sampling.map(cut);
+    Ok(RenderResult { film, work, sampling, ..whole })
 }
 
 #[cfg(test)]

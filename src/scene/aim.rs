@@ -257,10 +257,31 @@ impl Placed {
         aim.check_view(&self.camera)
     }
 
+    /// Whether the camera was put inside of a scene.
+    pub fn is_inside(&self) -> bool {
+        self.is_inside
+    }
+
+    /// How the camera was placed, where nobody gave its eye or target.
+    pub(super) fn automatic(&self) -> Option<(Framing, Framed)> {
+        let is_automatic = |origin: &Origin| matches!(origin, Origin::Automatic(_));
+        self.framed.filter(|_| is_automatic(&self.eye) && is_automatic(&self.target))
+    }
+
+    /// Which way is up in the world, also where it is not in the picture.
+    pub(super) fn world_up(&self) -> Vec3 {
+        self.framed.map_or(self.camera.up, |(framing, _)| framing.up)
+    }
+
     /// The light of a scene that has none: see [`Scene::key_light`]; inside of a scene, whose walls would keep that
     /// one out, a lamp at the camera.
     pub fn key_light(&self) -> Light {
-        let key = Scene::key_light(&self.camera);
-        if self.is_inside { Light::point(self.camera.eye, key.intensity) } else { key }
+        self.key_light_at(&self.camera)
+    }
+
+    /// The same where the camera has moved.
+    pub fn key_light_at(&self, camera: &Camera) -> Light {
+        let key = Scene::key_light(camera);
+        if self.is_inside { Light::point(camera.eye, key.intensity) } else { key }
     }
 }

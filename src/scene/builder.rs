@@ -7,8 +7,8 @@ use super::check::{none_of, value_faults};
 use super::known::Numbers;
 use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
 use super::{
-    Background, Camera, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectId, PictureDefaults,
-    Scene, Texture, TextureId, Transform, Triangle,
+    Background, Camera, CameraKey, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectEnd,
+    ObjectId, PictureDefaults, Scene, Texture, TextureId, Transform, Triangle,
 };
 use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
@@ -411,6 +411,18 @@ impl Builder {
             triangles: other.triangles.iter().map(corners).collect(),
         };
         self.add_geometry(&mesh, |i| material.unwrap_or_else(|| own_material[other.triangles[i].material as usize]))
+    }
+
+    /// Sets where the camera is in some frames.
+    pub(super) fn camera_keys(&mut self, keys: Vec<CameraKey>) -> &mut Self {
+        self.scene.camera_keys = keys;
+        self
+    }
+
+    /// Keeps that an object of a scene file ends here.
+    pub(super) fn note_object_end(&mut self) {
+        let (triangles, shared) = (self.scene.triangles.len() as u32, self.scene.instances.objects().len() as u32);
+        self.scene.object_ends.push(ObjectEnd { triangles, shared });
     }
 
     /// Starts an object: what is added up to [`Builder::end_object`] is in its coordinates, and nowhere in the scene

@@ -1,8 +1,9 @@
 //! The pinhole camera, and where it stands to show a scene.
 
-use super::Viewpoint;
 use super::room::{Subject, free_way, is_ground, subject};
+use super::{Scene, Viewpoint};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// The vertical field of view of a camera of which nobody says it, degrees.
 pub(super) const FOV_DEGREES: f32 = 40.0;
@@ -109,10 +110,54 @@ pub(crate) struct Framed {
     pub subject: Subject,
 }
 
+/// A little air around the model.
+const MARGIN: f64 = 1.06;
+
+/// How far away a camera must be whose picture shows the point that lies at `p` from the picture's middle: its distance
+/// aside is at most a tangent times its distance ahead.
+fn distance_to_show(p: DVec3, [right, up, back]: [DVec3; 3], (tan_x, tan_y): (f64, f64)) -> f64 {
+    MARGIN * (p.dot(right).abs() / tan_x).max(p.dot(up).abs() / tan_y) + p.dot(back)
+}
+
+/// The directions to the right, up and back of a camera that stands in the direction `back` and has `up` upwards.
+fn picture_axes(back: DVec3, up: DVec3) -> [DVec3; 3] {
+    let back = back.normalize();
+    let right = up.cross(back).normalize();
+    [right, back.cross(right), back]
+}
+
+/// The tangents of half the angles of view across and up.
+fn tangents(fov_degrees: f32, aspect: f32) -> (f64, f64) {
+    let tan_y = (f64::from(fov_degrees).to_radians() / 2.0).tan();
+    (tan_y * f64::from(aspect), tan_y)
+}
+
+/// How far from its target `camera`, which was placed as it is `framed`, must be to show the same from all
+/// `directions`, each with what is up.
+pub(super) fn orbit_distance(
+    scene: &Scene,
+    framed: (Framing, Framed),
+    camera: &Camera,
+    directions: &[(DVec3, DVec3)],
+    aspect: f32,
+) -> f64 {
+    let (low, high) = scene.bounds().unwrap_or_default();
+    let diagonal = (high.as_dvec3() - low.as_dvec3()).length();
+    let shows_all = framed.1.subject == Subject::Everything;
+    let axes: Vec<_> = directions.iter().map(|&(back, up)| picture_axes(back, up)).collect();
+    let (target, tangents) = (camera.target.as_dvec3(), tangents(camera.fov_degrees, aspect));
+    let of_point = |p: DVec3| axes.iter().map(|&axes| distance_to_show(p - target, axes, tangents)).fold(0.0, f64::max);
+    let of_triangle = |i: u32| {
+        let triangle = scene.vertices(i as usize).map(DVec3::from);
+        let is_shown = shows_all || !is_ground(&triangle, diagonal);
+        if is_shown { triangle.into_iter().map(of_point).fold(0.0, f64::max) } else { 0.0 }
+    };
+    scene.hittable().into_par_iter().map(of_triangle).reduce(|| 0.0, f64::max)
+}
+
 impl Framing {
     /// A camera that shows `triangles`, or looks about among them. Without triangles it looks at the origin.
     pub fn camera(&self, triangles: impl Iterator<Item = [Vec3; 3]> + Clone) -> Framed {
-        const MARGIN: f64 = 1.06; // a little air around the model
         // f64: the extent of a scene near the largest float overflows float32
         let triangles = triangles.map(|triangle| triangle.map(DVec3::from));
         let axes = Axes::of(self.up);
@@ -132,17 +177,11 @@ impl Framing {
         let center = (low + high) / 2.0;
         let fov_degrees = self.fov_degrees.unwrap_or(FOV_DEGREES);
         let (back, up) = axes.of_view(self.viewpoint);
-        let back = back.normalize();
-        let right = up.cross(back).normalize();
-        let up = back.cross(right);
-        let tan_y = (f64::from(fov_degrees).to_radians() / 2.0).tan();
-        let tan_x = tan_y * f64::from(self.aspect);
-        // Every point must lie inside the pyramid of view: its distance aside is at most tan times its distance ahead.
-        let distance = shown
-            .flatten()
-            .map(|p| p - center)
-            .map(|p| MARGIN * (p.dot(right).abs() / tan_x).max(p.dot(up).abs() / tan_y) + p.dot(back))
-            .fold(0.0, f64::max);
+        let axes = picture_axes(back, up);
+        let [.., back] = axes;
+        // Every point must lie inside the pyramid of view.
+        let tangents = tangents(fov_degrees, self.aspect);
+        let distance = shown.flatten().map(|p| distance_to_show(p - center, axes, tangents)).fold(0.0, f64::max);
         let distance = if distance > 0.0 { distance } else { 1.0 };
         let eye = (center + back * distance).as_vec3();
         Framed { camera: Camera { eye, target: center.as_vec3(), up: self.up, fov_degrees }, subject }

@@ -14,7 +14,7 @@ impl Scene {
         #[rustfmt::skip]
         let Scene {
             positions, normals, uvs, triangles, instances, materials, textures, lights, camera, background, ambient,
-            up: _, picture: _, warnings: _, files: _,
+            up: _, object_ends: _, camera_keys: _, picture: _, warnings: _, files: _,
         } = self;
         let mut hash = Hash(Sha256::new());
         hash.geometry((positions, normals, uvs), triangles);

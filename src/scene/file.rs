@@ -11,8 +11,8 @@ mod texture;
 use super::check::{Fault, camera_fault, light_fault, material_fault};
 use super::reading::Loaders;
 use super::{
-    Background, Builder, Camera, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples, Scene,
-    SourceFile, TextureId,
+    Background, Builder, Camera, CameraKey, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples,
+    Scene, SourceFile, TextureId,
 };
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
@@ -27,6 +27,9 @@ use toml::de::{DeTable, DeValue};
 
 /// The largest scene file, bytes: some 100,000 objects, far more than anyone writes.
 const MAX_FILE_BYTES: u64 = 16 << 20;
+
+/// The most frames of an animation.
+const MAX_FRAMES: u32 = 99_999;
 
 /// What is known while a scene file is read.
 struct Reader<'a> {
@@ -133,18 +136,50 @@ impl<'a> Reader<'a> {
 
     fn read_camera(&mut self, root: &Table<'a>) -> Result<()> {
         let Some(value) = root.get("camera") else { return Ok(()) };
-        let table = Table::of(self.source, "[camera]", value)?.allow("[camera]", &["eye", "target", "up", "fov"])?;
+        let table =
+            Table::of(self.source, "[camera]", value)?.allow("[camera]", &["eye", "target", "up", "fov", "key"])?;
         const FOV: f32 = 40.0; // degrees; as Camera::framing has it
+        let (up, fov_degrees) = (table.vector("up")?.unwrap_or(Vec3::Y), table.number("fov")?.unwrap_or(FOV));
+        let places = (table.vector("eye")?, table.vector("target")?);
+        let keys = self.read_camera_keys(&table, places, (up, fov_degrees))?;
+        let first = keys.first().map(|key| key.camera);
         let camera = Camera {
-            eye: table.required("eye", table.vector("eye")?)?,
-            target: table.required("target", table.vector("target")?)?,
-            up: table.vector("up")?.unwrap_or(Vec3::Y),
-            fov_degrees: table.number("fov")?.unwrap_or(FOV),
+            eye: table.required("eye", places.0.or(first.map(|camera| camera.eye)))?,
+            target: table.required("target", places.1.or(first.map(|camera| camera.target)))?,
+            up,
+            fov_degrees,
         };
         // Without "up" the default one can still be at fault: the view is then what must change.
         table.check(camera_fault(&camera), "target")?;
-        self.builder.camera(camera);
+        self.builder.camera(camera).camera_keys(keys);
         Ok(())
+    }
+
+    /// `[[camera.key]]`: what a key does not say, the one before it does, or the camera.
+    fn read_camera_keys(
+        &self,
+        camera: &Table<'a>,
+        (mut eye, mut target): (Option<Vec3>, Option<Vec3>),
+        (mut up, mut fov_degrees): (Vec3, f32),
+    ) -> Result<Vec<CameraKey>> {
+        const NAME: &str = "[[camera.key]]";
+        let mut keys: Vec<CameraKey> = Vec::new();
+        for value in self.array_of_tables(camera, "key")? {
+            let table = Table::of(self.source, NAME, value)?.allow(NAME, &["frame", "eye", "target", "up", "fov"])?;
+            let frame = table.required("frame", table.whole("frame", 1..=MAX_FRAMES)?)?;
+            if let Some(last) = keys.last().filter(|last| last.frame >= frame) {
+                return Err(table.error("frame", format!("is not behind that of the key before it, {}", last.frame)));
+            }
+            eye = table.vector("eye")?.or(eye);
+            target = table.vector("target")?.or(target);
+            up = table.vector("up")?.unwrap_or(up);
+            fov_degrees = table.number("fov")?.unwrap_or(fov_degrees);
+            let (eye, target) = (table.required("eye", eye)?, table.required("target", target)?);
+            let camera = Camera { eye, target, up, fov_degrees };
+            table.check(camera_fault(&camera), "frame")?;
+            keys.push(CameraKey { frame, camera });
+        }
+        Ok(keys)
     }
 
     fn read_lights(&mut self, root: &Table<'a>) -> Result<()> {

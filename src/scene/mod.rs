@@ -20,9 +20,11 @@ mod material;
 mod mesh;
 mod mtl;
 mod nff;
+mod numbering;
 mod obj;
 mod off;
 mod paint;
+mod path;
 mod ply;
 mod procedural;
 mod reading;
@@ -46,6 +48,8 @@ pub(crate) use instances::{row_times_direction, row_times_point, turned};
 pub use light::{Falloff, Light, LightKind};
 pub use load::{line_of_vertex, load, load_within};
 pub use material::{Material, MaterialId, Toon};
+pub use numbering::{Numbering, ObjectEnd};
+pub use path::{CameraKey, CameraPath};
 pub use procedural::{Pattern, Procedural, TextureSpace};
 pub use samples::Samples;
 pub use solids::MAX_SEGMENTS;
@@ -135,6 +139,8 @@ pub struct Scene {
     pub triangles: Vec<Triangle>,
     /// Objects that stand in the scene many times.
     pub instances: Instances,
+    /// Of a scene file where each of its objects ends, in its order; else empty.
+    pub object_ends: Vec<ObjectEnd>,
     /// The materials; triangles refer to them by index.
     pub materials: Vec<Material>,
     /// The textures; materials refer to them by index.
@@ -143,6 +149,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// The camera; without one the renderer frames the scene (see [`Camera::framing`]).
     pub camera: Option<Camera>,
+    /// Where the camera is in some frames of an animation, in their order.
+    pub camera_keys: Vec<CameraKey>,
     /// Which way is up by the rule of the file's format; `None`: y. A camera says it for itself.
     pub up: Option<Vec3>,
     /// What rays that miss everything see.

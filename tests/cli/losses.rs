@@ -79,6 +79,8 @@ fn no_input_and_no_other_output_is_overwritten() {
         (&format!("{render} scene.toml --stats scene.toml"), &["--stats", "'scene.toml' is the scene"]),
         (&format!("{render} one.obj -o a.png --stats ./a.png"), &["a.png", "what --stats writes"]),
         (&format!("{render} one.obj -o a.png --aov steps --stats a-steps.png"), &["a-steps.png", "--stats"]),
+        (&format!("{render} one.obj -o a.png --layers depth --stats a-depth.png"), &["a-depth.png", "--layers"]),
+        (&format!("{render} one.obj -o a.png --layers steps --aov steps"), &["a-steps.png", "--layers"]),
         (&format!("{trace} one.obj rays.npz -o rays.npz"), &["-o", "the file of rays"]),
         (&format!("{trace} one.obj rays.npz --stats one.obj"), &["--stats", "the scene"]),
         (&format!("{trace} model.obj rays.npz -o model.mtl"), &["-o", "material library"]),

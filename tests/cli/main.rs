@@ -13,15 +13,18 @@ mod device_faults;
 mod distance;
 mod explain;
 mod keep;
+mod layers;
 mod limits;
 mod losses;
 mod methods;
 mod peers;
 mod ply_headers;
+mod progress;
 mod roulette;
 mod study;
 mod truth;
 mod tune;
+mod turntable;
 mod view;
 mod warm_up;
 

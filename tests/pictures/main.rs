@@ -7,6 +7,7 @@ mod adaptive;
 mod crop;
 mod features;
 mod images;
+mod layers;
 mod roulette;
 mod several;
 mod shading;

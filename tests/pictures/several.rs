@@ -9,11 +9,12 @@ use raybrook::low_level::renderer::{
     Picture, PictureBlocks, Renderer, Watcher, open_tracer, render, render_blocks, render_by_several,
 };
 use raybrook::low_level::scene::{Samples, Scene};
-use raybrook::low_level::shared::{CameraSample, RenderParams};
+use raybrook::low_level::shared::{CameraSample, Light, RenderParams};
 use raybrook::low_level::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Finished, Progress, RenderResult, TraceJob, TraceResult,
 };
 use raybrook::{Error, Result};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -33,6 +34,14 @@ impl Backend for Poor {
 
     fn options(&self) -> &TraceOptions {
         self.inner.options()
+    }
+
+    fn stop_when(&mut self, stop: Arc<AtomicBool>) {
+        self.inner.stop_when(stop);
+    }
+
+    fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
+        self.inner.set_lights(lights)
     }
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {

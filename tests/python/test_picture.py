@@ -46,6 +46,30 @@ def test_a_picture(squares, tmp_path):
     assert "24x16" in repr(picture)
 
 
+def test_layers(squares, tmp_path):
+    camera = {"eye": (2, 2, 9), "target": (2, 2, 0), "samples": 1}
+    names = ["depth", "position", "normal", "uv", "primitive", "samples"]
+    picture = squares.render(9, 7, **camera, layers=names)
+    layers = picture.layers
+    assert list(layers) == names
+    shapes = {"position": (7, 9, 3), "normal": (7, 9, 3), "uv": (7, 9, 2)}
+    assert all(layers[name].shape == shapes.get(name, (7, 9)) for name in names)
+    assert {layers[name].dtype.name for name in ("primitive", "samples")} == {"uint32"}
+    hit = layers["primitive"] != 2**32 - 1
+    assert hit.any() and np.array_equal(hit, np.isfinite(layers["depth"]))
+    eye = np.float32([2, 2, 9])
+    assert np.allclose((eye - layers["position"])[hit][:, 2], layers["depth"][hit])
+    directions = (layers["position"] - eye)[hit]
+    hits = squares.closest_hits(np.concatenate([np.broadcast_to(eye, directions.shape), directions], axis=1))
+    assert np.array_equal(hits.triangle, layers["primitive"][hit])
+    picture.save(tmp_path / "layers.exr")
+    assert b"depth.Z" in (tmp_path / "layers.exr").read_bytes()[:900]
+    assert squares.render(9, 7, **camera).layers == {}
+    for wrong in (["speed"], ["error"]):
+        with pytest.raises(OptionError, match=wrong[0]):
+            squares.render(9, 7, **camera, layers=wrong)
+
+
 def test_a_camera(squares):
     picture = squares.render(9, 9, eye=(2, 2, 9), target=(2, 2, 0), fov=20, samples=1)
     away = squares.render(9, 9, eye=(2, 2, 9), target=(2, 2, 99), fov=20, samples=1)

@@ -39,6 +39,7 @@ fn end_now(code: u8) -> ! {
     stop::work_now();
     let _stopped = raybrook::low_level::output::stop();
     let _ = std::io::stdout().flush();
+    super::progress::end_json(code);
     // SAFETY: it takes a number and does not return.
     unsafe { _exit(c_int::from(code)) }
 }

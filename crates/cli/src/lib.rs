@@ -32,11 +32,13 @@ mod info;
 mod inside;
 mod keep;
 mod kernels;
+mod layers;
 mod merge;
 mod method;
 mod methods;
 mod open;
 mod part;
+mod picture_file;
 mod points;
 mod progress;
 mod render;
@@ -49,6 +51,7 @@ mod text;
 mod trace;
 mod truth;
 mod tune;
+mod turntable;
 mod values;
 mod view;
 mod warm_up;
@@ -96,6 +99,19 @@ struct Talk {
     /// Say more: device, times, every warning.
     #[arg(short, long, global = true, help_heading = heading::OUTPUT)]
     verbose: bool,
+    /// How to tell how far long work is: by a bar on a terminal, or by lines of JSON for programs that wrap this one.
+    ///
+    /// With json all that is written to standard error is JSON, an object a line; the book's page "Many cores, many
+    /// machines" describes it. `bar` or `json`.
+    #[arg(
+        long,
+        global = true,
+        hide_short_help = true,
+        value_name = "FORM",
+        default_value = "bar",
+        help_heading = heading::OUTPUT,
+    )]
+    progress: progress::Form,
 }
 
 #[derive(Subcommand)]
@@ -106,6 +122,8 @@ enum Command {
     Merge(merge::MergeArgs),
     /// Show a scene in the browser: move about, pick, compare methods.
     View(view::ViewArgs),
+    /// Render a scene from all around: numbered pictures, by one tracer. Goes on where it was stopped.
+    Turntable(turntable::TurntableArgs),
     /// Trace a batch of rays from a NumPy .npz file.
     Trace(trace::TraceArgs),
     /// Tell which points of a NumPy .npz file are inside of a closed mesh.
@@ -312,13 +330,24 @@ fn words() -> impl Iterator<Item = &'static OsString> {
 /// signals are this program's from then on.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = ARGUMENTS.get_or_init(|| arguments.into_iter().collect());
-    print::finish(obey(arguments).unwrap_or_else(|error| fail(&error)))
+    let code = print::finish(obey(arguments).unwrap_or_else(|error| fail(&error)));
+    progress::end_json(code);
+    code
+}
+
+/// Whether events are asked for, also where other arguments are wrong: that is then an event.
+fn asks_for_json(arguments: &[OsString]) -> bool {
+    let is_pair = |pair: &[OsString]| pair[0] == "--progress" && pair[1] == "json";
+    arguments.windows(2).any(is_pair) || arguments.iter().any(|argument| argument == "--progress=json")
 }
 
 /// Parses the arguments and does what they ask.
 fn obey(arguments: &[OsString]) -> Result<Code, Error> {
     keep_threads_on_their_cores();
     forget_empty_variables();
+    if asks_for_json(arguments) {
+        progress::begin_json();
+    }
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(other) => return Ok(end_of_arguments(&other)),
@@ -334,6 +363,7 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
         Command::Render(args) => render::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Merge(args) => merge::run(&args, cli.talk).map(|()| SUCCESS),
         Command::View(args) => view::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::Turntable(args) => turntable::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Trace(args) => trace::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Distance(args) => distance::run(&args, cli.talk).map(|()| SUCCESS),
@@ -362,7 +392,7 @@ fn end_of_arguments(other: &clap::Error) -> Code {
     let is_wrong = other.use_stderr();
     // Without colours where what is quoted could not be told from them.
     let text = other.render().to_string();
-    match (is_wrong, is_all_safe) {
+    match (is_wrong, is_all_safe && !(is_wrong && progress::is_json())) {
         (false, true) => print::remember(other.print()),
         (false, false) => say!("{}", text.trim_end()),
         // Whether anyone can read it changes nothing.

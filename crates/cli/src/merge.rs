@@ -1,10 +1,10 @@
 //! `raybrook merge`.
 
 use super::files::Files;
-use super::render::{check_exposure, finish_film};
+use super::picture_file::PictureFileArgs;
 use super::{MemoryArgs, Talk, heading};
 use raybrook::low_level::budget::{DecidedBy, Need};
-use raybrook::low_level::film::{Film, FilmWindow, ImageFormat, check_output};
+use raybrook::low_level::film::{Film, FilmWindow, check_output};
 use raybrook::low_level::renderer::{Kept, Part, PictureBlocks, PictureId, read_kept};
 use raybrook::low_level::stats::RayCounts;
 use raybrook::low_level::tracer::Spent;
@@ -20,12 +20,8 @@ pub struct MergeArgs {
     /// Picture to write: .png (sRGB), .exr or .pfm (linear).
     #[arg(short, long, value_name = "FILE", help_heading = heading::OUTPUT)]
     output: PathBuf,
-    /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
-    #[arg(long, value_name = "BITS", help_heading = heading::OUTPUT)]
-    bit_depth: Option<u8>,
-    /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
-    #[arg(long, help_heading = heading::OUTPUT, value_name = "EV", allow_hyphen_values = true)]
-    exposure: Option<f32>,
+    #[command(flatten)]
+    file: PictureFileArgs,
     #[command(flatten)]
     memory: MemoryArgs,
 }
@@ -115,9 +111,7 @@ fn new_film(blocks: &PictureBlocks, memory: MemoryArgs) -> Result<Film> {
 }
 
 pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
-    let format = ImageFormat::from_path(&args.output)?;
-    let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
-    check_exposure(args.exposure, format)?;
+    let format = args.file.format(&args.output)?;
     let mut files = Files::default();
     args.journals.iter().for_each(|journal| files.read(journal, "a journal"));
     files.write(&args.output, "-o")?;
@@ -132,7 +126,7 @@ pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
         return Err(Error::input(&args.journals[0], None, missing));
     }
     let mut film = merged.film.take().unwrap_or_else(|| blocks.empty_film());
-    finish_film(&mut film, args.exposure, talk)?;
+    args.file.finish(&mut film, &args.output.display().to_string(), talk)?;
     film.write(&args.output, Some(format))?;
     if talk.quiet {
         return Ok(());

@@ -26,6 +26,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// Where its camera comes from, part by part, if it was given one.
     pub camera: Vec<Decision>,
+    /// Its camera as it was placed, if it was given one.
+    pub placed: Option<Placed>,
     /// Whether it has no light of its own: one is added for pictures, and goes with the camera.
     pub has_key_light: bool,
     /// Seconds.
@@ -40,6 +42,7 @@ pub fn load_for_picture(scene: &SceneArgs, args: &PictureArgs, budget: &MemoryBu
     let start = Instant::now();
     let placed = complete_for_picture(&mut loaded.scene, &scene.scene, Some(args))?;
     loaded.camera = flags::decisions(camera_decisions(&placed).to_vec());
+    loaded.placed = Some(placed);
     loaded.load_s += start.elapsed().as_secs_f64();
     Ok(loaded)
 }
@@ -115,8 +118,8 @@ pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    let has_key_light = scene.lights.is_empty();
-    Ok(Loaded { scene, camera: Vec::new(), has_key_light, load_s: start.elapsed().as_secs_f64() })
+    let (has_key_light, load_s) = (scene.lights.is_empty(), start.elapsed().as_secs_f64());
+    Ok(Loaded { scene, camera: Vec::new(), placed: None, has_key_light, load_s })
 }
 
 /// Checks that there is memory for the numbers of all triangles, which instances can make many of.
@@ -131,9 +134,9 @@ fn check_list(scene: &Scene, path: &Path, budget: &MemoryBudget) -> Result<()> {
     })
 }
 
-/// Checks that there is memory for a picture.
+/// Checks that there is memory for a picture, and so many bytes beside it.
 pub fn check_picture(
-    size: (u32, u32),
+    (size, more_bytes): ((u32, u32), u64),
     samples: Samples,
     options: &TraceOptions,
     device: Option<&DeviceHandle>,
@@ -141,7 +144,7 @@ pub fn check_picture(
     budget: &MemoryBudget,
 ) -> Result<()> {
     let what = format!("a picture of {}x{} pixels", size.0, size.1);
-    let bytes = picture_bytes(size, samples, options, device, Some(format));
+    let bytes = picture_bytes(size, samples, options, device, Some(format)) + more_bytes;
     let remedy = "lower --size (a scene file's width and height), or raise --memory-limit";
     budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
 }

@@ -5,6 +5,7 @@
 //! is a courtesy: a run whose messages nobody can read goes on.
 
 use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
+use super::progress::{self, Event};
 use raybrook::Error;
 use serde::Serialize;
 use std::borrow::Cow;
@@ -63,8 +64,12 @@ pub fn json(value: &impl Serialize) {
 
 /// Prints `text`, which is JSON, to standard output.
 pub fn json_text(text: &str) {
-    // JSON has its own way to write any character, and lets these be raw: DEL, for example.
-    print(&escaped_by(text, |escaped, c| write!(escaped, "\\u{:04x}", u32::from(c))));
+    print(&escaped_json(text));
+}
+
+/// JSON has its own way to write any character, and lets these be raw: DEL, for example.
+fn escaped_json(text: &str) -> Cow<'_, str> {
+    escaped_by(text, |escaped, c| write!(escaped, "\\u{:04x}", u32::from(c)))
 }
 
 fn print(text: &str) {
@@ -79,10 +84,23 @@ pub fn remember(written: io::Result<()>) {
     }
 }
 
-/// Prints a line to standard error, if that can be written.
+/// Prints a line to standard error, if that can be written: as an event where these are told.
 pub fn message(text: Arguments) {
-    let text = format!("{}\n", escaped(&text.to_string()));
-    let _ = io::stderr().write_all(text.as_bytes());
+    let text = text.to_string();
+    match progress::is_json() {
+        true => event(&Event::Message { text: &text }),
+        false => error_line(&escaped(&text)),
+    }
+}
+
+/// Prints an event to standard error, if that can be written.
+pub fn event(event: &Event) {
+    error_line(&escaped_json(&serde_json::to_string(event).expect("numbers and names serialise")));
+}
+
+/// In one piece, so that lines of several threads do not mix.
+fn error_line(text: &str) {
+    let _ = io::stderr().write_all(format!("{text}\n").as_bytes());
 }
 
 /// Prints an error and its causes, and returns its exit code.
@@ -127,7 +145,7 @@ mod tests {
     fn json_stays_json_of_the_same_text() {
         let text = "a\u{1b}[31m\u{7f}\u{9b}\u{202e}\u{2069}\"\\";
         let json = serde_json::to_string(text).unwrap();
-        let printed = escaped_by(&json, |escaped, c| write!(escaped, "\\u{:04x}", u32::from(c)));
+        let printed = escaped_json(&json);
         assert!(!printed.contains(is_unsafe));
         assert_eq!(serde_json::from_str::<String>(&printed).unwrap(), text);
     }

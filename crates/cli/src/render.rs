@@ -3,19 +3,20 @@
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::keep::{KeepArgs, Keeper, LazyId, journal_of};
+use super::layers::LayerArgs;
 use super::open::Opened;
 use super::part::PartChoice;
+use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
 use super::several;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
-use raybrook::low_level::film::{Film, ImageFormat, check_output};
+use raybrook::low_level::film::{ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::renderer::{
-    Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part,
+    Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part_noting,
 };
 use raybrook::low_level::scene::{Samples, Scene};
-use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
 use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Task};
 use raybrook::low_level::work::WorkSum;
@@ -39,9 +40,8 @@ pub struct RenderArgs {
     /// The default is in this folder, and has -render.png where .png is one of the scene's files.
     #[arg(short, long, value_name = "FILE", help_heading = heading::OUTPUT)]
     output: Option<PathBuf>,
-    /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
-    #[arg(long, value_name = "BITS", hide_short_help = true, help_heading = heading::OUTPUT)]
-    bit_depth: Option<u8>,
+    #[command(flatten)]
+    file: PictureFileArgs,
     /// Part of the picture to render, WxH pixels from column X and row Y on.
     ///
     /// Its pixels are those of the whole picture, bit for bit. With --samples nothing else is rendered. With --error
@@ -49,18 +49,12 @@ pub struct RenderArgs {
     /// them.
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "X,Y,WxH")]
     crop: Option<Crop>,
-    /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
-    ///
-    /// All light is multiplied by 2 to the power of EV before it becomes sRGB. Not for .exr and .pfm, which hold the
-    /// light itself. --error means the picture without it.
-    #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "EV", allow_hyphen_values = true)]
-    exposure: Option<f32>,
     /// Render part I of N alone, for `raybrook merge`: into OUT.part-I-of-N, by as many machines as there are parts.
     ///
     /// Every Nth block of the picture, or every Nth area of a large one. `auto` takes I and N from what runs the
     /// program: an array of Slurm jobs (SLURM_ARRAY_TASK_ID), or ranks of Slurm, Open MPI, or PMI. Such a file is a
     /// journal, so that the same command goes on after whatever stopped it.
-    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", conflicts_with_all = ["counters", "aov", "measure_error", "stats"])]
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", conflicts_with_all = ["counters", "layers", "aov", "measure_error", "stats"])]
     part: Option<PartChoice>,
     #[command(flatten)]
     keep: KeepArgs,
@@ -69,8 +63,8 @@ pub struct RenderArgs {
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
     #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     counters: bool,
-    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. One or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
-    aov: Vec<WorkCounter>,
+    #[command(flatten)]
+    layers: LayerArgs,
     /// Render the full picture, too, with 256 samples in each pixel, and tell what error the one that is written has
     /// against it.
     #[arg(long, hide_short_help = true, conflicts_with = "crop", help_heading = heading::DIAGNOSIS)]
@@ -107,7 +101,7 @@ impl RenderArgs {
             let mut files = files.clone();
             files.write(&output, "-o")?;
             files.write(&journal_of(&output, part), "-o, on its way,")?;
-            work::claim_aovs(&output, format, &self.aov, &mut files).map(|()| output)
+            self.layers.claim(&output, format, &mut files).map(|()| output)
         };
         match &self.output {
             Some(output) => claim(output.clone()),
@@ -116,56 +110,42 @@ impl RenderArgs {
     }
 }
 
-/// Checks that a picture of this format can have the exposure that was asked for.
-pub fn check_exposure(stops: Option<f32>, format: ImageFormat) -> Result<()> {
-    let Some(stops) = stops else { return Ok(()) };
-    if matches!(format, ImageFormat::Exr | ImageFormat::Pfm) {
-        let message = "an .exr or .pfm holds the light itself, which viewers expose; leave it out, or write a .png";
-        return Err(Error::option("exposure", message));
-    }
-    Film::check_exposure(stops)
-}
-
-/// Tells of pixels that are no numbers, and exposes the picture.
-pub fn finish_film(film: &mut Film, exposure: Option<f32>, talk: Talk) -> Result<()> {
-    let bad = film.non_finite();
-    if bad > 0 && !talk.quiet {
-        tell!("warning: {bad} pixels are not finite numbers and are written as 0; please report this scene");
-    }
-    exposure.map_or(Ok(()), |stops| film.expose(stops))
-}
-
-/// Renders a picture whose work is counted, which is not kept on its way.
-fn render_counted(opened: &mut Opened, picture: &Picture, crop: Option<Crop>, talk: Talk) -> Result<RenderResult> {
+/// Renders a picture of which more is told than its pixels, and which is not kept on its way.
+fn render_noting(
+    opened: &mut Opened,
+    picture: &Picture,
+    crop: Option<Crop>,
+    notes_sampling: bool,
+    talk: Talk,
+) -> Result<RenderResult> {
     let bar = Bar::new("render", talk);
     let (width, height) = crop.map_or(picture.size, |crop| crop.rendered_size(picture.size, picture.samples));
     let camera_rays = f64::from(width) * f64::from(height) * f64::from(picture.samples.per_pixel());
     let progress = |done: f64| bar.update(done, camera_rays / 1e6, "M camera rays");
-    render_part(opened.tracer.as_mut(), &opened.buffers, picture, crop, &progress)
+    render_part_noting(opened.tracer.as_mut(), &opened.buffers, picture, crop, notes_sampling, &progress)
 }
 
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let start = Instant::now();
-    let counters = args.counters || !args.aov.is_empty();
+    let counters = args.counters || args.layers.wants_counters();
     let options = args.method.check(counters)?;
     let part = args.part.map(PartChoice::part).transpose()?;
     let wanted = match &args.output {
         Some(path) => path.clone(),
         None => open::default_output(&args.scene.scene, ".png")?,
     };
-    let format = ImageFormat::from_path(&wanted)?;
-    let format = args.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
-    check_exposure(args.exposure, format)?;
+    let format = args.file.format(&wanted)?;
+    args.layers.check(format)?;
     let mut files = Files::default();
     files.read(&args.scene.scene, "the scene");
     let output = args.output(&wanted, format, part, files.clone())?;
     check_output(&output, Some(format))?;
-    work::check_aovs(&output, format, &args.aov)?;
+    args.layers.check_writable(&output, format)?;
     args.stats.as_deref().map_or(Ok(()), check_writable)?;
     let opening = Instant::now();
     let devices = several::choose(&args.device, talk)?;
-    if devices.len() > 1 && (counters || args.measure_error) {
-        let message = "work is counted, and errors are measured, on one device; name one";
+    if devices.len() > 1 && (counters || args.measure_error || args.layers.any()) {
+        let message = "work is counted, errors are measured and layers are traced on one device; name one";
         return Err(Error::option("--device", message));
     }
     let device = devices.first().cloned().flatten();
@@ -174,7 +154,9 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
     let check_picture = |size, samples| {
         args.crop.map_or(Ok(()), |crop| crop.check(size))?;
-        open::check_picture(rendered_size(size, samples), samples, &options, device.as_ref(), format, &budget)
+        let layer_bytes = args.layers.bytes(args.crop.map_or(size, |crop| crop.size));
+        let size = rendered_size(size, samples);
+        open::check_picture((size, layer_bytes), samples, &options, device.as_ref(), format, &budget)
     };
     if let Some(size) = args.picture.size {
         check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
@@ -196,7 +178,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let mut chosen = several::choose_methods(&chooser, &devices, &loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
-    let mut keeper = match counters {
+    args.layers.check_samples(picture.samples)?;
+    let mut keeper = match counters || args.layers.wants_sampling() {
         true => None,
         false => {
             let (scene, options) = (&loaded.scene, chosen[0].options);
@@ -211,14 +194,14 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             several::render(keeper, &loaded, (&devices, &args.device), &chosen, (&picture, &budget), talk)?
         }
         keeper => {
-            let tasks = (&[Task::Picture][..], &budget);
-            let chosen = chosen.swap_remove(0);
+            let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
+            let (tasks, chosen) = ((tasks, &budget), chosen.swap_remove(0));
             let one = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
             let opened = opened.insert(one);
             check_picture(picture.size, picture.samples)?;
             let result = match keeper {
                 Some(keeper) => keeper.render(opened, &picture, talk)?,
-                None => render_counted(opened, &picture, args.crop, talk)?,
+                None => render_noting(opened, &picture, args.crop, args.layers.wants_sampling(), talk)?,
             };
             (result, std::mem::take(&mut opened.stats))
         }
@@ -226,20 +209,29 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     if part.is_some() {
         return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk));
     }
+    let tracing_layers = Instant::now();
+    let trace_layers = |opened: &mut Opened| {
+        let (tracer, scene) = (opened.tracer.as_mut(), (&*opened.buffers, &loaded.scene));
+        args.layers.trace(tracer, scene, &picture, (args.crop, result.sampling.as_ref()), talk)
+    };
+    let layers = opened.as_mut().map(trace_layers).transpose()?.unwrap_or_default();
+    let layers_s = args.layers.any().then(|| tracing_layers.elapsed().as_secs_f64());
 
-    finish_film(&mut result.film, args.exposure, talk)?;
+    args.file.finish(&mut result.film, &output.display().to_string(), talk)?;
     let writing = Instant::now();
-    result.film.write(&output, Some(format))?;
+    args.layers.write((&output, format), &result, layers, talk)?;
     keeper.map_or(Ok(()), Keeper::finish)?;
 
     stats.write_s = Some(writing.elapsed().as_secs_f64());
     stats.device_s = Some(device_s);
+    stats.layers_s = layers_s;
+    stats.materials = args.layers.materials(&loaded.scene);
     stats.rays = RayCounts::from_counters(&result.counts);
     if let Some(pixels) = &result.work {
         stats.work = Some(WorkStats {
             camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
             all: WorkSum::new(stats.rays.total_cast(), pixels.iter().flat_map(|pixel| [pixel.camera, pixel.secondary])),
-            aovs: work::write_aovs(&output, format, &args.aov, pixels, (result.film.width, result.film.height))?,
+            aovs: args.layers.write_aovs((&output, format), pixels, (result.film.width, result.film.height))?,
         });
     }
     stats.second_pass = result.second_pass;
@@ -257,7 +249,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         let camera_rays = result.film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
         let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
         let mut full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
-        args.exposure.map_or(Ok(()), |stops| full.film.expose(stops))?;
+        args.file.expose(&mut full.film)?;
         stats.full_picture = Some(FullPicture {
             samples: MOST_SAMPLES,
             rays: RayCounts::from_counters(&full.counts),

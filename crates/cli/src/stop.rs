@@ -88,6 +88,7 @@ fn stop(signal: i32) {
     }
     let _stopped = raybrook::low_level::output::stop();
     tell!("raybrook: stopped by {}", signal_hook::low_level::signal_name(signal).unwrap_or("a signal"));
+    super::progress::end_json(exit_code(signal) as u8);
     // At once: a driver may be in the middle of anything, and its own ending could wait for that for ever.
     signal_hook::low_level::exit(exit_code(signal));
 }

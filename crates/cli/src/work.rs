@@ -11,11 +11,11 @@ use raybrook::low_level::stats::WorkStats;
 use raybrook::low_level::work::{PixelWork, WorkSum};
 use std::path::{Path, PathBuf};
 
-/// `out.png` and a counter to `out-steps.png`, or another ending.
-fn aov_path(output: &Path, counter: WorkCounter, ending: &str) -> PathBuf {
-    let mut name = output.file_stem().unwrap_or_default().to_owned();
-    name.push(format!("-{counter}.{ending}"));
-    output.with_file_name(name)
+/// `out.png` and a name to `out-name.png`, or another ending.
+pub fn beside(output: &Path, name: &str, ending: &str) -> PathBuf {
+    let mut stem = output.file_stem().unwrap_or_default().to_owned();
+    stem.push(format!("-{name}.{ending}"));
+    output.with_file_name(stem)
 }
 
 /// The files of one counter: its picture, and beside a linear picture its numbers in the same format.
@@ -25,7 +25,7 @@ fn aov_paths(output: &Path, format: ImageFormat, counter: WorkCounter) -> (PathB
         ImageFormat::Pfm => Some("pfm"),
         _ => None,
     };
-    (aov_path(output, counter, "png"), numbers.map(|ending| aov_path(output, counter, ending)))
+    (beside(output, counter.name(), "png"), numbers.map(|ending| beside(output, counter.name(), ending)))
 }
 
 /// Checks that all files can be written.
@@ -38,12 +38,18 @@ pub fn check_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter]) 
     Ok(())
 }
 
-/// Keeps that these files are written.
-pub fn claim_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter], files: &mut Files) -> Result<()> {
+/// Keeps that `option` has these files written.
+pub fn claim_aovs(
+    output: &Path,
+    format: ImageFormat,
+    counters: &[WorkCounter],
+    option: &str,
+    files: &mut Files,
+) -> Result<()> {
     for &counter in counters {
         let (colours, numbers) = aov_paths(output, format, counter);
-        files.write(&colours, "--aov")?;
-        files.write_if(numbers.as_deref(), "--aov")?;
+        files.write(&colours, option)?;
+        files.write_if(numbers.as_deref(), option)?;
     }
     Ok(())
 }
@@ -71,7 +77,7 @@ pub fn write_aovs(
 /// Says what the colours mean.
 pub fn say_ranges(output: &Path, ranges: &[AovRange]) {
     for range in ranges {
-        let path = aov_path(output, range.counter, "png");
+        let path = beside(output, range.counter.name(), "png");
         let AovRange { counter, brightest, maximum } = range;
         say!("{}: {counter} of a pixel from 0 (black) to {brightest} (brightest); at most {maximum}", path.display());
     }

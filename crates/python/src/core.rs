@@ -9,7 +9,7 @@ use crate::rays::{GivenRays, Rays};
 use crate::run::{Call, Current, Failure, Stopped, run};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use raybrook::{AllHits, DeviceKind, Error, Hit, Precision, Ray, Result, Scene, Tracer, View, Viewpoint};
+use raybrook::{AllHits, DeviceKind, Error, Hit, Layer, Precision, Ray, Result, Scene, Tracer, View, Viewpoint};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
@@ -452,6 +452,7 @@ impl Core {
         error: Option<f32>,
         depth: Option<u32>,
         crop: Option<[u32; 4]>,
+        layers: Vec<String>,
         progress: Option<&Bound<PyAny>>,
     ) -> PyResult<Picture> {
         let mut view = size.map_or_else(View::default, |(width, height)| View::new(width, height));
@@ -467,6 +468,9 @@ impl Core {
         view = error.map_or(view, |error| view.error(error));
         view = depth.map_or(view, |depth| view.depth(depth));
         view = crop.map_or(view, |[x, y, width, height]| view.crop(x, y, width, height));
+        let layers: Vec<Layer> =
+            (layers.iter().map(|name| name.parse())).collect::<Result<_>>().map_err(|error| to_python(py, &error))?;
+        view = view.layers(&layers);
         run(py, progress, |call| {
             let mut picture = None;
             self.work(call, 1, |tracer, _| {

@@ -2,6 +2,7 @@
 
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
+use raybrook::scene::ObjectEnd;
 use raybrook::{Error, Result, Scene};
 
 /// Which mesh a triangle belongs to.
@@ -24,7 +25,7 @@ pub fn join(
     meshes: &[(PyReadonlyArray2<f32>, PyReadonlyArray2<u32>)],
     is_strict: bool,
 ) -> PyResult<Result<(Scene, Vec<u32>)>> {
-    let (mut scene, mut starts) = (Scene::default(), Vec::new());
+    let (mut scene, mut starts, mut ends) = (Scene::default(), Vec::new(), Vec::new());
     for (i, (positions, triangles)) in meshes.iter().enumerate() {
         let (positions, triangles) = (positions.as_slice()?.as_chunks().0, triangles.as_slice()?.as_chunks().0);
         starts.push(scene.triangles.len() as u32);
@@ -34,7 +35,9 @@ pub fn join(
                 other => other,
             }));
         }
+        ends.push(ObjectEnd { triangles: scene.triangles.len() as u32, shared: 0 });
     }
+    scene.object_ends = ends;
     Ok(Ok((scene, starts)))
 }
 

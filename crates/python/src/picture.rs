@@ -4,6 +4,7 @@ use crate::error::{raise, to_python};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use raybrook::Plane;
 use std::path::PathBuf;
 
 /// A rendered picture.
@@ -30,6 +31,16 @@ impl Picture {
     /// 8-bit sRGB, three bytes a pixel, top row first.
     fn srgb8<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
         PyArray1::from_vec(py, self.0.to_srgb8())
+    }
+
+    /// The layers: each one's name, and its planes of a number a pixel, float32 or uint32, top row first.
+    fn layers<'py>(&self, py: Python<'py>) -> Vec<(String, Vec<Bound<'py, PyAny>>)> {
+        let plane = |(_, plane): &(char, Plane)| match plane {
+            Plane::Float(values) => PyArray1::from_slice(py, values).into_any(),
+            Plane::Uint(values) => PyArray1::from_slice(py, values).into_any(),
+        };
+        let groups = self.0.layers().iter();
+        groups.map(|group| (group.name.clone(), group.planes.iter().map(plane).collect())).collect()
     }
 
     /// The picture made lighter by so many stops.

@@ -75,6 +75,7 @@ impl<'a> Reader<'a> {
                 self.read_instances(&table, object)?;
             }
             self.builder.pop();
+            self.builder.note_object_end();
         }
         Ok(())
     }

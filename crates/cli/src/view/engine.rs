@@ -164,7 +164,7 @@ pub fn load(args: &ViewArgs, device: Option<&DeviceHandle>, talk: Talk) -> Resul
     let Picture { size, samples, .. } = args.picture.picture(&loaded.scene);
     // With the work on each ray, which takes most.
     let options = TraceOptions { counters: true, ..TraceOptions::DEFAULT };
-    open::check_picture(size, samples, &options, device, ImageFormat::Png8, &budget)?;
+    open::check_picture((size, 0), samples, &options, device, ImageFormat::Png8, &budget)?;
     Ok(loaded)
 }
 

@@ -30,6 +30,22 @@ class Picture:
         """Linear RGB radiance, float32 ``[height, width, 3]``, top row first. A value may be above 1."""
         return self._picture.pixels().reshape(self.height, self.width, 3)
 
+    @property
+    def layers(self) -> dict[str, np.ndarray]:
+        """The layers that were asked for, by their names: ``[height, width]``, or ``[height, width, channels]`` of
+        position (3), normals (3), albedo (3) and uv (2).
+
+        Numbers of primitives (counted through all meshes), objects (the meshes), instances and materials, and samples, are uint32, with 2 ** 32 - 1 for what is not
+        there; all else is float32, with infinity for a depth and 0 for everything else where nothing is hit. They are of
+        the first hit on the ray through the middle of a pixel, and have the same bits on every device.
+        """
+
+        def array(planes: list[np.ndarray]) -> np.ndarray:
+            shaped = [plane.reshape(self.height, self.width) for plane in planes]
+            return shaped[0] if len(shaped) == 1 else np.stack(shaped, axis=-1)
+
+        return {name: array(planes) for name, planes in self._picture.layers()}
+
     def to_srgb8(self) -> np.ndarray:
         """8-bit sRGB, uint8 ``[height, width, 3]``. There is no tone mapping: what is above 1 becomes 255."""
         return self._picture.srgb8().reshape(self.height, self.width, 3)
@@ -43,7 +59,8 @@ class Picture:
         return Picture(self._picture.exposed(stops))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the picture, in the format that the ending names: ``.png``, ``.exr`` or ``.pfm``.
+        """Write the picture, in the format that the ending names: ``.png``, ``.exr`` or ``.pfm``. An ``.exr`` has
+        the layers in it, too.
 
         Raises:
             OptionError: for another ending.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -421,6 +421,7 @@ class Scene:
         error: float | None = None,
         depth: int | None = None,
         crop: tuple[int, int, int, int] | None = None,
+        layers: Sequence[str] = (),
         progress: Progress | None = None,
     ) -> Picture:
         """A picture: Whitted shading with shadows, mirrors, glass and textures.
@@ -440,6 +441,10 @@ class Scene:
             depth: the longest chain of reflected and refracted rays, the camera's ray counted.
             crop: ``(x, y, width, height)``, pixels from the upper left: only this part of the picture, with the bits
                 of the whole one. With ``samples`` nothing else is rendered.
+            layers: what else to tell of the pixels, as `Picture.layers`: any of ``"depth"``, ``"position"`` (as
+                float32, from the scene's origin), ``"normal"``, ``"geometric-normal"``, ``"albedo"``, ``"uv"``,
+                ``"primitive"``, ``"object"``, ``"instance"``, ``"material"``, ``"samples"`` and, of pictures by their
+                error, ``"error"``.
             progress: as of `closest_hits`.
         """
         if view is not None and (eye is not None or target is not None):
@@ -458,7 +463,7 @@ class Scene:
             None if fov is None else float(fov),
             view,
         )
-        return Picture(self._opened().render(size, camera, samples, error, depth, crop, progress))
+        return Picture(self._opened().render(size, camera, samples, error, depth, crop, list(layers), progress))
 
     def preview(self) -> Picture:
         """A small and quick picture."""

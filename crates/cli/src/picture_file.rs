@@ -1,0 +1,51 @@
+//! Options of a picture's file.
+
+use super::{Talk, heading};
+use raybrook::low_level::film::{Film, ImageFormat};
+use raybrook::{Error, Result};
+use std::path::Path;
+
+/// How a picture is written.
+#[derive(clap::Args)]
+pub struct PictureFileArgs {
+    /// Bits per channel: 8 or 16 for .png [default: 8], 32 for .exr and .pfm.
+    #[arg(long, value_name = "BITS", hide_short_help = true, help_heading = heading::OUTPUT)]
+    bit_depth: Option<u8>,
+    /// Make a .png lighter by so many stops, or darker by a negative number [default: 0].
+    ///
+    /// All light is multiplied by 2 to the power of EV before it becomes sRGB. Not for .exr and .pfm, which hold the
+    /// light itself. --error means the picture without it.
+    #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "EV", allow_hyphen_values = true)]
+    pub exposure: Option<f32>,
+}
+
+impl PictureFileArgs {
+    /// The format of a file of this name, which can have the exposure that was asked for.
+    pub fn format(&self, path: &Path) -> Result<ImageFormat> {
+        let format = ImageFormat::from_path(path)?;
+        let format = self.bit_depth.map_or(Ok(format), |bits| format.with_bit_depth(bits))?;
+        let Some(stops) = self.exposure else { return Ok(format) };
+        if matches!(format, ImageFormat::Exr | ImageFormat::Pfm) {
+            let message = "an .exr or .pfm holds the light itself, which viewers expose; leave it out, or write a .png";
+            return Err(Error::option("exposure", message));
+        }
+        Film::check_exposure(stops).map(|()| format)
+    }
+
+    /// Makes a picture that is about to be written, by this name in messages, as light as was asked for, and tells of
+    /// pixels that are no numbers.
+    pub fn finish(&self, film: &mut Film, name: &str, talk: Talk) -> Result<()> {
+        let bad = film.non_finite();
+        if bad > 0 && !talk.quiet {
+            tell!(
+                "warning: {name}: {bad} pixels are not finite numbers and are written as 0; please report this scene"
+            );
+        }
+        self.expose(film)
+    }
+
+    /// Makes a picture as light as was asked for.
+    pub fn expose(&self, film: &mut Film) -> Result<()> {
+        self.exposure.map_or(Ok(()), |stops| film.expose(stops))
+    }
+}

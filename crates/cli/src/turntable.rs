@@ -1,0 +1,232 @@
+//! `raybrook turntable`: numbered pictures of a scene from all around, by one tracer. It goes on where it was stopped.
+
+mod frames;
+mod manifest;
+
+use super::explain::{Chooser, ExplainArgs};
+use super::files::Files;
+use super::open::{self, Loaded};
+use super::picture_file::PictureFileArgs;
+use super::progress::Bar;
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading};
+use frames::Frames;
+use manifest::Manifest;
+use raybrook::low_level::animation::write_animation;
+use raybrook::low_level::film::ImageFormat;
+use raybrook::low_level::output::check_writable;
+use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::renderer::{Picture, render};
+use raybrook::low_level::scene::{Camera, CameraKey, CameraPath, Samples, Scene};
+use raybrook::low_level::tracer::{Backend, Task};
+use raybrook::{Error, Result};
+use std::path::PathBuf;
+use std::time::Instant;
+
+#[derive(clap::Args)]
+pub struct TurntableArgs {
+    #[command(flatten)]
+    picture: PictureArgs,
+    #[command(flatten)]
+    method: MethodArgs,
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    /// How many pictures to make [default: up to the scene's last camera key].
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=99_999),
+        help_heading = heading::CAMERA,
+    )]
+    frames: Option<u32>,
+    /// How far to turn, counter-clockwise as seen from above, to where the frame after the last one would be
+    /// [default: 360].
+    ///
+    /// A scene with camera keys ([[camera.key]]) has the camera follow these instead, unless this, --eye, --target or
+    /// --view is given.
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_hyphen_values = true,
+        value_parser = parse_degrees,
+        help_heading = heading::CAMERA,
+    )]
+    degrees: Option<f32>,
+    /// Folder for frame-0001.png and so on, or a picture's name: turn.png makes turn-0001.png
+    /// [default: the scene's name with -turntable].
+    #[arg(short, long, value_name = "DIR|FILE", help_heading = heading::OUTPUT)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    file: PictureFileArgs,
+    /// Write all frames to one animated .png as well, once they are there.
+    #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
+    animation: Option<PathBuf>,
+    /// Pictures a second of --animation.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 25,
+        value_parser = clap::value_parser!(u16).range(1..=1000),
+        help_heading = heading::OUTPUT,
+    )]
+    fps: u16,
+    /// Make all frames anew, and remove those that are there.
+    ///
+    /// Without it the frames that are there stay, if they are of the same scene and options, and those that are missing
+    /// are made.
+    #[arg(long, help_heading = heading::OUTPUT)]
+    restart: bool,
+    #[command(flatten)]
+    explain: ExplainArgs,
+}
+
+fn parse_degrees(text: &str) -> std::result::Result<f32, String> {
+    let degrees = text.parse().ok().filter(|degrees: &f32| degrees.is_finite() && degrees.abs() <= 36_000.0);
+    degrees.ok_or_else(|| "expected degrees from -36000 to 36000".into())
+}
+
+/// Degrees of a turntable.
+const FULL_TURN: f32 = 360.0;
+
+impl TurntableArgs {
+    /// The files, of which the number is not known yet where the scene says it.
+    fn frames(&self) -> Result<Frames> {
+        let output = match &self.output {
+            Some(output) => output.clone(),
+            None => open::default_output(&self.scene.scene, "-turntable")?,
+        };
+        Frames::of(&output, self.frames.unwrap_or(0))
+    }
+
+    /// How many frames there are.
+    fn count(&self, way: Option<&[CameraKey]>) -> Result<u32> {
+        let last = way.and_then(|keys| keys.last()).map(|key| key.frame);
+        let message = "the scene has no camera keys that say how many pictures there are; give a number, such as 48";
+        self.frames.or(last).ok_or_else(|| Error::option("--frames", message))
+    }
+
+    /// The camera's keys, if it follows them, with what the options say of all of them.
+    fn keys(&self, scene: &Scene) -> Option<Vec<CameraKey>> {
+        let aim = self.picture.camera.aim();
+        let is_placed = aim.eye.is_some() || aim.target.is_some() || aim.viewpoint.is_some();
+        if scene.camera_keys.is_empty() || is_placed || self.degrees.is_some() {
+            return None;
+        }
+        let with_options = |key: &CameraKey| {
+            let (up, fov_degrees) =
+                (aim.up.unwrap_or(key.camera.up), aim.fov_degrees.unwrap_or(key.camera.fov_degrees));
+            CameraKey { camera: Camera { up, fov_degrees, ..key.camera }, ..*key }
+        };
+        Some(scene.camera_keys.iter().map(with_options).collect())
+    }
+
+    /// Checks that the frames can be in an animation, and keeps that it is written.
+    fn claim_animation(&self, format: ImageFormat, files: &mut Files) -> Result<()> {
+        let Some(path) = &self.animation else { return Ok(()) };
+        let is_png = |format| matches!(format, ImageFormat::Png8 | ImageFormat::Png16);
+        if !is_png(format) || !ImageFormat::from_path(path).is_ok_and(is_png) {
+            let message = format!("'{}': an animation is a .png of frames that are .png", path.display());
+            return Err(Error::option("--animation", message));
+        }
+        files.write(path, "--animation")
+    }
+}
+
+pub fn run(args: &TurntableArgs, talk: Talk) -> Result<()> {
+    let start = Instant::now();
+    let options = args.method.check(false)?;
+    let mut frames = args.frames()?;
+    let format = args.file.format(&frames.path(1))?;
+    let mut files = Files::default();
+    files.read(&args.scene.scene, "the scene");
+    let claim = |frames: &Frames, mut files: Files| {
+        frames.claim(&mut files)?;
+        args.claim_animation(format, &mut files)
+    };
+    claim(&frames, files.clone())?;
+    args.animation.as_deref().map_or(Ok(()), check_writable)?;
+    let device = open::choose(&args.device, talk)?;
+    let budget = args.scene.memory.budget();
+    let check_picture =
+        |size, samples| open::check_picture((size, 0), samples, &options, device.as_ref(), format, &budget);
+    if let Some(size) = args.picture.size {
+        check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
+    }
+    let loaded = open::load_for_picture(&args.scene, &args.picture, &budget, talk)?;
+    files.read_scene(&loaded.scene);
+    let keys = args.keys(&loaded.scene);
+    frames = frames.with_count(args.count(keys.as_deref())?);
+    claim(&frames, files)?;
+    let chooser =
+        Chooser { pictures: true, ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk) };
+    let chosen = chooser.choose(&loaded)?;
+    let picture = args.picture.picture(&loaded.scene);
+    check_picture(picture.size, picture.samples)?;
+    let way = match keys {
+        Some(keys) => CameraPath::Keys(keys),
+        None => turn(args, &loaded, &picture, frames.count())?,
+    };
+    let manifest = Manifest::new(args, &loaded.scene, (&way, frames.count()), &picture, &chosen.options)?;
+    frames.make_folder()?;
+    manifest.take_over(&frames, args.restart)?;
+    check_writable(&frames.path(1))?;
+    let missing = frames.missing();
+    if !missing.is_empty() {
+        let tasks = (&[Task::Picture][..], &budget);
+        let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
+        check_picture(picture.size, picture.samples)?;
+        let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
+        turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), talk)?;
+    }
+    if let Some(path) = &args.animation {
+        write_animation(path, &frames.paths(), args.fps)?;
+    }
+    if !talk.quiet {
+        let found = frames.count() as usize - missing.len();
+        let found = if found > 0 { format!(", of which {found} were there") } else { String::new() };
+        let seconds = start.elapsed().as_secs_f64();
+        say!("{}: {} frames{found}, {seconds:.2} s", frames.name().display(), frames.count());
+    }
+    Ok(())
+}
+
+/// Around the scene.
+fn turn(args: &TurntableArgs, loaded: &Loaded, picture: &Picture, frames: u32) -> Result<CameraPath> {
+    let placed = loaded.placed.as_ref().ok_or_else(|| Error::Scene("it has no camera".into()))?;
+    let aspect = picture.samples.aspect(picture.size) as f32;
+    Ok(CameraPath::turn(placed, &loaded.scene, aspect, args.degrees.unwrap_or(FULL_TURN), frames))
+}
+
+/// What all frames have in common.
+struct Turntable<'a> {
+    args: &'a TurntableArgs,
+    frames: &'a Frames,
+    format: ImageFormat,
+    way: &'a CameraPath,
+    picture: &'a Picture,
+    loaded: &'a Loaded,
+}
+
+impl Turntable<'_> {
+    fn render(&self, missing: &[u32], (tracer, buffers): (&mut dyn Backend, &SceneBuffers), talk: Talk) -> Result<()> {
+        let bar = Bar::new("turntable", talk);
+        for (made, &frame) in missing.iter().enumerate() {
+            let progress = |done: f64| {
+                bar.update((made as f64 + done) / missing.len() as f64, missing.len() as f64, "frames");
+            };
+            let picture = Picture { camera: self.way.camera(frame), ..*self.picture };
+            self.light(picture.camera, (tracer, buffers))?;
+            let mut film = render(tracer, buffers, &picture, &progress)?.film;
+            self.args.file.finish(&mut film, &format!("frame {frame}"), talk)?;
+            film.write(self.frames.path(frame), Some(self.format))?;
+        }
+        Ok(())
+    }
+
+    /// Has the light of a scene without lights go with the camera, as it would in a picture of this frame alone.
+    fn light(&self, camera: Camera, (tracer, buffers): (&mut dyn Backend, &SceneBuffers)) -> Result<()> {
+        let Some(placed) = self.loaded.placed.as_ref().filter(|_| self.loaded.has_key_light) else { return Ok(()) };
+        tracer.set_lights(&[buffers.packed_light(&placed.key_light_at(&camera))?])
+    }
+}
