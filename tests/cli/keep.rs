@@ -138,7 +138,7 @@ fn parts_make_the_whole_picture() {
     assert_succeeds(&with(&[("OMPI_COMM_WORLD_RANK", "0"), ("OMPI_COMM_WORLD_SIZE", "3")]));
     assert_succeeds(&with(&[("PMI_RANK", "1"), ("PMI_SIZE", "3")]));
     let told = assert_succeeds(&merge(&[&names[1], &names[2], &names[0]], &[]));
-    assert!(told.contains("a.png: 1024x1024 of 3 journals, 1048576 rays"), "{told}");
+    assert!(told.contains("a.png: 1024x1024 of 3 journals"), "{told}");
     assert!(bytes(at, "a.png") == bytes(at, "whole.png"));
     // A part again, and a part twice: the same picture.
     let told = assert_succeeds(&render(at, &["-o", "a.png", "--part", "3/3"]));
@@ -216,7 +216,7 @@ fn several_devices_make_the_same_picture() {
             let stats: serde_json::Value = serde_json::from_slice(&bytes(at, "several.json")).unwrap();
             let shares = stats["shares"].as_array().unwrap();
             let blocks: u64 = shares.iter().map(|share| share["blocks"].as_u64().unwrap()).sum();
-            assert!(shares.len() >= 2 && blocks >= 8, "{shares:?}");
+            assert!(shares.len() >= 2 && blocks >= 3, "{shares:?}");
         }
     }
     assert_fails(&run("0,0", "--size 8x8", &["-o", "a.png"]), 2, &["--device", "named before"]);
