@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use std::path::Path;
 
 impl Scene {
-    /// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a `.stl`,
-    /// glTF 2.0 as `.gltf` or `.glb`, an `.off`, a `.3mf` or a Haines `.nff`. What was repaired or left out is in [`Scene::warnings`]. A file without a triangle is a
-    /// scene that every ray misses.
+    /// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a
+    /// `.stl`, glTF 2.0 as `.gltf` or `.glb`, an `.off`, a `.3mf` or a Haines `.nff`. What was repaired or left out is
+    /// in [`Scene::warnings`]. A file without a triangle is a scene that every ray misses.
     ///
     /// # Errors
     /// [`Error::Io`] when the file cannot be read; [`Error::Input`] when it is of no known kind or what it holds is not

@@ -19,7 +19,8 @@ const MODELS: &Loaders = &[
 ];
 
 /// Loads the scene in `path`: a `.toml` scene file (see `docs/book/src/scenes.md`), a Wavefront `.obj`, a `.ply`, a
-/// `.stl`, glTF 2.0 as `.gltf` or `.glb`, an `.off`, a `.3mf` or an `.nff`; in what memory there is ([`MemoryBudget::available`]).
+/// `.stl`, glTF 2.0 as `.gltf` or `.glb`, an `.off`, a `.3mf` or an `.nff`; in what memory there is
+/// ([`MemoryBudget::available`]).
 ///
 /// # Errors
 /// As [`load_within`].
@@ -40,8 +41,8 @@ pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scen
         _ => Err(Error::input(
             path,
             None,
-            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl, .gltf, .glb, .off, .3mf and \
-             Haines' .nff",
+            "not a known kind of scene; raybrook reads .toml scene files, Wavefront .obj, .ply, .stl, .gltf, .glb, \
+             .off, .3mf and Haines' .nff",
         )),
     }?;
     scene.files.push(SourceFile { path: path.to_owned(), role: "the scene".to_owned() });

@@ -166,10 +166,21 @@ pub(super) fn warn_of_dropped(path: &Path, scene: &Scene, warnings: &mut Warning
         earlier.iter_mut().zip(later).for_each(|(tally, later)| tally.append(later, 0));
         earlier
     });
-    for (tally, what) in tallies.into_iter().zip(["with NaN or infinite vertices", "without area"]) {
+    // Of objects with instances each once, however often they stand somewhere.
+    let objects = scene.instances.objects().iter();
+    let reasons = objects.flat_map(|object| {
+        object.triangles.iter().filter_map(|t| DropReason::of(t.positions.map(|i| object.positions[i as usize])))
+    });
+    let mut of_objects = [0usize; 2];
+    reasons.for_each(|why| of_objects[usize::from(why == DropReason::ZeroArea)] += 1);
+    let names = ["with NaN or infinite vertices", "without area"];
+    for ((tally, count), what) in tallies.into_iter().zip(of_objects).zip(names) {
         if tally.count > 0 {
             let message = format!("triangles {what} left out: {}, the first is number {}", tally.count, tally.first);
             warnings.add(path, None, message);
+        }
+        if count > 0 {
+            warnings.add(path, None, format!("triangles {what} of objects with instances left out: {count}"));
         }
     }
 }

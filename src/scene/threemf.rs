@@ -69,7 +69,8 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     }
     check_memory(path, BYTES_PER_BYTE * bytes, budget)?;
     // What is longer than the archive says is no 3MF file.
-    let model = Model::read(BufReader::new(part.take(bytes))).map_err(|message| fault(format!("{name}: {message}")))?;
+    let wrong = |message| fault(format!("{}: {message}", quote(name.as_bytes())));
+    let model = Model::read(BufReader::new(part.take(bytes))).map_err(wrong)?;
     scene(path, model, budget)
 }
 

@@ -146,7 +146,12 @@ fn scenes_without_objects_are_refused_unless_that_is_wanted() {
     write(at, "empty.ply", &format!("ply\n{header}"));
     write(at, "empty.stl", "solid a\nendsolid a\n");
     write(at, "empty.nff", "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 8 8\n");
-    for name in ["empty.obj", "empty.ply", "empty.stl", "empty.nff"] {
+    write(at, "empty.gltf", "{\"asset\": {\"version\": \"2.0\"}}");
+    write(at, "empty.off", "OFF\n0 0 0\n");
+    write(at, "empty.glb", "");
+    write(at, "empty.3mf", "");
+    for ending in ["obj", "ply", "stl", "nff", "gltf", "glb", "off", "3mf"] {
+        let name = &format!("empty.{ending}")[..];
         assert_fails(&raybrook(at, &[&["render", name], &SMALL[..]].concat()), 3, &[name]);
     }
 }
@@ -263,6 +268,18 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
         ("typed.ply", ply(&format!("property {named} w\n"))),
         ("texture.ply", ply(&format!("property float u\nproperty float v\ncomment TextureFile {named}.png\n"))),
         ("word.nff", format!("{named} 1 2 3\np 3\n0 0 0\n1 0 0\n0 1 0\n")),
+        ("word.off", format!("OFF\n1 1 0\n{named} 0 0\n")),
+        ("word.gltf", format!("{{\"asset\": {{\"version\": \"{toml}\"}}}}")),
+        (
+            "names.gltf",
+            format!(
+                "{{\"asset\": {{\"version\": \"2.0\"}}, \"extensionsUsed\": [\"{toml}\"], \"nodes\": [{{\"mesh\": 0}}], \
+                 \"meshes\": [{{\"primitives\": [{{\"attributes\": {{\"POSITION\": 0}}, \"material\": 0}}]}}], \
+                 \"materials\": [{{\"name\": \"{toml}\", \"pbrMetallicRoughness\": {{\"baseColorTexture\": {{\"index\": 0}}}}}}], \
+                 \"textures\": [{{\"source\": 0}}], \"images\": [{{\"uri\": \"{toml}.png\"}}], \
+                 \"accessors\": [{{\"count\": 3, \"componentType\": 5126, \"type\": \"VEC3\"}}]}}"
+            ),
+        ),
         ("word.stl", format!("solid {named}\nfacet {named}\nvertex {named} 0 0\n")),
     ];
     for (name, text) in &files {

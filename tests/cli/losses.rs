@@ -274,18 +274,19 @@ mod on_linux {
         let at = folder.path();
         std::fs::create_dir(at.join("cache")).unwrap();
         let make = |name: &str| assert!(Command::new("mkfifo").arg(at.join(name)).status().unwrap().success());
-        let names = ["pipe.npz", "pipe.toml", "pipe.obj", "pipe.ply", "pipe.stl", "pipe.nff", "cache/tuned.json"];
-        names.into_iter().for_each(make);
+        let models = ["obj", "ply", "stl", "nff", "gltf", "glb", "off", "3mf"].map(|ending| format!("pipe.{ending}"));
+        ["pipe.npz", "pipe.toml", "cache/tuned.json"].into_iter().for_each(make);
+        models.iter().for_each(|name| make(name));
         for arguments in [
             &["trace", "one.obj", "pipe.npz"][..],
             &["stress", "--device", "reference", "--replay", "one.obj", "pipe.npz"],
             &["render", "pipe.toml"],
             &["render", "pipe.obj"],
-            &["render", "pipe.ply"],
-            &["info", "pipe.stl"],
-            &["info", "pipe.nff"],
         ] {
             assert_fails(&raybrook(at, arguments), 3, &["pipe.", "is not a regular file"]);
+        }
+        for name in &models {
+            assert_fails(&raybrook(at, &["info", name]), 3, &["pipe.", "is not a regular file"]);
         }
         let output = raybrook(at, &["render", "one.obj", "--device", "reference", "--size", "4x4", "-o", "out.png"]);
         assert!(output.status.success() && at.join("out.png").exists());

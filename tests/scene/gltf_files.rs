@@ -285,6 +285,14 @@ fn nodes_place_their_meshes() {
     assert_eq!((b - a).cross(c - a), Vec3::new(0.0, 0.0, 2.0), "the outside of a mirrored square stays outside");
     assert_eq!(scene.bounds().unwrap(), (Vec3::new(8.0, 0.0, 0.0), Vec3::new(10.0, 1.0, 5.0)));
     assert_eq!(scene.vertices(2)[1], Vec3::new(10.0, 1.0, 5.0));
+    // A triangle without area is told once for both places.
+    let mut thin = File { json: file.json.clone(), bytes: file.bytes.clone() };
+    let indices = thin.accessor(&[0, 1, 2, 0, 3, 3], json!({"componentType": 5121, "count": 6, "type": "SCALAR"}));
+    for mesh in [0, 1] {
+        thin.json["meshes"][mesh]["primitives"][0]["indices"] = indices.into();
+    }
+    assert_eq!(thin.load().warnings.len(), 1);
+    assert_warned(&thin.load(), "a.GLB: triangles without area of objects with instances left out: 1");
     // Of other accessors with the same numbers, too.
     let mut copied = File { json: file.json.clone(), bytes: file.bytes.clone() };
     let positions = copied.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);

@@ -167,7 +167,7 @@ impl<'a> Looks<'a> {
         look
     }
 
-    /// The materials of triangles with these colours, each the mean of several where that is said, on material `number`.
+    /// The materials of triangles on material `number` with these colours, each the mean of several where that is said.
     /// A triangle has one material, so each colour is one: in 8 bits, and where there are very many in fewer.
     pub fn of_colours(
         &mut self,

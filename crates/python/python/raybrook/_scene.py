@@ -116,8 +116,7 @@ class Scene:
     @classmethod
     def load(cls, path: str | os.PathLike[str], **choices: Any) -> Scene:
         """The scene of a file: ``.obj``, ``.ply``, ``.stl``, ``.gltf``, ``.glb``, ``.off``, ``.3mf``,
-        ``.nff`` or a ``.toml`` scene file,
-        as one mesh.
+        ``.nff`` or a ``.toml`` scene file, as one mesh.
 
         Args:
             path: where it is.
