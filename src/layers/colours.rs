@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn amounts_are_the_brighter_the_larger() {
         for (layer, plane) in
-            [(Layer::Samples, Plane::Uint(vec![0, 1, 64, 256])), (Layer::Error, Plane::Float(vec![0.0, 0.5, 1.5, 3.0]))]
+            [(Layer::Samples, Plane::Uint(vec![0, 16, 64, 256])), (Layer::Error, Plane::Float(vec![0.0, 0.5, 1.5, 3.0]))]
         {
             let (amounts, meaning) = codes(layer, vec![plane]);
             let lightness = |code: [u8; 3]| code.iter().map(|&c| u32::from(c)).sum::<u32>();

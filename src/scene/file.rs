@@ -164,7 +164,7 @@ impl<'a> Reader<'a> {
     ) -> Result<Vec<CameraKey>> {
         const NAME: &str = "[[camera.key]]";
         let mut keys: Vec<CameraKey> = Vec::new();
-        for value in self.array_of_tables(camera, "key")? {
+        for value in self.array_of_tables(camera, "camera.key")? {
             let table = Table::of(self.source, NAME, value)?.allow(NAME, &["frame", "eye", "target", "up", "fov"])?;
             let frame = table.required("frame", table.whole("frame", 1..=MAX_FRAMES)?)?;
             if let Some(last) = keys.last().filter(|last| last.frame >= frame) {
@@ -192,12 +192,13 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The elements of `[[key]]`.
-    fn array_of_tables(&self, root: &Table<'a>, key: &str) -> Result<Vec<&'a toml::Spanned<DeValue<'a>>>> {
-        let Some(value) = root.get(key) else { return Ok(Vec::new()) };
+    /// The elements of `[[path]]`, whose last part `table` has.
+    fn array_of_tables(&self, table: &Table<'a>, path: &str) -> Result<Vec<&'a toml::Spanned<DeValue<'a>>>> {
+        let key = path.rsplit('.').next().unwrap_or(path);
+        let Some(value) = table.get(key) else { return Ok(Vec::new()) };
         let array = value.get_ref().as_array().ok_or_else(|| {
             self.source
-                .error(value.span().start, format!("there can be several of {key}: write [[{key}]], not [{key}]"))
+                .error(value.span().start, format!("there can be several of {path}: write [[{path}]], not [{path}]"))
         })?;
         Ok(array.iter().collect())
     }
