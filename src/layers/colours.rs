@@ -171,9 +171,10 @@ mod tests {
 
     #[test]
     fn amounts_are_the_brighter_the_larger() {
-        for (layer, plane) in
-            [(Layer::Samples, Plane::Uint(vec![0, 16, 64, 256])), (Layer::Error, Plane::Float(vec![0.0, 0.5, 1.5, 3.0]))]
-        {
+        for (layer, plane) in [
+            (Layer::Samples, Plane::Uint(vec![0, 16, 64, 256])),
+            (Layer::Error, Plane::Float(vec![0.0, 0.5, 1.5, 3.0])),
+        ] {
             let (amounts, meaning) = codes(layer, vec![plane]);
             let lightness = |code: [u8; 3]| code.iter().map(|&c| u32::from(c)).sum::<u32>();
             assert!(amounts.iter().map(|&code| lightness(code)).is_sorted_by(|a, b| a < b), "{amounts:?}");
