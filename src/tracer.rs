@@ -265,8 +265,8 @@ pub trait Backend: Send {
     /// on ([`STOPPABLE_LAUNCH_S`]). The tracer is as good as before; `stop` is to be false again before the next call.
     fn stop_when(&mut self, stop: Arc<AtomicBool>);
 
-    /// Has `lights` shine in place of the scene's ([`SceneBuffers::packed_light`]), of the same number and kinds. Nothing
-    /// else is sent to the device again.
+    /// Has `lights` shine in place of the scene's ([`SceneBuffers::packed_light`]), of the same number and kinds.
+    /// Nothing else is sent to the device again.
     ///
     /// # Errors
     /// The device failed.
