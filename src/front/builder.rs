@@ -107,8 +107,8 @@ impl<'a> TracerBuilder<'a> {
     }
 
     /// A flag that stops calls: while it is true, each ends with [`Error::Stopped`] as soon as the device has done what
-    /// it was last given, which takes about 20 ms. The tracer is as good as before. Set it to false again before the
-    /// next call. Default: nothing stops them.
+    /// it was last given, which takes about 20 ms; the reference finishes the rows of a picture that it is in. The
+    /// tracer is as good as before. Set it to false again before the next call. Default: nothing stops them.
     pub fn stop(mut self, stop: Arc<AtomicBool>) -> Self {
         self.stop = Some(stop);
         self

@@ -50,7 +50,7 @@ pub struct Shown {
 }
 
 /// What the page tells of a picture.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct PictureFacts {
     /// How fine it is.
     pub label: String,

@@ -24,7 +24,7 @@ const TOKEN_BYTES: usize = 16;
 const MOST_BODY: u64 = 1 << 16;
 /// Requests that are answered at a time: each has a thread.
 const MOST_REQUESTS: usize = 128;
-/// How often pages that are gone are looked for.
+/// How often pages that are asleep are looked for.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// The page, and what it loads.
@@ -162,7 +162,7 @@ impl Server {
                 Ok(request) => request,
                 Err(why) => return hub.end_all(why.to_string()),
             };
-            hub.forget_gone();
+            hub.rest();
             let Some(request) = request else { continue };
             let (pages, place) = (shared.clone(), Place::of(&open));
             if open.load(Ordering::Relaxed) > MOST_REQUESTS {

@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 /// How long a page waits for news before it asks again.
 pub const PATIENCE: Duration = Duration::from_secs(2);
-/// A page that has not asked for so long is closed.
-const GONE_AFTER: Duration = Duration::from_secs(5);
+/// For a page that has not asked for so long nothing is made until it asks again: it is closed, or asleep.
+const ASLEEP_AFTER: Duration = Duration::from_secs(5);
 /// Pages that are open at a time; of more those that asked least recently are forgotten.
 const MOST_SESSIONS: usize = 64;
 
@@ -42,6 +42,10 @@ struct Session {
 }
 
 impl Session {
+    fn is_asleep(&self) -> bool {
+        self.asked.elapsed() >= ASLEEP_AFTER
+    }
+
     fn begin_anew(&mut self) {
         self.generation += 1;
         (self.step, self.refused) = (Some(0), None);
@@ -286,6 +290,9 @@ impl Hub {
         loop {
             let State { sessions, facts, current, .. } = &mut *state;
             let session = sessions.get_mut(&id)?;
+            if session.is_asleep() {
+                self.changed.notify_all();
+            }
             session.asked = Instant::now();
             if session.version != version {
                 let is_current = current.as_ref().is_some_and(|job| job.session == id);
@@ -299,11 +306,15 @@ impl Hub {
         }
     }
 
-    /// Forgets pages that are gone, and stops what is made for them.
-    pub fn forget_gone(&self) {
+    /// Forgets the pictures of pages that are asleep, and stops what is made for them. Where their cameras are is kept.
+    pub fn rest(&self) {
         let mut state = self.lock();
-        state.sessions.retain(|_, session| session.asked.elapsed() < GONE_AFTER);
-        if state.current.as_ref().is_some_and(|job| !state.sessions.contains_key(&job.session)) {
+        for session in state.sessions.values_mut().filter(|session| session.is_asleep() && session.shown.is_some()) {
+            session.shown = None;
+            session.begin_anew();
+        }
+        let of_current = state.current.as_ref().and_then(|job| state.sessions.get(&job.session));
+        if of_current.is_some_and(Session::is_asleep) {
             self.stop.store(true, Ordering::Relaxed);
         }
     }
@@ -389,9 +400,95 @@ impl State {
     /// The picture that is wanted most: the coarsest, and of several of these that of another page than the last one.
     fn next_job(&self) -> Option<Job> {
         let last = self.last_served;
-        let wanted = self.sessions.iter().filter_map(|(&id, session)| Some((session.step?, id <= last, id, session)));
+        let awake = self.sessions.iter().filter(|(_, session)| !session.is_asleep());
+        let wanted = awake.filter_map(|(&id, session)| Some((session.step?, id <= last, id, session)));
         let (step, _, session, of) = wanted.min_by_key(|&(step, is_before, id, _)| (step, is_before, id))?;
         let Session { generation, divisor, layer, .. } = *of;
         Some(Job { session, generation, step, divisor, camera: of.navigator.camera(), layer })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use raybrook::glam::Vec3;
+    use raybrook::low_level::film::Film;
+
+    fn hub() -> Hub {
+        let camera = Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
+        Hub::new(camera, 1.0, SceneFacts::default())
+    }
+
+    fn job(hub: &Hub) -> Job {
+        match hub.next_task() {
+            Task::Draw(job) => job,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn picture(is_done: bool) -> Shown {
+        let facts = super::super::facts::PictureFacts { is_done, ..Default::default() };
+        Shown { film: Arc::new(Film::black(1, 1)), facts, divisor: 8 }
+    }
+
+    fn sleep(hub: &Hub, id: u64) {
+        hub.lock().sessions.get_mut(&id).unwrap().asked -= ASLEEP_AFTER;
+    }
+
+    fn is_stopped(hub: &Hub) -> bool {
+        hub.stop.load(Ordering::Relaxed)
+    }
+
+    #[test]
+    fn the_coarsest_picture_comes_first_and_pages_take_turns() {
+        let hub = hub();
+        let (a, b) = (hub.begin(), hub.begin());
+        for expected in [(a, 0), (b, 0), (a, 1), (b, 1), (a, 2)] {
+            let job = job(&hub);
+            assert_eq!((job.session, job.step), expected);
+            hub.publish(&job, picture(false));
+        }
+        hub.apply(a, &[Move::Zoom(0.1)]).unwrap();
+        assert_eq!((job(&hub).session, job(&hub).step), (a, 0));
+    }
+
+    #[test]
+    fn moves_stop_what_is_fine_and_leave_what_is_coarse() {
+        let hub = hub();
+        let id = hub.begin();
+        let coarse = job(&hub);
+        hub.apply(id, &[Move::Zoom(0.1)]).unwrap();
+        assert!(!is_stopped(&hub), "a camera that goes on moving is followed by pictures");
+        hub.publish(&coarse, picture(false));
+        let again = job(&hub);
+        assert_eq!((again.step, again.camera), (0, hub.camera(id).unwrap()));
+        hub.publish(&again, picture(false));
+        let fine = job(&hub);
+        assert_eq!((fine.step, fine.divisor), (1, 8));
+        hub.apply(id, &[Move::Fly([0.0; 3])]).unwrap();
+        assert!(!is_stopped(&hub), "the camera is where it was");
+        hub.apply(id, &[Move::Zoom(0.1)]).unwrap();
+        assert!(is_stopped(&hub));
+        assert_eq!(job(&hub).step, 0);
+        assert!(!is_stopped(&hub));
+    }
+
+    #[test]
+    fn pages_that_sleep_cost_nothing_and_wake_where_they_were() {
+        let hub = hub();
+        let id = hub.begin();
+        hub.apply(id, &[Move::Zoom(0.1)]).unwrap();
+        let camera = hub.camera(id).unwrap();
+        hub.publish(&job(&hub), picture(false));
+        job(&hub);
+        sleep(&hub, id);
+        hub.rest();
+        assert!(is_stopped(&hub) && hub.lock().sessions[&id].shown.is_none());
+        assert!(hub.lock().next_job().is_none());
+        assert!(hub.news(id, 0, 0).unwrap().is_some());
+        let woken = job(&hub);
+        assert_eq!((woken.step, woken.camera), (0, camera));
+        hub.end(id);
+        assert!(is_stopped(&hub) && hub.news(id, 0, 0).is_none());
     }
 }
