@@ -16,19 +16,8 @@ use crate::io::output::write_json;
 use crate::options::TraceOptions;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
-use crate::tracer::{AdaptiveStats, WavefrontStats};
+use crate::tracer::{AdaptiveStats, DeviceShare, WavefrontStats};
 use crate::work::WorkSum;
-
-/// What one of several devices did for a picture.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DeviceShare {
-    /// The device.
-    pub name: String,
-    /// Blocks of the picture that are its.
-    pub blocks: usize,
-    /// Seconds from the time when it was ready until it found nothing more to do.
-    pub busy_s: f64,
-}
 
 /// Rays of one kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]

@@ -212,6 +212,17 @@ impl Spent {
     }
 }
 
+/// What one of several devices did for a picture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DeviceShare {
+    /// The device.
+    pub name: String,
+    /// Blocks of the picture that are its.
+    pub blocks: usize,
+    /// Seconds from the time when it was ready until it found nothing more to do.
+    pub busy_s: f64,
+}
+
 /// Blocks of a picture that are finished.
 #[derive(Debug, Clone, Copy)]
 pub struct Finished<'a> {

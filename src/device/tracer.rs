@@ -43,6 +43,13 @@ fn samples_of_launch(kind: DeviceKind) -> u32 {
     if kind == DeviceKind::Gpu { 4 } else { 16 }
 }
 
+/// What parts of a picture have in common: the camera, and how often a pixel is sampled.
+type PlanKey = ([Float4; 4], u32);
+
+fn plan_key(params: &RenderParams) -> PlanKey {
+    ([params.eye, params.forward, params.right, params.up], params.sample_count)
+}
+
 /// A tracer on an OpenCL device.
 pub struct OpenClBackend {
     context: DeviceContext,
@@ -60,6 +67,8 @@ pub struct OpenClBackend {
     first_items: usize,
     work_group: usize,
     upload_s: f64,
+    /// How the launches of the last picture went, for the next part of it; and what tells that it is one.
+    picture_plan: Option<(PlanKey, LaunchPlan)>,
     /// Seconds that a sample of the last pictures took where they took most, if something may stop them.
     dearest_sample_s: f64,
 }
@@ -166,6 +175,7 @@ impl OpenClBackend {
             wavefront: None,
             adaptive: None,
             points: None,
+            picture_plan: None,
             buffers: buffers.clone(),
             options: *options,
             trace_plan: LaunchPlan::on(&context, first_items),
@@ -299,7 +309,13 @@ impl Backend for OpenClBackend {
         let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.film_len())?;
         let mut launches = self.launches_of(params)?;
+        // Another part of the same picture begins where the last one ended, not with small launches again.
+        if let Some((_, mut plan)) = self.picture_plan.take().filter(|(key, _)| *key == plan_key(params)) {
+            plan.begin_others();
+            launches.plan = plan;
+        }
         let rendered = self.render_to(&picture, &work, params, &mut launches, progress)?;
+        self.picture_plan = Some((plan_key(params), launches.plan));
 
         let start = Instant::now();
         let pixels = picture.film.read_as(|pixel| [pixel.x, pixel.y, pixel.z])?;

@@ -22,7 +22,7 @@ const BAND_RAYS: u64 = 1 << 20;
 
 /// Camera rays of the first bands that are rendered together, and how many times as many are next while that takes
 /// little time.
-const FIRST_RAYS: u64 = 1 << 20;
+const FIRST_RAYS: u64 = 1 << 22;
 const GROWTH: u64 = 8;
 /// So long take bands that are rendered together, about: what is lost when the program is stopped.
 const GROUP_TIME: Duration = Duration::from_secs(1);
@@ -261,7 +261,10 @@ fn render_bands(
         done(&finished)?;
         match keeps_film {
             true if bands == blocks.part => result.film = traced.film,
-            true => blocks.copy(&finished, &mut result.film)?,
+            true => {
+                result.film.make_pixels()?;
+                result.film.put(&traced.film, (0, place.1 - blocks.place().1));
+            }
             false => {}
         }
         rest = later;

@@ -7,8 +7,7 @@
 use super::{Picture, PictureBlocks, render_blocks};
 use crate::error::{Error, Result};
 use crate::pack::SceneBuffers;
-use crate::stats::DeviceShare;
-use crate::tracer::{Backend, Finished};
+use crate::tracer::{Backend, DeviceShare, Finished};
 use std::collections::{HashSet, VecDeque};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -84,8 +83,9 @@ struct State {
     finished: HashSet<usize>,
     all: usize,
     flights: Vec<Option<Flight>>,
-    /// Blocks a second of each device, where that is known.
+    /// Blocks a second of each device, where that is known, and how many it took last.
     rates: Vec<Option<f64>>,
+    last: Vec<usize>,
     /// Devices that have not failed.
     alive: usize,
     failure: Option<Error>,
@@ -111,6 +111,8 @@ struct Cancelled;
 const PART_OF_REST: f64 = 0.5;
 /// And no less than this takes, because small lists keep no device busy.
 const LEAST_TIME: f64 = 0.25;
+/// A device takes so many times as many blocks as before, as long as these take no more than all of the rest.
+const GROWTH: usize = 4;
 /// A device helps another that is slower by this factor.
 const HELPS_FROM: f64 = 1.5;
 
@@ -122,6 +124,7 @@ impl Queue {
             finished: HashSet::new(),
             flights: (0..workers).map(|_| None).collect(),
             rates: vec![None; workers],
+            last: vec![0; workers],
             alive: workers,
             failure: None,
         };
@@ -151,6 +154,7 @@ impl Queue {
         let mut state = self.lock();
         state.flights[worker] = None;
         if blocks > 0 {
+            state.last[worker] = blocks;
             state.rates[worker] = Some(blocks as f64 / took.as_secs_f64().max(1e-3));
         }
         self.changed.notify_all();
@@ -201,7 +205,11 @@ impl State {
         let Some(rate) = self.rates[worker] else { return 1.0 };
         let all: f64 = self.rates.iter().flatten().sum();
         let left: usize = self.units.iter().map(Vec::len).sum();
-        rate * (PART_OF_REST * left as f64 / all).max(LEAST_TIME)
+        let all_s = left as f64 / all;
+        let fair = rate * (PART_OF_REST * all_s).max(LEAST_TIME);
+        // Few blocks at a time keep no device busy, so that its rate is no measure: more of them show what it can do.
+        let more = (GROWTH * self.last[worker]) as f64;
+        if more <= rate * all_s { fair.max(more) } else { fair }
     }
 
     /// What a slower device has not finished, from its end on.

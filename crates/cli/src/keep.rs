@@ -11,8 +11,7 @@ use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
     Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, Watcher, render_blocks, render_by_several,
 };
-use raybrook::low_level::stats::DeviceShare;
-use raybrook::low_level::tracer::{Finished, RenderResult, Spent};
+use raybrook::low_level::tracer::{DeviceShare, Finished, RenderResult, Spent};
 use raybrook::{Error, Result};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

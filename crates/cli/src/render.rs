@@ -11,18 +11,17 @@ use super::progress::Bar;
 use super::several;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
-use raybrook::low_level::film::{ImageFormat, check_output};
+use raybrook::low_level::film::{Film, ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::renderer::{
     Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part_noting,
 };
 use raybrook::low_level::scene::{Samples, Scene};
-use raybrook::low_level::stats::{FullPicture, RayCounts, WorkStats};
+use raybrook::low_level::stats::{FullPicture, RayCounts, RunStats, WorkStats};
 use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -179,14 +178,13 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
     args.layers.check_samples(picture.samples)?;
-    let mut keeper = match counters || args.layers.wants_sampling() {
-        true => None,
-        false => {
-            let (scene, options) = (&loaded.scene, chosen[0].options);
-            let id: LazyId = LazyLock::new(Box::new(move || PictureId::new(scene, &picture, args.crop, &options)));
-            let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
-            Some(Keeper::open(&args.keep, (&output, part), (id, blocks), talk)?)
-        }
+    let is_kept = !counters && !args.layers.wants_sampling();
+    let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
+    let (scene, of_first) = (&loaded.scene, chosen[0].options);
+    let id = move || PictureId::new(scene, &picture, args.crop, &of_first);
+    let mut keeper = match is_kept {
+        true => Some(Keeper::open(&args.keep, (&output, part), (LazyId::new(Box::new(id)), blocks), talk)?),
+        false => None,
     };
     let mut opened = None;
     let (mut result, mut stats) = match &mut keeper {
@@ -226,7 +224,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     stats.device_s = Some(device_s);
     stats.layers_s = layers_s;
     stats.materials = args.layers.materials(&loaded.scene);
-    stats.rays = RayCounts::from_counters(&result.counts);
+    take_note(&mut stats, &result, &picture);
     if let Some(pixels) = &result.work {
         stats.work = Some(WorkStats {
             camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
@@ -234,44 +232,46 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             aovs: args.layers.write_aovs((&output, format), pixels, (result.film.width, result.film.height))?,
         });
     }
-    stats.second_pass = result.second_pass;
     if let Some(opened) = &opened {
         stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
         stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
         stats.set_rate();
     }
+    stats.total_s = start.elapsed().as_secs_f64();
+    if let (true, Some(opened)) = (args.measure_error, &mut opened) {
+        stats.full_picture = Some(measure_error(args, opened, &picture, &result.film, talk)?);
+    }
+    if let Some(path) = &args.stats {
+        stats.write(path)?;
+    }
+    tell_result(&output, (&stats, &result.film), talk);
+    Ok(())
+}
+
+/// What was rendered, and by what.
+fn take_note(stats: &mut RunStats, result: &RenderResult, picture: &Picture) {
+    stats.rays = RayCounts::from_counters(&result.counts);
+    stats.second_pass = result.second_pass;
     stats.read_s = Some(result.read_s);
     stats.wavefront = result.wavefront;
     stats.adaptive = result.adaptive;
-    stats.total_s = start.elapsed().as_secs_f64();
-    if let (true, Some(opened)) = (args.measure_error, &mut opened) {
-        let bar = Bar::new("full picture", talk);
-        let camera_rays = result.film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
-        let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
-        let mut full = render_full(opened.tracer.as_mut(), &opened.buffers, &picture, &progress)?;
-        args.file.expose(&mut full.film)?;
-        stats.full_picture = Some(FullPicture {
-            samples: MOST_SAMPLES,
-            rays: RayCounts::from_counters(&full.counts),
-            difference: compare_films(&full.film, &result.film),
-        });
-    }
     stats.width = Some(result.film.width);
     stats.height = Some(result.film.height);
     stats.samples = Some(picture.samples);
     stats.depth = Some(picture.depth);
-    if let Some(path) = &args.stats {
-        stats.write(path)?;
-    }
+}
+
+/// Tells what was rendered, and what was found out about it.
+fn tell_result(output: &Path, (stats, film): (&RunStats, &Film), talk: Talk) {
     if !talk.quiet {
         say!(
             "{}: {}x{}, {} triangles on {}{}, {:.2} s",
             output.display(),
-            result.film.width,
-            result.film.height,
+            film.width,
+            film.height,
             stats.triangle_count,
             stats.device,
-            open::rate(&stats),
+            open::rate(stats),
             stats.total_s
         );
     }
@@ -288,8 +288,27 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     if let Some(counted) = &stats.work {
         work::say_work(counted, talk);
         if !talk.quiet {
-            work::say_ranges(&output, &counted.aovs);
+            work::say_ranges(output, &counted.aovs);
         }
     }
-    Ok(())
+}
+
+/// Renders the full picture, and tells how the one that is written differs from it.
+fn measure_error(
+    args: &RenderArgs,
+    opened: &mut Opened,
+    picture: &Picture,
+    film: &Film,
+    talk: Talk,
+) -> Result<FullPicture> {
+    let bar = Bar::new("full picture", talk);
+    let camera_rays = film.pixels.len() as f64 * f64::from(MOST_SAMPLES) / 1e6;
+    let progress = |done: f64| bar.update(done, camera_rays, "M camera rays");
+    let mut full = render_full(opened.tracer.as_mut(), &opened.buffers, picture, &progress)?;
+    args.file.expose(&mut full.film)?;
+    Ok(FullPicture {
+        samples: MOST_SAMPLES,
+        rays: RayCounts::from_counters(&full.counts),
+        difference: compare_films(&full.film, film),
+    })
 }
