@@ -18,6 +18,7 @@ use crate::blocks::Blocks;
 use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::io::film::Film;
+use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
