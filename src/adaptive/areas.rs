@@ -50,6 +50,10 @@ pub fn render_noting(
     Ok(run.finish())
 }
 
+/// Pixels of a picture that a device renders at once if it decides by itself: area after area takes 50 ms of an H200
+/// more for each, mostly for memory.
+const AT_ONCE: usize = 1 << 24;
+
 /// A picture on its way.
 struct Run<'a> {
     params: &'a RenderParams,
@@ -76,8 +80,16 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Renders blocks, area after area.
+    /// Renders blocks, area after area; a whole picture that is small at once, where the device decides.
     fn areas(&mut self, tracer: &mut dyn Backend, wanted: &[usize], done: Done, progress: Progress) -> Result<()> {
+        let (width, height) = (self.params.width as usize, self.params.height as usize);
+        let is_small = width * height <= AT_ONCE && wanted.len() == self.blocks.count();
+        if is_small && self.blocks.areas() > 1 && self.result.sampling.is_none() {
+            let all = Area { x: 0..width, y: 0..height };
+            if let Some((traced, spent)) = tracer.render_by_error(self.params, self.adaptive, &self.blocks, progress)? {
+                return self.take(traced, spent, &all, wanted, done);
+            }
+        }
         let per_area = self.blocks.per_area;
         let areas: Vec<&[usize]> = wanted.chunk_by(|a, b| a / per_area == b / per_area).collect();
         for (number, wanted) in areas.iter().enumerate() {

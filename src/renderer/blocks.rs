@@ -5,7 +5,7 @@
 
 use super::{Crop, Picture, rendered_params};
 use crate::adaptive::{Done, blocks_of, render_blocks as render_by_error, stats_of};
-use crate::blocks::{Area, Blocks};
+use crate::blocks::{Area, Blocks, LARGEST_PATCH};
 use crate::error::Result;
 use crate::io::film::{Film, FilmWindow};
 use crate::options::Decisions;
@@ -13,6 +13,7 @@ use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
 use crate::shared::{RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
@@ -111,10 +112,15 @@ impl PictureBlocks {
     }
 
     /// The blocks that part `number` of `count` parts renders, counted from 0: together all, each block in one part.
-    /// Whole areas where there are enough of them, because blocks of an area have first samples in common.
+    /// Whole areas where there are enough of them, because blocks of an area have first samples in common; and several
+    /// neighbouring bands at a time, because small launches keep no GPU busy.
     pub fn of_part(&self, number: usize, count: usize) -> Vec<usize> {
         let units = self.units_of(&self.numbers(), ENOUGH_AREAS * count);
-        units.into_iter().skip(number).step_by(count).flatten().collect()
+        let together = match self.cut {
+            Cut::Bands(_) => (units.len() / (ENOUGH_AREAS * count)).max(1),
+            Cut::Strewn(..) => 1,
+        };
+        units.chunks(together).skip(number).step_by(count).flatten().flatten().copied().collect()
     }
 
     /// Some blocks in pieces that are best rendered together: those of an area, where they lie in so many areas, because
@@ -165,9 +171,14 @@ impl PictureBlocks {
     pub fn copy(&self, finished: &Finished, film: &mut Film) -> Result<()> {
         film.make_pixels()?;
         for place in finished.blocks.iter().flat_map(|&number| self.places(number)) {
-            for y in place.y {
-                self.row_mut(film, y, &place.x).copy_from_slice(finished.film.row(y, place.x.clone()));
-            }
+            let (width, (left, top)) = (film.width as usize, self.place());
+            let columns = place.x.start - left..place.x.end - left;
+            let rows = film.pixels[(place.y.start - top) * width..(place.y.end - top) * width].par_chunks_mut(width);
+            let copy = |(y, row): (usize, &mut [[f32; 3]])| {
+                row[columns.clone()].copy_from_slice(finished.film.row(y, place.x.clone()));
+            };
+            // A patch is copied sooner than it is divided.
+            rows.with_min_len(ROWS_TOGETHER).zip(place.y.clone()).for_each(|(row, y)| copy((y, row)));
         }
         Ok(())
     }
@@ -192,6 +203,9 @@ impl PictureBlocks {
         Some(stats_of(spent, Adaptive::of_error(error), pixels, decided_by))
     }
 }
+
+/// Rows that one thread copies at the least: those of the largest patch, and of a band.
+const ROWS_TOGETHER: usize = LARGEST_PATCH;
 
 /// A part takes whole areas where it has so many.
 const ENOUGH_AREAS: usize = 4;

@@ -312,14 +312,17 @@ impl Worker<'_> {
         if state.failure.is_some() || finished.blocks.iter().any(|block| state.finished.contains(block)) {
             return Ok(0);
         }
-        if let Err(error) = self.watcher.done(finished) {
-            state.failure.get_or_insert(error);
+        state.finished.extend(finished.blocks);
+        let part = state.finished.len() as f64 / state.all as f64;
+        drop(state);
+        // Without the lock, for which the other devices' launches would wait.
+        let done = self.watcher.done(finished);
+        if let Err(error) = done {
+            self.queue.lock().failure.get_or_insert(error);
             self.queue.changed.notify_all();
-            drop(state);
             resume_unwind(Box::new(Cancelled));
         }
-        state.finished.extend(finished.blocks);
-        self.watcher.progress(state.finished.len() as f64 / state.all as f64);
+        self.watcher.progress(part);
         self.queue.changed.notify_all();
         Ok(finished.blocks.len())
     }

@@ -163,7 +163,8 @@ struct DeviceArgs {
     /// gpu, cpu, reference (no OpenCL), or a number or part of a name of `raybrook devices` [default: the fastest].
     ///
     /// The default is the fastest GPU, else a CPU, else the reference, which is scalar code on all cores. `render` takes
-    /// several, such as 0,2 or gpu+cpu, or all: they share the work, and the picture has the same bits.
+    /// several, such as 0,2 or gpu+cpu, or all, which is all GPUs where there are any: they share the work, and the
+    /// picture has the same bits.
     #[arg(long, help_heading = heading::DEVICE, value_name = "DEVICE", env = DEVICE_VARIABLE, hide_env_values = true)]
     device: Option<String>,
     /// Compile kernels anew, ignore what `raybrook tune` found, and keep nothing.

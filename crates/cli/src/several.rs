@@ -6,7 +6,7 @@ use super::open::{self, Loaded};
 use super::{DeviceArgs, Talk};
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::choose::Chosen;
-use raybrook::low_level::device::{DeviceHandle, list_devices};
+use raybrook::low_level::device::{DeviceHandle, DeviceKind, list_devices};
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, Renderer, open_tracer};
@@ -16,7 +16,7 @@ use raybrook::{Error, Result};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Every device that opens.
+/// Every device; of processors only where there is nothing else, because they take the cores that a GPU's thread needs.
 const ALL: &str = "all";
 
 /// The devices that are asked for, one or more; `None` is the reference.
@@ -43,10 +43,10 @@ pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>
 }
 
 fn choose_all(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>> {
-    let mut devices = Vec::new();
-    for device in list_devices()?.devices.into_iter().filter(|device| device.info.unusable.is_none()) {
-        devices.push(Some(args.compiler.apply(device)?));
-    }
+    let usable = list_devices()?.devices.into_iter().filter(|device| device.info.unusable.is_none());
+    let (processors, others): (Vec<_>, Vec<_>) = usable.partition(|device| device.info.kind == DeviceKind::Cpu);
+    let chosen = if others.is_empty() { processors } else { others };
+    let devices = chosen.into_iter().map(|device| args.compiler.apply(device).map(Some)).collect::<Result<Vec<_>>>()?;
     if devices.is_empty() { Ok(vec![open::choose_named(None, args, talk)?]) } else { Ok(devices) }
 }
 
