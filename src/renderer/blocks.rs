@@ -24,7 +24,7 @@ const BAND_RAYS: u64 = 1 << 20;
 /// Camera rays of the first bands that are rendered together, and how many times as many are next while that takes
 /// little time.
 const FIRST_RAYS: u64 = 1 << 22;
-const GROWTH: u64 = 8;
+const GROWTH: u64 = 64;
 /// So long take bands that are rendered together, about: what is lost when the program is stopped.
 const GROUP_TIME: Duration = Duration::from_secs(1);
 
@@ -359,7 +359,7 @@ mod tests {
     fn rays_are_traced_in_groups_of_about_a_second() {
         assert_eq!(next_rays(1000, Duration::from_secs(4)), 250);
         assert_eq!(next_rays(1000, Duration::from_millis(500)), 2000);
-        assert_eq!(next_rays(1000, Duration::ZERO), 8000);
+        assert_eq!(next_rays(1000, Duration::ZERO), 64_000);
         assert_eq!(next_rays(1, Duration::from_secs(1000)), 1);
         assert_eq!([neighbours(&[4]), neighbours(&[4, 5, 6]), neighbours(&[4, 5, 7])], [1, 3, 2]);
     }

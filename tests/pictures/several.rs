@@ -11,7 +11,8 @@ use raybrook::low_level::renderer::{
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::shared::{CameraSample, Light, RenderParams};
 use raybrook::low_level::tracer::{
-    AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Finished, Progress, RenderResult, TraceJob, TraceResult,
+    AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Finished, Progress, RenderResult, Spent, TraceJob,
+    TraceResult,
 };
 use raybrook::{Error, Result};
 use std::sync::atomic::AtomicBool;
@@ -174,18 +175,27 @@ fn areas_of_a_picture_have_the_same_bits_whoever_decides() {
             };
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let mut tracer = open_tracer(Some(&device), &buffers, &options, 2, None).unwrap();
-            let mut areas = 0;
-            let mut count = |_: &Finished| {
-                areas += 1;
+            let (mut told, mut spent) = (0, Spent::default());
+            let mut take = |finished: &Finished| {
+                told += finished.blocks.len();
+                spent.add(&finished.spent);
                 Ok(())
             };
-            let film = Some(blocks.empty_film());
-            let rendered =
-                render_blocks(tracer.as_mut(), &buffers, &picture, &blocks, (&numbers, film), &mut count, &|_| ());
-            assert!(areas >= 2, "each area is told of");
-            let result = rendered.unwrap();
-            assert_eq!(result.adaptive.unwrap().decided_by, decisions);
-            result
+            // Area by area, and all at once: a device renders small pictures in one go.
+            let mut film = blocks.empty_film();
+            for area in numbers.chunks(numbers.len() / 2) {
+                let wanted = (area, Some(film));
+                let rendered =
+                    render_blocks(tracer.as_mut(), &buffers, &picture, &blocks, wanted, &mut take, &|_| ()).unwrap();
+                assert_eq!(rendered.adaptive.unwrap().decided_by, decisions);
+                film = rendered.film;
+            }
+            assert_eq!(told, numbers.len());
+            let whole = render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap();
+            assert!(whole.film == film, "error {error}, {decisions:?}");
+            let stats = whole.adaptive.unwrap();
+            assert_eq!((whole.counts, stats.pixels, stats.decided_by), (spent.counts, spent.refined.pixels, decisions));
+            whole
         });
         assert!(host.film == by_device.film, "error {error}");
         assert_eq!(
