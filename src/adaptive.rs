@@ -28,7 +28,7 @@ use crate::tracer::{
     Adaptive, Backend, Finished, LAST_LEVEL, LEVEL_SAMPLES, MOST_SAMPLES, Progress, Refined, RenderResult,
 };
 use crate::work::PixelWork;
-pub(crate) use areas::{render_blocks, stats_of};
+pub(crate) use areas::{render_all, render_blocks, stats_of};
 pub(crate) use host::PART_PIXELS;
 use promises::squared_error;
 pub(crate) use promises::{COUNTED, Choice, Promises};
@@ -180,28 +180,12 @@ pub fn render_adaptive(
     adaptive: Adaptive,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let all: Vec<usize> = (0..blocks_of((params.width, params.height), adaptive).count()).collect();
-    let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
-    render_blocks(tracer, params, adaptive, (&all, Some(film)), &mut |_| Ok(()), progress)
+    render_all(tracer, params, adaptive, false, progress)
 }
 
 /// The blocks of a picture of this size.
 pub(crate) fn blocks_of((width, height): (u32, u32), adaptive: Adaptive) -> Blocks {
     Blocks::new((width as usize, height as usize), adaptive.step())
-}
-
-/// As [`render_adaptive`], and tells how each pixel was sampled. The host decides, whoever else would; so the pixels are
-/// the same.
-///
-/// # Errors
-/// As [`Backend::render`].
-pub fn render_adaptive_noting(
-    tracer: &mut dyn Backend,
-    params: &RenderParams,
-    adaptive: Adaptive,
-    progress: Progress,
-) -> Result<RenderResult> {
-    areas::render_noting(tracer, params, adaptive, progress)
 }
 
 /// What `cl/kernels/adaptive.cl` has of the constants of these files.

@@ -155,12 +155,18 @@ fn sampled(layer: Layer, picture: &Picture, pixels: usize, sampling: Option<&Sam
     for (_, plane) in &mut group.planes {
         match (plane, sampling) {
             (Plane::Uint(values), Some(sampling)) => values.copy_from_slice(&sampling.samples),
+            (Plane::Uint(_), None) if matches!(picture.samples, Samples::Error(_)) => return Err(not_noted()),
             (Plane::Uint(values), None) => values.fill(picture.samples.per_pixel()),
             (Plane::Float(values), Some(sampling)) => values.copy_from_slice(&sampling.errors),
             (Plane::Float(_), None) => return Err(no_estimate()),
         }
     }
     Ok(group)
+}
+
+fn not_noted() -> Error {
+    let message = "samples: of a picture by its `error` they must be noted while it is rendered; leave it out";
+    Error::option(Layer::OPTION, message)
 }
 
 fn no_estimate() -> Error {
@@ -275,7 +281,7 @@ mod tests {
             let buffers = Arc::new(SceneBuffers::new(scene, &TraceOptions::DEFAULT).unwrap());
             let tracer = ReferenceBackend::new(buffers.clone(), TraceOptions::DEFAULT);
             let picture = Picture { camera, size: SIZE, samples, depth: 1, kill_weight: None };
-            Pictured { tracer, buffers, numbering: Numbering::of(scene), picture }
+            Pictured { tracer, buffers, numbering: Numbering::of(scene, &buffers.used_materials), picture }
         }
 
         fn layers(&mut self, part: Option<Crop>, layers: &[Layer]) -> Result<Vec<PlaneGroup>> {

@@ -24,7 +24,7 @@ use crate::features::Features;
 use crate::io::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Intersector, PacketSize, StructureKind, TextureFilter, TraceOptions, Traversal};
-use crate::scene::{Camera, PictureDefaults, Samples, Scene};
+use crate::scene::{Camera, MaterialId, PictureDefaults, Samples, Scene};
 use crate::shared::{
     CameraSample, Feature, KdNode, Light, MAX_RADIANCE, Material, RenderParams, SceneParams, Shading, TextureInfo,
 };
@@ -81,6 +81,8 @@ pub struct SceneBuffers {
     pub stack_entries: u32,
     /// What the tree was built with.
     pub build_options: BuildOptions,
+    /// The scene's materials that there are in `materials`, by their packed numbers.
+    pub used_materials: Vec<MaterialId>,
     /// Seconds the structure took to build.
     pub build_s: f64,
     made_for: MadeFor,
@@ -213,6 +215,7 @@ impl SceneBuffers {
             features,
             stack_entries,
             build_options,
+            used_materials: used,
             build_s,
             made_for,
             given_vertices,

@@ -10,7 +10,7 @@ pub use crop::{Crop, render_part, render_part_noting};
 pub use kept::{Kept, Part, PictureId, PictureJournal, read_kept};
 pub use several::{Renderer, Watcher, render_by_several};
 
-use crate::adaptive::{PART_PIXELS, estimated_bytes, render_adaptive, render_adaptive_noting, sample_sequence};
+use crate::adaptive::{PART_PIXELS, estimated_bytes, render_all, sample_sequence};
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
 use crate::error::Result;
@@ -242,10 +242,7 @@ fn render_as(
     picture.samples.check(picture.size)?;
     let params = rendered_params(tracer, buffers, picture);
     match picture.samples {
-        Samples::Error(error) if notes_sampling => {
-            render_adaptive_noting(tracer, &params, Adaptive::of_error(error), progress)
-        }
-        Samples::Error(error) => render_adaptive(tracer, &params, Adaptive::of_error(error), progress),
+        Samples::Error(error) => render_all(tracer, &params, Adaptive::of_error(error), notes_sampling, progress),
         fixed => tracer.render(&params, &sample_positions(fixed), progress),
     }
 }

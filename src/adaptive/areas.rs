@@ -31,19 +31,20 @@ pub fn render_blocks(
     Ok(run.finish())
 }
 
-/// Renders all blocks of a picture, and tells how each pixel was sampled.
+/// Renders all blocks of a picture; where it `notes_sampling` it tells how each pixel was sampled, and the host decides.
 ///
 /// # Errors
 /// As [`Backend::render`]; [`Error::OutOfMemory`](crate::Error::OutOfMemory) when there is no memory for that.
-pub fn render_noting(
+pub fn render_all(
     tracer: &mut dyn Backend,
     params: &RenderParams,
     adaptive: Adaptive,
+    notes_sampling: bool,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let count = params.width as usize * params.height as usize;
-    let film = Film { width: params.width, height: params.height, pixels: Vec::new() };
-    let result = RenderResult { sampling: Some(room_for_sampling(count)?), ..RenderResult::of_film(film) };
+    let (width, height) = (params.width, params.height);
+    let sampling = notes_sampling.then(|| room_for_sampling(width as usize * height as usize)).transpose()?;
+    let result = RenderResult { sampling, ..RenderResult::of_film(Film { width, height, pixels: Vec::new() }) };
     let mut run = Run::new(params, adaptive, (result, true));
     let all: Vec<usize> = (0..run.blocks.count()).collect();
     run.areas(tracer, &all, &mut |_| Ok(()), progress)?;
@@ -120,14 +121,15 @@ impl<'a> Run<'a> {
         self.spent.add(&spent);
         self.result.add(&traced);
         let origin = (place.x.start, place.y.start);
-        done(&Finished { blocks: wanted, film: FilmWindow { film: &traced.film, place: origin }, spent })?;
+        let window = FilmWindow { film: &traced.film, place: origin };
+        done(&Finished { blocks: wanted, film: window, spent })?;
         let is_all = (traced.film.width, traced.film.height) == (self.params.width, self.params.height);
         match (self.keeps_film, is_all) {
             (false, _) => {}
             (true, true) => self.result.film = traced.film,
             (true, false) => {
                 self.result.film.make_pixels()?;
-                self.result.film.put(&traced.film, origin);
+                self.result.film.copy((0, 0), &window, place);
             }
         }
         Ok(())
@@ -148,28 +150,27 @@ impl<'a> Run<'a> {
             done(finished)
         };
         // On the picture's film, unless other blocks of the area are there, which would be drawn over.
-        if self.keeps_film && wanted.len() == self.blocks.per_area {
+        let is_in_place = self.keeps_film && wanted.len() == self.blocks.per_area;
+        let (onto, origin) = if is_in_place {
             self.result.film.make_pixels()?;
-            let picture = std::mem::replace(&mut self.result, RenderResult::of_film(Film::none()));
-            let (adaptive, blocks) = (self.adaptive, self.blocks);
-            let mut tracing = Tracing::new(tracer, self.params, adaptive, &blocks, (picture, (0, 0)), progress);
-            let rendered = tracing.render_area(wanted, &mut tell);
-            self.result = tracing.result;
-            rendered?;
+            (std::mem::replace(&mut self.result, RenderResult::of_film(Film::none())), (0, 0))
         } else {
             let (width, height) = to_u32(place.size());
             let film = Film { width, height, pixels: Film::try_pixels(place.x.len() * place.y.len())? };
-            let (area, origin) = (RenderResult::of_film(film), (place.x.start, place.y.start));
-            let (adaptive, blocks) = (self.adaptive, self.blocks);
-            let mut tracing = Tracing::new(tracer, self.params, adaptive, &blocks, (area, origin), progress);
-            tracing.render_area(wanted, &mut tell)?;
-            let area = tracing.result;
-            self.result.add(&area);
+            (RenderResult::of_film(film), (place.x.start, place.y.start))
+        };
+        let mut tracing = Tracing::new(tracer, self.params, self.adaptive, &self.blocks, (onto, origin), progress);
+        tracing.render_area(wanted, &mut tell)?;
+        let traced = tracing.result;
+        if is_in_place {
+            self.result = traced;
+        } else {
+            self.result.add(&traced);
             if self.keeps_film {
                 self.result.film.make_pixels()?;
-                let window = FilmWindow { film: &area.film, place: origin };
+                let window = FilmWindow { film: &traced.film, place: origin };
                 let places = wanted.iter().flat_map(|&block| self.blocks.places(block));
-                places.for_each(|place| self.result.film.copy(&window, &place));
+                places.for_each(|place| self.result.film.copy((0, 0), &window, &place));
             }
         }
         self.spent.add(&told);

@@ -662,7 +662,7 @@ fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{blocks_of, render_adaptive, render_adaptive_noting, render_blocks};
+    use super::super::{blocks_of, render_adaptive, render_all, render_blocks};
     use super::*;
     use crate::io::film::Film;
     use crate::options::TraceOptions;
@@ -760,7 +760,7 @@ mod tests {
         for (size, error, lattice) in [((70, 45), 1.0, 1), ((300, 140), 3.0, 4)] {
             let adaptive = Adaptive { error, lattice, list_rays: 1 << 12 };
             let mut rings = Rings { options: TraceOptions::DEFAULT };
-            let noted = render_adaptive_noting(&mut rings, &params(size), adaptive, &|_| ()).unwrap();
+            let noted = render_all(&mut rings, &params(size), adaptive, true, &|_| ()).unwrap();
             assert!(noted.film == render_rings(size, adaptive).film, "{size:?}");
             let (sampling, stats) = (noted.sampling.unwrap(), noted.adaptive.unwrap());
             for (samples, count) in LEVEL_SAMPLES.into_iter().zip(stats.pixels) {

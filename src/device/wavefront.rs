@@ -129,6 +129,7 @@ impl WavefrontPipeline {
         let shape = Shape::new(context, params, self.setup);
         let state = State::new(context, &shape)?;
         for step in self.steps() {
+            step.forget();
             state.set_arguments(step, scene, picture)?;
         }
         let mut run = Run {

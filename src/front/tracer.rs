@@ -133,6 +133,7 @@ impl Tracer {
         let LitScene { scene, framed, has_key_light } = lit;
         let (device, cache, budget) = (chosen.device.as_ref(), chosen.cache.as_ref(), chosen.budget());
         let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
+        let numbering = Arc::new(Numbering::of(scene, &buffers.used_materials));
         Ok(Tracer {
             buffers,
             backend: Some(chosen.stoppable(backend)),
@@ -141,7 +142,7 @@ impl Tracer {
             camera: scene.camera,
             up: scene.up,
             framed: *framed,
-            numbering: Arc::new(Numbering::of(scene)),
+            numbering,
             has_key_light: *has_key_light,
             is_closed: false,
             kept: Vec::new(),
@@ -189,7 +190,7 @@ impl Tracer {
         (self.points, self.winding) = (None, None);
         (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, scene.up);
         (self.framed, self.has_key_light) = (lit.framed, lit.has_key_light);
-        self.numbering = Arc::new(Numbering::of(scene));
+        self.numbering = Arc::new(Numbering::of(scene, &self.buffers.used_materials));
         Ok(())
     }
 
@@ -494,7 +495,7 @@ impl Tracer {
             let notes_sampling = layers.iter().any(|layer| !layer.is_of_hit());
             let result = renderer::render_part_noting(backend, &buffers, &picture, crop, notes_sampling, progress)?;
             let (of, sampling) = ((&*buffers, &*numbering), result.sampling.as_ref());
-            let layers = trace_layers(backend, of, &picture, crop, &layers, sampling, &|_| ())?;
+            let layers = trace_layers(backend, of, &picture, crop, &layers, sampling, &|_| progress(1.0))?;
             Ok(Picture::new(result, layers))
         };
         self.timed(depth, rendered)

@@ -8,7 +8,7 @@
 //! Bad at: showing few pixels of very much work beside many of little. The brightest colour stands for what only one in
 //! a thousand pixels exceeds; what is above has that colour, too, and [`AovRange::maximum`] tells how much that is.
 
-use crate::io::film::{Film, linear_from_srgb};
+use crate::io::film::{Film, light_of_colour};
 use crate::shared::WorkCounter;
 use crate::work::PixelWork;
 use serde::Serialize;
@@ -65,8 +65,7 @@ impl Aov {
     pub fn false_colours(&self) -> Film {
         let colour = |&count: &u32| {
             let part = f64::from(count) / f64::from(self.range.brightest.max(1));
-            let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(part.min(1.0));
-            [r, g, b].map(|code| linear_from_srgb(f64::from(code) / 255.0) as f32)
+            light_of_colour(colorous::INFERNO.eval_continuous(part.min(1.0)))
         };
         self.film(colour)
     }

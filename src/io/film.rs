@@ -13,7 +13,7 @@ use exr::image::write::WritableImage;
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
 use rayon::prelude::*;
 
-use crate::blocks::Area;
+use crate::blocks::{Area, LARGEST_PATCH};
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::io::output::{Output, check_writable, write_atomically};
@@ -131,6 +131,11 @@ pub fn linear_from_srgb(display: f64) -> f64 {
 pub(crate) static SRGB_TO_LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32));
 
+/// Light of a colour of 8 bits, which a PNG of 8 bits shows as just that.
+pub(crate) fn light_of_colour(colorous::Color { r, g, b }: colorous::Color) -> [f32; 3] {
+    [r, g, b].map(|code| SRGB_TO_LINEAR[usize::from(code)])
+}
+
 /// Light in 0..=1 as a display value in 0..=`max`, by the curve itself.
 fn on_curve(linear: f32, max: u16) -> u16 {
     // In range: the curve maps 0..=1 to 0..=1.
@@ -218,19 +223,14 @@ impl Film {
         Ok(())
     }
 
-    /// Puts another film over this one, from a pixel on that leaves room for all of it.
-    pub(crate) fn put(&mut self, other: &Film, (x, y): (usize, usize)) {
-        let (width, columns) = (self.width as usize, other.width as usize);
-        let rows = self.pixels[y * width..].par_chunks_mut(width).zip(other.pixels.par_chunks(columns));
-        rows.for_each(|(row, other)| row[x..x + columns].copy_from_slice(other));
-    }
-
-    /// Copies a place of the picture that both show; this film begins at the picture's first pixel.
-    pub(crate) fn copy(&mut self, from: &FilmWindow, place: &Area) {
-        for y in place.y.clone() {
-            let first = y * self.width as usize;
-            self.pixels[first + place.x.start..first + place.x.end].copy_from_slice(from.row(y, place.x.clone()));
-        }
+    /// Copies what both show of a place of the picture. `first`: column and row of this film's first pixel.
+    pub(crate) fn copy(&mut self, first: (usize, usize), from: &FilmWindow, place: &Area) {
+        let (width, here) = (self.width as usize, place.seen_from(first));
+        let rows = self.pixels[here.y.start * width..here.y.end * width].par_chunks_mut(width);
+        // A patch is copied sooner than it is divided.
+        rows.with_min_len(LARGEST_PATCH).zip(place.y.clone()).for_each(|(row, y)| {
+            row[here.x.clone()].copy_from_slice(from.row(y, place.x.clone()));
+        });
     }
 
     /// A black film.

@@ -4,7 +4,7 @@
 //! that neighbours differ. What nothing was hit by is black.
 
 use super::Layer;
-use crate::io::film::{Film, linear_from_srgb};
+use crate::io::film::{Film, SRGB_TO_LINEAR, light_of_colour};
 use crate::io::planes::{Plane, PlaneGroup};
 use crate::scene::Numbering;
 
@@ -22,7 +22,7 @@ const NOWHERE: [f32; 3] = [0.0; 3];
 
 /// Light that a PNG of 8 bits shows as this code.
 fn light_of(code: f64) -> f32 {
-    linear_from_srgb(code.round() / 255.0) as f32
+    SRGB_TO_LINEAR[usize::from(code.round() as u8)] // saturates
 }
 
 /// The channels of measures of a pixel, at most three.
@@ -125,16 +125,14 @@ fn uv_colour([u, v, _]: [f32; 3]) -> [f32; 3] {
 /// Of Inferno, as counted work has it.
 fn amount_colour(value: f32, most: f32) -> [f32; 3] {
     let part = if most > 0.0 { f64::from(value) / f64::from(most) } else { 0.0 };
-    let colorous::Color { r, g, b } = colorous::INFERNO.eval_continuous(part);
-    [r, g, b].map(|code| light_of(f64::from(code)))
+    light_of_colour(colorous::INFERNO.eval_continuous(part))
 }
 
 /// Neighbours are far from each other on the circle of colours: multiples of the golden ratio fill it evenly.
 fn number_colour(number: Option<u32>) -> [f32; 3] {
     const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
     let Some(number) = number.filter(|&number| number != Numbering::NONE) else { return [0.0; 3] };
-    let colorous::Color { r, g, b } = colorous::SINEBOW.eval_continuous((f64::from(number) * GOLDEN_RATIO).fract());
-    [r, g, b].map(|code| light_of(f64::from(code)))
+    light_of_colour(colorous::SINEBOW.eval_continuous((f64::from(number) * GOLDEN_RATIO).fract()))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 
 use super::{Crop, Picture, rendered_params};
 use crate::adaptive::{Done, blocks_of, render_blocks as render_by_error, stats_of};
-use crate::blocks::{Area, Blocks, LARGEST_PATCH};
+use crate::blocks::{Area, Blocks};
 use crate::error::Result;
 use crate::io::film::{Film, FilmWindow};
 use crate::options::Decisions;
@@ -13,7 +13,6 @@ use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
 use crate::shared::{RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
-use rayon::prelude::*;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
@@ -115,12 +114,18 @@ impl PictureBlocks {
     /// Whole areas where there are enough of them, because blocks of an area have first samples in common; and several
     /// neighbouring bands at a time, because small launches keep no GPU busy.
     pub fn of_part(&self, number: usize, count: usize) -> Vec<usize> {
+        self.by_parts(count).filter(|(part, _)| *part == number).flat_map(|(_, blocks)| blocks).collect()
+    }
+
+    /// The blocks in the pieces that are dealt out to so many parts, each with the number of its part.
+    pub fn by_parts(&self, count: usize) -> impl Iterator<Item = (usize, Vec<usize>)> + use<> {
         let units = self.units_of(&self.numbers(), ENOUGH_AREAS * count);
         let together = match self.cut {
             Cut::Bands(_) => (units.len() / (ENOUGH_AREAS * count)).max(1),
             Cut::Strewn(..) => 1,
         };
-        units.chunks(together).skip(number).step_by(count).flatten().flatten().copied().collect()
+        let pieces: Vec<Vec<usize>> = units.chunks(together).map(<[Vec<usize>]>::concat).collect();
+        pieces.into_iter().enumerate().map(move |(piece, blocks)| (piece % count, blocks))
     }
 
     /// Some blocks in pieces that are best rendered together: those of an area, where they lie in so many areas, because
@@ -153,11 +158,11 @@ impl PictureBlocks {
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) when the system has no memory for the film.
     pub fn scatter(&self, number: usize, pixels: &[[f32; 3]], film: &mut Film) -> Result<()> {
         film.make_pixels()?;
-        let mut rest = pixels;
-        for place in self.places(number) {
-            for y in place.y {
-                let (row, below) = rest.split_at(place.x.len());
-                self.row_mut(film, y, &place.x).copy_from_slice(row);
+        let (mut rest, width) = (pixels, film.width as usize);
+        for place in self.places(number).into_iter().map(|place| place.seen_from(self.place())) {
+            for row in film.pixels.chunks_mut(width).skip(place.y.start).take(place.y.len()) {
+                let (now, below) = rest.split_at(place.x.len());
+                row[place.x.clone()].copy_from_slice(now);
                 rest = below;
             }
         }
@@ -170,24 +175,9 @@ impl PictureBlocks {
     /// As [`PictureBlocks::scatter`].
     pub fn copy(&self, finished: &Finished, film: &mut Film) -> Result<()> {
         film.make_pixels()?;
-        for place in finished.blocks.iter().flat_map(|&number| self.places(number)) {
-            let (width, (left, top)) = (film.width as usize, self.place());
-            let columns = place.x.start - left..place.x.end - left;
-            let rows = film.pixels[(place.y.start - top) * width..(place.y.end - top) * width].par_chunks_mut(width);
-            let copy = |(y, row): (usize, &mut [[f32; 3]])| {
-                row[columns.clone()].copy_from_slice(finished.film.row(y, place.x.clone()));
-            };
-            // A patch is copied sooner than it is divided.
-            rows.with_min_len(ROWS_TOGETHER).zip(place.y.clone()).for_each(|(row, y)| copy((y, row)));
-        }
+        let places = finished.blocks.iter().flat_map(|&number| self.places(number));
+        places.for_each(|place| film.copy(self.place(), &finished.film, &place));
         Ok(())
-    }
-
-    /// Pixels of a row of the picture on a film of the part.
-    fn row_mut<'f>(&self, film: &'f mut Film, y: usize, columns: &Range<usize>) -> &'f mut [[f32; 3]] {
-        let (left, top) = self.place();
-        let first = (y - top) * film.width as usize;
-        &mut film.pixels[first + columns.start - left..first + columns.end - left]
     }
 
     /// A film for the part, without pixels.
@@ -203,9 +193,6 @@ impl PictureBlocks {
         Some(stats_of(spent, Adaptive::of_error(error), pixels, decided_by))
     }
 }
-
-/// Rows that one thread copies at the least: those of the largest patch, and of a band.
-const ROWS_TOGETHER: usize = LARGEST_PATCH;
 
 /// A part takes whole areas where it has so many.
 const ENOUGH_AREAS: usize = 4;
@@ -275,10 +262,7 @@ fn render_bands(
         done(&finished)?;
         match keeps_film {
             true if bands == blocks.part => result.film = traced.film,
-            true => {
-                result.film.make_pixels()?;
-                result.film.put(&traced.film, (0, place.1 - blocks.place().1));
-            }
+            true => blocks.copy(&finished, &mut result.film)?,
             false => {}
         }
         rest = later;

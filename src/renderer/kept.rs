@@ -31,6 +31,9 @@ pub struct PictureId {
     /// As in the option.
     kill_weight: Option<String>,
     roulette: Option<String>,
+    /// Names of values, as in the options.
+    texture_filter: String,
+    terminator: String,
     /// The options of a method that is not exact; all exact ones have the same pixels.
     method: Option<String>,
 }
@@ -53,6 +56,8 @@ impl PictureId {
             depth: picture.depth,
             kill_weight: picture.kill_weight.map(|weight| weight.to_string()),
             roulette: options.picture.roulette.map(|weight| weight.to_string()),
+            texture_filter: options.picture.texture_filter.name().to_owned(),
+            terminator: options.picture.terminator.name().to_owned(),
             method: (!options.is_exact()).then(|| format!("{:?}", TraceOptions { counters: false, ..*options })),
         }
     }
@@ -86,6 +91,8 @@ impl PictureId {
             ("depth", self.depth.to_string(), other.depth.to_string()),
             ("kill weight", or_none(&self.kill_weight), or_none(&other.kill_weight)),
             ("roulette", or_none(&self.roulette), or_none(&other.roulette)),
+            ("texture filter", self.texture_filter.clone(), other.texture_filter.clone()),
+            ("terminator", self.terminator.clone(), other.terminator.clone()),
             ("method", or_none(&self.method), or_none(&other.method)),
         ];
         let differs = fields.iter().find(|(_, a, b)| a != b).map(|(name, a, b)| format!("its {name} is {b}, not {a}"));

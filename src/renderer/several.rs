@@ -233,6 +233,18 @@ impl State {
     }
 }
 
+/// Ends the work of all devices where one of their threads panics: the others would wait for it for ever.
+struct Ending<'a>(&'a Queue);
+
+impl Drop for Ending<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.lock().failure.get_or_insert(Error::Stopped);
+            self.0.changed.notify_all();
+        }
+    }
+}
+
 /// The thread of a device.
 struct Worker<'a> {
     queue: &'a Queue,
@@ -244,38 +256,36 @@ struct Worker<'a> {
 
 impl Worker<'_> {
     fn run(&self, Renderer { name, open }: Renderer) -> DeviceShare {
+        let _ending = Ending(self.queue);
         let mut share = DeviceShare { name, blocks: 0, busy_s: 0.0 };
-        let (buffers, mut tracer) = match open() {
-            Ok(opened) => opened,
-            Err(error) => {
-                self.queue.lose(self.worker, &share.name, error, self.watcher);
-                return share;
-            }
-        };
-        let start = Instant::now();
+        let ended = open().and_then(|(buffers, mut tracer)| {
+            let start = Instant::now();
+            let ended = self.work((tracer.as_mut(), &buffers), &mut share.blocks);
+            share.busy_s = start.elapsed().as_secs_f64();
+            ended
+        });
+        if let Err(error) = ended {
+            self.queue.lose(self.worker, &share.name, error, self.watcher);
+        }
+        share
+    }
+
+    /// Takes blocks until there are none, and counts those that nobody else has finished before.
+    fn work(&self, (tracer, buffers): (&mut dyn Backend, &SceneBuffers), count: &mut usize) -> Result<()> {
         while let Some(job) = self.queue.take(self.worker) {
-            let begun = Instant::now();
+            let (begun, before) = (Instant::now(), *count);
             // What another is at is taken block by block, so that whoever is first finishes each.
             let piece = if job.is_backup { 1 } else { job.blocks.len() };
-            let before = share.blocks;
             for blocks in job.blocks.chunks(piece) {
-                match catch_unwind(AssertUnwindSafe(|| {
-                    self.render(tracer.as_mut(), &buffers, blocks, &mut share.blocks)
-                })) {
-                    Ok(Ok(())) => {}
-                    Ok(Err(error)) => {
-                        self.queue.lose(self.worker, &share.name, error, self.watcher);
-                        share.busy_s = start.elapsed().as_secs_f64();
-                        return share;
-                    }
+                match catch_unwind(AssertUnwindSafe(|| self.render(tracer, buffers, blocks, count))) {
+                    Ok(rendered) => rendered?,
                     Err(panic) if panic.is::<Cancelled>() => {}
                     Err(panic) => resume_unwind(panic),
                 }
             }
-            self.queue.leave(self.worker, share.blocks - before, begun.elapsed());
+            self.queue.leave(self.worker, *count - before, begun.elapsed());
         }
-        share.busy_s = start.elapsed().as_secs_f64();
-        share
+        Ok(())
     }
 
     /// Renders some blocks, and counts those that nobody else has finished before. Unwinds with [`Cancelled`] when

@@ -1,6 +1,6 @@
 //! What tells scenes apart: a hash of everything that pictures and rays of a scene depend on.
 
-use super::{Object, Scene, Texture, Triangle};
+use super::{Instance, NO_INDEX, Object, Scene, Texture, Transform, Triangle};
 use bytemuck::{Pod, cast_slice};
 use glam::{Vec2, Vec3};
 use sha2::{Digest, Sha256};
@@ -23,7 +23,14 @@ impl Scene {
             let Object { positions, normals, uvs, triangles } = &**object;
             hash.geometry((positions, normals, uvs), triangles);
         }
-        hash.text(&instances.placed());
+        hash.list(instances.placed(), |Instance { object, transform, material }| {
+            let Transform { rows, normal_rows, is_mirrored } = transform;
+            let others = [*object, material.unwrap_or(NO_INDEX), u32::from(*is_mirrored)];
+            let numbers = rows.as_flattened().iter().chain(normal_rows.as_flattened()).map(|x| x.to_bits());
+            let mut all = [0u32; 24];
+            all.iter_mut().zip(numbers.chain(others)).for_each(|(to, number)| *to = number);
+            all
+        });
         hash.text(materials);
         hash.number(textures.len());
         for texture in textures {
@@ -76,7 +83,7 @@ impl Hash {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Background, Image, Instance, Light, Material, Transform};
+    use super::super::{Background, Image, Light, Material};
     use super::*;
 
     fn scene() -> Scene {

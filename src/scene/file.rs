@@ -139,15 +139,16 @@ impl<'a> Reader<'a> {
         let table =
             Table::of(self.source, "[camera]", value)?.allow("[camera]", &["eye", "target", "up", "fov", "key"])?;
         const FOV: f32 = 40.0; // degrees; as Camera::framing has it
-        let (up, fov_degrees) = (table.vector("up")?.unwrap_or(Vec3::Y), table.number("fov")?.unwrap_or(FOV));
+        let (up, fov) = (table.vector("up")?, table.number("fov")?);
         let places = (table.vector("eye")?, table.vector("target")?);
-        let keys = self.read_camera_keys(&table, places, (up, fov_degrees))?;
-        let first = keys.first().map(|key| key.camera);
+        let keys = self.read_camera_keys(&table, places, (up.unwrap_or(Vec3::Y), fov.unwrap_or(FOV)))?;
+        // Where the camera does not say where it is, it is the first key's.
+        let first = keys.first().map(|key| key.camera).filter(|_| places.0.is_none() || places.1.is_none());
         let camera = Camera {
             eye: table.required("eye", places.0.or(first.map(|camera| camera.eye)))?,
             target: table.required("target", places.1.or(first.map(|camera| camera.target)))?,
-            up,
-            fov_degrees,
+            up: up.or(first.map(|camera| camera.up)).unwrap_or(Vec3::Y),
+            fov_degrees: fov.or(first.map(|camera| camera.fov_degrees)).unwrap_or(FOV),
         };
         // Without "up" the default one can still be at fault: the view is then what must change.
         table.check(camera_fault(&camera), "target")?;

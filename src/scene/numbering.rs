@@ -27,13 +27,13 @@ impl Numbering {
     /// The number of what is not there.
     pub const NONE: u32 = NO_INDEX;
 
-    /// The numbers of `scene`.
-    pub fn of(scene: &Scene) -> Numbering {
+    /// The numbers of `scene`, and of its packed materials: [`Scene::used_materials`].
+    pub fn of(scene: &Scene, used: &[MaterialId]) -> Numbering {
         let triangles = scene.triangles.len() as u32;
         let placed = scene.instances.placed().iter().enumerate();
         let instances =
             placed.map(|(i, instance)| (triangles + scene.instances.range(i).end, instance.object)).collect();
-        Numbering { triangles, object_ends: scene.object_ends.clone(), instances, used: scene.used_materials() }
+        Numbering { triangles, object_ends: scene.object_ends.clone(), instances, used: used.to_vec() }
     }
 
     /// The instance of a primitive, from 0 in the order of [`Instances::placed`](super::Instances::placed);
@@ -85,7 +85,7 @@ mod tests {
         let quad = builder.begin_object().quad(Vec3::ZERO, Vec3::X, Vec3::Y, 1).end_object();
         builder.instance(quad, None).instance(cube, None);
         let scene = builder.finish().unwrap();
-        let numbering = Numbering::of(&scene);
+        let numbering = Numbering::of(&scene, &scene.used_materials());
         let firsts = [0, 11, 12, 23, 24, 36, 37, 38, 49];
         let numbers = firsts.map(|primitive| (numbering.instance(primitive), numbering.object(primitive)));
         let none = Numbering::NONE;

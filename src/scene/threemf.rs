@@ -86,6 +86,7 @@ fn scene(path: &Path, mut model: Model, budget: &MemoryBudget) -> Result<Scene> 
     let fault = |message: String| Error::input(path, None, message);
     let places = places(path, &model, budget)?;
     let (ranges, mut triangles) = paints(&mut model);
+    check_copies(path, &model, &places, &ranges, budget)?;
     let mut warnings = Warnings::default();
     let (materials, reduced) = paint::materials(&mut triangles, &[], model.blended);
     let mut builder = Builder::within(*budget);
@@ -145,6 +146,29 @@ fn places(path: &Path, model: &Model, budget: &MemoryBudget) -> Result<Vec<Vec<D
     Ok(found)
 }
 
+/// Checks that there is memory for the copies of objects that a transform flattens, of which there are no instances.
+fn check_copies(
+    path: &Path,
+    model: &Model,
+    places: &[Vec<DAffine3>],
+    ranges: &[Range<usize>],
+    budget: &MemoryBudget,
+) -> Result<()> {
+    let mut bytes = 0u64;
+    for ((object, places), range) in model.objects.iter().zip(places).zip(ranges) {
+        let Shape::Mesh { positions, .. } = &object.shape else { continue };
+        let copies = places.iter().filter(|place| !is_solid(place)).count() as u64;
+        let of_copy = range.len() * size_of::<Triangle>() + positions.len() * size_of::<Vec3>();
+        bytes = bytes.saturating_add(copies.saturating_mul(of_copy as u64));
+    }
+    check_memory(path, bytes, budget)
+}
+
+/// Whether an instance can be there: none is where a transform flattens space.
+fn is_solid(transform: &DAffine3) -> bool {
+    Transform::new(*transform).is_some()
+}
+
 /// The triangles of all objects, their materials paints, and which of them are of which object.
 fn paints(model: &mut Model) -> (Vec<Range<usize>>, Vec<Triangle>) {
     let (mut ranges, mut all) = (Vec::new(), Vec::new());
@@ -171,9 +195,7 @@ fn add(places: &[DAffine3], positions: &[Vec3], triangles: &[Triangle], builder:
     };
     let own = |p: &Vec3| p.as_dvec3();
     let material = |i: usize| triangles[i].material;
-    // A transform that flattens space makes no instance.
-    let (solid, flat): (Vec<&DAffine3>, Vec<&DAffine3>) =
-        places.iter().partition(|&&transform| Transform::new(transform).is_some());
+    let (solid, flat): (Vec<&DAffine3>, Vec<&DAffine3>) = places.iter().partition(|place| is_solid(place));
     for transform in flat {
         builder.add_geometry(&mesh(&|p| transform.transform_point3(own(p))), material);
     }

@@ -153,6 +153,9 @@ fn parts_make_the_whole_picture() {
         3,
         &["b.png.part-1-of-3", "another picture: its depth is 1, not 8"],
     );
+    assert_succeeds(&render(at, &["-o", "c.png", "--terminator", "hard", "--part", "2/3"]));
+    let other = "c.png.part-2-of-3".to_owned();
+    assert_fails(&merge(&[&names[0], &other], &[]), 3, &["c.png.part-2-of-3", "its terminator is hard, not smooth"]);
     assert_fails(&merge(&[&names[0], &"one.obj".to_owned()], &[]), 3, &["one.obj", "not a journal"]);
     assert_fails(&merge(&[&names[0], &"no.part".to_owned()], &[]), 3, &["no.part"]);
     assert_fails(&raybrook(at, &["merge", &names[0], "-o", &names[0]]), 2, &["must end in .png, .exr or .pfm"]);

@@ -50,7 +50,7 @@ fn layers_are_the_same_from_device_and_twin_and_by_every_structure() {
     let layers = |device, options: &TraceOptions| {
         let buffers = Arc::new(SceneBuffers::new(&scene, options).unwrap());
         let mut tracer = open_tracer(device, &buffers, options, 3, None).unwrap();
-        let of = (&*buffers, &Numbering::of(&scene));
+        let of = (&*buffers, &Numbering::of(&scene, &buffers.used_materials));
         let all: Vec<_> = Layer::ALL.iter().copied().filter(|&layer| layer != Layer::Error).collect();
         bits(&trace_layers(tracer.as_mut(), of, &picture, None, &all, None, &|_| ()).unwrap())
     };

@@ -318,6 +318,14 @@ fn nodes_place_their_meshes() {
     let scene = file.load();
     assert_eq!((scene.triangles.len(), scene.instances.placed().len()), (4, 0));
     assert_eq!(scene.bounds().unwrap(), (Vec3::new(8.0, 0.0, 0.0), Vec3::new(11.0, 1.0, 5.0)));
+    let of_triangles = |scene: &Scene| -> Vec<String> {
+        scene.triangles.iter().map(|t| scene.materials[t.material as usize].name.clone()).collect()
+    };
+    assert_eq!(of_triangles(&scene), ["a", "a", "b", "b"]);
+    let flat = file.json["nodes"][2]["matrix"].take();
+    file.json["nodes"][2] = json!({"mesh": 1});
+    file.json["nodes"][1] = json!({"mesh": 0, "matrix": flat});
+    assert_eq!(of_triangles(&file.load()), ["b", "b", "a", "a"], "the solid one first");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use clap::CommandFactory;
 use raybrook::Error;
 use raybrook::low_level::choose::{Decision, Request};
-use raybrook::low_level::options::{Choice, StructureKind, TraceOptions};
+use raybrook::low_level::options::{Choice, Heading, StructureKind, TraceOptions};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -98,11 +98,20 @@ pub fn decisions(mut decisions: Vec<Decision>) -> Vec<Decision> {
 
 /// The arguments that ask for `options`: the structure, and what differs from its defaults.
 pub fn arguments(options: &TraceOptions) -> Vec<String> {
-    let request = Request::of(options);
-    let typed: Vec<_> = request.given().iter().map(typed).collect();
-    let mut words: Vec<_> = typed.iter().flat_map(|choice| choice.split(' ')).map(str::to_owned).collect();
+    let mut words = words(options, |_| true);
     words.extend(options.counters.then(|| flag("counters")));
     words
+}
+
+/// The arguments on which the pixels of pictures depend: exact hits are the same by any method.
+pub fn pixel_arguments(options: &TraceOptions) -> Vec<String> {
+    words(options, |choice| !options.is_exact() || choice.option().heading == Heading::Picture)
+}
+
+fn words(options: &TraceOptions, is_wanted: impl Fn(&Choice) -> bool) -> Vec<String> {
+    let request = Request::of(options);
+    let typed: Vec<_> = request.given().iter().filter(|choice| is_wanted(choice)).map(typed).collect();
+    typed.iter().flat_map(|choice| choice.split(' ')).map(str::to_owned).collect()
 }
 
 #[cfg(test)]

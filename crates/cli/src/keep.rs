@@ -37,8 +37,8 @@ pub struct KeepArgs {
     /// Keep finished blocks of the picture in OUT.partial, so that the same command goes on after whatever stopped it:
     /// auto, always or never [default: auto].
     ///
-    /// auto: where the picture takes more than two seconds. The file is removed when the picture is written. With
-    /// --counters and --aov nothing is kept.
+    /// auto: where the picture takes more than two seconds. The file is removed when the picture is written. Where work
+    /// is counted, or --layers tells of samples or their error, nothing is kept.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
     keep: Keep,
     /// Begin anew, and remove what is kept of an earlier run.
@@ -218,10 +218,11 @@ impl<'a> Keeper<'a> {
         Ok((self.with_all(RenderResult::of_film(film)), shares))
     }
 
-    /// Millions of camera rays that are at least to be traced.
+    /// About how many millions of camera rays are at least to be traced.
     fn rays(&self, picture: &Picture) -> f64 {
-        let pixels: usize = self.rest.iter().map(|&number| self.blocks.pixels(number)).sum();
-        pixels as f64 * f64::from(picture.samples.per_pixel()) / 1e6
+        let Film { width, height, .. } = self.blocks.empty_film();
+        let part = self.rest.len() as f64 / self.blocks.numbers().len().max(1) as f64;
+        part * f64::from(width) * f64::from(height) * f64::from(picture.samples.per_pixel()) / 1e6
     }
 
     /// A result with what the blocks of earlier runs took.

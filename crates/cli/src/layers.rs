@@ -164,7 +164,15 @@ impl LayerArgs {
         let (width, height) = part.map_or(picture.size, |part| part.size);
         let rays = f64::from(width) * f64::from(height) / 1e6;
         let progress = |done: f64| bar.update(done, rays, "M rays");
-        trace_layers(tracer, (buffers, &Numbering::of(scene)), picture, part, &layers, sampling, &progress)
+        trace_layers(
+            tracer,
+            (buffers, &Numbering::of(scene, &buffers.used_materials)),
+            picture,
+            part,
+            &layers,
+            sampling,
+            &progress,
+        )
     }
 
     /// Writes the picture, with its layers in it or beside it; tells what the colours of those mean.

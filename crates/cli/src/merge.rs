@@ -90,9 +90,11 @@ impl Merged {
         /// More are not listed.
         const MOST: usize = 20;
         let Some(part) = self.parts.iter().find_map(|kept| kept.part) else { return Vec::new() };
-        let all = (1..=part.of).map(|number| Part { number, ..part });
-        let has_missing = |part: &Part| part.blocks(blocks).iter().any(|block| missing.binary_search(block).is_ok());
-        let mut parts: Vec<String> = all.filter(has_missing).take(MOST + 1).map(|part| part.to_string()).collect();
+        let has_missing = |blocks: &[usize]| blocks.iter().any(|block| missing.binary_search(block).is_ok());
+        let pieces = blocks.by_parts(part.of as usize).filter(|(_, blocks)| has_missing(blocks));
+        let numbers: BTreeSet<usize> = pieces.map(|(number, _)| number).collect();
+        let parts = numbers.into_iter().map(|number| Part { number: number as u32 + 1, ..part });
+        let mut parts: Vec<String> = parts.take(MOST + 1).map(|part| part.to_string()).collect();
         if parts.len() > MOST {
             parts[MOST] = "and more".to_owned();
         }

@@ -151,15 +151,24 @@ pub fn check_picture(
 
 /// A chosen device; `None` is the reference. Says which devices do not open, where nobody named one.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
-    choose_named(args.device.as_deref(), args, talk)
+    choose_working(args.device.as_deref(), args, talk)
 }
 
-/// The same, of another device than `args` name, or the best.
-pub fn choose_named(name: Option<&str>, args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
+/// The same, whatever device `args` name: the best.
+pub fn choose_best(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
+    choose_working(None, args, talk)
+}
+
+fn choose_working(name: Option<&str>, args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
     let (selection, notes) = select_working(name)?;
     for note in notes.iter().filter(|_| !talk.quiet) {
         tell!("note: {}", in_flags(note));
     }
+    taken(selection, args, talk)
+}
+
+/// What was selected, with the options for its compiler; `None` is the reference.
+pub fn taken(selection: Selection, args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
     Ok(match selection {
         Selection::OpenCl(device) => Some(args.compiler.apply(device)?),
         Selection::Reference { .. } if args.compiler.compiler_options.is_some() => {

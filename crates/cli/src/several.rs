@@ -29,11 +29,16 @@ pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>
         return choose_all(args, talk);
     }
     let names: Vec<&str> = text.split([',', '+']).map(str::trim).collect();
-    // A name of a device may have a comma, too.
-    if names.len() == 1 || open::choose(args, Talk { quiet: true, ..talk }).is_ok() {
+    if names.len() == 1 {
         return Ok(vec![open::choose(args, talk)?]);
     }
-    let devices = names.iter().map(|name| open::choose_named(Some(name), args, talk)).collect::<Result<Vec<_>>>()?;
+    let list = list_devices()?;
+    // A name of a device may have a comma, too.
+    if let Ok(one) = list.select(Some(text)) {
+        return Ok(vec![open::taken(one, args, talk)?]);
+    }
+    let devices = names.iter().map(|name| open::taken(list.select(Some(name))?, args, talk));
+    let devices = devices.collect::<Result<Vec<_>>>()?;
     let mut seen = HashSet::new();
     let twice = devices.iter().zip(&names).find(|(device, _)| !seen.insert(device.as_ref().map(|d| d.info.index)));
     match twice {
@@ -47,7 +52,7 @@ fn choose_all(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>
     let (processors, others): (Vec<_>, Vec<_>) = usable.partition(|device| device.info.kind == DeviceKind::Cpu);
     let chosen = if others.is_empty() { processors } else { others };
     let devices = chosen.into_iter().map(|device| args.compiler.apply(device).map(Some)).collect::<Result<Vec<_>>>()?;
-    if devices.is_empty() { Ok(vec![open::choose_named(None, args, talk)?]) } else { Ok(devices) }
+    if devices.is_empty() { Ok(vec![open::choose_best(args, talk)?]) } else { Ok(devices) }
 }
 
 /// Renders what `keeper` has not kept yet by several devices, each of which has what was chosen for it.

@@ -167,7 +167,7 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<()> {
         Some(keys) => CameraPath::Keys(keys),
         None => turn(args, &loaded, &picture, frames.count())?,
     };
-    let manifest = Manifest::new(args, &loaded.scene, (&way, frames.count()), &picture, &chosen.options)?;
+    let manifest = Manifest::new(args, &loaded.scene, (&way, frames.count()), (&picture, format), &chosen.options);
     frames.make_folder()?;
     manifest.take_over(&frames, args.restart)?;
     check_writable(&frames.path(1))?;

@@ -49,6 +49,11 @@ impl Step {
         Ok(largest)
     }
 
+    /// Forgets launches that nobody has waited for, because the picture before was stopped.
+    pub fn forget(&mut self) {
+        self.running.clear();
+    }
+
     /// Waits for all launches; how many they were, and their seconds of device time.
     pub fn wait(&mut self) -> Result<(u64, f64)> {
         let launches = self.running.len() as u64;

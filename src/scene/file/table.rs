@@ -4,6 +4,7 @@
 //! and another idea of where they are, and nobody would suggest the key that was meant.
 
 use crate::error::{Error, Result};
+use crate::io::film::SRGB_TO_LINEAR;
 use crate::scene::check::Fault;
 use glam::Vec3;
 use std::fmt::Display;
@@ -295,8 +296,7 @@ fn from_hex(text: &str) -> Option<Vec3> {
 
 /// The linear value of an 8-bit sRGB one (IEC 61966-2-1).
 pub(in crate::scene) fn linear(srgb: u8) -> f32 {
-    let c = f64::from(srgb) / 255.0;
-    (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
+    SRGB_TO_LINEAR[usize::from(srgb)]
 }
 
 #[cfg(test)]

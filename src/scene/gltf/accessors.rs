@@ -100,8 +100,9 @@ impl Wholes<'_> {
 pub(super) struct Accessors<'a> {
     source: &'a Source<'a>,
     replaced: RefCell<HashMap<usize, Replaced>>,
-    /// The first accessor of each content.
+    /// The first accessor of each content, and of each accessor that was asked for the first one like it.
     firsts: RefCell<HashMap<Content<'a>, usize>>,
+    alike: RefCell<HashMap<usize, usize>>,
 }
 
 /// What makes packed accessors equal: count and type of the elements, component type, whether normalised, the bytes.
@@ -109,7 +110,7 @@ type Content<'a> = (u64, u8, u8, bool, &'a [u8]);
 
 impl<'a> Accessors<'a> {
     pub fn new(source: &'a Source<'a>) -> Accessors<'a> {
-        Accessors { source, replaced: RefCell::default(), firsts: RefCell::default() }
+        Accessors { source, replaced: RefCell::default(), firsts: RefCell::default(), alike: RefCell::default() }
     }
 
     /// How many elements accessor `index` says that it has, and of which type.
@@ -122,6 +123,18 @@ impl<'a> Accessors<'a> {
     /// The number of the first accessor that was asked for and has the same numbers as accessor `index`; of those that
     /// are sparse or interleaved nobody looks whether they are the same.
     pub fn first_alike(&self, index: Index<Accessor>) -> Result<usize> {
+        let known = self.alike.borrow().get(&index.value()).copied();
+        match known {
+            Some(first) => Ok(first),
+            None => {
+                let first = self.find_alike(index)?;
+                self.alike.borrow_mut().insert(index.value(), first);
+                Ok(first)
+            }
+        }
+    }
+
+    fn find_alike(&self, index: Index<Accessor>) -> Result<usize> {
         let accessor = self.find(index)?;
         let (count, kind) = self.kind(index)?;
         let component = self.component(index, accessor)?;

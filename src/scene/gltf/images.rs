@@ -2,7 +2,7 @@
 
 use super::Source;
 use super::buffers::{Target, follow, name_of};
-use crate::scene::file::linear;
+use crate::io::film::SRGB_TO_LINEAR;
 use crate::scene::reading::check_memory;
 use crate::scene::text::{Warnings, quote};
 use crate::scene::texture::{decode, decode_bytes};
@@ -25,7 +25,6 @@ pub(super) struct Summary {
 
 impl Summary {
     fn of(image: &Image) -> Summary {
-        let table: Vec<f32> = (0..=u8::MAX).map(linear).collect();
         let (mut counts, mut low, mut high) = ([[0u32; 256]; 4], [u8::MAX; 4], [0u8; 4]);
         for texel in &image.rgba {
             for part in 0..4 {
@@ -40,7 +39,8 @@ impl Summary {
         };
         let stored = |level: usize| level as f64 / 255.0;
         let values = Vec4::from_array(std::array::from_fn(|part| mean(part, &stored)));
-        let colour = Vec3::from_array(std::array::from_fn(|part| mean(part, &|level| f64::from(table[level]))));
+        let colour =
+            Vec3::from_array(std::array::from_fn(|part| mean(part, &|level| f64::from(SRGB_TO_LINEAR[level]))));
         let ends = [low, high].map(|end| Vec4::from_array(end.map(|value| f32::from(value) / 255.0)));
         Summary { colour, values, range: (ends[0], ends[1]) }
     }

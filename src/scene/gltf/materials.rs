@@ -20,7 +20,7 @@
 use super::Source;
 use super::images::{Images, Summary};
 use super::unused::Unused;
-use crate::scene::file::linear;
+use crate::io::film::SRGB_TO_LINEAR;
 use crate::scene::paint::{MAX_COLOURS, reduction, rounded_part, to_8_bits};
 use crate::scene::text::{Warnings, quote};
 use crate::scene::{Builder, Material, MaterialId, SourceFile, TextureId};
@@ -118,8 +118,6 @@ pub(super) struct Looks<'a> {
     known: HashMap<(Option<usize>, [u32; 4]), Look>,
     /// By picture and the directions in which it is mirrored.
     textures: HashMap<(usize, [bool; 2]), Option<Kept>>,
-    /// The linear value of each 8-bit one.
-    levels: Vec<f32>,
     /// Colours of vertices that became materials; whether triangles have the mean of several, or a rounded one.
     colours: HashSet<[u8; 4]>,
     blended: bool,
@@ -135,7 +133,6 @@ impl<'a> Looks<'a> {
             unlit: Unlit::Matt,
             known: HashMap::new(),
             textures: HashMap::new(),
-            levels: (0..=u8::MAX).map(linear).collect(),
             colours: HashSet::new(),
             blended: false,
             rounded: false,
@@ -190,7 +187,7 @@ impl<'a> Looks<'a> {
             Some((known, material)) if known == *code => material,
             _ => {
                 let [red, green, blue, alpha] = *code;
-                let [red, green, blue] = [red, green, blue].map(|part| self.levels[usize::from(part)]);
+                let [red, green, blue] = [red, green, blue].map(|part| SRGB_TO_LINEAR[usize::from(part)]);
                 let tint = Vec4::new(red, green, blue, f32::from(alpha) / 255.0);
                 let material = self.of(number, tint, builder, &mut told).material;
                 last = Some((*code, material));
@@ -203,10 +200,11 @@ impl<'a> Looks<'a> {
     /// A linear colour in 8 bits, as sRGB, and its alpha.
     fn code(&self, colour: Vec4) -> [u8; 4] {
         let [red, green, blue, alpha] = zero_to_one(colour).to_array();
+        let levels = &*SRGB_TO_LINEAR;
         let nearest = |part: f32| {
-            let above = self.levels.partition_point(|&level| level < part).min(255);
+            let above = levels.partition_point(|&level| level < part).min(255);
             let below = above.saturating_sub(1);
-            let is_nearer_below = part - self.levels[below] < self.levels[above] - part;
+            let is_nearer_below = part - levels[below] < levels[above] - part;
             (if is_nearer_below { below } else { above }) as u8
         };
         [nearest(red), nearest(green), nearest(blue), to_8_bits(255.0 * alpha)]
@@ -239,6 +237,8 @@ impl<'a> Looks<'a> {
         let shown = info.as_ref().and_then(|info| self.shown(info, unused));
         let summary = shown.as_ref().and_then(|shown| self.images.summary(shown.image));
         let shown = shown.filter(|_| summary.is_some());
+        // While the picture that was summed up is still decoded.
+        let texture = shown.as_ref().and_then(|shown| self.texture(shown, builder));
         unused.add("normal textures", usize::from(description.normal_texture.is_some()));
         unused.add("occlusion textures", usize::from(description.occlusion_texture.is_some()));
 
@@ -253,12 +253,9 @@ impl<'a> Looks<'a> {
             self.unlight(&mut material, colour * opacity.unwrap_or(1.0), is_textured, unused);
         }
         material.emission = material.emission.clamp(Vec3::ZERO, Vec3::splat(MAX_EMISSION));
-        let uvs = shown.and_then(|shown| {
-            unused.add("texture filters NEAREST", usize::from(shown.is_nearest));
-            let (texture, coordinates) = self.texture(&shown, builder)?;
-            material.diffuse_texture = Some(texture);
-            Some(coordinates)
-        });
+        unused.add("texture filters NEAREST", shown.as_ref().map_or(0, |shown| usize::from(shown.is_nearest)));
+        material.diffuse_texture = texture.as_ref().map(|(texture, _)| *texture);
+        let uvs = texture.map(|(_, coordinates)| coordinates);
         Look { material: builder.push_material(material), uvs, is_seen: opacity.is_some() }
     }
 

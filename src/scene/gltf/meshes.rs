@@ -11,7 +11,7 @@ use super::unused::Unused;
 use crate::error::Result;
 use crate::scene::mesh::Corner;
 use crate::scene::reading::check_memory;
-use crate::scene::{Builder, MaterialId, NO_INDEX, Transform, Triangle};
+use crate::scene::{Builder, MaterialId, NO_INDEX, Triangle};
 use ::gltf::json::accessor::Type;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
@@ -212,9 +212,12 @@ impl<'a> Reader<'a> {
     fn check_memory(&self, groups: &[Vec<Placed>], parts: &HashMap<usize, Vec<Part>>) -> Result<()> {
         let mut triangles = 0u64;
         for group in groups {
+            // Where a transform flattens them they are there once more.
+            let copies = 1 + group.iter().filter(|placed| !placed.is_solid()).count() as u64;
             for part in &parts[&group[0].number] {
                 let corners = self.corners(part)?;
-                triangles = triangles.saturating_add(if part.mode == Mode::Triangles { corners / 3 } else { corners });
+                let of_part = if part.mode == Mode::Triangles { corners / 3 } else { corners };
+                triangles = triangles.saturating_add(of_part.saturating_mul(copies));
             }
         }
         check_memory(self.source.path, triangles.saturating_mul(TRIANGLE_BYTES), &self.source.budget)
@@ -230,10 +233,12 @@ impl<'a> Reader<'a> {
         unused: &mut Unused,
     ) -> Result<()> {
         let own = &parts[&group[0].number];
-        // A transform that flattens space makes no instance.
-        let is_solid = |placed: &&Placed| Transform::new(placed.transform).is_some();
-        let solid: Vec<&Placed> = group.iter().filter(is_solid).collect();
-        let flat: Vec<&Placed> = group.iter().filter(|placed| !is_solid(placed)).collect();
+        // Equal meshes of one primitive may differ in their materials.
+        let material = |placed: &Placed| {
+            let look = parts[&placed.number][0].look.material;
+            (own.len() == 1 && look != own[0].look.material).then_some(look)
+        };
+        let (solid, flat): (Vec<&Placed>, Vec<&Placed>) = group.iter().partition(|placed| placed.is_solid());
         let (single, shared) = if solid.len() == 1 { (&solid[..], &[][..]) } else { (&[][..], &solid[..]) };
         let mut meshes: Vec<Mesh> = Vec::new();
         for part in own {
@@ -241,13 +246,13 @@ impl<'a> Reader<'a> {
         }
         for placed in single {
             builder.push().multiply("node", placed.transform);
-            meshes.iter().for_each(|mesh| mesh.add(builder));
+            meshes.iter().for_each(|mesh| mesh.add(builder, material(placed)));
             builder.pop();
         }
         for placed in flat {
             for mesh in &meshes {
                 match mesh.flattened(placed.transform) {
-                    Some(flat) => flat.add(builder),
+                    Some(flat) => flat.add(builder, material(placed)),
                     None => _ = builder.fail("the transform moves a vertex out of float32's range"),
                 }
             }
@@ -256,12 +261,10 @@ impl<'a> Reader<'a> {
             return Ok(());
         }
         builder.begin_object();
-        meshes.iter().for_each(|mesh| mesh.add(builder));
+        meshes.iter().for_each(|mesh| mesh.add(builder, None));
         let object = builder.end_object();
         for placed in shared {
-            let look = parts[&placed.number][0].look.material;
-            let material = (own.len() == 1 && look != own[0].look.material).then_some(look);
-            builder.push().multiply("node", placed.transform).instance(object, material).pop();
+            builder.push().multiply("node", placed.transform).instance(object, material(placed)).pop();
         }
         Ok(())
     }
@@ -436,7 +439,8 @@ struct Mesh {
 }
 
 impl Mesh {
-    fn add(&self, builder: &mut Builder) {
+    /// With a material for all of it, or with its own.
+    fn add(&self, builder: &mut Builder, material: Option<MaterialId>) {
         let (has_normals, has_uvs) = (self.normals.is_some(), !self.uvs.is_empty());
         let corner = |position: u32| Corner {
             position,
@@ -449,9 +453,9 @@ impl Mesh {
             uvs: self.uvs.clone(),
             triangles: self.triangles.iter().map(|triangle| triangle.map(corner)).collect(),
         };
-        builder.add_geometry(&mesh, |triangle| match &self.materials {
-            Materials::One(material) => *material,
-            Materials::Each(materials) => materials[triangle],
+        builder.add_geometry(&mesh, |triangle| match (material, &self.materials) {
+            (Some(material), _) | (None, &Materials::One(material)) => material,
+            (None, Materials::Each(materials)) => materials[triangle],
         });
     }
 

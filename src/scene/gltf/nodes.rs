@@ -4,6 +4,7 @@ use super::Source;
 use super::accessors::Accessors;
 use super::unused::Unused;
 use crate::error::Result;
+use crate::scene::Transform;
 use crate::scene::reading::check_memory;
 use ::gltf::json::{Accessor, Index, Node};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
@@ -17,6 +18,13 @@ pub(super) struct Placed {
     pub number: usize,
     /// From its coordinates to those of the world.
     pub transform: DAffine3,
+}
+
+impl Placed {
+    /// Whether an instance can be there: none is where a transform flattens space.
+    pub fn is_solid(&self) -> bool {
+        Transform::new(self.transform).is_some()
+    }
 }
 
 /// What is in the scene, in the order of the nodes.

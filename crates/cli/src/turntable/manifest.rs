@@ -2,16 +2,13 @@
 
 use super::TurntableArgs;
 use super::frames::Frames;
-use raybrook::low_level::input::open_regular;
+use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::write_json;
-use raybrook::low_level::renderer::Picture;
+use raybrook::low_level::renderer::{Picture, PictureId};
 use raybrook::low_level::scene::{CameraPath, Scene};
 use raybrook::{Error, Result};
 use serde_json::{Map, Value, json};
-use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
-use std::io::Read;
 use std::path::Path;
 
 /// Of what kind the file is.
@@ -25,17 +22,15 @@ impl Manifest {
         args: &TurntableArgs,
         scene: &Scene,
         (way, frames): (&CameraPath, u32),
-        picture: &Picture,
+        (picture, format): (&Picture, ImageFormat),
         options: &TraceOptions,
-    ) -> Result<Manifest> {
+    ) -> Manifest {
         // In the shortest form that is read as the same number, so that texts differ where numbers do.
         let text = |value: &dyn std::fmt::Debug| Value::String(format!("{value:?}"));
         let first = way.camera(1);
-        let of_picture = &options.picture;
-        let values = json!({
+        let mut values = json!(PictureId::new(scene, picture, None, options));
+        let of_frames = json!({
             "kind": KIND,
-            "version": env!("CARGO_PKG_VERSION"),
-            "scene": hashes(scene)?,
             "frames": frames,
             "degrees": args.degrees,
             "camera_keys": if let CameraPath::Keys(keys) = way { text(keys) } else { Value::Null },
@@ -43,20 +38,15 @@ impl Manifest {
             "target": text(&first.target),
             "up": text(&first.up),
             "fov": first.fov_degrees,
-            "size": text(&picture.size),
-            "samples": picture.samples,
-            "depth": picture.depth,
-            "kill_weight": picture.kill_weight,
             "exposure": args.file.exposure,
-            "bit_depth": text(&args.file.format(Path::new("a.png")).ok()),
-            "intersector": options.intersector.name(),
-            "terminator": of_picture.terminator.name(),
-            "texture_filter": of_picture.texture_filter.name(),
-            "roulette": of_picture.roulette,
+            "format": text(&format),
         });
+        if let (Value::Object(values), Value::Object(of_frames)) = (&mut values, of_frames) {
+            values.extend(of_frames);
+        }
         match values {
-            Value::Object(values) => Ok(Manifest(values)),
-            _ => Ok(Manifest(Map::new())),
+            Value::Object(values) => Manifest(values),
+            _ => Manifest(Map::new()),
         }
     }
 
@@ -107,33 +97,4 @@ fn read(path: &Path) -> Result<Option<Map<String, Value>>> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(Error::io("read", path, error)),
     }
-}
-
-/// The names of the files that a scene is made of, without their folders, each with a checksum of what is in it.
-fn hashes(scene: &Scene) -> Result<Value> {
-    let mut all = Map::new();
-    for file in &scene.files {
-        // A picture that a library names, and that is not read, may be anything.
-        let Ok((opened, _)) = open_regular(&file.path) else { continue };
-        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        all.insert(name, Value::String(checksum(opened).map_err(|e| Error::io("read", &file.path, e))?));
-    }
-    Ok(Value::Object(all))
-}
-
-/// SHA-256, in hexadecimal digits.
-fn checksum(mut file: std::fs::File) -> std::io::Result<String> {
-    let (mut hash, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
-    loop {
-        match file.read(&mut buffer)? {
-            0 => break,
-            length => hash.update(&buffer[..length]),
-        }
-    }
-    let mut text = String::new();
-    for byte in hash.finalize() {
-        // Writing to a string does not fail.
-        let _ = write!(text, "{byte:02x}");
-    }
-    Ok(text)
 }

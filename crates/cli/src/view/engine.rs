@@ -219,8 +219,7 @@ impl<'a> Engine<'a> {
         let method = flags::arguments(options).join(" ");
         let kill = self.args.picture.kill_weight.map(|weight| format!(" --kill-weight={weight}")).unwrap_or_default();
         let scene = quoted(&self.args.scene.scene);
-        // Exact hits are the same by any method.
-        let shown = if options.intersector == Intersector::Exact { String::new() } else { format!(" {method}") };
+        let shown: String = flags::pixel_arguments(options).iter().map(|word| format!(" {word}")).collect();
         SceneFacts {
             scene: self.args.scene.scene.display().to_string(),
             triangles: self.loaded.scene.triangle_count(),

@@ -45,7 +45,7 @@ async function listen() {
       answer = await fetch(`next?session=${session}&version=${known.version}&frame=${known.frame}`);
     } catch {
       lose("raybrook has ended, or cannot be reached");
-      await new Promise(done => setTimeout(done, 1000));
+      await pause();
       continue;
     }
     if (answer.status === 404) {
@@ -56,7 +56,10 @@ async function listen() {
       lose("another raybrook listens here now: open the address that it has printed");
       return;
     }
-    if (answer.status !== 200) continue;
+    if (answer.status !== 200) {
+      if (answer.status !== 204) await pause(); // not at once, where there is too much to do already
+      continue;
+    }
     const bytes = await answer.arrayBuffer();
     const length = new DataView(bytes).getUint32(0);
     told = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
@@ -75,15 +78,22 @@ function lose(why) {
 async function begin() {
   try {
     const answer = await post("begin", null);
-    if (!answer.ok) return lose(await answer.text());
+    if (!answer.ok) {
+      lose(await answer.text());
+      return pause();
+    }
     session = (await answer.json()).session;
     known = { version: 0, frame: 0 };
     $("layer").value = "picture";
     setStops(0);
   } catch {
     lose("raybrook has ended, or cannot be reached");
-    await new Promise(done => setTimeout(done, 1000));
+    await pause();
   }
+}
+
+function pause() {
+  return new Promise(done => setTimeout(done, 1000));
 }
 
 // ---- What is told ----
