@@ -281,7 +281,8 @@ mod tests {
             let buffers = Arc::new(SceneBuffers::new(scene, &TraceOptions::DEFAULT).unwrap());
             let tracer = ReferenceBackend::new(buffers.clone(), TraceOptions::DEFAULT);
             let picture = Picture { camera, size: SIZE, samples, depth: 1, kill_weight: None };
-            Pictured { tracer, buffers, numbering: Numbering::of(scene, &buffers.used_materials), picture }
+            let numbering = Numbering::of(scene, &buffers.used_materials);
+            Pictured { tracer, buffers, numbering, picture }
         }
 
         fn layers(&mut self, part: Option<Crop>, layers: &[Layer]) -> Result<Vec<PlaneGroup>> {
