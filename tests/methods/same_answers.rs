@@ -24,7 +24,7 @@
 //! As a rule a spread: each two values of any two options that go together in at least one combination, on one model;
 //! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //! Closest hits are asked of each set of kernels, those of second rays of one in [`NEXT`], any hits of one in [`ANY`],
-//! pictures of one in [`PICTURES`].
+//! pictures of one in [`PICTURES`]; one in [`OPTIMISED`] is compiled with optimisations.
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
 //! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run
@@ -39,7 +39,7 @@
 mod combinations;
 mod models;
 
-use crate::common::device;
+use crate::common::{device, unoptimised};
 use combinations::{go_together, is_read, is_robust_enough, kernel_key, product, spread};
 use models::{Answers, Look, Model, Questions, brute_force, models};
 use raybrook::low_level::device::{Cache, DeviceHandle};
@@ -64,6 +64,8 @@ const NEXT: usize = 3;
 const ANY: usize = 3;
 /// One in so many combinations of the mega-kernel in the spread renders, too.
 const PICTURES: usize = 6;
+/// One in so many sets of kernels in the spread is compiled as for users, the others without optimisation.
+const OPTIMISED: usize = 4;
 /// So many differences are described.
 const DESCRIBED: usize = 20;
 
@@ -132,12 +134,15 @@ impl Comparison {
         }
     }
 
-    /// Runs lists of jobs on a device, each list with a cache of its own, on all cores.
-    fn run_on_device(&self, lists: &[Vec<Job>], device: &DeviceHandle) {
+    /// Runs lists of jobs on the devices in turn, each list with a cache of its own, on all cores.
+    fn run_on_devices(&self, lists: &[Vec<Job>], devices: &[DeviceHandle]) {
         let total: usize = lists.iter().map(Vec::len).sum();
         let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let work = || {
-            while let Some(jobs) = lists.get(next.fetch_add(1, Ordering::Relaxed)) {
+            loop {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                let Some(jobs) = lists.get(i) else { break };
+                let device = &devices[i % devices.len()];
                 let folder = tempfile::tempdir().unwrap();
                 for job in jobs {
                     self.run(job, Some(device), Some(&Cache::at(folder.path())));
@@ -310,7 +315,11 @@ fn every_combination_gives_the_hits_of_brute_force() {
         comparison.run_in_the_twin(part.is_some());
     }
     if let Some(device) = device() {
-        comparison.run_on_device(&jobs, &device);
+        let mut devices = vec![device.clone()];
+        if part.is_none() {
+            devices.resize(OPTIMISED, unoptimised(&device));
+        }
+        comparison.run_on_devices(&jobs, &devices);
     }
     comparison.finish(lists.iter().map(Vec::len).sum(), lists.len());
 }

@@ -1,7 +1,7 @@
 //! Counted work: the device counts what the twin counts, ray by ray; counting changes no hit and no pixel; what is
 //! counted is what the words say; and the methods' work relates as their papers found.
 
-use crate::common::{Random, SEED, device, scene_of, shared, sheet, soup};
+use crate::common::{Random, SEED, device, scene_of, shared, sheet, soup, unoptimised};
 use glam::Vec3;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
@@ -99,6 +99,7 @@ fn assert_same_work(what: &str, got: &Option<Vec<RayWork>>, expected: &Option<Ve
 #[test]
 fn device_and_twin_count_the_same_and_change_no_hit() {
     let Some(device) = device() else { return };
+    let device = unoptimised(&device);
     let mut random = Random::new(SEED);
     // Loose triangles, and some that share edges and vertices.
     let scene = scene_of(&[soup(250, 0.3, &mut random), sheet(12)].concat());
