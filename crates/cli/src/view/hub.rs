@@ -17,6 +17,10 @@ use std::time::{Duration, Instant};
 pub const PATIENCE: Duration = Duration::from_secs(2);
 /// For a page that has not asked for so long nothing is made until it asks again: it is closed, or asleep.
 const ASLEEP_AFTER: Duration = Duration::from_secs(5);
+/// How often pages that are asleep are looked for.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// The number of the first page.
+const FIRST_SESSION: u64 = 1;
 /// Pages that are open at a time; of more those that asked least recently are forgotten.
 const MOST_SESSIONS: usize = 64;
 
@@ -95,8 +99,6 @@ pub enum Task {
     Switch(AskedMethod),
     /// Read the scene's files again.
     Reload,
-    /// End: there are no more requests, for this reason.
-    End(String),
 }
 
 struct State {
@@ -107,8 +109,6 @@ struct State {
     facts: SceneFacts,
     asked: Option<AskedMethod>,
     must_reload: bool,
-    /// Why there are no more requests.
-    end: Option<String>,
     pickable: Option<Arc<Pickable>>,
     /// The picture that is being made.
     current: Option<Job>,
@@ -136,13 +136,12 @@ impl Hub {
     pub fn new(camera: Camera, diagonal: f64, facts: SceneFacts) -> Hub {
         let state = State {
             sessions: BTreeMap::new(),
-            next_session: 1,
+            next_session: FIRST_SESSION,
             first_camera: camera,
             diagonal,
             facts,
             asked: None,
             must_reload: false,
-            end: None,
             pickable: None,
             current: None,
             last_served: 0,
@@ -180,6 +179,12 @@ impl Hub {
         self.stop_finer_work(&state);
         self.changed.notify_all();
         id
+    }
+
+    /// Waits until a page has begun, but no longer than that.
+    pub fn wait_for_page(&self, most: Duration) {
+        let is_none = |state: &mut State| state.next_session == FIRST_SESSION;
+        drop(self.changed.wait_timeout_while(self.lock(), most, is_none));
     }
 
     /// Ends a page: what is made for it is stopped.
@@ -267,14 +272,6 @@ impl Hub {
         self.changed.notify_all();
     }
 
-    /// Has the worker end, as there are no more requests.
-    pub fn end_all(&self, why: String) {
-        let mut state = self.lock();
-        state.end = Some(why);
-        self.stop_finer_work(&state);
-        self.changed.notify_all();
-    }
-
     /// Stops what is being made, unless it is coarse: a camera that goes on moving is to be followed by pictures.
     fn stop_finer_work(&self, state: &State) {
         if state.current.as_ref().is_some_and(|job| job.step > 0) {
@@ -306,8 +303,16 @@ impl Hub {
         }
     }
 
+    /// Looks for pages that are asleep for as long as the program runs.
+    pub fn watch_sleep(&self) {
+        loop {
+            std::thread::sleep(LOOK_EVERY);
+            self.rest();
+        }
+    }
+
     /// Forgets the pictures of pages that are asleep, and stops what is made for them. Where their cameras are is kept.
-    pub fn rest(&self) {
+    fn rest(&self) {
         let mut state = self.lock();
         for session in state.sessions.values_mut().filter(|session| session.is_asleep() && session.shown.is_some()) {
             session.shown = None;
@@ -325,9 +330,6 @@ impl Hub {
         loop {
             state.current = None;
             self.stop.store(false, Ordering::Relaxed);
-            if let Some(why) = state.end.take() {
-                return Task::End(why);
-            }
             if std::mem::take(&mut state.must_reload) {
                 return Task::Reload;
             }
