@@ -170,7 +170,7 @@ impl Page<'_> {
 
 /// Whether the page tells of the finished picture of what it is to show.
 fn is_done(told: &Value) -> bool {
-    told["picture"]["is_done"] == true && told["is_working"] == false && told["busy"].is_null()
+    told["is_finished"] == true
 }
 
 fn pixels(png: &[u8]) -> image::RgbImage {

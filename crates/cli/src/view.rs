@@ -22,8 +22,9 @@ use http::Limits;
 use hub::{Hub, Task};
 use pages::Pages;
 use raybrook::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 use watch::Watched;
 
 #[derive(clap::Args)]
@@ -56,6 +57,7 @@ pub fn run(args: &ViewArgs, talk: Talk) -> Result<()> {
     let (listener, port) = http::listen(args.port)?;
     let token = pages::new_token()?;
     let device = open::choose(&args.device, talk)?;
+    let begun = SystemTime::now();
     let loaded = engine::load(args, device.as_ref(), talk)?;
     let camera = args.picture.picture(&loaded.scene).camera;
     let facts = SceneFacts {
@@ -76,7 +78,7 @@ pub fn run(args: &ViewArgs, talk: Talk) -> Result<()> {
     let _opening = if args.no_open { None } else { browser::open(&address, &hub) };
     let mut engine = Engine::open(args, device, loaded, &hub.stop, talk)?;
     let watched = Arc::new(Watched::default());
-    watched.set(engine.files());
+    watched.set(engine.files(), begun);
     if args.watch {
         let (hub, watched) = (hub.clone(), watched.clone());
         start("watch", move || watch::watch(&hub, &watched))?;
@@ -134,8 +136,11 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
         }
         Task::Reload => {
             hub.tell(|facts| facts.busy = Some("reading the scene again".to_owned()));
+            let begun = SystemTime::now();
             let done = engine.reload();
-            watched.set(engine.files());
+            // What is at fault may be a file that the scene has only now.
+            let culprit = done.as_ref().err().and_then(culprit);
+            watched.set(engine.files().into_iter().chain(culprit).collect(), begun);
             ("the picture is of the scene as it was", done)
         }
     };
@@ -147,6 +152,14 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
         }),
     }
     Ok(())
+}
+
+/// The file that is at fault.
+fn culprit(error: &Error) -> Option<PathBuf> {
+    match error {
+        Error::Io { path, .. } | Error::Input { path, .. } => Some(path.clone()),
+        _ => None,
+    }
 }
 
 /// Whether nothing can be done after an error: a device that failed once is not to be trusted.

@@ -282,6 +282,7 @@ impl<'a> Engine<'a> {
         self.other.as_ref().is_none_or(|(known, _)| *known != purpose)
     }
 
+    /// What is made next, and whether it is the last.
     fn step(&self, job: &Job) -> (Step, bool) {
         let Picture { size: (width, height), samples, .. } = self.picture();
         let finer = finer_steps(job.layer, samples, job.divisor);
@@ -301,7 +302,7 @@ impl<'a> Engine<'a> {
     /// # Errors
     /// [`Error::Stopped`](raybrook::Error::Stopped) when it is not wanted any more; what opening and rendering say.
     pub fn draw(&mut self, job: &Job) -> Result<Shown> {
-        let (step, is_done) = self.step(job);
+        let (step, is_last) = self.step(job);
         let whole = self.picture();
         let side = |side: u32| side.div_ceil(step.divisor).max(1);
         let size = (side(whole.size.0), side(whole.size.1));
@@ -320,22 +321,22 @@ impl<'a> Engine<'a> {
                 self.timed(job, |engine| engine.wrong(&picture))
             }
         };
-        let (Made { film, rays, kernel_s, error, brightest, wrong }, seconds) = made?;
+        let Made { film, rays, kernel_s, error, brightest, wrong } = made?;
         let mrays_per_s = if kernel_s > 0.0 { rays as f64 / kernel_s * 1e-6 } else { 0.0 };
         let (label, pixels) = (step.label(), film.pixels.len());
-        let facts = PictureFacts { label, is_done, rays, seconds, mrays_per_s, error, brightest, wrong, pixels };
-        Ok(Shown { film: Arc::new(film), facts, divisor: step.divisor })
+        let facts = PictureFacts { label, rays, mrays_per_s, error, brightest, wrong, pixels };
+        Ok(Shown { film: Arc::new(film), facts, divisor: step.divisor, is_last })
     }
 
-    /// Times a picture; of a coarse one how long a ray takes.
-    fn timed(&mut self, job: &Job, make: impl FnOnce(&mut Self) -> Result<Made>) -> Result<(Made, f64)> {
+    /// Makes a picture; of a coarse one it learns how long a ray takes.
+    fn timed(&mut self, job: &Job, make: impl FnOnce(&mut Self) -> Result<Made>) -> Result<Made> {
         let start = Instant::now();
         let made = make(self)?;
-        let seconds = start.elapsed().as_secs_f64();
         if job.step == 0 {
+            let seconds = start.elapsed().as_secs_f64();
             self.pixel_s = Some((job.layer, seconds / made.film.pixels.len() as f64));
         }
-        Ok((made, seconds))
+        Ok(made)
     }
 
     /// The key light of a picture, if the scene has no light of its own: as `raybrook render` has it.

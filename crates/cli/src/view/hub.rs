@@ -56,14 +56,21 @@ impl Session {
         self.version += 1;
     }
 
+    /// Whether the picture is the finished one of what is to be shown. This alone decides it for pages, and for files
+    /// that are saved.
+    fn is_finished(&self, facts: &SceneFacts) -> bool {
+        let has_all = self.shown.is_some() && self.step.is_none();
+        has_all && self.refused.is_none() && facts.busy.is_none()
+    }
+
     /// What the page is told that has the picture number `frame`.
-    fn news(&self, facts: &SceneFacts, frame: u64, is_current: bool) -> News {
+    fn news(&self, facts: &SceneFacts, frame: u64) -> News {
         let told = Told {
             version: self.version,
             frame: self.frame,
             layer: self.layer.name(),
             exposure: self.exposure,
-            is_working: is_current || self.step.is_some(),
+            is_finished: self.is_finished(facts),
             camera: CameraText::of(&self.navigator.camera()),
             picture: self.shown.as_ref().map(|shown| &shown.facts),
             refused: self.refused.as_deref(),
@@ -246,9 +253,15 @@ impl Hub {
         self.with(id, |session| session.navigator.camera())
     }
 
-    /// The picture that a page shows, and its exposure.
-    pub fn shown(&self, id: u64) -> Option<(Option<Shown>, f32)> {
-        self.with(id, |session| (session.shown.clone(), session.exposure))
+    /// The finished picture of a page, and its exposure. `None` where there is no such page, `Some(None)` where the
+    /// picture is not finished.
+    pub fn finished(&self, id: u64) -> Option<Option<(Arc<Film>, f32)>> {
+        let mut state = self.lock();
+        let State { sessions, facts, .. } = &mut *state;
+        let session = sessions.get_mut(&id)?;
+        session.asked = Instant::now();
+        let shown = session.shown.as_ref().filter(|_| session.is_finished(facts));
+        Some(shown.map(|shown| (shown.film.clone(), session.exposure)))
     }
 
     /// What tells what is under the pointer, once the scene is built.
@@ -285,15 +298,14 @@ impl Hub {
         let deadline = Instant::now() + PATIENCE;
         let mut state = self.lock();
         loop {
-            let State { sessions, facts, current, .. } = &mut *state;
+            let State { sessions, facts, .. } = &mut *state;
             let session = sessions.get_mut(&id)?;
             if session.is_asleep() {
                 self.changed.notify_all();
             }
             session.asked = Instant::now();
             if session.version != version {
-                let is_current = current.as_ref().is_some_and(|job| job.session == id);
-                return Some(Some(session.news(facts, frame, is_current)));
+                return Some(Some(session.news(facts, frame)));
             }
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
@@ -351,7 +363,7 @@ impl Hub {
         state.current = None;
         if let Some(session) = state.sessions.get_mut(&job.session) {
             if session.generation == job.generation {
-                session.step = (!shown.facts.is_done).then_some(job.step + 1);
+                session.step = (!shown.is_last).then_some(job.step + 1);
                 session.divisor = if job.step == 0 { shown.divisor } else { session.divisor };
             }
             if session.layer == job.layer {
@@ -428,9 +440,9 @@ mod tests {
         }
     }
 
-    fn picture(is_done: bool) -> Shown {
-        let facts = super::super::facts::PictureFacts { is_done, ..Default::default() };
-        Shown { film: Arc::new(Film::black(1, 1)), facts, divisor: 8 }
+    fn picture(is_last: bool) -> Shown {
+        let facts = super::super::facts::PictureFacts::default();
+        Shown { film: Arc::new(Film::black(1, 1)), facts, divisor: 8, is_last }
     }
 
     fn sleep(hub: &Hub, id: u64) {
@@ -473,6 +485,37 @@ mod tests {
         assert!(is_stopped(&hub));
         assert_eq!(job(&hub).step, 0);
         assert!(!is_stopped(&hub));
+    }
+
+    #[test]
+    fn a_picture_is_finished_until_something_else_is_to_be_shown() {
+        let hub = hub();
+        let id = hub.begin();
+        let is_finished = || hub.finished(id).unwrap().is_some();
+        let make = |is_last: bool| hub.publish(&job(&hub), picture(is_last));
+        assert!(!is_finished() && hub.finished(id + 1).is_none());
+        make(false);
+        assert!(!is_finished());
+        make(true);
+        assert!(is_finished());
+        hub.set_exposure(id, 1.0);
+        assert!(is_finished());
+        for change in
+            [&|| hub.apply(id, &[Move::Zoom(0.1)]).unwrap(), &|| hub.set_layer(id, Layer::Wrong).unwrap(), &|| {
+                hub.tell(|facts| facts.busy = Some("building".into()))
+            }] as [&dyn Fn(); 3]
+        {
+            change();
+            assert!(!is_finished());
+            hub.tell(|facts| facts.busy = None);
+            if !is_finished() {
+                make(true);
+            }
+            assert!(is_finished());
+        }
+        hub.set_layer(id, Layer::Picture);
+        hub.give_up(&job(&hub), "it is too large".into());
+        assert!(!is_finished());
     }
 
     #[test]

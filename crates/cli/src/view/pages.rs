@@ -4,7 +4,7 @@
 //! page of another site that guesses the port knows neither the token nor, by DNS rebinding, the right name of the
 //! host. Nothing is read from disk, nothing is loaded from elsewhere, and nothing may show the page in a frame.
 
-use super::facts::{AskedMethod, Layer, Shown};
+use super::facts::{AskedMethod, Layer};
 use super::http::{Answer, Handler, Head, Refusal, refuse};
 use super::hub::{Hub, News};
 use super::navigator::Move;
@@ -208,8 +208,7 @@ impl Pages {
 
     /// The finished picture as a file, with the bytes of the one that `raybrook render` writes.
     fn saved(&self, query: &str, format: ImageFormat, ending: &str) -> std::result::Result<Answer, Refusal> {
-        let (shown, exposure) = self.hub.shown(number(query, "session")?).ok_or_else(no_page)?;
-        let Some(Shown { film, .. }) = shown.filter(|shown| shown.facts.is_done) else {
+        let Some((film, exposure)) = self.hub.finished(number(query, "session")?).ok_or_else(no_page)? else {
             return refuse(409, "the picture is not finished yet");
         };
         let stops = if format == ImageFormat::Exr { 0.0 } else { exposure };
