@@ -299,7 +299,7 @@ mod tests {
     use crate::options::TraceOptions;
     use crate::reference::ReferenceBackend;
     use crate::renderer::render_part;
-    use crate::scene::{Builder, Material, Scene};
+    use crate::scene::{Builder, Camera, Material, Scene};
     use std::sync::Arc;
 
     const SIZE: (u32, u32) = (8, 6);
