@@ -8,9 +8,11 @@ mod engine;
 mod facts;
 mod http;
 mod hub;
+mod message;
 mod navigator;
 mod pages;
 mod pick;
+mod session;
 mod watch;
 mod wrong;
 

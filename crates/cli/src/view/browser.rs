@@ -15,7 +15,8 @@ use tempfile::TempPath;
 /// So long the file is there, unless the page begins sooner.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The file that leads to the page. It is gone when this is dropped, when a page has begun, and when the run is stopped.
+/// The file that leads to the page. It is gone when this is dropped, when a page has begun, and when the run is
+/// stopped.
 pub struct Opening(Arc<Mutex<Option<TempPath>>>);
 
 impl Drop for Opening {

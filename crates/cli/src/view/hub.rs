@@ -3,9 +3,10 @@
 //! The worker takes the next job, the pages take the newest picture. Nothing is queued: a page that is slow misses
 //! pictures, and a camera that moves makes what is on its way worthless, so that it is stopped.
 
-use super::facts::{AskedMethod, CameraText, Layer, SceneFacts, Shown, Told};
-use super::navigator::{Move, Navigator};
+use super::facts::{AskedMethod, Layer, SceneFacts, Shown};
+use super::navigator::Move;
 use super::pick::Pickable;
+use super::session::{News, Session};
 use raybrook::Camera;
 use raybrook::low_level::film::Film;
 use std::collections::BTreeMap;
@@ -15,72 +16,12 @@ use std::time::{Duration, Instant};
 
 /// How long a page waits for news before it asks again.
 pub const PATIENCE: Duration = Duration::from_secs(2);
-/// For a page that has not asked for so long nothing is made until it asks again: it is closed, or asleep.
-const ASLEEP_AFTER: Duration = Duration::from_secs(5);
 /// How often pages that are asleep are looked for.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// The number of the first page.
 const FIRST_SESSION: u64 = 1;
 /// Pages that are open at a time; of more those that asked least recently are forgotten.
 const MOST_SESSIONS: usize = 64;
-
-/// One page.
-struct Session {
-    navigator: Navigator,
-    layer: Layer,
-    exposure: f32,
-    /// Counts what makes pictures that are on their way worthless.
-    generation: u64,
-    /// The next step of refinement; `None` when the picture is finished.
-    step: Option<usize>,
-    /// How coarse the coarse picture was.
-    divisor: u32,
-    shown: Option<Shown>,
-    /// Why there is no picture.
-    refused: Option<String>,
-    /// Number of the picture.
-    frame: u64,
-    /// Counts all that the page tells.
-    version: u64,
-    asked: Instant,
-}
-
-impl Session {
-    fn is_asleep(&self) -> bool {
-        self.asked.elapsed() >= ASLEEP_AFTER
-    }
-
-    fn begin_anew(&mut self) {
-        self.generation += 1;
-        (self.step, self.refused) = (Some(0), None);
-        self.version += 1;
-    }
-
-    /// Whether the picture is the finished one of what is to be shown. This alone decides it for pages, and for files
-    /// that are saved.
-    fn is_finished(&self, facts: &SceneFacts) -> bool {
-        let has_all = self.shown.is_some() && self.step.is_none();
-        has_all && self.refused.is_none() && facts.busy.is_none()
-    }
-
-    /// What the page is told that has the picture number `frame`.
-    fn news(&self, facts: &SceneFacts, frame: u64) -> News {
-        let told = Told {
-            version: self.version,
-            frame: self.frame,
-            layer: self.layer.name(),
-            exposure: self.exposure,
-            is_finished: self.is_finished(facts),
-            camera: CameraText::of(&self.navigator.camera()),
-            picture: self.shown.as_ref().map(|shown| &shown.facts),
-            refused: self.refused.as_deref(),
-            facts,
-        };
-        let text = serde_json::to_string(&told).expect("numbers and names serialise");
-        let shown = self.shown.as_ref().filter(|_| self.frame != frame);
-        News { text, picture: shown.map(|shown| (shown.film.clone(), self.exposure)) }
-    }
-}
 
 /// A picture to make.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,14 +71,6 @@ pub struct Hub {
     pub stop: Arc<AtomicBool>,
 }
 
-/// News for a page.
-pub struct News {
-    /// What it tells, as JSON.
-    pub text: String,
-    /// The picture, if it is another one than the page has, with its exposure.
-    pub picture: Option<(Arc<Film>, f32)>,
-}
-
 impl Hub {
     /// For a scene of that diagonal, which is first seen by `camera`.
     pub fn new(camera: Camera, diagonal: f64, facts: SceneFacts) -> Hub {
@@ -169,19 +102,7 @@ impl Hub {
         }
         let id = state.next_session;
         state.next_session += 1;
-        let session = Session {
-            navigator: Navigator::new(state.first_camera, state.diagonal),
-            layer: Layer::Picture,
-            exposure: 0.0,
-            generation: 0,
-            step: Some(0),
-            divisor: 1,
-            shown: None,
-            refused: None,
-            frame: 0,
-            version: 1,
-            asked: Instant::now(),
-        };
+        let session = Session::new(state.first_camera, state.diagonal);
         state.sessions.insert(id, session);
         self.stop_finer_work(&state);
         self.changed.notify_all();
@@ -424,6 +345,7 @@ impl State {
 
 #[cfg(test)]
 mod tests {
+    use super::super::session::ASLEEP_AFTER;
     use super::*;
     use raybrook::glam::Vec3;
     use raybrook::low_level::film::Film;

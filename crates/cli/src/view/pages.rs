@@ -5,9 +5,11 @@
 //! host. Nothing is read from disk, nothing is loaded from elsewhere, and nothing may show the page in a frame.
 
 use super::facts::{AskedMethod, Layer};
-use super::http::{Answer, Handler, Head, Refusal, refuse};
-use super::hub::{Hub, News};
+use super::http::Handler;
+use super::hub::Hub;
+use super::message::{Answer, Head, Refusal, refuse};
 use super::navigator::Move;
+use super::session::News;
 use raybrook::low_level::film::{Film, ImageFormat};
 use raybrook::low_level::options::{Intersector, MethodOption, StructureKind, Traversal};
 use raybrook::{Error, Result};

@@ -106,7 +106,8 @@ function tell() {
   document.title = `${told.scene} – raybrook view`;
   const picture = told.picture;
   const size = told.size[0] ? `${told.size[0]}x${told.size[1]}, ` : "";
-  const work = told.busy ? told.busy + " …" : told.refused ? "no picture" : told.is_finished ? "finished" : "refining …";
+  const done = told.refused ? "no picture" : told.is_finished ? "finished" : "refining …";
+  const work = told.busy ? told.busy + " …" : done;
   set("state", `${grouped(told.triangles)} triangles, ${size}${told.device ? told.device + ", " : ""}${work}`);
   const notice = told.notice || told.refused;
   $("notice").hidden = !notice;
