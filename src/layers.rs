@@ -17,12 +17,14 @@ use crate::error::{Error, Result};
 use crate::io::planes::{Plane, PlaneGroup};
 use crate::names::names;
 use crate::pack::{SceneBuffers, sample_positions};
+use crate::reference::extreme::TracingBatch;
 use crate::reference::first_hits::{CameraRays, FirstHit, directions_of, first_hits};
 use crate::renderer::{Crop, Picture};
-use crate::scene::{Camera, Numbering, Samples};
+use crate::scene::{Numbering, Samples};
 use crate::tracer::{Backend, Progress, Sampling};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 names! {
     /// What can be told of a pixel, beside its light: most of it of the first hit on the ray through its middle.
@@ -190,15 +192,8 @@ pub fn trace_layers(
     progress: Progress,
 ) -> Result<Vec<PlaneGroup>> {
     check_layers(layers, picture.samples)?;
-    picture.samples.check(picture.size)?;
-    let crop = part.unwrap_or(Crop { place: (0, 0), size: picture.size });
-    crop.check(picture.size)?;
-    // One ray a pixel, that of a picture of one sample.
-    let samples = if picture.samples == Samples::Corners { Samples::Corners } else { Samples::PerPixel(1) };
-    let whole = buffers.render_params(&picture.camera, picture.size, samples, 1, None);
-    let params = whole.cropped(crop.place, crop.size);
-    let rays = CameraRays { params: &params, centre: sample_positions(samples)[0] };
-    let pixels = params.film_len();
+    let rays = PixelRays::new(buffers, picture, part)?;
+    let pixels = rays.count();
     let group = |&layer: &Layer| match layer.is_of_hit() {
         true => room_for(layer, pixels),
         false => sampled(layer, picture, pixels, sampling),
@@ -209,7 +204,7 @@ pub fn trace_layers(
         let end = pixels.min(first + BATCH_RAYS);
         let part_done = |done: f64| progress((first as f64 + done * (end - first) as f64) / pixels as f64);
         let wants_albedo = layers.contains(&Layer::Albedo);
-        let found = hits_of(tracer, buffers, &picture.camera, &rays, first..end, wants_albedo, &part_done)?;
+        let found = hits_of(tracer, buffers, &rays, first..end, wants_albedo, &part_done)?;
         for (group, &layer) in groups.iter_mut().zip(layers).filter(|(_, layer)| layer.is_of_hit()) {
             fill(group, layer, first, &found, numbering);
         }
@@ -235,25 +230,65 @@ pub fn check_layers(layers: &[Layer], samples: Samples) -> Result<()> {
 /// Pixels that one thread looks at.
 const CHUNK: usize = 1024;
 
+/// The rays of a picture that its layers are of, one a pixel, row by row: through its middle, of a picture through
+/// corners through its corner. All that tells what a pixel shows has these rays.
+#[derive(Debug, Clone, Copy)]
+pub struct PixelRays {
+    /// World units.
+    eye: Vec3,
+    rays: CameraRays,
+}
+
+impl PixelRays {
+    /// Those of `picture`, or of a `part` of it.
+    ///
+    /// # Errors
+    /// [`Error::Option`] where the picture has no such samples or no such part.
+    pub fn new(buffers: &SceneBuffers, picture: &Picture, part: Option<Crop>) -> Result<PixelRays> {
+        picture.samples.check(picture.size)?;
+        let crop = part.unwrap_or(Crop { place: (0, 0), size: picture.size });
+        crop.check(picture.size)?;
+        // That of a picture of one sample.
+        let samples = if picture.samples == Samples::Corners { Samples::Corners } else { Samples::PerPixel(1) };
+        let whole = buffers.render_params(&picture.camera, picture.size, samples, 1, None);
+        let rays = CameraRays { params: whole.cropped(crop.place, crop.size), centre: sample_positions(samples)[0] };
+        Ok(PixelRays { eye: picture.camera.eye, rays })
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.rays.params.film_len()
+    }
+
+    /// Origin and direction of a pixel's ray, world units; the direction's part along the view is 1.
+    pub fn ray(&self, pixel: usize) -> (Vec3, Vec3) {
+        (self.eye, directions_of(&self.rays, pixel..pixel + 1)[0])
+    }
+
+    /// The rays of `pixels` as tracers take them.
+    pub fn batch(&self, buffers: &SceneBuffers, pixels: Range<usize>) -> TracingBatch {
+        let chunks: Vec<_> = pixels.clone().step_by(CHUNK).map(|start| start..pixels.end.min(start + CHUNK)).collect();
+        let directions: Vec<Vec<Vec3>> = chunks.into_par_iter().map(|chunk| directions_of(&self.rays, chunk)).collect();
+        let ray = |i: usize| (self.eye, directions[i / CHUNK][i % CHUNK], 0.0, f32::INFINITY);
+        buffers.batch(pixels.len(), ray, None)
+    }
+}
+
 /// What is known of `pixels`.
 fn hits_of(
     tracer: &mut dyn Backend,
     buffers: &SceneBuffers,
-    camera: &Camera,
-    rays: &CameraRays,
-    pixels: std::ops::Range<usize>,
+    rays: &PixelRays,
+    pixels: Range<usize>,
     wants_albedo: bool,
     progress: Progress,
 ) -> Result<Vec<FirstHit>> {
-    let chunks: Vec<_> = pixels.clone().step_by(CHUNK).map(|start| start..pixels.end.min(start + CHUNK)).collect();
-    let directions: Vec<Vec<Vec3>> = chunks.into_par_iter().map(|chunk| directions_of(rays, chunk)).collect();
-    let ray = |i: usize| (camera.eye, directions[i / CHUNK][i % CHUNK], 0.0, f32::INFINITY);
-    let batch = buffers.batch(pixels.len(), ray, None);
+    let batch = rays.batch(buffers, pixels.clone());
     let options = *tracer.options();
     let hits = tracer.trace(&batch.job(false, 1), progress)?.hits;
     let of_chunks = batch.rays.par_chunks(CHUNK).zip(hits.par_chunks(CHUNK)).enumerate();
     let of_chunk = |(i, (traced, hits)): (usize, (&[_], &[_]))| {
-        first_hits(buffers, &options, rays, pixels.start + i * CHUNK, traced, hits, wants_albedo)
+        first_hits(buffers, &options, &rays.rays, pixels.start + i * CHUNK, traced, hits, wants_albedo)
     };
     Ok(of_chunks.flat_map_iter(of_chunk).collect())
 }
@@ -264,7 +299,7 @@ mod tests {
     use crate::options::TraceOptions;
     use crate::reference::ReferenceBackend;
     use crate::renderer::render_part;
-    use crate::scene::{Builder, Material, Scene};
+    use crate::scene::{Builder, Camera, Material, Scene};
     use std::sync::Arc;
 
     const SIZE: (u32, u32) = (8, 6);

@@ -369,6 +369,7 @@ pub trait Backend: Send {
 
     /// Has calls end with [`Error::Stopped`] as soon as `stop` is true: between two launches, which are short from now
     /// on ([`STOPPABLE_LAUNCH_S`]). The tracer is as good as before; `stop` is to be false again before the next call.
+    /// It takes the place of the flag that did so before. Who wants long launches unwinds through [`Progress`].
     fn stop_when(&mut self, stop: Arc<AtomicBool>);
 
     /// What a curious user should know, such as a kernel cache that cannot be used; one sentence each.

@@ -12,7 +12,7 @@ use opencl3::context::Context;
 use opencl3::device::Device;
 use opencl3::error_codes::ClError;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// Held while platforms are asked and contexts made: PoCL 3.1 fails when several threads do so at once (7 of 8 runs).
 static RUNTIME: Mutex<()> = Mutex::new(());
@@ -45,7 +45,7 @@ pub(super) struct Opened {
     pub compiler_options: String,
     pub allocated_bytes: AtomicU64,
     /// What stops commands from being started, if something may.
-    pub stop: OnceLock<Arc<AtomicBool>>,
+    pub stop: Mutex<Option<Arc<AtomicBool>>>,
 }
 
 /// What those share who have the same device open.
@@ -116,7 +116,7 @@ impl DeviceContext {
             info,
             compiler_options: handle.compiler_options.clone(),
             allocated_bytes: AtomicU64::new(0),
-            stop: OnceLock::new(),
+            stop: Mutex::default(),
         })))
     }
 
@@ -141,20 +141,24 @@ impl DeviceContext {
         self.0.shared.programs.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Has launches fail with [`Error::Stopped`] while `stop` is true. The first flag of a context stays.
+    /// Has launches fail with [`Error::Stopped`] while `stop` is true, in place of the flag that did so before.
     pub(super) fn stop_when(&self, stop: Arc<AtomicBool>) {
-        self.0.stop.get_or_init(|| stop);
+        *self.stop_flag() = Some(stop);
     }
 
     /// Whether something may stop it.
     pub(super) fn is_stoppable(&self) -> bool {
-        self.0.stop.get().is_some()
+        self.stop_flag().is_some()
     }
 
     /// Refuses to go on where it is stopped.
     pub(super) fn check_stop(&self) -> Result<()> {
-        let is_stopped = self.0.stop.get().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        let is_stopped = self.stop_flag().as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
         if is_stopped { Err(Error::Stopped) } else { Ok(()) }
+    }
+
+    fn stop_flag(&self) -> MutexGuard<'_, Option<Arc<AtomicBool>>> {
+        self.0.stop.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits until every command is done.

@@ -111,7 +111,9 @@ impl LaunchPlan {
             self.seconds_per_item = seconds / busy as f64;
             self.caution = 1.0;
             self.largest = self.largest.max(largest);
-            self.expect(self.seconds_per_item);
+            // A tiny launch takes as long as its begin and its end do, whatever its items are.
+            let first = self.short.map_or(1, |short| short.first.max(1));
+            self.expect(self.seconds_per_item * (largest as f64 / first as f64).min(1.0));
         }
     }
 }
@@ -239,6 +241,17 @@ mod tests {
         // Not so few that a device would idle.
         assert!(launches(1e-3) <= 2.0);
         assert_eq!((plan.dearest_s(), plan.next(10_000_000, 1)), (1e-3, 20));
+    }
+
+    #[test]
+    fn tiny_launches_do_not_make_those_to_come_short() {
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, DeviceKind::Gpu).stoppable(FIRST_ITEMS);
+        plan.learn(3, 1e-4);
+        for _ in 0..20 {
+            let items = plan.next(100_000_000, 64);
+            plan.learn(items, 1e-4 + 1e-9 * items as f64);
+        }
+        assert!(plan.next(100_000_000, 64) > 100 * FIRST_ITEMS);
     }
 
     #[test]

@@ -56,9 +56,8 @@ impl PointProgram {
     pub fn new(context: &DeviceContext, passes: &mut Passes) -> Result<Self> {
         let options = CompileOptions::new().define("STACK_SIZE", TraceOptions::MAX_DEPTH + 1);
         let program = passes.build(context, &ProgramSource::closest_point(), &options)?;
-        let kind = context.info().kind;
-        let first_items = if kind == DeviceKind::Gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS };
-        let plan = LaunchPlan::starting_with(first_items, kind);
+        let is_gpu = context.info().kind == DeviceKind::Gpu;
+        let plan = LaunchPlan::on(context, if is_gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS });
         Ok(PointProgram { kernel: program.kernel("list_candidates")?, scene: None, plan })
     }
 

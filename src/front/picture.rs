@@ -52,8 +52,9 @@ impl Picture {
     }
 
     /// The layers that the view asked for ([`View::layers`](crate::View::layers)), in the order of
-    /// [`Layer::ALL`](crate::Layer::ALL): each has a plane of `width` x `height` numbers, top row first, for each of its
-    /// channels. They are of the first hit on the ray through the middle of a pixel, and the same bits on every device.
+    /// [`Layer::ALL`](crate::Layer::ALL): each has a plane of `width` x `height` numbers, top row first, for each of
+    /// its channels. They are of the first hit on the ray through the middle of a pixel, and the same bits on every
+    /// device.
     pub fn layers(&self) -> &[PlaneGroup] {
         &self.layers
     }
@@ -72,8 +73,8 @@ impl Picture {
     }
 
     /// Writes the picture to `path`, in the format that the ending names: `.png` (8-bit sRGB), `.exr` (OpenEXR, 32-bit
-    /// linear) or `.pfm` (portable float map, 32-bit linear). An `.exr` has the layers in it, too. The file appears when
-    /// it is complete.
+    /// linear) or `.pfm` (portable float map, 32-bit linear). An `.exr` has the layers in it, too. The file appears
+    /// when it is complete.
     ///
     /// # Errors
     /// [`Error::Option`](crate::Error::Option) for another ending; [`Error::Io`](crate::Error::Io) when the file cannot

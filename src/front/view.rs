@@ -18,7 +18,8 @@ use crate::scene::{Aim, Camera, PictureDefaults, Samples, Viewpoint};
 /// ```
 /// use raybrook::{Camera, View, Viewpoint};
 ///
-/// let camera = Camera { eye: [0.0, 1.0, 5.0].into(), target: [0.0; 3].into(), up: [0.0, 1.0, 0.0].into(), fov_degrees: 40.0 };
+/// let (eye, target, up) = ([0.0, 1.0, 5.0].into(), [0.0; 3].into(), [0.0, 1.0, 0.0].into());
+/// let camera = Camera { eye, target, up, fov_degrees: 40.0 };
 /// let view = View::new(640, 480).camera(camera).samples(16).depth(4);
 /// let from_above = View::new(640, 480).viewpoint(Viewpoint::Top).up([0.0, 0.0, 1.0]).fov(30.0);
 /// let from_here = View::new(640, 480).eye([2.0, 1.0, 5.0]); // at the middle of the scene
@@ -97,8 +98,7 @@ impl View {
     }
 
     /// As many rays as the picture needs for this error: the root of its mean square, in steps of 8-bit sRGB, 0 to 255.
-    /// A pixel has at most
-    /// 256. Takes the place of [`View::samples`].
+    /// A pixel has at most 256. Takes the place of [`View::samples`].
     #[must_use]
     pub fn error(self, steps: f32) -> View {
         View { samples: Some(Samples::Error(steps)), ..self }
@@ -117,8 +117,8 @@ impl View {
         View { crop: Some(Crop { place: (x, y), size: (width, height) }), ..self }
     }
 
-    /// What else to tell of the pixels, as [`Picture::layers`](crate::Picture::layers): depth, normals, numbers of objects
-    /// and more. Takes the place of the layers that were asked for before.
+    /// What else to tell of the pixels, as [`Picture::layers`](crate::Picture::layers): depth, normals, numbers of
+    /// objects and more. Takes the place of the layers that were asked for before.
     #[must_use]
     pub fn layers(self, layers: &[Layer]) -> View {
         View { layers: layers.iter().fold(0, |all, &layer| all | 1 << layer as u32), ..self }

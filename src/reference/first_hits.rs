@@ -1,6 +1,6 @@
 //! What a picture's pixels show at their centres, beside light: computed on the host, from hits that any tracer has
-//! found, by the functions that twin and kernels shade with. So nothing of it is compiled for a device, and its bits are
-//! the same everywhere.
+//! found, by the functions that twin and kernels shade with. So nothing of it is compiled for a device, and its bits
+//! are the same everywhere.
 
 use super::shade::camera::{camera_direction, camera_sample, first_of_path};
 use super::shade::local_light::texture_colour;
@@ -51,26 +51,26 @@ impl FirstHit {
 
 /// A picture's camera rays, one a pixel.
 #[derive(Debug, Clone, Copy)]
-pub struct CameraRays<'a> {
+pub struct CameraRays {
     /// The picture, or a part of it.
-    pub params: &'a RenderParams,
+    pub params: RenderParams,
     /// Where in its pixel each ray passes.
     pub centre: CameraSample,
 }
 
-impl CameraRays<'_> {
+impl CameraRays {
     /// Where the ray of this pixel passes, counted row by row.
     #[inline(always)]
     fn at(&self, pixel: usize) -> CameraSample {
         let width = self.params.width as usize;
-        camera_sample(self.params, &[self.centre], (pixel % width, pixel / width), 0)
+        camera_sample(&self.params, &[self.centre], (pixel % width, pixel / width), 0)
     }
 }
 
 with_fma! {
     /// The directions of the rays of `pixels`.
     pub fn directions_of(rays: &CameraRays, pixels: Range<usize>) -> Vec<Vec3> {
-        pixels.map(|pixel| rays.at(pixel)).map(|at| camera_direction(rays.params, at.x, at.y)).collect()
+        pixels.map(|pixel| rays.at(pixel)).map(|at| camera_direction(&rays.params, at.x, at.y)).collect()
     }
 }
 
@@ -138,6 +138,9 @@ with_fma! {
         wants_albedo: bool,
     ) -> Vec<FirstHit> {
         let pixels = (first..).zip(traced.iter().zip(hits));
-        pixels.map(|(pixel, traced)| first_hit(buffers, options, rays.at(pixel), rays.params, traced, wants_albedo)).collect()
+        let of_pixel = |(pixel, traced)| {
+            first_hit(buffers, options, rays.at(pixel), &rays.params, traced, wants_albedo)
+        };
+        pixels.map(of_pixel).collect()
     }
 }

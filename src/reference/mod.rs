@@ -76,7 +76,12 @@ fn work_of_parts<T: Send>(
 
 with_fma! {
     /// Evaluates the textures of some hits.
-    fn texture_chunk(buffers: &SceneBuffers, options: &TraceOptions, requests: &[TextureRequest], colours: &mut [Float4]) {
+    fn texture_chunk(
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        requests: &[TextureRequest],
+        colours: &mut [Float4],
+    ) {
         for (request, colour) in requests.iter().zip(colours) {
             *colour = Float4::new(requested_colour(buffers, options, request), 0.0);
         }
@@ -217,8 +222,8 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    /// Does a part of `size`, unless the job is stopped. Progress is told before it, too: where that unwinds, to stop the job, parts that other
-    /// threads have not begun are not done first.
+    /// Does a part of `size`, unless the job is stopped. Progress is told before it, too: where that unwinds, to stop
+    /// the job, parts that other threads have not begun are not done first.
     fn part(&self, size: usize, work: impl FnOnce()) {
         let tell = |done: usize| (self.progress)(done as f64 / self.total as f64);
         tell(self.done.load(Ordering::Relaxed));

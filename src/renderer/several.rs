@@ -104,7 +104,8 @@ struct Job {
     is_backup: bool,
 }
 
-/// Thrown through the work of a device whose blocks others have finished.
+/// Thrown through the work of a device whose blocks others have finished. [`Backend::stop_when`] would make all launches
+/// short: nobody watches this picture, and it is to be done soon.
 struct Cancelled;
 
 /// What a device takes at a time is about this part of what is left for it, so that all end together.

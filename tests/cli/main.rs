@@ -59,6 +59,16 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// The browser's name, if there is one.
+fn browser() -> Option<&'static str> {
+    let is_there = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|out| out.status.success());
+    let found = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(is_there);
+    if found.is_none() {
+        println!("skipped: there is no chromium here");
+    }
+    found
+}
+
 /// Fails unless the program ended with `code` and said every one of `words`.
 fn assert_fails(output: &Output, code: i32, words: &[&str]) {
     let said = stderr(output);

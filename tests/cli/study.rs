@@ -246,13 +246,7 @@ fn wrong_names_and_places_are_told() {
 /// What a headless browser makes of the page: how wide it is, and what it complains of.
 #[test]
 fn the_page_fits_a_desk_and_a_phone() {
-    let Some(browser) = ["chromium", "chromium-browser", "google-chrome"]
-        .into_iter()
-        .find(|name| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success()))
-    else {
-        println!("skipped: there is no chromium here");
-        return;
-    };
+    let Some(browser) = crate::browser() else { return };
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let made =

@@ -40,7 +40,12 @@ const SMALL: [&str; 5] = ["--device", "reference", "--size=64x48", "--error=1", 
 
 impl Viewer {
     fn start(at: &Path, scene: &str, arguments: &[&str]) -> Viewer {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_raybrook"))
+        Viewer::start_by(&mut Command::new(env!("CARGO_BIN_EXE_raybrook")), at, scene, arguments)
+    }
+
+    /// The same by a command that starts the program with the arguments that are added.
+    fn start_by(command: &mut Command, at: &Path, scene: &str, arguments: &[&str]) -> Viewer {
+        let mut process = command
             .args(["view", scene])
             .args(arguments)
             .current_dir(at)
@@ -165,7 +170,7 @@ impl Page<'_> {
 
 /// Whether the page tells of the finished picture of what it is to show.
 fn is_done(told: &Value) -> bool {
-    told["picture"]["is_done"] == true && told["is_working"] == false && told["busy"].is_null()
+    told["is_finished"] == true
 }
 
 fn pixels(png: &[u8]) -> image::RgbImage {
@@ -245,6 +250,20 @@ fn what_is_under_the_pointer_is_what_trace_finds() {
         .map(|d| d * d)
         .sum();
     assert!(distance.sqrt() < 0.05, "{again} and {picked}");
+}
+
+/// The rays of a picture through corners begin at its border, half a pixel beside the middles of its first pixels.
+#[test]
+fn of_a_picture_through_corners_these_are_under_the_pointer() {
+    let folder = folder();
+    let arguments = ["--device", "reference", "--size=64x48", "--samples=corners", "--fov=90", "--no-open"];
+    let viewer = Viewer::start(folder.path(), "one.obj", &arguments);
+    let mut page = viewer.begin();
+    page.until_done();
+    let [top, bottom] = [0.2, 47.9].map(|y| page.pick(20.5, y)["direction"].clone());
+    let square = |i: usize| (top[i].as_f64().unwrap() - bottom[i].as_f64().unwrap()).powi(2);
+    let height = (square(0) + square(1) + square(2)).sqrt();
+    assert!((height - 2.0).abs() < 1e-6, "{height}, not twice the tangent of half of 90 degrees");
 }
 
 #[test]
@@ -369,6 +388,78 @@ fn what_no_page_sends_is_refused() {
     assert_eq!(viewer.raw("nonsense\r\n\r\n").code, 400);
     // Nothing of all that has changed the picture.
     assert!(page.next().is_none());
+}
+
+/// A length of which nothing is reserved, more connections than the system has files for, and none of them says a word:
+/// pages go on.
+#[cfg(target_os = "linux")]
+#[test]
+fn whatever_connects_keeps_no_page_waiting() {
+    let folder = folder();
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "ulimit -n 48 && exec \"$@\"", "sh", env!("CARGO_BIN_EXE_raybrook")]);
+    let viewer = Viewer::start_by(&mut limited, folder.path(), "one.obj", &SMALL);
+    let mut page = viewer.begin();
+    page.until_done();
+    for (path, code) in [("/".to_owned(), 403), (format!("{}act", viewer.root), 413)] {
+        for length in [u64::from(u32::MAX), u64::MAX] {
+            let head = format!("POST {path} HTTP/1.1\r\nContent-Length: {length}\r\n{}\r\n", viewer.own_host());
+            assert_eq!(viewer.raw(&head).code, code, "{head}");
+        }
+    }
+    let idle: Vec<_> = (0..100).map(|_| viewer.connect()).collect();
+    page.act(json!({"moves": [{"orbit": [0.1, 0]}]}));
+    let start = Instant::now();
+    page.until_done();
+    assert!(start.elapsed() < Duration::from_secs(9), "no page waits until the others are given up");
+    drop(idle);
+    assert_eq!(viewer.get("").code, 200);
+}
+
+/// Whoever lists the machine's processes does not see the token.
+#[cfg(target_os = "linux")]
+#[test]
+fn browsers_are_given_a_file_that_is_gone_when_the_page_is_there() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = folder();
+    let at = folder.path();
+    let opener = at.join("xdg-open");
+    let script = "#!/bin/sh\ncp -p \"$1\" seen && echo \"$@\" > part && mv part arguments\n";
+    std::fs::write(&opener, script).unwrap();
+    std::fs::set_permissions(&opener, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", at.display(), std::env::var("PATH").unwrap());
+    let home = at.join("home");
+    let open = || {
+        std::fs::create_dir_all(&home).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_raybrook"));
+        command.env("PATH", &path).env("HOME", &home).env("DISPLAY", ":0");
+        Viewer::start_by(&mut command, at, "one.obj", &SMALL[..SMALL.len() - 1])
+    };
+    let is_there = || std::fs::read_dir(&home).unwrap().count() > 0;
+    let wait_for = |what: &dyn Fn() -> bool| {
+        let start = Instant::now();
+        while !what() {
+            assert!(start.elapsed() < PATIENCE);
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let viewer = open();
+    wait_for(&|| at.join("arguments").exists());
+    let token = viewer.root.trim_matches('/');
+    assert!(!std::fs::read_to_string(at.join("arguments")).unwrap().contains(token));
+    let seen = std::fs::read_to_string(at.join("seen")).unwrap();
+    assert!(seen.contains(&format!("url=http://127.0.0.1:{}{}\"", viewer.port, viewer.root)), "{seen}");
+    assert_eq!(at.join("seen").metadata().unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(is_there());
+    viewer.begin();
+    wait_for(&|| !is_there());
+    drop(viewer);
+    // Nor is it left behind where no page begins.
+    let viewer = open();
+    wait_for(&|| is_there());
+    let stopped = Command::new("kill").args(["-INT", &viewer.process.id().to_string()]).status().unwrap();
+    assert!(stopped.success());
+    wait_for(&|| !is_there());
 }
 
 #[test]

@@ -15,7 +15,7 @@ use raybrook::low_level::options::{
 const METHOD: &str = "method";
 const PRECISION: &str = "precision";
 /// What leaves the choice of the structure to the program.
-const AUTO: &str = "auto";
+pub const AUTO: &str = "auto";
 /// Flags of earlier versions, which are understood for one more release, and what they are called now.
 const OLD_FLAGS: [(&str, &str); 1] = [("accel", StructureKind::OPTION)];
 /// Values of earlier versions, by option: likewise.

@@ -1,14 +1,18 @@
 //! `raybrook view`: a page in the browser that shows a scene, moves its camera, and tells what is under the pointer.
 //!
 //! One worker, the main thread, owns the tracers and makes the pictures of all pages, the coarsest first
-//! ([`hub`]); a thread for each request answers the pages ([`http`]). They share nothing but the hub.
+//! ([`hub`]); a thread for each connection ([`http`]) answers the pages ([`pages`]). They share nothing but the hub.
 
+mod browser;
 mod engine;
 mod facts;
 mod http;
 mod hub;
+mod message;
 mod navigator;
+mod pages;
 mod pick;
+mod session;
 mod watch;
 mod wrong;
 
@@ -16,12 +20,13 @@ use super::explain::ExplainArgs;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, chain, heading, open};
 use engine::Engine;
 use facts::SceneFacts;
-use http::Server;
+use http::Limits;
 use hub::{Hub, Task};
+use pages::Pages;
 use raybrook::{Error, Result};
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 use watch::Watched;
 
 #[derive(clap::Args)]
@@ -51,8 +56,10 @@ pub struct ViewArgs {
 
 pub fn run(args: &ViewArgs, talk: Talk) -> Result<()> {
     args.method.check(false)?;
-    let server = Server::listen(args.port)?;
+    let (listener, port) = http::listen(args.port)?;
+    let token = pages::new_token()?;
     let device = open::choose(&args.device, talk)?;
+    let begun = SystemTime::now();
     let loaded = engine::load(args, device.as_ref(), talk)?;
     let camera = args.picture.picture(&loaded.scene).camera;
     let facts = SceneFacts {
@@ -61,23 +68,19 @@ pub fn run(args: &ViewArgs, talk: Talk) -> Result<()> {
         ..SceneFacts::default()
     };
     let hub = Arc::new(Hub::new(camera, engine::diagonal(&loaded.scene), facts));
-    let address = server.address();
+    let address = format!("http://127.0.0.1:{port}/{token}/");
     say!("{address}");
     if !talk.quiet {
         tell!("the page is there until Ctrl-C; from another machine: ssh -L PORT:127.0.0.1:PORT, of the same port");
     }
-    let name = stem(&args.scene.scene);
-    let serve = {
-        let hub = hub.clone();
-        move || server.serve(&hub, &name)
-    };
-    start("server", serve)?;
-    if !args.no_open {
-        open_browser(&address);
-    }
+    let pages = Arc::new(Pages { hub: hub.clone(), token, name: stem(&args.scene.scene) });
+    start("server", move || http::serve(&listener, &pages, Limits::USUAL))?;
+    let of_sleep = hub.clone();
+    start("sleep", move || of_sleep.watch_sleep())?;
+    let _opening = if args.no_open { None } else { browser::open(&address, &hub) };
     let mut engine = Engine::open(args, device, loaded, &hub.stop, talk)?;
     let watched = Arc::new(Watched::default());
-    watched.set(engine.files());
+    watched.set(engine.files(), begun);
     if args.watch {
         let (hub, watched) = (hub.clone(), watched.clone());
         start("watch", move || watch::watch(&hub, &watched))?;
@@ -110,7 +113,7 @@ fn begin_anew(engine: &Engine, hub: &Hub) {
 /// Does what is to be done next.
 ///
 /// # Errors
-/// The device failed, or the server did: nothing more can be done with it.
+/// The device failed: nothing more can be done with it.
 fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
     let (doing, done) = match hub.next_task() {
         Task::Draw(job) => {
@@ -129,15 +132,17 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
             }
             return Ok(());
         }
-        Task::End(why) => return Err(Error::io("listen on", "127.0.0.1", std::io::Error::other(why))),
         Task::Switch(asked) => {
             hub.tell(|facts| facts.busy = Some("building for another method".to_owned()));
             ("the method stays as it was", engine.switch(&asked))
         }
         Task::Reload => {
             hub.tell(|facts| facts.busy = Some("reading the scene again".to_owned()));
+            let begun = SystemTime::now();
             let done = engine.reload();
-            watched.set(engine.files());
+            // What is at fault may be a file that the scene has only now.
+            let culprit = done.as_ref().err().and_then(culprit);
+            watched.set(engine.files().into_iter().chain(culprit).collect(), begun);
             ("the picture is of the scene as it was", done)
         }
     };
@@ -151,32 +156,17 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
     Ok(())
 }
 
+/// The file that is at fault.
+fn culprit(error: &Error) -> Option<PathBuf> {
+    match error {
+        Error::Io { path, .. } | Error::Input { path, .. } => Some(path.clone()),
+        _ => None,
+    }
+}
+
 /// Whether nothing can be done after an error: a device that failed once is not to be trusted.
 fn is_end(error: &Error) -> bool {
     matches!(error, Error::OpenCl { .. } | Error::Hang { .. })
-}
-
-/// Opens a browser, where there is a desktop. That none opens is no failure: the address is printed.
-fn open_browser(address: &str) {
-    let Some((program, arguments)) = opener() else { return };
-    let mut command = Command::new(program);
-    command.args(arguments).arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    if let Ok(mut child) = command.spawn() {
-        // Whoever does not wait leaves a zombie behind.
-        _ = std::thread::Builder::new().name("browser".to_owned()).spawn(move || child.wait());
-    }
-}
-
-/// What opens an address on this system.
-fn opener() -> Option<(&'static str, &'static [&'static str])> {
-    if cfg!(target_os = "macos") {
-        return Some(("open", &[]));
-    }
-    if cfg!(windows) {
-        return Some(("rundll32", &["url.dll,FileProtocolHandler"]));
-    }
-    let has_display = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
-    has_display.then_some(("xdg-open", &[]))
 }
 
 #[cfg(test)]

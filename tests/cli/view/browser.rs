@@ -2,6 +2,7 @@
 //! DevTools protocol, each with a zero byte behind it, on the file descriptors 3 and 4.
 
 use super::{PATIENCE, SMALL, Viewer};
+use crate::browser;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
@@ -25,16 +26,6 @@ impl Drop for Browser {
         _ = self.process.kill();
         _ = self.process.wait();
     }
-}
-
-/// The browser's name, if there is one.
-fn browser() -> Option<&'static str> {
-    let is_there = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|out| out.status.success());
-    let found = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(is_there);
-    if found.is_none() {
-        println!("skipped: there is no chromium here");
-    }
-    found
 }
 
 impl Browser {

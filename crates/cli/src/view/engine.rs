@@ -2,7 +2,7 @@
 //! needed.
 
 use super::super::explain::Chooser;
-use super::super::method::MethodArgs;
+use super::super::method::{AUTO, MethodArgs};
 use super::super::{Talk, flags, open};
 use super::ViewArgs;
 use super::facts::{AskedMethod, Layer, PictureFacts, SceneFacts, Shown};
@@ -14,9 +14,9 @@ use raybrook::glam::Vec3;
 use raybrook::low_level::aov::Aov;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::film::{Film, ImageFormat};
+use raybrook::low_level::layers::PixelRays;
 use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions, Traversal};
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::shared::{Hit, Light, WorkCounter};
@@ -63,14 +63,10 @@ impl Tracing {
         Ok(())
     }
 
-    /// The closest hits of the rays through the middles of all pixels.
+    /// The closest hits of the rays of all pixels, and the seconds that they took.
     fn hits(&mut self, picture: &Picture) -> Result<(Vec<Hit>, f64)> {
-        let Picture { camera, size: (width, height), .. } = *picture;
-        let params = self.buffers.render_params(&camera, (width, height), picture.samples, picture.depth, None);
-        let middle = |i: usize, side: u32| (i % side as usize) as f32 + 0.5;
-        let direction = |i: usize| camera_direction(&params, middle(i, width), (i / width as usize) as f32 + 0.5);
-        let ray = |i: usize| (camera.eye, direction(i), 0.0, f32::INFINITY);
-        let batch = self.buffers.batch(width as usize * height as usize, ray, None);
+        let rays = PixelRays::new(&self.buffers, picture, None)?;
+        let batch = rays.batch(&self.buffers, 0..rays.count());
         let result = self.tracer.trace(&batch.job(false, 1), &|_| ())?;
         Ok((result.hits, result.kernel_s.iter().sum()))
     }
@@ -118,7 +114,10 @@ fn finer_steps(layer: Layer, samples: Samples, divisor: u32) -> Vec<Samples> {
         }
         _ => Vec::new(),
     };
-    let last = if layer == Layer::Picture { samples } else { Samples::PerPixel(1) };
+    let last = match (layer, samples) {
+        (Layer::Picture, _) | (_, Samples::Corners) => samples,
+        _ => Samples::PerPixel(1),
+    };
     between.into_iter().chain([last]).collect()
 }
 
@@ -283,6 +282,7 @@ impl<'a> Engine<'a> {
         self.other.as_ref().is_none_or(|(known, _)| *known != purpose)
     }
 
+    /// What is made next, and whether it is the last.
     fn step(&self, job: &Job) -> (Step, bool) {
         let Picture { size: (width, height), samples, .. } = self.picture();
         let finer = finer_steps(job.layer, samples, job.divisor);
@@ -302,7 +302,7 @@ impl<'a> Engine<'a> {
     /// # Errors
     /// [`Error::Stopped`](raybrook::Error::Stopped) when it is not wanted any more; what opening and rendering say.
     pub fn draw(&mut self, job: &Job) -> Result<Shown> {
-        let (step, is_done) = self.step(job);
+        let (step, is_last) = self.step(job);
         let whole = self.picture();
         let side = |side: u32| side.div_ceil(step.divisor).max(1);
         let size = (side(whole.size.0), side(whole.size.1));
@@ -321,22 +321,22 @@ impl<'a> Engine<'a> {
                 self.timed(job, |engine| engine.wrong(&picture))
             }
         };
-        let (Made { film, rays, kernel_s, error, brightest, wrong }, seconds) = made?;
+        let Made { film, rays, kernel_s, error, brightest, wrong } = made?;
         let mrays_per_s = if kernel_s > 0.0 { rays as f64 / kernel_s * 1e-6 } else { 0.0 };
         let (label, pixels) = (step.label(), film.pixels.len());
-        let facts = PictureFacts { label, is_done, rays, seconds, mrays_per_s, error, brightest, wrong, pixels };
-        Ok(Shown { film: Arc::new(film), facts, divisor: step.divisor })
+        let facts = PictureFacts { label, rays, mrays_per_s, error, brightest, wrong, pixels };
+        Ok(Shown { film: Arc::new(film), facts, divisor: step.divisor, is_last })
     }
 
-    /// Times a picture; of a coarse one how long a ray takes.
-    fn timed(&mut self, job: &Job, make: impl FnOnce(&mut Self) -> Result<Made>) -> Result<(Made, f64)> {
+    /// Makes a picture; of a coarse one it learns how long a ray takes.
+    fn timed(&mut self, job: &Job, make: impl FnOnce(&mut Self) -> Result<Made>) -> Result<Made> {
         let start = Instant::now();
         let made = make(self)?;
-        let seconds = start.elapsed().as_secs_f64();
         if job.step == 0 {
+            let seconds = start.elapsed().as_secs_f64();
             self.pixel_s = Some((job.layer, seconds / made.film.pixels.len() as f64));
         }
-        Ok((made, seconds))
+        Ok(made)
     }
 
     /// The key light of a picture, if the scene has no light of its own: as `raybrook render` has it.
@@ -363,25 +363,28 @@ impl<'a> Engine<'a> {
     /// Opens a second tracer, unless it is there.
     fn other(&mut self, purpose: Purpose) -> Result<()> {
         if self.other.as_ref().is_none_or(|(known, _)| *known != purpose) {
-            let opened = match purpose {
-                Purpose::Counting => {
-                    opened(self.args, self.device.as_ref(), &self.loaded, &self.method, (true, &self.stop), self.talk)?
-                }
-                Purpose::Exact => self.exact()?,
-            };
-            self.other = Some((purpose, opened));
+            self.other = Some((purpose, self.second(purpose)?));
         }
         Ok(())
     }
 
-    /// A tracer with the same structure and exact hits; with another structure, where this one finds not all.
-    fn exact(&self) -> Result<Tracing> {
-        let exact = Intersector::Exact.name();
-        let method = self.method.with(&[(Traversal::OPTION, "auto"), (Intersector::OPTION, exact)])?;
-        let options = chosen(self.args, self.device.as_ref(), &self.loaded, &method, false, self.talk)?.options;
+    /// A tracer that counts or is exact, of the structure that is there; of another one where it cannot be that.
+    fn second(&self, purpose: Purpose) -> Result<Tracing> {
+        let (method, counters) = match purpose {
+            Purpose::Counting => {
+                let structure = self.main.tracer.options().kind().name();
+                (self.method.with(&[(StructureKind::OPTION, structure)])?, true)
+            }
+            Purpose::Exact => {
+                let exact = Intersector::Exact.name();
+                (self.method.with(&[(Traversal::OPTION, AUTO), (Intersector::OPTION, exact)])?, false)
+            }
+        };
+        let options = chosen(self.args, self.device.as_ref(), &self.loaded, &method, counters, self.talk)?.options;
         let buffers = &self.main.buffers;
         if buffers.check_made_for(&options).is_err() {
-            return opened(self.args, self.device.as_ref(), &self.loaded, &method, (false, &self.stop), self.talk);
+            let of = (counters, &self.stop);
+            return opened(self.args, self.device.as_ref(), &self.loaded, &method, of, self.talk);
         }
         let cache = self.args.device.cache()?;
         let tracer = open_tracer(self.device.as_ref(), buffers, &options, self.picture().depth, cache.as_ref())?;
@@ -473,6 +476,7 @@ mod tests {
         assert_eq!(of(Samples::PerPixel(1), 8), [Samples::PerPixel(1)]);
         assert_eq!(of(Samples::Corners, 8), [Samples::Corners]);
         assert_eq!(finer_steps(Layer::Wrong, Samples::Error(1.0), 8), [Samples::PerPixel(1)]);
+        assert_eq!(finer_steps(Layer::Wrong, Samples::Corners, 8), [Samples::Corners]);
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub struct Shown {
     pub facts: PictureFacts,
     /// Pixels of a side for one that was made.
     pub divisor: u32,
+    /// Whether no finer picture follows.
+    pub is_last: bool,
 }
 
 /// What the page tells of a picture.
@@ -54,12 +56,8 @@ pub struct Shown {
 pub struct PictureFacts {
     /// How fine it is.
     pub label: String,
-    /// Whether it is the finished still picture.
-    pub is_done: bool,
     /// Rays that were cast.
     pub rays: u64,
-    /// Seconds from the job's start to its end.
-    pub seconds: f64,
     /// Millions of rays a second of device time.
     pub mrays_per_s: f64,
     /// The error that is left, as estimated, steps of 8-bit sRGB.
@@ -120,8 +118,8 @@ pub struct Told<'a> {
     pub layer: &'static str,
     /// Stops by which the picture is lighter.
     pub exposure: f32,
-    /// Whether a finer picture follows.
-    pub is_working: bool,
+    /// Whether it has the finished picture of what it is to show.
+    pub is_finished: bool,
     /// Where the camera is.
     pub camera: CameraText,
     /// What there is to tell of the picture, once there is one.

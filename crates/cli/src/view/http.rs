@@ -1,461 +1,429 @@
-//! What pages ask for over HTTP: the page itself, moves, pictures.
+//! A server of HTTP/1.1 (RFC 9112) for browsers of this machine.
 //!
-//! Only programs of this machine reach it (127.0.0.1), and only those that know the random token in the address. A
-//! page of another site that guesses the port knows neither the token nor, by DNS rebinding, the right name of the
-//! host. Nothing is read from disk, nothing is loaded from elsewhere, and nothing may show the page in a frame.
+//! Whoever can connect can send anything, or nothing. So all that comes is bounded in bytes and in time, a body is read
+//! only where the head has shown the right token, and nothing is reserved because a head says that it will come. Where
+//! all places are taken, a connection that has not shown the token yet gives way to a new one.
+//!
+//! Bad at: bodies of unknown length (`chunked`), which browsers do not send; they are refused.
 
-use super::facts::{AskedMethod, Layer, Shown};
-use super::hub::{Hub, News};
-use super::navigator::Move;
-use raybrook::low_level::film::{Film, ImageFormat};
-use raybrook::low_level::options::{Intersector, MethodOption, StructureKind, Traversal};
+use super::message::{Answer, Head, Refusal, refuse};
 use raybrook::{Error, Result};
-use serde::{Deserialize, de::DeserializeOwned};
-use std::io::{self, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
-use tiny_http::{Method, Request, Server as TinyServer};
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
-/// Random bytes of a token.
-const TOKEN_BYTES: usize = 16;
 /// The longest body of a request, bytes.
-const MOST_BODY: u64 = 1 << 16;
-/// Requests that are answered at a time: each has a thread.
-const MOST_REQUESTS: usize = 128;
-/// How often pages that are asleep are looked for.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
+pub const MOST_BODY: usize = 64 << 10;
+/// After a refusal so much of what is still on its way is taken, for so long: a connection that is closed on it would
+/// take the refusal back.
+const MOST_LEFT: usize = 1 << 20;
+const LEFT_TIME: Duration = Duration::from_secs(1);
+/// How long to wait where the system gives no connection, as when there are too many open files.
+const PAUSE: Duration = Duration::from_millis(10);
 
-/// The page, and what it loads.
-const PAGE: [(&str, &str, &str); 3] = [
-    ("", "text/html; charset=utf-8", include_str!("page/view.html")),
-    ("view.css", "text/css; charset=utf-8", include_str!("page/view.css")),
-    ("view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
-];
-
-/// What every answer forbids browsers.
-const SAFETY: &str = "Cache-Control: no-store\r\n\
-    Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
-    connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
-    Cross-Origin-Opener-Policy: same-origin\r\n\
-    Cross-Origin-Resource-Policy: same-origin\r\n\
-    Referrer-Policy: no-referrer\r\n\
-    X-Content-Type-Options: nosniff\r\n";
-
-/// A server that listens, but does not answer yet.
-pub struct Server {
-    server: TinyServer,
-    port: u16,
-    token: String,
+/// What connections may take.
+#[derive(Debug, Clone, Copy)]
+pub struct Limits {
+    /// How many are open at a time. Each has a thread.
+    pub connections: usize,
+    /// Time from a request's first byte to its last; and from a connection's begin to the first byte.
+    pub request: Duration,
+    /// Time from an answer to the next request.
+    pub idle: Duration,
+    /// Time in which at least some of an answer must be taken.
+    pub write: Duration,
 }
 
-/// An answer.
-struct Answer {
-    code: u16,
-    kind: &'static str,
-    body: Vec<u8>,
-    /// The name under which it is saved.
-    name: Option<String>,
+impl Limits {
+    /// For browsers, through slow tunnels, too. Each opens six connections to a server and not more.
+    pub const USUAL: Limits = Limits {
+        connections: 128,
+        request: Duration::from_secs(10),
+        idle: Duration::from_secs(60),
+        write: Duration::from_secs(20),
+    };
 }
 
-impl Answer {
-    fn new(kind: &'static str, body: Vec<u8>) -> Answer {
-        Answer { code: 200, kind, body, name: None }
-    }
+/// What answers requests.
+pub trait Handler: Send + Sync + 'static {
+    /// Whether whoever sends this may ask for something. Only then the body is read.
+    fn admit(&self, head: &Head) -> std::result::Result<(), Refusal>;
 
-    fn json(text: String) -> Answer {
-        Answer::new("application/json", text.into_bytes())
-    }
+    /// The answer to a request that was admitted.
+    fn answer(&self, head: &Head, body: &[u8]) -> std::result::Result<Answer, Refusal>;
+}
 
-    fn refusal(code: u16, why: &str) -> Answer {
-        Answer { code, kind: "text/plain; charset=utf-8", body: format!("{why}\n").into_bytes(), name: None }
-    }
-
-    fn nothing() -> Answer {
-        Answer { code: 204, ..Answer::new("text/plain", Vec::new()) }
-    }
-
-    /// All bytes of it. They are sent in one go: of several parts the last would wait for the receipt of the others.
-    fn bytes(&self) -> Vec<u8> {
-        let reason = match self.code {
-            200 => "OK",
-            204 => "No Content",
-            400 => "Bad Request",
-            403 => "Forbidden",
-            404 => "Not Found",
-            405 => "Method Not Allowed",
-            409 => "Conflict",
-            413 => "Content Too Large",
-            _ => "Service Unavailable",
+/// Listens on `port` of 127.0.0.1; 0 takes one that is free. Returns the port, too.
+///
+/// # Errors
+/// [`Error::Option`] when the port is taken.
+pub fn listen(port: u16) -> Result<(TcpListener, u16)> {
+    let fail = |why: io::Error| {
+        let why = match why.kind() {
+            ErrorKind::AddrInUse => "another program does; give another port, or 0 for a free one".to_owned(),
+            _ => why.to_string(),
         };
-        let name = self.name.as_ref().map(|name| format!("Content-Disposition: attachment; filename=\"{name}\"\r\n"));
-        let head = format!(
-            "HTTP/1.1 {} {reason}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{SAFETY}{}\r\n",
-            self.code,
-            self.kind,
-            self.body.len(),
-            name.unwrap_or_default()
-        );
-        [head.as_bytes(), &self.body].concat()
-    }
+        Error::option("--port", format!("127.0.0.1:{port} cannot be listened on: {why}"))
+    };
+    let listener = TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(fail)?;
+    let port = listener.local_addr().map_err(fail)?.port();
+    Ok((listener, port))
 }
 
-/// Why a request is refused.
-type Refusal = (u16, String);
-
-fn refuse<T>(code: u16, why: impl Into<String>) -> std::result::Result<T, Refusal> {
-    Err((code, why.into()))
-}
-
-/// What happens to a page.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Act {
-    session: u64,
-    #[serde(default)]
-    moves: Vec<Move>,
-    layer: Option<String>,
-    exposure: Option<f32>,
-}
-
-/// A pixel of which a page asks what is there.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Pick {
-    session: u64,
-    x: f64,
-    y: f64,
-}
-
-impl Server {
-    /// Listens on `port` of 127.0.0.1; 0 takes one that is free.
-    ///
-    /// # Errors
-    /// [`Error::Option`] when the port is taken, or the system has no random numbers.
-    pub fn listen(port: u16) -> Result<Server> {
-        let fail = |why: String| Error::option("--port", format!("127.0.0.1:{port} cannot be listened on: {why}"));
-        let listener =
-            TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(|why| match why.kind() {
-                io::ErrorKind::AddrInUse => fail("another program does; give another port, or 0 for a free one".into()),
-                _ => fail(why.to_string()),
-            })?;
-        let port = listener.local_addr().map_err(|why| fail(why.to_string()))?.port();
-        let server = TinyServer::from_listener(listener, None).map_err(|why| fail(why.to_string()))?;
-        let mut random = [0; TOKEN_BYTES];
-        getrandom::fill(&mut random).map_err(|why| fail(format!("there are no random numbers: {why}")))?;
-        let token = random.iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(Server { server, port, token })
-    }
-
-    /// Where the page is.
-    pub fn address(&self) -> String {
-        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
-    }
-
-    /// Answers requests until the system gives no more of them, which ends the worker, too.
-    pub fn serve(&self, hub: &Arc<Hub>, name: &str) {
-        let open = Arc::new(AtomicUsize::new(0));
-        let shared = Arc::new(Pages { hub: hub.clone(), token: self.token.clone(), name: name.to_owned() });
-        loop {
-            let request = match self.server.recv_timeout(LOOK_EVERY) {
-                Ok(request) => request,
-                Err(why) => return hub.end_all(why.to_string()),
-            };
-            hub.rest();
-            let Some(request) = request else { continue };
-            let (pages, place) = (shared.clone(), Place::of(&open));
-            if open.load(Ordering::Relaxed) > MOST_REQUESTS {
-                send(request, &Answer::refusal(503, "too many requests at a time"));
-                continue;
+/// Answers requests for ever.
+pub fn serve(listener: &TcpListener, handler: &Arc<impl Handler>, limits: Limits) {
+    let open = Arc::default();
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => take(stream, &open, handler, limits),
+            // Whoever it was is gone.
+            Err(why) if why.kind() == ErrorKind::ConnectionAborted => {}
+            Err(_) => {
+                lock(&open).drop_stranger();
+                std::thread::sleep(PAUSE);
             }
-            // Without a thread the request is dropped, which is an answer, too.
-            let answer = move || {
-                pages.answer(request);
-                drop(place);
-            };
-            _ = std::thread::Builder::new().name("request".to_owned()).spawn(answer);
         }
     }
 }
 
-/// A place among the requests that are answered at a time.
-struct Place(Arc<AtomicUsize>);
+/// Answers a connection in a thread of its own, where there is a place for it.
+fn take(stream: TcpStream, open: &Arc<Mutex<Open>>, handler: &Arc<impl Handler>, limits: Limits) {
+    let stream = Arc::new(stream);
+    let Some(place) = Place::of(open, &stream, limits.connections) else {
+        let refusal = Answer::refusal(&(503, "there are too many connections".to_owned()));
+        _ = Connection::new(&stream, limits).send(&refusal, true);
+        return;
+    };
+    let handler = handler.clone();
+    let answer = move || Connection::new(&stream, limits).answer(&*handler, &place);
+    // Without a thread the connection is closed, which is an answer, too.
+    _ = std::thread::Builder::new().name("connection".to_owned()).spawn(answer);
+}
+
+/// The connections that are open, the oldest first.
+#[derive(Default)]
+struct Open {
+    last: u64,
+    streams: BTreeMap<u64, Stream>,
+}
+
+struct Stream {
+    stream: Arc<TcpStream>,
+    /// Whether it has not shown the token yet.
+    is_stranger: bool,
+}
+
+fn lock(open: &Mutex<Open>) -> MutexGuard<'_, Open> {
+    open.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Open {
+    /// Ends the oldest connection that may be anybody's; returns whether there was one.
+    fn drop_stranger(&mut self) -> bool {
+        let stranger = self.streams.iter().find(|(_, stream)| stream.is_stranger).map(|(&id, _)| id);
+        let dropped = stranger.and_then(|id| self.streams.remove(&id));
+        dropped.map(|Stream { stream, .. }| stream.shutdown(Shutdown::Both)).is_some()
+    }
+}
+
+/// A place among the connections that are open.
+struct Place {
+    id: u64,
+    open: Arc<Mutex<Open>>,
+}
 
 impl Place {
-    fn of(open: &Arc<AtomicUsize>) -> Place {
-        open.fetch_add(1, Ordering::Relaxed);
-        Place(open.clone())
+    /// A place for `stream`, unless `most` others have theirs and none gives way.
+    fn of(open: &Arc<Mutex<Open>>, stream: &Arc<TcpStream>, most: usize) -> Option<Place> {
+        let mut all = lock(open);
+        if all.streams.len() >= most && !all.drop_stranger() {
+            return None;
+        }
+        all.last += 1;
+        let id = all.last;
+        all.streams.insert(id, Stream { stream: stream.clone(), is_stranger: true });
+        Some(Place { id, open: open.clone() })
+    }
+
+    /// It has shown the token.
+    fn make_known(&self) {
+        lock(&self.open).streams.get_mut(&self.id).into_iter().for_each(|stream| stream.is_stranger = false);
     }
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::Relaxed);
+        lock(&self.open).streams.remove(&self.id);
     }
 }
 
-/// Sends an answer; that nobody takes it changes nothing.
-fn send(request: Request, answer: &Answer) {
-    let mut writer = request.into_writer();
-    _ = writer.write_all(&answer.bytes()).and_then(|()| writer.flush());
+/// A connection, and what was read of it and not taken yet.
+struct Connection<'s> {
+    stream: &'s TcpStream,
+    limits: Limits,
+    unread: Vec<u8>,
 }
 
-fn header<'r>(request: &'r Request, name: &'static str) -> Option<&'r str> {
-    let found = request.headers().iter().find(|header| header.field.equiv(name));
-    found.map(|header| header.value.as_str())
-}
-
-/// Whether this is how a browser of this machine names the server, by itself or through a tunnel from another port.
-fn is_own_host(host: &str) -> bool {
-    let (name, port) = host.rsplit_once(':').unwrap_or((host, "80"));
-    ["127.0.0.1", "localhost"].contains(&name) && port.parse::<u16>().is_ok()
-}
-
-/// Whether the token is right; takes as long for a wrong one whatever is wrong of it.
-fn is_same(given: &str, token: &str) -> bool {
-    let differences = given.bytes().zip(token.bytes()).fold(0, |found, (a, b)| found | (a ^ b));
-    given.len() == token.len() && differences == 0
-}
-
-/// The number of a name in a query.
-fn number(query: &str, name: &str) -> std::result::Result<u64, Refusal> {
-    let of_name = |part: &str| part.split_once('=').filter(|(key, _)| *key == name)?.1.parse().ok();
-    query.split('&').find_map(of_name).ok_or_else(|| (400, format!("the number '{name}' is missing")))
-}
-
-fn body<T: DeserializeOwned>(request: &mut Request) -> std::result::Result<T, Refusal> {
-    if request.body_length().is_some_and(|length| length as u64 > MOST_BODY) {
-        return refuse(413, "the body is too long");
+impl<'s> Connection<'s> {
+    fn new(stream: &'s TcpStream, limits: Limits) -> Connection<'s> {
+        Connection { stream, limits, unread: Vec::new() }
     }
-    let mut bytes = Vec::new();
-    let read = request.as_reader().take(MOST_BODY + 1).read_to_end(&mut bytes);
-    if read.is_err() || bytes.len() as u64 > MOST_BODY {
-        return refuse(413, "the body is too long, or not whole");
+
+    /// Answers requests one after the other until there are no more.
+    fn answer(&mut self, handler: &impl Handler, place: &Place) {
+        _ = self.stream.set_nodelay(true);
+        let mut patience = self.limits.request;
+        while self.has_begun(patience) {
+            let request = self.request(handler, place);
+            let answer = request.and_then(|(head, body)| Ok((handler.answer(&head, &body)?, head.is_last)));
+            let (answer, is_last) = match answer {
+                Ok(answer) => answer,
+                Err(refusal) => return self.refuse(&refusal),
+            };
+            if self.send(&answer, is_last).is_err() || is_last {
+                return;
+            }
+            patience = self.limits.idle;
+        }
     }
-    serde_json::from_slice(&bytes).map_err(|why| (400, format!("the body is not what is expected: {why}")))
-}
 
-/// The names of methods that the page offers.
-fn methods() -> String {
-    let names = |name: &'static str| {
-        let option = MethodOption::find(name).into_iter();
-        option.flat_map(|option| option.choices().filter_map(|choice| choice.name())).collect::<Vec<_>>()
-    };
-    let parts = [StructureKind::OPTION, Traversal::OPTION, Intersector::OPTION];
-    let all: serde_json::Map<_, _> = parts.map(|part| (part.to_owned(), names(part).into())).into_iter().collect();
-    serde_json::Value::Object(all).to_string()
-}
+    /// Whether a request begins within that time.
+    fn has_begun(&mut self, patience: Duration) -> bool {
+        !self.unread.is_empty() || self.read_until(Instant::now() + patience).is_ok()
+    }
 
-/// What answers requests.
-struct Pages {
-    hub: Arc<Hub>,
-    token: String,
-    /// The name of saved pictures, without an ending.
-    name: String,
-}
-
-impl Pages {
-    fn answer(&self, mut request: Request) {
-        let answer = match self.answer_to(&mut request) {
-            Ok(answer) => answer,
-            Err((code, why)) => Answer::refusal(code, &why),
+    /// The next request.
+    fn request(&mut self, handler: &impl Handler, place: &Place) -> std::result::Result<(Head, Vec<u8>), Refusal> {
+        let deadline = Instant::now() + self.limits.request;
+        let (head, length) = loop {
+            match Head::parse(&self.unread)? {
+                Some(found) => break found,
+                None => self.read_until(deadline)?,
+            }
         };
-        send(request, &answer);
+        self.unread.drain(..length);
+        handler.admit(&head)?;
+        place.make_known();
+        let body = self.body(&head, deadline)?;
+        Ok((head, body))
     }
 
-    fn answer_to(&self, request: &mut Request) -> std::result::Result<Answer, Refusal> {
-        let host = header(request, "Host").unwrap_or_default().to_owned();
-        if !is_own_host(&host) {
-            return refuse(403, "this is not the name of the host");
+    fn body(&mut self, head: &Head, deadline: Instant) -> std::result::Result<Vec<u8>, Refusal> {
+        if head.length > MOST_BODY as u64 {
+            return refuse(413, "the body is too long");
         }
-        let address = request.url().to_owned();
-        let (path, query) = address.split_once('?').unwrap_or((&address, ""));
-        let (token, name) = path.trim_start_matches('/').split_once('/').unwrap_or((path, ""));
-        if !is_same(token, &self.token) {
-            return refuse(403, "open the address that raybrook has printed: its token is missing, or of another run");
+        let length = head.length as usize;
+        if head.waits_to_send && self.unread.len() < length {
+            _ = self.stream.write_all(b"HTTP/1.1 100 Continue\r\n\r\n");
         }
-        match *request.method() {
-            Method::Get => self.got(name, query),
-            Method::Post => {
-                // A browser says from which site it posts.
-                if header(request, "Origin").is_some_and(|origin| origin != format!("http://{host}")) {
-                    return refuse(403, "posted from another site");
+        while self.unread.len() < length {
+            self.read_until(deadline)?;
+        }
+        let rest = self.unread.split_off(length);
+        Ok(std::mem::replace(&mut self.unread, rest))
+    }
+
+    /// Reads something of what has come by then.
+    fn read_until(&mut self, deadline: Instant) -> std::result::Result<(), Refusal> {
+        let mut part = [0; 4096];
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            // No time at all would mean any time.
+            let read = if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { self.read(&mut part, left) };
+            match read {
+                Ok(0) => return refuse(400, "the request is not whole"),
+                Ok(count) => {
+                    self.unread.extend_from_slice(&part[..count]);
+                    return Ok(());
                 }
-                self.posted(name, request)
-            }
-            _ => refuse(405, "only GET and POST"),
-        }
-    }
-
-    fn got(&self, name: &str, query: &str) -> std::result::Result<Answer, Refusal> {
-        if let Some(&(_, kind, text)) = PAGE.iter().find(|(known, ..)| *known == name) {
-            return Ok(Answer::new(kind, text.into()));
-        }
-        match name {
-            "methods" => Ok(Answer::json(methods())),
-            "next" => self.next(query),
-            "picture.png" => self.saved(query, ImageFormat::Png8, "png"),
-            "picture.exr" => self.saved(query, ImageFormat::Exr, "exr"),
-            _ => refuse(404, "there is no such thing"),
-        }
-    }
-
-    fn posted(&self, name: &str, request: &mut Request) -> std::result::Result<Answer, Refusal> {
-        let gone = || (404, "there is no such page any more".to_owned());
-        match name {
-            "begin" => Ok(Answer::json(format!("{{\"session\":{}}}", self.hub.begin()))),
-            "end" => {
-                self.hub.end(body::<u64>(request)?);
-                Ok(Answer::nothing())
-            }
-            "act" => self.act(&body(request)?).and_then(|done| done.ok_or_else(gone)).map(|()| Answer::nothing()),
-            "pick" => self.pick(&body(request)?),
-            "method" => {
-                self.hub.ask_method(body::<AskedMethod>(request)?);
-                Ok(Answer::nothing())
-            }
-            _ => refuse(404, "there is no such thing"),
-        }
-    }
-
-    /// Does what happens to a page; `None` where there is no such page.
-    fn act(&self, Act { session, moves, layer, exposure }: &Act) -> std::result::Result<Option<()>, Refusal> {
-        if !moves.iter().all(Move::is_usual) {
-            return refuse(400, "no hand moves so far");
-        }
-        let layer = match layer.as_deref().map(|name| Layer::find(name).ok_or(name)) {
-            Some(Err(name)) => return refuse(400, format!("there is nothing called '{name}' to show")),
-            found => found.and_then(std::result::Result::ok),
-        };
-        if let Some(Err(why)) = exposure.map(Film::check_exposure) {
-            return refuse(400, why.to_string());
-        }
-        let done = self.hub.apply(*session, moves);
-        let done = layer.map_or(done, |layer| self.hub.set_layer(*session, layer));
-        Ok(exposure.map_or(done, |stops| self.hub.set_exposure(*session, stops)))
-    }
-
-    fn pick(&self, &Pick { session, x, y }: &Pick) -> std::result::Result<Answer, Refusal> {
-        let Some(camera) = self.hub.camera(session) else { return refuse(404, "there is no such page any more") };
-        let Some(pickable) = self.hub.pickable() else { return refuse(409, "the scene is not built yet") };
-        if !pickable.has_pixel((x, y)) {
-            return refuse(400, "the picture has no such pixel");
-        }
-        let picked = pickable.pick(camera, (x, y)).map_err(|why| (503, why.to_string()))?;
-        Ok(Answer::json(serde_json::to_string(&picked).expect("numbers and names serialise")))
-    }
-
-    /// The next news of a page: the length of a text, big-endian in four bytes, the text, and a picture if there is
-    /// another one.
-    fn next(&self, query: &str) -> std::result::Result<Answer, Refusal> {
-        let [session, version, frame] = [number(query, "session")?, number(query, "version")?, number(query, "frame")?];
-        match self.hub.news(session, version, frame) {
-            None => refuse(404, "there is no such page any more"),
-            Some(None) => Ok(Answer::nothing()),
-            Some(Some(News { text, picture })) => {
-                let png = picture.map(|(film, stops)| quick_png(&film, stops)).transpose();
-                let png = png.map_err(|why| (503, why.to_string()))?.unwrap_or_default();
-                let length = (text.len() as u32).to_be_bytes();
-                Ok(Answer::new("application/octet-stream", [&length, text.as_bytes(), &png].concat()))
+                Err(why) if why.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return refuse(408, "the request did not come in time"),
             }
         }
     }
 
-    /// The finished picture as a file, with the bytes of the one that `raybrook render` writes.
-    fn saved(&self, query: &str, format: ImageFormat, ending: &str) -> std::result::Result<Answer, Refusal> {
-        let shown = self.hub.shown(number(query, "session")?);
-        let Some((shown, exposure)) = shown else { return refuse(404, "there is no such page any more") };
-        let Some(Shown { film, .. }) = shown.filter(|shown| shown.facts.is_done) else {
-            return refuse(409, "the picture is not finished yet");
-        };
-        let stops = if format == ImageFormat::Exr { 0.0 } else { exposure };
-        let bytes =
-            exposed(&film, stops).and_then(|film| film.to_bytes(format)).map_err(|why| (503, why.to_string()))?;
-        let kind = if format == ImageFormat::Exr { "image/x-exr" } else { "image/png" };
-        Ok(Answer { name: Some(format!("{}.{ending}", self.name)), ..Answer::new(kind, bytes) })
+    fn read(&mut self, part: &mut [u8], most: Duration) -> io::Result<usize> {
+        self.stream.set_read_timeout(Some(most))?;
+        self.stream.read(part)
     }
-}
 
-/// A film made lighter by so many stops.
-fn exposed(film: &Arc<Film>, stops: f32) -> io::Result<Arc<Film>> {
-    if stops == 0.0 {
-        return Ok(film.clone());
+    fn send(&mut self, answer: &Answer, is_last: bool) -> io::Result<()> {
+        self.stream.set_write_timeout(Some(self.limits.write))?;
+        self.stream.write_all(&answer.bytes(is_last))
     }
-    let mut film = Film::clone(film);
-    film.expose(stops).map_err(io::Error::other)?;
-    Ok(Arc::new(film))
-}
 
-/// A picture for the page: a .png that takes little time rather than few bytes.
-fn quick_png(film: &Arc<Film>, stops: f32) -> io::Result<Vec<u8>> {
-    let film = exposed(film, stops)?;
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, film.width, film.height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_compression(png::Compression::Fastest);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(film.to_srgb8().as_flattened())?;
-    writer.finish()?;
-    Ok(bytes)
+    /// Refuses a request, which ends the connection: its body may still be on its way.
+    fn refuse(&mut self, refusal: &Refusal) {
+        if self.send(&Answer::refusal(refusal), true).is_err() || self.stream.shutdown(Shutdown::Write).is_err() {
+            return;
+        }
+        let deadline = Instant::now() + LEFT_TIME;
+        let mut taken = 0;
+        while taken < MOST_LEFT && self.read_until(deadline).is_ok() {
+            taken += self.unread.len();
+            self.unread.clear();
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::message::{MOST_HEAD, MOST_HEADERS};
     use super::*;
 
-    #[test]
-    fn only_names_of_this_machine_are_its_own() {
-        for host in ["127.0.0.1:8080", "localhost:1", "localhost", "127.0.0.1"] {
-            assert!(is_own_host(host), "{host}");
+    /// Admits whoever asks for `/known`, and tells the length of the body.
+    struct Counting;
+
+    impl Handler for Counting {
+        fn admit(&self, head: &Head) -> std::result::Result<(), Refusal> {
+            if head.target == "/known" { Ok(()) } else { refuse(403, "a stranger") }
         }
-        for host in [
-            "",
-            "evil.example",
-            "evil.example:80",
-            "127.0.0.1.evil.example:80",
-            "localhost:x",
-            "0.0.0.0:80",
-            "[::1]:80",
+
+        fn answer(&self, head: &Head, body: &[u8]) -> std::result::Result<Answer, Refusal> {
+            match &head.method[..] {
+                "DELETE" => refuse(405, "no"),
+                "HALT" => Ok(Answer::nothing()),
+                _ => Ok(Answer::json(body.len().to_string())),
+            }
+        }
+    }
+
+    const SHORT: Limits = Limits {
+        connections: 8,
+        request: Duration::from_millis(300),
+        idle: Duration::from_millis(300),
+        write: Duration::from_secs(5),
+    };
+
+    fn start(limits: Limits) -> u16 {
+        let (listener, port) = listen(0).unwrap();
+        std::thread::spawn(move || serve(&listener, &Arc::new(Counting), limits));
+        port
+    }
+
+    fn connect(port: u16) -> TcpStream {
+        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port)).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        stream
+    }
+
+    /// What comes until the connection ends.
+    fn rest(stream: &mut TcpStream) -> String {
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text
+    }
+
+    /// Sends `request`, and returns all that is answered.
+    fn ask(port: u16, request: &str) -> String {
+        let mut stream = connect(port);
+        stream.write_all(request.as_bytes()).unwrap();
+        rest(&mut stream)
+    }
+
+    const GET: &str = "GET /known HTTP/1.1\r\n\r\n";
+    const LAST: &str = "GET /known HTTP/1.1\r\nConnection: close\r\n\r\n";
+
+    fn codes(text: &str) -> Vec<&str> {
+        text.split("HTTP/1.1 ").skip(1).map(|answer| &answer[..3]).collect()
+    }
+
+    #[test]
+    fn several_requests_come_on_one_connection_in_any_pieces() {
+        let port = start(Limits { request: Duration::from_secs(20), ..SHORT });
+        let post = "POST /known HTTP/1.1\r\nhost: x\r\ncontent-LENGTH: 5\r\n\r\nabcde";
+        let text = ask(port, &format!("{GET}{post}HALT /known HTTP/1.1\r\n\r\n{LAST}{GET}"));
+        assert_eq!(codes(&text), ["200", "200", "204", "200"], "{text}");
+        assert!(text.contains("\r\n\r\n5HTTP/1.1 204 No Content\r\nCache-Control"), "{text}");
+        assert!(text.ends_with("Connection: close\r\n\r\n0"), "{text}");
+        let mut stream = connect(port);
+        for byte in [post, LAST].concat().bytes() {
+            stream.write_all(&[byte]).unwrap();
+        }
+        assert_eq!(codes(&rest(&mut stream)), ["200", "200"]);
+    }
+
+    #[test]
+    fn what_is_no_request_is_refused_and_ends_the_connection() {
+        let port = start(SHORT);
+        let head = |headers: &str| format!("POST /known HTTP/1.1\r\n{headers}\r\n\r\n{GET}");
+        for (request, code) in [
+            ("nonsense\r\n\r\n", "400"),
+            ("GET /known HTTP/2.0\r\n\r\n", "400"),
+            ("GET / HTTP/1.1\r\n\r\n", "403"),
+            ("DELETE /known HTTP/1.1\r\n\r\n", "405"),
+            (&head("Host: a\r\nHost: b"), "400"),
+            (&head("Content-Length: 1\r\nContent-Length: 2"), "400"),
+            (&head("Content-Length: -1"), "400"),
+            (&head("Content-Length: +1"), "400"),
+            (&head("Content-Length:"), "400"),
+            (&head("Host: \u{1}"), "400"),
+            (&head("Transfer-Encoding: chunked"), "411"),
+            (&head("Content-Length: 65537"), "413"),
+            (&head(&format!("Content-Length: {}", u64::MAX)), "413"),
+            (&head("Content-Length: 999999999999999999999999999"), "413"),
+            (&head(&"A: b\r\n".repeat(MOST_HEADERS + 1)), "431"),
+            (&head(&format!("A: {}", "b".repeat(MOST_HEAD))), "431"),
         ] {
-            assert!(!is_own_host(host), "{host}");
+            let text = ask(port, request);
+            assert_eq!(codes(&text), [code], "{request:.80}: {text}");
+            assert!(text.contains("Connection: close\r\n"), "{text}");
         }
+        // Without the token nobody looks how long the body is, or at it.
+        let stranger = format!("POST / HTTP/1.1\r\nContent-Length: {}\r\n\r\n{}", u64::MAX, "a".repeat(200_000));
+        assert_eq!(codes(&ask(port, &stranger)), ["403"]);
+        assert_eq!(codes(&ask(port, &head("Content-Length: 65536").replace(GET, &"a".repeat(MOST_BODY + 1)))).len(), 2);
+        assert_eq!(codes(&ask(port, "GET /known HTTP/1.0\r\n\r\n")), ["200"]);
+        let waits = "POST /known HTTP/1.1\r\nExpect: 100-continue\r\nContent-Length: 2\r\nConnection: close\r\n\r\n";
+        let mut stream = connect(port);
+        stream.write_all(waits.as_bytes()).unwrap();
+        let mut line = [0; 25];
+        stream.read_exact(&mut line).unwrap();
+        assert_eq!(&line, b"HTTP/1.1 100 Continue\r\n\r\n");
+        stream.write_all(b"ab").unwrap();
+        assert!(rest(&mut stream).ends_with("\r\n\r\n2"));
     }
 
     #[test]
-    fn only_the_whole_token_is_right() {
-        assert!(is_same("0123abcd", "0123abcd"));
-        for wrong in ["", "0123abc", "0123abcd0", "0123abce", "1123abcd", "0123ABCD"] {
-            assert!(!is_same(wrong, "0123abcd"), "{wrong}");
+    fn whoever_is_slow_is_left_alone() {
+        let port = start(SHORT);
+        let [mut silent, mut head, mut body, mut idle, mut dripping] = [0; 5].map(|_| connect(port));
+        head.write_all(b"GET /known HTT").unwrap();
+        body.write_all(b"POST /known HTTP/1.1\r\nContent-Length: 9\r\n\r\nabc").unwrap();
+        idle.write_all(GET.as_bytes()).unwrap();
+        // A byte now and then does not make the time longer.
+        let start = Instant::now();
+        while dripping.write_all(b"G").is_ok() && start.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(50));
         }
+        assert!(start.elapsed() < Duration::from_secs(20));
+        assert_eq!(rest(&mut silent), "");
+        assert_eq!(codes(&rest(&mut head)), ["408"]);
+        assert_eq!(codes(&rest(&mut body)), ["408"]);
+        assert_eq!(codes(&rest(&mut idle)), ["200"]);
     }
 
     #[test]
-    fn tokens_are_random_and_long() {
-        let [a, b] = [0, 0].map(|port| Server::listen(port).unwrap());
-        assert_ne!(a.token, b.token);
-        assert_eq!(a.token.len(), 2 * TOKEN_BYTES);
-        assert!(a.address().starts_with("http://127.0.0.1:") && a.address().ends_with(&format!("/{}/", a.token)));
-        let error = Server::listen(a.port).err().unwrap();
-        assert!(error.to_string().contains("--port") && error.exit_code() == 2, "{error}");
-    }
-
-    #[test]
-    fn numbers_are_found_in_queries() {
-        assert_eq!(number("session=7&frame=12", "frame").unwrap(), 12);
-        for query in ["", "frame", "frame=", "frame=-1", "frame=1x", "xframe=1"] {
-            assert_eq!(number(query, "frame").unwrap_err().0, 400, "{query}");
+    fn strangers_give_way_and_nobody_else() {
+        let limits = Limits { request: Duration::from_secs(60), idle: Duration::from_secs(60), ..SHORT };
+        let port = start(limits);
+        let mut strangers: Vec<_> = (0..3 * limits.connections).map(|_| connect(port)).collect();
+        assert_eq!(codes(&ask(port, LAST)), ["200"]);
+        assert_eq!(rest(&mut strangers[0]), "", "the oldest ones have given way");
+        let known = || {
+            let mut stream = connect(port);
+            stream.write_all(GET.as_bytes()).unwrap();
+            assert!(stream.read(&mut [0; 4096]).unwrap() > 0);
+            stream
+        };
+        let mut all: Vec<_> = (0..limits.connections).map(|_| known()).collect();
+        let mut late = connect(port);
+        assert_eq!(codes(&rest(&mut late)), ["503"]);
+        for stream in &mut all {
+            stream.write_all(LAST.as_bytes()).unwrap();
+            assert_eq!(codes(&rest(stream)), ["200"]);
         }
-    }
-
-    #[test]
-    fn quick_pictures_have_the_same_pixels() {
-        let pixels = (0..12).map(|i| [i as f32 / 12.0, 0.5, 2.0]).collect();
-        let film = Arc::new(Film { width: 4, height: 3, pixels });
-        let read = |bytes: &[u8]| image::load_from_memory(bytes).unwrap().to_rgb8();
-        assert_eq!(read(&quick_png(&film, 0.0).unwrap()), read(&film.to_png().unwrap()));
-        let darker = read(&quick_png(&film, -1.0).unwrap());
-        assert_eq!(darker.get_pixel(0, 0).0[2], 255);
-        assert!(darker.get_pixel(0, 0).0[1] < read(&film.to_png().unwrap()).get_pixel(0, 0).0[1]);
     }
 }

@@ -3,9 +3,10 @@
 //! The worker takes the next job, the pages take the newest picture. Nothing is queued: a page that is slow misses
 //! pictures, and a camera that moves makes what is on its way worthless, so that it is stopped.
 
-use super::facts::{AskedMethod, CameraText, Layer, SceneFacts, Shown, Told};
-use super::navigator::{Move, Navigator};
+use super::facts::{AskedMethod, Layer, SceneFacts, Shown};
+use super::navigator::Move;
 use super::pick::Pickable;
+use super::session::{News, Session};
 use raybrook::Camera;
 use raybrook::low_level::film::Film;
 use std::collections::BTreeMap;
@@ -15,61 +16,12 @@ use std::time::{Duration, Instant};
 
 /// How long a page waits for news before it asks again.
 pub const PATIENCE: Duration = Duration::from_secs(2);
-/// For a page that has not asked for so long nothing is made until it asks again: it is closed, or asleep.
-const ASLEEP_AFTER: Duration = Duration::from_secs(5);
+/// How often pages that are asleep are looked for.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// The number of the first page.
+const FIRST_SESSION: u64 = 1;
 /// Pages that are open at a time; of more those that asked least recently are forgotten.
 const MOST_SESSIONS: usize = 64;
-
-/// One page.
-struct Session {
-    navigator: Navigator,
-    layer: Layer,
-    exposure: f32,
-    /// Counts what makes pictures that are on their way worthless.
-    generation: u64,
-    /// The next step of refinement; `None` when the picture is finished.
-    step: Option<usize>,
-    /// How coarse the coarse picture was.
-    divisor: u32,
-    shown: Option<Shown>,
-    /// Why there is no picture.
-    refused: Option<String>,
-    /// Number of the picture.
-    frame: u64,
-    /// Counts all that the page tells.
-    version: u64,
-    asked: Instant,
-}
-
-impl Session {
-    fn is_asleep(&self) -> bool {
-        self.asked.elapsed() >= ASLEEP_AFTER
-    }
-
-    fn begin_anew(&mut self) {
-        self.generation += 1;
-        (self.step, self.refused) = (Some(0), None);
-        self.version += 1;
-    }
-
-    /// What the page is told that has the picture number `frame`.
-    fn news(&self, facts: &SceneFacts, frame: u64, is_current: bool) -> News {
-        let told = Told {
-            version: self.version,
-            frame: self.frame,
-            layer: self.layer.name(),
-            exposure: self.exposure,
-            is_working: is_current || self.step.is_some(),
-            camera: CameraText::of(&self.navigator.camera()),
-            picture: self.shown.as_ref().map(|shown| &shown.facts),
-            refused: self.refused.as_deref(),
-            facts,
-        };
-        let text = serde_json::to_string(&told).expect("numbers and names serialise");
-        let shown = self.shown.as_ref().filter(|_| self.frame != frame);
-        News { text, picture: shown.map(|shown| (shown.film.clone(), self.exposure)) }
-    }
-}
 
 /// A picture to make.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,8 +47,6 @@ pub enum Task {
     Switch(AskedMethod),
     /// Read the scene's files again.
     Reload,
-    /// End: there are no more requests, for this reason.
-    End(String),
 }
 
 struct State {
@@ -107,8 +57,6 @@ struct State {
     facts: SceneFacts,
     asked: Option<AskedMethod>,
     must_reload: bool,
-    /// Why there are no more requests.
-    end: Option<String>,
     pickable: Option<Arc<Pickable>>,
     /// The picture that is being made.
     current: Option<Job>,
@@ -123,26 +71,17 @@ pub struct Hub {
     pub stop: Arc<AtomicBool>,
 }
 
-/// News for a page.
-pub struct News {
-    /// What it tells, as JSON.
-    pub text: String,
-    /// The picture, if it is another one than the page has, with its exposure.
-    pub picture: Option<(Arc<Film>, f32)>,
-}
-
 impl Hub {
     /// For a scene of that diagonal, which is first seen by `camera`.
     pub fn new(camera: Camera, diagonal: f64, facts: SceneFacts) -> Hub {
         let state = State {
             sessions: BTreeMap::new(),
-            next_session: 1,
+            next_session: FIRST_SESSION,
             first_camera: camera,
             diagonal,
             facts,
             asked: None,
             must_reload: false,
-            end: None,
             pickable: None,
             current: None,
             last_served: 0,
@@ -163,23 +102,17 @@ impl Hub {
         }
         let id = state.next_session;
         state.next_session += 1;
-        let session = Session {
-            navigator: Navigator::new(state.first_camera, state.diagonal),
-            layer: Layer::Picture,
-            exposure: 0.0,
-            generation: 0,
-            step: Some(0),
-            divisor: 1,
-            shown: None,
-            refused: None,
-            frame: 0,
-            version: 1,
-            asked: Instant::now(),
-        };
+        let session = Session::new(state.first_camera, state.diagonal);
         state.sessions.insert(id, session);
         self.stop_finer_work(&state);
         self.changed.notify_all();
         id
+    }
+
+    /// Waits until a page has begun, but no longer than that.
+    pub fn wait_for_page(&self, most: Duration) {
+        let is_none = |state: &mut State| state.next_session == FIRST_SESSION;
+        drop(self.changed.wait_timeout_while(self.lock(), most, is_none));
     }
 
     /// Ends a page: what is made for it is stopped.
@@ -241,9 +174,15 @@ impl Hub {
         self.with(id, |session| session.navigator.camera())
     }
 
-    /// The picture that a page shows, and its exposure.
-    pub fn shown(&self, id: u64) -> Option<(Option<Shown>, f32)> {
-        self.with(id, |session| (session.shown.clone(), session.exposure))
+    /// The finished picture of a page, and its exposure. `None` where there is no such page, `Some(None)` where the
+    /// picture is not finished.
+    pub fn finished(&self, id: u64) -> Option<Option<(Arc<Film>, f32)>> {
+        let mut state = self.lock();
+        let State { sessions, facts, .. } = &mut *state;
+        let session = sessions.get_mut(&id)?;
+        session.asked = Instant::now();
+        let shown = session.shown.as_ref().filter(|_| session.is_finished(facts));
+        Some(shown.map(|shown| (shown.film.clone(), session.exposure)))
     }
 
     /// What tells what is under the pointer, once the scene is built.
@@ -267,14 +206,6 @@ impl Hub {
         self.changed.notify_all();
     }
 
-    /// Has the worker end, as there are no more requests.
-    pub fn end_all(&self, why: String) {
-        let mut state = self.lock();
-        state.end = Some(why);
-        self.stop_finer_work(&state);
-        self.changed.notify_all();
-    }
-
     /// Stops what is being made, unless it is coarse: a camera that goes on moving is to be followed by pictures.
     fn stop_finer_work(&self, state: &State) {
         if state.current.as_ref().is_some_and(|job| job.step > 0) {
@@ -288,15 +219,14 @@ impl Hub {
         let deadline = Instant::now() + PATIENCE;
         let mut state = self.lock();
         loop {
-            let State { sessions, facts, current, .. } = &mut *state;
+            let State { sessions, facts, .. } = &mut *state;
             let session = sessions.get_mut(&id)?;
             if session.is_asleep() {
                 self.changed.notify_all();
             }
             session.asked = Instant::now();
             if session.version != version {
-                let is_current = current.as_ref().is_some_and(|job| job.session == id);
-                return Some(Some(session.news(facts, frame, is_current)));
+                return Some(Some(session.news(facts, frame)));
             }
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
@@ -306,8 +236,16 @@ impl Hub {
         }
     }
 
+    /// Looks for pages that are asleep for as long as the program runs.
+    pub fn watch_sleep(&self) {
+        loop {
+            std::thread::sleep(LOOK_EVERY);
+            self.rest();
+        }
+    }
+
     /// Forgets the pictures of pages that are asleep, and stops what is made for them. Where their cameras are is kept.
-    pub fn rest(&self) {
+    fn rest(&self) {
         let mut state = self.lock();
         for session in state.sessions.values_mut().filter(|session| session.is_asleep() && session.shown.is_some()) {
             session.shown = None;
@@ -325,9 +263,6 @@ impl Hub {
         loop {
             state.current = None;
             self.stop.store(false, Ordering::Relaxed);
-            if let Some(why) = state.end.take() {
-                return Task::End(why);
-            }
             if std::mem::take(&mut state.must_reload) {
                 return Task::Reload;
             }
@@ -349,7 +284,7 @@ impl Hub {
         state.current = None;
         if let Some(session) = state.sessions.get_mut(&job.session) {
             if session.generation == job.generation {
-                session.step = (!shown.facts.is_done).then_some(job.step + 1);
+                session.step = (!shown.is_last).then_some(job.step + 1);
                 session.divisor = if job.step == 0 { shown.divisor } else { session.divisor };
             }
             if session.layer == job.layer {
@@ -410,6 +345,7 @@ impl State {
 
 #[cfg(test)]
 mod tests {
+    use super::super::session::ASLEEP_AFTER;
     use super::*;
     use raybrook::glam::Vec3;
     use raybrook::low_level::film::Film;
@@ -426,9 +362,9 @@ mod tests {
         }
     }
 
-    fn picture(is_done: bool) -> Shown {
-        let facts = super::super::facts::PictureFacts { is_done, ..Default::default() };
-        Shown { film: Arc::new(Film::black(1, 1)), facts, divisor: 8 }
+    fn picture(is_last: bool) -> Shown {
+        let facts = super::super::facts::PictureFacts::default();
+        Shown { film: Arc::new(Film::black(1, 1)), facts, divisor: 8, is_last }
     }
 
     fn sleep(hub: &Hub, id: u64) {
@@ -471,6 +407,37 @@ mod tests {
         assert!(is_stopped(&hub));
         assert_eq!(job(&hub).step, 0);
         assert!(!is_stopped(&hub));
+    }
+
+    #[test]
+    fn a_picture_is_finished_until_something_else_is_to_be_shown() {
+        let hub = hub();
+        let id = hub.begin();
+        let is_finished = || hub.finished(id).unwrap().is_some();
+        let make = |is_last: bool| hub.publish(&job(&hub), picture(is_last));
+        assert!(!is_finished() && hub.finished(id + 1).is_none());
+        make(false);
+        assert!(!is_finished());
+        make(true);
+        assert!(is_finished());
+        hub.set_exposure(id, 1.0);
+        assert!(is_finished());
+        for change in
+            [&|| hub.apply(id, &[Move::Zoom(0.1)]).unwrap(), &|| hub.set_layer(id, Layer::Wrong).unwrap(), &|| {
+                hub.tell(|facts| facts.busy = Some("building".into()))
+            }] as [&dyn Fn(); 3]
+        {
+            change();
+            assert!(!is_finished());
+            hub.tell(|facts| facts.busy = None);
+            if !is_finished() {
+                make(true);
+            }
+            assert!(is_finished());
+        }
+        hub.set_layer(id, Layer::Picture);
+        hub.give_up(&job(&hub), "it is too large".into());
+        assert!(!is_finished());
     }
 
     #[test]

@@ -1,13 +1,13 @@
-//! What is under the pointer: the closest hit of the ray through a pixel's middle.
+//! What is under the pointer: the closest hit of a pixel's ray.
 //!
 //! The twin traces it on the host, with the bits of any device, so that no picture that is being made has to wait.
 
 use super::super::open::Loaded;
 use raybrook::glam::Vec3;
+use raybrook::low_level::layers::PixelRays;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::ReferenceBackend;
-use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::renderer::Picture;
 use raybrook::low_level::scene::{Scene, Triangle};
 use raybrook::low_level::shared::Hit;
@@ -58,19 +58,19 @@ impl Pickable {
         (0.0..f64::from(width)).contains(&x) && (0.0..f64::from(height)).contains(&y)
     }
 
-    /// The ray through the middle of the pixel with the point (`x`, `y`), in pixels from the upper left corner.
+    /// The ray of the pixel with the point (`x`, `y`), in pixels from the upper left corner.
     ///
     /// # Errors
-    /// As [`Backend::trace`].
+    /// As [`PixelRays::new`] and [`Backend::trace`].
     pub fn pick(&self, camera: Camera, (x, y): (f64, f64)) -> Result<Picked> {
-        let Picture { size, samples, depth, .. } = self.picture;
-        let params = self.buffers.render_params(&camera, size, samples, depth, None);
-        let direction = camera_direction(&params, x.floor() as f32 + 0.5, y.floor() as f32 + 0.5);
-        let batch = self.buffers.batch(1, |_| (camera.eye, direction, 0.0, f32::INFINITY), None);
+        let rays = PixelRays::new(&self.buffers, &Picture { camera, ..self.picture }, None)?;
+        let pixel = y as usize * self.picture.size.0 as usize + x as usize;
+        let (origin, direction) = rays.ray(pixel);
+        let batch = rays.batch(&self.buffers, pixel..pixel + 1);
         let mut twin = ReferenceBackend::new(self.buffers.clone(), self.options);
         let result = twin.trace(&batch.job(false, 1), &|_| ())?;
         let hit = result.hits.first().filter(|hit| is_hit(hit)).map(|hit| self.told(hit));
-        Ok(Picked { origin: camera.eye.into(), direction: direction.into(), hit })
+        Ok(Picked { origin: origin.into(), direction: direction.into(), hit })
     }
 
     fn told(&self, hit: &Hit) -> PickedHit {

@@ -106,7 +106,8 @@ function tell() {
   document.title = `${told.scene} – raybrook view`;
   const picture = told.picture;
   const size = told.size[0] ? `${told.size[0]}x${told.size[1]}, ` : "";
-  const work = told.busy ? told.busy + " …" : told.is_working ? "refining …" : "finished";
+  const done = told.refused ? "no picture" : told.is_finished ? "finished" : "refining …";
+  const work = told.busy ? told.busy + " …" : done;
   set("state", `${grouped(told.triangles)} triangles, ${size}${told.device ? told.device + ", " : ""}${work}`);
   const notice = told.notice || told.refused;
   $("notice").hidden = !notice;
@@ -117,23 +118,22 @@ function tell() {
   });
   shown.layer = told.layer;
   shown.notice = notice || "";
-  const isDone = Boolean(picture && picture.is_done && !told.is_working && !told.busy);
-  shown.state = isDone ? "done" : "working";
+  shown.state = told.is_finished ? "done" : "working";
   ["png", "exr"].forEach(ending => {
     const link = $(`save-${ending}`);
-    link.setAttribute("aria-disabled", String(!isDone));
-    if (isDone) link.href = `picture.${ending}?session=${session}`;
+    link.setAttribute("aria-disabled", String(!told.is_finished));
+    if (told.is_finished) link.href = `picture.${ending}?session=${session}`;
     else link.removeAttribute("href");
   });
   if (picture) tellPicture(picture);
-  if (isDone && lastPointer) pick(lastPointer);
+  if (told.is_finished && lastPointer) pick(lastPointer);
 }
 
 function tellPicture(picture) {
   set("label", picture.label);
   set("rays", grouped(picture.rays));
   set("rate", picture.mrays_per_s ? picture.mrays_per_s.toFixed(2) : "–");
-  set("error", picture.error === undefined ? "–" : `${picture.error.toFixed(2)} steps of 8 bits`);
+  set("error", picture.error === undefined ? "–" : `${picture.error.toFixed(2)} of 255`);
   const isCounted = picture.brightest !== undefined || picture.wrong !== undefined;
   $("counted-name").hidden = $("counted").hidden = !isCounted;
   if (picture.wrong !== undefined) {
@@ -149,7 +149,7 @@ function tellPicture(picture) {
 setInterval(() => {
   const now = performance.now();
   while (times.length && times[0] < now - 1000) times.shift();
-  set("frames", String(times.length));
+  set("frames", times.length ? String(times.length) : "–");
 }, 500);
 
 // ---- Moves ----
@@ -308,8 +308,9 @@ function fly(now) {
   requestAnimationFrame(fly);
 }
 
-canvas.addEventListener("keydown", event => {
-  if (event.ctrlKey || event.metaKey) return;
+addEventListener("keydown", event => {
+  // Lists, buttons and the dialog have keys of their own.
+  if (event.ctrlKey || event.metaKey || ![canvas, document.body].includes(event.target)) return;
   isFast = event.shiftKey;
   if (flying[event.code]) {
     if (!held.size) {
