@@ -344,7 +344,7 @@ impl StoredBlocks {
             }
             let message = format!(
                 "block {} has other pixels here than in another journal: one of them is damaged, or was rendered by another \
-                 program; leave out one of the two, or render that part again with --restart",
+                 program; leave out one of the two, or render that part anew",
                 block.number
             );
             Err(Error::input(path, None, message))
