@@ -73,6 +73,8 @@ rooms! {
     reference,
     /// From a scene and a device to what is ready to render it.
     renderer,
+    /// Files of pictures, written row by row.
+    rows in io,
     /// Scenes in world units, and their loaders.
     scene,
     /// The structs and constants that host and kernels share.

@@ -4,18 +4,22 @@ mod blocks;
 mod crop;
 mod kept;
 mod several;
+mod stored;
 
 pub use blocks::{PictureBlocks, render_blocks};
 pub use crop::{Crop, render_part, render_part_noting};
-pub use kept::{Kept, Part, PictureId, PictureJournal, read_kept};
+pub use kept::{Kept, KeptBlock, KeptRows, Part, PictureId, PictureJournal, read_kept};
 pub use several::{Renderer, Watcher, render_by_several};
+pub use stored::{RowsInOrder, StoredBlocks};
 
 use crate::adaptive::{PART_PIXELS, estimated_bytes, render_all, sample_sequence};
+use crate::blocks::LARGEST_PATCH;
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
 use crate::error::Result;
 use crate::features::Features;
 use crate::io::film::{Film, ImageFormat};
+use crate::io::rows::writing_bytes;
 use crate::options::{Decisions, Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceBackend;
@@ -144,34 +148,71 @@ const DEVICE_PIXEL_BYTES: u64 = 16;
 /// About how many bytes of the host's memory [`render`] and writing the picture to `format` take at the most at a time,
 /// on `device`, or on the reference when there is none.
 pub fn picture_bytes(
-    (width, height): (u32, u32),
+    size: (u32, u32),
     samples: Samples,
     options: &TraceOptions,
     device: Option<&DeviceHandle>,
     format: Option<ImageFormat>,
 ) -> u64 {
-    let pixels = u64::from(width) * u64::from(height);
-    let shares_memory = device.is_some_and(shares_host_memory);
-    let of_sampling = match (samples, options.counters) {
-        (Samples::Error(_), counters) => estimated_bytes((width, height), counters, shares_memory),
-        (_, true) => 2 * size_of::<PixelWork>() as u64 * pixels,
-        (_, false) => 0,
-    };
+    let pixels = u64::from(size.0) * u64::from(size.1);
     let on_device = match samples {
         // The host keeps the pixels, and has them rendered in parts.
         Samples::Error(_) if options.picture.decisions != Decisions::Device => pixels.min(PART_PIXELS as u64),
         _ => pixels,
     };
-    let of_device = match (shares_memory, options.picture.kernels) {
-        (false, _) => 0,
-        (true, Kernels::Mega) => DEVICE_PIXEL_BYTES * on_device,
-        (true, Kernels::Wavefront) => {
-            DEVICE_PIXEL_BYTES * on_device + WAVEFRONT_BYTES.min(WAVEFRONT_PIXEL_BYTES * pixels)
-        }
+    let of_file = format.map_or(0, |format| writing_bytes(format, pixels));
+    let of_sampling = sampling_bytes(size, samples, options, device);
+    Film::PIXEL_BYTES * pixels + of_sampling.max(of_file) + device_bytes(on_device, options, device)
+}
+
+/// The same of a picture that is written by rows ([`crate::low_level::rows`]), of blocks that nobody keeps in memory.
+/// Without a `format` it is kept, and not written.
+pub fn picture_bytes_by_rows(
+    (size, part): ((u32, u32), Option<Crop>),
+    samples: Samples,
+    options: &TraceOptions,
+    device: Option<&DeviceHandle>,
+    format: Option<ImageFormat>,
+) -> u64 {
+    let in_flight = PictureBlocks::new(size, samples, part).in_flight();
+    let of_file = format.map_or(0, |format| bytes_of_rows(part.map_or(size, |part| part.size), format));
+    // Blocks of areas are gathered before they are appended to a journal.
+    let of_film = if matches!(samples, Samples::Error(_)) { 2 * in_flight } else { in_flight };
+    let of_blocks = Film::PIXEL_BYTES * of_film + sampling_bytes(size, samples, options, device);
+    of_blocks + of_file + device_bytes(in_flight, options, device)
+}
+
+/// About how many bytes it takes at the most to write a picture from journals.
+pub fn bytes_of_rows((width, height): (u32, u32), format: ImageFormat) -> u64 {
+    let strip = u64::from(width) * u64::from(height).min(LARGEST_PATCH as u64);
+    Film::PIXEL_BYTES * strip + writing_bytes(format, u64::from(width) * u64::from(height))
+}
+
+/// What is known of the pixels beside their light.
+fn sampling_bytes(size: (u32, u32), samples: Samples, options: &TraceOptions, device: Option<&DeviceHandle>) -> u64 {
+    match (samples, options.counters) {
+        (Samples::Error(_), counters) => estimated_bytes(size, counters, device.is_some_and(shares_host_memory)),
+        (_, true) => 2 * size_of::<PixelWork>() as u64 * u64::from(size.0) * u64::from(size.1),
+        (_, false) => 0,
+    }
+}
+
+/// What a run takes, and a device that has so many pixels at a time, if its memory is the host's.
+fn device_bytes(pixels: u64, options: &TraceOptions, device: Option<&DeviceHandle>) -> u64 {
+    let of_device = match options.picture.kernels {
+        Kernels::Mega => DEVICE_PIXEL_BYTES * pixels,
+        Kernels::Wavefront => DEVICE_PIXEL_BYTES * pixels + WAVEFRONT_BYTES.min(WAVEFRONT_PIXEL_BYTES * pixels),
     };
-    let of_file = format.map_or(0, ImageFormat::bytes_per_pixel) * pixels;
-    let of_run = RUN_BYTES + if shares_memory { DRIVER_BYTES } else { 0 };
-    Film::PIXEL_BYTES * pixels + of_sampling.max(of_file) + of_device + of_run
+    RUN_BYTES + if device.is_some_and(shares_host_memory) { DRIVER_BYTES + of_device } else { 0 }
+}
+
+/// From how many bytes of pixels on a picture is large: all else of one takes no more, so that a picture which is not in
+/// memory whole is done within 1 GiB.
+pub const LARGE_FROM: u64 = 512 << 20;
+
+/// Whether a picture of this size is so large that it should not be in memory whole.
+pub fn is_large(size: (u32, u32)) -> bool {
+    Film::PIXEL_BYTES * u64::from(size.0) * u64::from(size.1) > LARGE_FROM
 }
 
 /// Whether the memory of `device` is the host's.
@@ -251,4 +292,23 @@ fn render_as(
 fn rendered_params(tracer: &dyn Backend, buffers: &SceneBuffers, picture: &Picture) -> RenderParams {
     let roulette_weight = tracer.options().picture.roulette.unwrap_or(0.0);
     RenderParams { roulette_weight, ..picture.params(buffers, picture.samples) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_by_rows_does_not_depend_on_the_size() {
+        let options = TraceOptions::DEFAULT;
+        let formats = [ImageFormat::Png8, ImageFormat::Png16, ImageFormat::Exr, ImageFormat::Pfm];
+        for samples in [Samples::PerPixel(1), Samples::PerPixel(64), Samples::Error(1.0), Samples::Error(8.0)] {
+            for format in formats {
+                let of = |size| picture_bytes_by_rows((size, None), samples, &options, None, Some(format));
+                let (large, largest) = (of((65535, 4096)), of((65535, 65535)));
+                assert!(large == largest && largest < 1 << 30, "{samples:?} {format:?}: {large} {largest}");
+                assert!(picture_bytes((65535, 65535), samples, &options, None, Some(format)) > 40 << 30);
+            }
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! The picture: linear radiance in memory, PNG, OpenEXR or PFM on disk.
+//! The picture: linear radiance in memory; its files are PNG, OpenEXR or PFM ([`crate::low_level::rows`]).
 //!
 //! PNG holds display values by the sRGB transfer curve (IEC 61966-2-1, amendment 1, 2003: the exact two-piece curve, in
 //! f64, rounded to nearest) and says so in an `sRGB` chunk; there is no tone mapping: radiance 1 is white and what is
@@ -9,14 +9,13 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use exr::image::write::WritableImage;
-use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
 use rayon::prelude::*;
 
 use crate::blocks::{Area, LARGEST_PATCH};
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::io::output::{Output, check_writable, write_atomically};
+use crate::io::rows;
 
 /// A rendered picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +43,12 @@ impl<'a> FilmWindow<'a> {
     pub fn row(&self, y: usize, columns: Range<usize>) -> &'a [[f32; 3]] {
         let first = (y - self.place.1) * self.film.width as usize;
         &self.film.pixels[first + columns.start - self.place.0..first + columns.end - self.place.0]
+    }
+
+    /// The pixels of a place, row by row, if they lie one after the other on the film: those of whole rows.
+    pub(crate) fn rows(&self, place: &Area) -> Option<&'a [[f32; 3]]> {
+        let (width, here) = (self.film.width as usize, place.seen_from(self.place));
+        (here.x == (0..width)).then(|| &self.film.pixels[here.y.start * width..here.y.end * width])
     }
 }
 
@@ -77,16 +82,6 @@ impl ImageFormat {
                 let message = format!("the name '{}' must end in .png, .exr or .pfm", path.display());
                 Err(Error::option("-o", message))
             }
-        }
-    }
-
-    /// Bytes that writing a picture takes for each pixel, beside the picture.
-    pub(crate) fn bytes_per_pixel(self) -> u64 {
-        match self {
-            ImageFormat::Png8 => 3,
-            ImageFormat::Png16 => 12,
-            ImageFormat::Exr => 1,
-            ImageFormat::Pfm => 0,
         }
     }
 
@@ -192,6 +187,34 @@ impl DisplayValues {
 static DISPLAY_8: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new(u8::MAX.into()));
 static DISPLAY_16: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new(u16::MAX));
 
+/// As [`Film::to_srgb8`].
+pub(super) fn srgb8(pixels: &[[f32; 3]]) -> Vec<[u8; 3]> {
+    let values = &*DISPLAY_8;
+    pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c) as u8)).collect()
+}
+
+/// As [`Film::to_srgb16`].
+pub(super) fn srgb16(pixels: &[[f32; 3]]) -> Vec<[u16; 3]> {
+    let values = &*DISPLAY_16;
+    pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c))).collect()
+}
+
+/// As [`Film::non_finite`].
+pub fn non_finite(pixels: &[[f32; 3]]) -> usize {
+    pixels.par_iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
+}
+
+/// As [`Film::expose`].
+///
+/// # Errors
+/// As there.
+pub fn expose(pixels: &mut [[f32; 3]], stops: f32) -> Result<()> {
+    Film::check_exposure(stops)?;
+    let factor = f64::from(stops).exp2() as f32;
+    pixels.par_iter_mut().for_each(|pixel| *pixel = pixel.map(|light| light * factor));
+    Ok(())
+}
+
 impl Film {
     /// Bytes of a pixel.
     pub(crate) const PIXEL_BYTES: u64 = size_of::<[f32; 3]>() as u64;
@@ -260,27 +283,22 @@ impl Film {
     /// # Errors
     /// As [`Film::check_exposure`].
     pub fn expose(&mut self, stops: f32) -> Result<()> {
-        Self::check_exposure(stops)?;
-        let factor = f64::from(stops).exp2() as f32;
-        self.pixels.par_iter_mut().for_each(|pixel| *pixel = pixel.map(|light| light * factor));
-        Ok(())
+        expose(&mut self.pixels, stops)
     }
 
     /// The number of pixels with a channel that is NaN or infinite; PNG shows such a channel as 0.
     pub fn non_finite(&self) -> usize {
-        self.pixels.par_iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
+        non_finite(&self.pixels)
     }
 
     /// The picture as 8-bit sRGB. A channel that is NaN, infinite or negative becomes 0, one above 1 becomes 255.
     pub fn to_srgb8(&self) -> Vec<[u8; 3]> {
-        let values = &*DISPLAY_8;
-        self.pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c) as u8)).collect()
+        srgb8(&self.pixels)
     }
 
     /// The picture as 16-bit sRGB, with the rules of [`Film::to_srgb8`].
     pub fn to_srgb16(&self) -> Vec<[u16; 3]> {
-        let values = &*DISPLAY_16;
-        self.pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c))).collect()
+        srgb16(&self.pixels)
     }
 
     /// Writes the picture in `format`, or in the one that the extension of `path` stands for.
@@ -304,16 +322,7 @@ impl Film {
     }
 
     fn encode(&self, out: &mut dyn Output, format: ImageFormat) -> io::Result<()> {
-        match format {
-            ImageFormat::Png8 => self.write_png(out, png::BitDepth::Eight, self.to_srgb8().as_flattened()),
-            ImageFormat::Png16 => {
-                let big_endian: Vec<u8> =
-                    self.to_srgb16().as_flattened().iter().flat_map(|c| c.to_be_bytes()).collect();
-                self.write_png(out, png::BitDepth::Sixteen, &big_endian)
-            }
-            ImageFormat::Exr => self.write_exr(out),
-            ImageFormat::Pfm => self.write_pfm(out),
-        }
+        rows::encode(out, (self.width, self.height), format, |put| put(&self.pixels))
     }
 
     /// The bytes that [`Film::write`] gives a file of this format.
@@ -332,42 +341,6 @@ impl Film {
     /// The film has no pixels, or not `width` x `height` of them.
     pub fn to_png(&self) -> io::Result<Vec<u8>> {
         self.to_bytes(ImageFormat::Png8)
-    }
-
-    fn write_png(&self, out: impl io::Write, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {
-        let mut encoder = png::Encoder::new(out, self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(depth);
-        // Perceptual is what the PNG specification suggests for pictures whose author states no intent.
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(bytes)?;
-        Ok(writer.finish()?)
-    }
-
-    fn write_exr(&self, out: &mut dyn Output) -> io::Result<()> {
-        let size = (self.width as usize, self.height as usize);
-        let channels = SpecificChannels::rgb(|Vec2(x, y): Vec2<usize>| {
-            let [red, green, blue] = self.pixels[y * size.0 + x];
-            (red, green, blue)
-        });
-        // ZIP in blocks of 16 rows is the compression that every reader knows.
-        let image = Image::from_encoded_channels(size, Encoding::SMALL_LOSSLESS, channels);
-        image.write().to_buffered(out).map_err(|e| match e {
-            exr::error::Error::Io(source) => source,
-            other => io::Error::other(other),
-        })
-    }
-
-    /// Paul Debevec's portable float map: a text header, then the rows from the bottom up; a negative scale means
-    /// little-endian.
-    fn write_pfm(&self, out: &mut dyn Output) -> io::Result<()> {
-        write!(out, "PF\n{} {}\n-1.0\n", self.width, self.height)?;
-        for row in self.pixels.chunks_exact(self.width as usize).rev() {
-            let bytes: Vec<u8> = row.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
-            out.write_all(&bytes)?;
-        }
-        Ok(())
     }
 }
 

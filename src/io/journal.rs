@@ -47,6 +47,15 @@ pub struct Condition {
     pub damaged_bytes: u64,
 }
 
+/// A whole record of a journal.
+#[derive(Debug, Clone, Copy)]
+pub struct Record<'a> {
+    /// What is in it.
+    pub payload: &'a [u8],
+    /// Where that lies, in bytes from the file's beginning.
+    pub place: u64,
+}
+
 impl Journal {
     /// A new journal with this header.
     ///
@@ -69,7 +78,15 @@ impl Journal {
     /// # Errors
     /// [`Error::Io`] with action "read", or "write" when another program has it; [`Error::Input`] when the file is no
     /// journal; and those of `take`.
-    pub fn open(path: &Path, take: impl FnMut(&[u8]) -> Result<()>) -> Result<(Journal, Condition)> {
+    pub fn open(path: &Path, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<(Journal, Condition)> {
+        Self::open_placed(path, |record| take(record.payload))
+    }
+
+    /// As [`Journal::open`]; `take` is told, too, where the payload lies.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn open_placed(path: &Path, take: impl FnMut(&Record) -> Result<()>) -> Result<(Journal, Condition)> {
         let file = File::options().read(true).write(true).open(path).map_err(|error| Error::io("read", path, error))?;
         lock(&file, path)?;
         let (end, condition) = read_records(&file, path, take)?;
@@ -79,6 +96,19 @@ impl Journal {
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Where the payload of the next record will lie, in bytes from the file's beginning.
+    pub fn next_place(&self) -> u64 {
+        self.end + PREFIX_BYTES
+    }
+
+    /// The file, to read in.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "read".
+    pub fn reader(&self) -> Result<File> {
+        self.file.try_clone().map_err(|error| Error::io("read", &self.path, error))
     }
 
     /// Appends a record whose payload is `parts` one after the other. Where that fails, the journal has the records that
@@ -129,7 +159,15 @@ impl Journal {
 ///
 /// # Errors
 /// As [`Journal::open`].
-pub fn read(path: &Path, take: impl FnMut(&[u8]) -> Result<()>) -> Result<Condition> {
+pub fn read(path: &Path, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<Condition> {
+    read_placed(path, |record| take(record.payload))
+}
+
+/// As [`read`]; `take` is told, too, where the payload lies.
+///
+/// # Errors
+/// As there.
+pub fn read_placed(path: &Path, take: impl FnMut(&Record) -> Result<()>) -> Result<Condition> {
     let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
     read_records(&file, path, take).map(|(_, condition)| condition)
 }
@@ -160,7 +198,7 @@ fn lock(_: &File, _: &Path) -> Result<()> {
 }
 
 /// Hands all whole records to `take`. Returns where the last one ends.
-fn read_records(file: &File, path: &Path, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<(u64, Condition)> {
+fn read_records(file: &File, path: &Path, mut take: impl FnMut(&Record) -> Result<()>) -> Result<(u64, Condition)> {
     let to_error = |error| Error::io("read", path, error);
     let length = file.metadata().map_err(to_error)?.len();
     let mut reader = BufReader::with_capacity(1 << 20, file);
@@ -175,7 +213,7 @@ fn read_records(file: &File, path: &Path, mut take: impl FnMut(&[u8]) -> Result<
     while at < length {
         reader.seek(SeekFrom::Start(at)).map_err(to_error)?;
         if read_record(&mut reader, length - at, &mut payload).map_err(to_error)? {
-            take(&payload)?;
+            take(&Record { payload: &payload, place: at + PREFIX_BYTES })?;
             condition.damaged_bytes += at - end;
             at += PREFIX_BYTES + payload.len() as u64;
             end = at;

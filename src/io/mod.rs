@@ -11,3 +11,4 @@ mod npz;
 pub mod output;
 pub mod planes;
 pub mod rays;
+pub mod rows;

@@ -7,6 +7,7 @@
 use crate::error::{Error, Result};
 use crate::io::film::Film;
 use crate::io::output::{Output, write_atomically};
+use crate::io::rows::of_exr;
 use exr::image::write::WritableImage;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, SmallVec};
 use std::io;
@@ -83,10 +84,7 @@ fn write_channels(out: &mut dyn Output, film: &Film, groups: Vec<PlaneGroup>) ->
     }
     let size = (film.width as usize, film.height as usize);
     let image = Image::from_encoded_channels(size, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels));
-    image.write().to_buffered(out).map_err(|e| match e {
-        exr::error::Error::Io(source) => source,
-        other => io::Error::other(other),
-    })
+    image.write().to_buffered(out).map_err(of_exr)
 }
 
 fn samples(plane: Plane) -> FlatSamples {

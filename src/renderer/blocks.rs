@@ -13,6 +13,7 @@ use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
 use crate::shared::{RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
@@ -24,6 +25,8 @@ const BAND_RAYS: u64 = 1 << 20;
 /// little time.
 const FIRST_RAYS: u64 = 1 << 22;
 const GROWTH: u64 = 64;
+/// The most pixels of bands that are rendered together, so that a device has room for them: 128 MiB.
+const GROUP_PIXELS: u64 = 1 << 23;
 /// So long take bands that are rendered together, about: what is lost when the program is stopped.
 const GROUP_TIME: Duration = Duration::from_secs(1);
 
@@ -77,6 +80,11 @@ impl PictureBlocks {
         (self.part.place.0 as usize, self.part.place.1 as usize)
     }
 
+    /// Width and height of what is rendered.
+    pub fn size(&self) -> (u32, u32) {
+        self.part.size
+    }
+
     /// Whether there is a block of this number.
     pub fn has(&self, number: usize) -> bool {
         match self.cut {
@@ -101,6 +109,34 @@ impl PictureBlocks {
                 blocks.places(number).into_iter().filter_map(|place| place.within(&part)).collect()
             }
         }
+    }
+
+    /// The rows of what is rendered that a block has all pixels of, if it is a band.
+    pub(super) fn rows_of_band(&self, number: usize) -> Option<Range<usize>> {
+        let Cut::Bands(rows) = self.cut else { return None };
+        Some(self.bands(number..number + 1, rows).area().seen_from(self.place()).y)
+    }
+
+    /// The blocks that have some rows of what is rendered, from top to bottom in pieces that have whole rows together:
+    /// bands, or the blocks of the areas beside each other.
+    pub(super) fn tiers(&self, rows: &Range<usize>) -> Vec<Vec<usize>> {
+        let top = |&number: &usize| match self.cut {
+            Cut::Bands(_) => number,
+            Cut::Strewn(blocks, _) => blocks.area(number / blocks.per_area).y.start,
+        };
+        let is_in = |number: &usize| self.rows_of_band(*number).is_none_or(|of| rows.contains(&of.start));
+        let numbers: Vec<usize> = self.numbers().into_iter().filter(is_in).collect();
+        numbers.chunk_by(|a, b| top(a) == top(b)).map(<[usize]>::to_vec).collect()
+    }
+
+    /// About how many pixels are in flight at the most while blocks are rendered.
+    pub fn in_flight(&self) -> u64 {
+        let pixels = u64::from(self.part.size.0) * u64::from(self.part.size.1);
+        let most = match self.cut {
+            Cut::Bands(rows) => (u64::from(rows) * u64::from(self.part.size.0)).max(GROUP_PIXELS),
+            Cut::Strewn(blocks, _) => (blocks.area.0 * blocks.area.1) as u64,
+        };
+        most.min(pixels)
     }
 
     /// Neighbouring bands.
@@ -143,12 +179,18 @@ impl PictureBlocks {
     }
 
     /// The pixels of a block, place after place and row by row, from a film that shows them.
-    pub fn gather(&self, number: usize, film: &FilmWindow) -> Vec<[f32; 3]> {
+    pub fn gather<'f>(&self, number: usize, film: &FilmWindow<'f>) -> Cow<'f, [[f32; 3]]> {
+        let places = self.places(number);
+        if let [place] = &places[..]
+            && let Some(rows) = film.rows(place)
+        {
+            return Cow::Borrowed(rows);
+        }
         let mut pixels = Vec::new();
-        for place in self.places(number) {
+        for place in places {
             place.y.for_each(|y| pixels.extend_from_slice(film.row(y, place.x.clone())));
         }
-        pixels
+        Cow::Owned(pixels)
     }
 
     /// Puts the pixels of a block, as [`PictureBlocks::gather`] has them, onto a film of the part, or one without pixels
@@ -241,13 +283,14 @@ fn render_bands(
     progress: Progress,
 ) -> Result<RenderResult> {
     let samples = sample_positions(blocks.samples);
-    let rays_of_band = u64::from(rows) * u64::from(blocks.part.size.0) * samples.len() as u64;
+    let pixels_of_band = u64::from(rows) * u64::from(blocks.part.size.0);
+    let rays_of_band = pixels_of_band * samples.len() as u64;
     let mut rays = FIRST_RAYS;
     let keeps_film = film.is_some();
     let mut result = RenderResult::of_film(film.unwrap_or_else(Film::none));
     let mut rest = wanted;
     while !rest.is_empty() {
-        let most = (rays / rays_of_band).max(1) as usize;
+        let most = (rays / rays_of_band).min(GROUP_PIXELS / pixels_of_band).max(1) as usize;
         let (now, later) = rest.split_at(neighbours(rest).min(most));
         let before = wanted.len() - rest.len();
         let progress = |part: f64| progress((before as f64 + part * now.len() as f64) / wanted.len() as f64);

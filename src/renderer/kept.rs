@@ -1,17 +1,20 @@
 //! Pictures whose finished blocks are kept in a journal, so that nothing is rendered twice: a run that was stopped goes
 //! on, and parts that several machines rendered are merged.
 
-use super::{Crop, Picture, PictureBlocks};
+use super::{Crop, Picture, PictureBlocks, StoredBlocks};
 use crate::error::{Error, Result};
-use crate::io::journal::{self, Condition, Journal};
+use crate::io::journal::{self, Condition, Journal, Record};
+use crate::io::rows::PutRows;
 use crate::options::TraceOptions;
 use crate::scene::{Samples, Scene};
 use crate::tracer::{Finished, Spent};
 use bytemuck::cast_slice;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::ops::Range;
 use std::path::Path;
 use std::str::FromStr;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a picture's pixels depend on. Journals of different pictures do not go together.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -162,7 +165,28 @@ impl FromStr for Part {
 #[derive(Debug)]
 pub struct PictureJournal {
     journal: Journal,
+    kept: KeptRows,
+}
+
+/// Rows of a picture from its journal, which whoever writes them may have while the journal goes on.
+#[derive(Debug, Clone)]
+pub struct KeptRows {
     blocks: PictureBlocks,
+    stored: Arc<Mutex<StoredBlocks>>,
+}
+
+impl KeptRows {
+    /// As [`StoredBlocks::put_rows`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn put(&self, rows: &Range<usize>, put: PutRows) -> Result<()> {
+        self.with(|stored| stored.put_rows(&self.blocks, rows, put))
+    }
+
+    fn with<T>(&self, ask: impl FnOnce(&mut StoredBlocks) -> T) -> T {
+        ask(&mut self.stored.lock().unwrap_or_else(PoisonError::into_inner))
+    }
 }
 
 impl PictureJournal {
@@ -173,7 +197,15 @@ impl PictureJournal {
     pub fn create(path: &Path, id: &PictureId, part: Option<Part>, blocks: &PictureBlocks) -> Result<PictureJournal> {
         let header = Header { picture: id.clone(), part };
         let header = serde_json::to_vec(&header).map_err(|error| Error::io("write", path, error.into()))?;
-        Ok(PictureJournal { journal: Journal::create(path, &[&[HEADER], &header[..]].concat())?, blocks: *blocks })
+        let journal = Journal::create(path, &[&[HEADER], &header[..]].concat())?;
+        Self::with_blocks(journal, blocks, StoredBlocks::default())
+    }
+
+    fn with_blocks(journal: Journal, blocks: &PictureBlocks, mut stored: StoredBlocks) -> Result<PictureJournal> {
+        // The first file: what is noted of its blocks says so.
+        stored.add_file(journal.path(), Some(journal.reader()?));
+        let kept = KeptRows { blocks: *blocks, stored: Arc::new(Mutex::new(stored)) };
+        Ok(PictureJournal { journal, kept })
     }
 
     /// Opens one to go on with it; `take` gets the blocks that are in it.
@@ -187,15 +219,20 @@ impl PictureJournal {
         blocks: &PictureBlocks,
         take: TakeBlock,
     ) -> Result<(PictureJournal, Kept)> {
-        let mut reader = Reader::new(path, Some(id), take);
-        let (journal, condition) = Journal::open(path, |record| reader.take(record))?;
+        let mut stored = StoredBlocks::default();
+        let mut note = |blocks: &PictureBlocks, block: &KeptBlock| {
+            stored.note((blocks, block.number), 0, block.place, block.pixels);
+            take(blocks, block)
+        };
+        let mut reader = Reader::new(path, Some(id), &mut note);
+        let (journal, condition) = Journal::open_placed(path, |record| reader.take(record))?;
         let kept = reader.finish(condition)?;
         if kept.part != part {
             let name = |part: Option<Part>| part.map_or("the whole picture".to_owned(), |part| format!("part {part}"));
             let message = format!("the journal is of {}, not of {}", name(kept.part), name(part));
             return Err(Error::input(path, None, message));
         }
-        Ok((PictureJournal { journal, blocks: *blocks }, kept))
+        Ok((Self::with_blocks(journal, blocks, stored)?, kept))
     }
 
     /// Appends blocks that are finished.
@@ -206,12 +243,25 @@ impl PictureJournal {
         let entry = Entry { blocks: finished.blocks.to_vec(), spent: finished.spent };
         let to_error = |error: serde_json::Error| Error::io("write", self.journal.path(), error.into());
         let entry = serde_json::to_vec(&entry).map_err(to_error)?;
-        let pixels: Vec<Vec<[f32; 3]>> =
-            finished.blocks.iter().map(|&number| self.blocks.gather(number, &finished.film)).collect();
+        let blocks = &self.kept.blocks;
+        let pixels: Vec<_> = finished.blocks.iter().map(|&number| blocks.gather(number, &finished.film)).collect();
         let length = (entry.len() as u32).to_le_bytes();
         let mut parts: Vec<&[u8]> = vec![&[BLOCKS], &length, &entry];
+        let mut place = self.journal.next_place() + parts.iter().map(|part| part.len() as u64).sum::<u64>();
         parts.extend(pixels.iter().map(|pixels| cast_slice::<[f32; 3], u8>(pixels)));
-        self.journal.append(&parts)
+        self.journal.append(&parts)?;
+        self.kept.with(|stored| {
+            for (&number, pixels) in finished.blocks.iter().zip(&pixels) {
+                stored.note((blocks, number), 0, place, pixels);
+                place += size_of_val(&pixels[..]) as u64;
+            }
+        });
+        Ok(())
+    }
+
+    /// Where its blocks are to be had.
+    pub fn rows(&self) -> KeptRows {
+        self.kept.clone()
     }
 
     /// Has the disk take what was appended.
@@ -251,8 +301,19 @@ pub struct Kept {
     pub condition: Condition,
 }
 
-/// Takes the pixels of a block.
-pub type TakeBlock<'a> = &'a mut dyn FnMut(&PictureBlocks, usize, &[[f32; 3]]) -> Result<()>;
+/// A block in a journal.
+#[derive(Debug, Clone, Copy)]
+pub struct KeptBlock<'a> {
+    /// Its number.
+    pub number: usize,
+    /// Its pixels, as [`PictureBlocks::gather`] has them.
+    pub pixels: &'a [[f32; 3]],
+    /// Where these lie, in bytes from the file's beginning.
+    pub place: u64,
+}
+
+/// Takes a block.
+pub type TakeBlock<'a> = &'a mut dyn FnMut(&PictureBlocks, &KeptBlock) -> Result<()>;
 
 /// Reads the journal of a picture, or of a part of one; `take` gets its blocks.
 ///
@@ -260,8 +321,37 @@ pub type TakeBlock<'a> = &'a mut dyn FnMut(&PictureBlocks, usize, &[[f32; 3]]) -
 /// As [`journal::read`], those of `take`, and [`Error::Input`] when it is of another picture than `id`.
 pub fn read_kept(path: &Path, id: Option<&PictureId>, take: TakeBlock) -> Result<Kept> {
     let mut reader = Reader::new(path, id, take);
-    let condition = journal::read(path, |record| reader.take(record))?;
+    let condition = journal::read_placed(path, |record| reader.take(record))?;
     reader.finish(condition)
+}
+
+impl StoredBlocks {
+    /// Takes note of the blocks in a journal, which stays where it is. Returns what is in it, and how many of its blocks
+    /// were there already.
+    ///
+    /// # Errors
+    /// As [`read_kept`], and [`Error::Input`] when a block has other pixels than before.
+    pub fn add(&mut self, path: &Path, id: Option<&PictureId>) -> Result<(Kept, usize)> {
+        let (file, mut doubled) = (self.add_file(path, None), 0);
+        let mut take = |blocks: &PictureBlocks, block: &KeptBlock| {
+            let Some(before) = self.block(blocks, block.number)? else {
+                self.note((blocks, block.number), file, block.place, block.pixels);
+                return Ok(());
+            };
+            doubled += 1;
+            if cast_slice::<_, u8>(&before) == cast_slice::<_, u8>(block.pixels) {
+                return Ok(());
+            }
+            let message = format!(
+                "block {} has other pixels here than in another journal: one of them is damaged, or was rendered by another \
+                 program; leave out one of the two, or render that part anew",
+                block.number
+            );
+            Err(Error::input(path, None, message))
+        };
+        let kept = read_kept(path, id, &mut take)?;
+        Ok((kept, doubled))
+    }
 }
 
 /// A journal that is being read.
@@ -284,12 +374,12 @@ impl<'a> Reader<'a> {
         Error::input(self.path, None, message)
     }
 
-    fn take(&mut self, record: &[u8]) -> Result<()> {
-        match (record.split_first(), &self.found) {
+    fn take(&mut self, record: &Record) -> Result<()> {
+        match (record.payload.split_first(), &self.found) {
             (Some((&HEADER, header)), None) => self.take_header(header),
             (Some((&BLOCKS, rest)), Some((_, blocks))) => {
                 let blocks = *blocks;
-                self.take_blocks(rest, &blocks)
+                self.take_blocks(rest, record.place + record.payload.len() as u64, &blocks)
             }
             _ => Err(self.no_header()),
         }
@@ -317,7 +407,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn take_blocks(&mut self, rest: &[u8], blocks: &PictureBlocks) -> Result<()> {
+    /// `end`: where the record ends in the file.
+    fn take_blocks(&mut self, rest: &[u8], end: u64, blocks: &PictureBlocks) -> Result<()> {
         let wrong = || Error::input(self.path, None, "a record of the journal does not hold what it says");
         let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(wrong)?;
         let (entry, mut pixels) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(wrong)?;
@@ -327,7 +418,7 @@ impl<'a> Reader<'a> {
             let (now, later) = pixels.split_at_checked(count * size_of::<[f32; 3]>()).ok_or_else(wrong)?;
             // Bytes of a record lie anywhere.
             let values: Vec<[f32; 3]> = bytemuck::pod_collect_to_vec(now);
-            (self.put)(blocks, number, &values)?;
+            (self.put)(blocks, &KeptBlock { number, pixels: &values, place: end - pixels.len() as u64 })?;
             pixels = later;
         }
         if !pixels.is_empty() {

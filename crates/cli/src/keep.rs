@@ -9,11 +9,15 @@ use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
-    Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, Watcher, render_blocks, render_by_several,
+    KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, RowsInOrder, Watcher, is_large,
+    render_blocks, render_by_several,
 };
+use raybrook::low_level::rows::PutRows;
+use raybrook::low_level::scene::Samples;
 use raybrook::low_level::tracer::{DeviceShare, Finished, RenderResult, Spent};
 use raybrook::{Error, Result};
 use std::ffi::OsString;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -38,12 +42,37 @@ pub struct KeepArgs {
     /// auto, always or never [default: auto].
     ///
     /// auto: where the picture takes more than two seconds. The file is removed when the picture is written. Where work
-    /// is counted, or --layers tells of samples or their error, nothing is kept.
+    /// is counted, or --layers tells of samples or their error, nothing is kept. A picture of more than 44 million
+    /// pixels by its --error, or by several devices, is kept from the first block on, in place of memory.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
     keep: Keep,
     /// Begin anew, and remove what is kept of an earlier run.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true)]
     restart: bool,
+}
+
+/// Where the pixels of finished blocks go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Canvas {
+    /// Onto a film, which is the result.
+    Film,
+    /// To whoever takes rows, in their order: bands are finished in it.
+    Rows,
+    /// Into the journal, which is the result of a part, and from which the rows of a picture come when it is complete.
+    Journal,
+}
+
+impl KeepArgs {
+    /// Where the pixels of a picture go of which so much is written. A large one is not kept in memory if there is
+    /// another place for it.
+    pub fn canvas(&self, size: (u32, u32), samples: Samples, is_by_several: bool) -> Canvas {
+        let is_strewn = matches!(samples, Samples::Error(_));
+        match (is_strewn || is_by_several, is_large(size)) {
+            (false, _) => Canvas::Rows,
+            (true, true) if self.keep != Keep::Never => Canvas::Journal,
+            _ => Canvas::Film,
+        }
+    }
 }
 
 /// The name of the journal of an output, or of a part of the work on it.
@@ -94,7 +123,7 @@ impl<'a> Keeper<'a> {
     pub fn open(
         args: &KeepArgs,
         (output, part): (&Path, Option<Part>),
-        (id, blocks): (LazyId<'a>, PictureBlocks),
+        (id, blocks, canvas): (LazyId<'a>, PictureBlocks, Canvas),
         talk: Talk,
     ) -> Result<Keeper<'a>> {
         let path = journal_of(output, part);
@@ -102,13 +131,13 @@ impl<'a> Keeper<'a> {
             std::fs::remove_file(&path).map_err(|error| Error::io("remove", &path, error))?;
         }
         let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
-        let film = part.is_none().then(|| blocks.empty_film());
+        let film = (canvas == Canvas::Film).then(|| blocks.empty_film());
         let shared = Shared { journal: None, done: 0, spent: Spent::default(), unkept: 0, film };
         let (shared, of) = (Arc::new(Mutex::new(shared)), rest.len());
         let mut keeper = Keeper { shared, path, id, part, keep: args.keep, blocks, rest, of, start: Instant::now() };
         if args.keep != Keep::Never && is_there(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
-        } else if part.is_some() || args.keep == Keep::Always {
+        } else if canvas == Canvas::Journal || args.keep == Keep::Always {
             lock(&keeper.shared).journal = Some(keeper.new_journal()?);
         }
         keeper.watch(talk);
@@ -123,8 +152,8 @@ impl<'a> Keeper<'a> {
     fn go_on(&mut self, talk: Talk) -> Result<()> {
         let mut shared = lock(&self.shared);
         let film = &mut shared.film;
-        let mut take = |blocks: &PictureBlocks, number: usize, pixels: &[[f32; 3]]| {
-            film.as_mut().map_or(Ok(()), |film| blocks.scatter(number, pixels, film))
+        let mut take = |blocks: &PictureBlocks, block: &KeptBlock| {
+            film.as_mut().map_or(Ok(()), |film| blocks.scatter(block.number, block.pixels, film))
         };
         let (journal, kept) = PictureJournal::open(&self.path, &self.id, self.part, &self.blocks, &mut take)?;
         self.rest.retain(|number| kept.blocks.binary_search(number).is_err());
@@ -184,20 +213,62 @@ impl<'a> Keeper<'a> {
         self.keep == Keep::Auto && done < self.of && whole >= FROM
     }
 
-    /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs.
+    /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs; its film has no pixels
+    /// where `rows` takes them.
     ///
     /// # Errors
-    /// As [`render_blocks`], and where the journal cannot be made or written.
-    pub fn render(&mut self, opened: &mut Opened, picture: &Picture, talk: Talk) -> Result<RenderResult> {
+    /// As [`render_blocks`], where the journal cannot be made, written or read, and those of `rows`.
+    pub fn render(
+        &mut self,
+        opened: &mut Opened,
+        picture: &Picture,
+        rows: Option<PutRows>,
+        talk: Talk,
+    ) -> Result<RenderResult> {
         let bar = Bar::new("render", talk);
         let rays = self.rays(picture);
         let progress = |done: f64| bar.update(done, rays, "M camera rays");
         self.start = Instant::now();
         let film = lock(&self.shared).film.take();
-        let (tracer, mut take) = (opened.tracer.as_mut(), |finished: &Finished| self.take(finished));
-        let rest = (&self.rest[..], film);
+        let mut rows = rows.map(|put| RowsInOrder::new(&self.blocks, put));
+        let mut take = |finished: &Finished| {
+            self.take(finished)?;
+            let kept = |rows: &Range<usize>, put: PutRows| self.put_kept(rows, put);
+            rows.as_mut().map_or(Ok(()), |rows| rows.take(finished, &kept))
+        };
+        let (tracer, rest) = (opened.tracer.as_mut(), (&self.rest[..], film));
         let result = render_blocks(tracer, &opened.buffers, picture, &self.blocks, rest, &mut take, &progress)?;
+        drop(bar);
+        rows.map_or(Ok(()), |rows| rows.finish(&|rows, put| self.put_rest(rows, put, talk)))?;
         Ok(self.with_all(result))
+    }
+
+    /// Hands on rows from the journal, where there is one; without it they were handed on when they were finished.
+    fn put_kept(&self, rows: &Range<usize>, put: PutRows) -> Result<()> {
+        // Whoever stops the program must not wait for the rows.
+        let kept = lock(&self.shared).journal.as_ref().map(PictureJournal::rows);
+        kept.map_or(Ok(()), |kept| kept.put(rows, put))
+    }
+
+    /// The same of what nothing is rendered for any more.
+    fn put_rest(&self, rows: &Range<usize>, put: PutRows, talk: Talk) -> Result<()> {
+        let bar = Bar::new("write", talk);
+        let (mut done, all) = (0, rows.len() as f64 * f64::from(self.blocks.size().0));
+        let mut put = |rows: &[[f32; 3]]| {
+            put(rows)?;
+            done += rows.len();
+            bar.update(done as f64 / all, all / 1e6, "M pixels");
+            Ok(())
+        };
+        self.put_kept(rows, &mut put)
+    }
+
+    /// Hands on all rows, which are kept.
+    ///
+    /// # Errors
+    /// The journal cannot be read, and those of `put`.
+    pub fn put_all(&self, put: PutRows, talk: Talk) -> Result<()> {
+        self.put_rest(&(0..self.blocks.size().1 as usize), put, talk)
     }
 
     /// As [`Keeper::render`], by several devices.
@@ -231,7 +302,8 @@ impl<'a> Keeper<'a> {
         let decided_by = result.adaptive.map_or(Decisions::Host, |adaptive| adaptive.decided_by);
         let adaptive = self.blocks.adaptive_stats(&spent, decided_by);
         let Spent { counts, second_pass, kernel_s, read_s, .. } = spent;
-        RenderResult { counts, second_pass, kernel_s, read_s, adaptive, ..result }
+        let film = if result.film.pixels.is_empty() { self.blocks.empty_film() } else { result.film };
+        RenderResult { film, counts, second_pass, kernel_s, read_s, adaptive, ..result }
     }
 
     /// Ends keeping: the picture is written.
@@ -311,5 +383,26 @@ fn to_begin_anew(error: Error, path: &Path) -> Error {
             Error::Input { path: input, line, message }
         }
         other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_pictures_are_not_kept_in_memory_where_there_is_another_place() {
+        let canvas =
+            |keep, size, samples, is_by_several| KeepArgs { keep, restart: false }.canvas(size, samples, is_by_several);
+        let (large, small) = ((65535, 65535), (7680, 4320));
+        let (fixed, by_error) = (Samples::PerPixel(1), Samples::Error(1.0));
+        for keep in [Keep::Auto, Keep::Always, Keep::Never] {
+            assert_eq!(canvas(keep, small, fixed, false), Canvas::Rows);
+            assert_eq!(canvas(keep, small, by_error, true), Canvas::Film);
+            assert_eq!(canvas(keep, large, fixed, false), Canvas::Rows);
+            let kept = if keep == Keep::Never { Canvas::Film } else { Canvas::Journal };
+            assert_eq!(canvas(keep, large, fixed, true), kept);
+            assert_eq!(canvas(keep, large, by_error, false), kept);
+        }
     }
 }

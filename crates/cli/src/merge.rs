@@ -4,8 +4,9 @@ use super::files::Files;
 use super::picture_file::PictureFileArgs;
 use super::{MemoryArgs, Talk, heading};
 use raybrook::low_level::budget::{DecidedBy, Need};
-use raybrook::low_level::film::{Film, FilmWindow, check_output};
-use raybrook::low_level::renderer::{Kept, Part, PictureBlocks, PictureId, read_kept};
+use raybrook::low_level::film::{ImageFormat, check_output};
+use raybrook::low_level::renderer::{Part, PictureBlocks, PictureId, StoredBlocks, bytes_of_rows};
+use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::stats::RayCounts;
 use raybrook::low_level::tracer::Spent;
 use raybrook::{Error, Result};
@@ -26,57 +27,36 @@ pub struct MergeArgs {
     memory: MemoryArgs,
 }
 
-/// What was merged so far.
+/// What was merged so far: where blocks lie, and not their pixels.
 #[derive(Default)]
 struct Merged {
-    film: Option<Film>,
+    stored: StoredBlocks,
     first: Option<PictureId>,
-    have: BTreeSet<usize>,
     /// Blocks that were in more than one journal.
     doubled: usize,
     spent: Spent,
-    /// What each journal has.
-    parts: Vec<Kept>,
+    /// A part that one of the journals has.
+    part: Option<Part>,
 }
 
 impl Merged {
-    /// Takes the blocks of one more journal.
-    fn read(&mut self, path: &Path, memory: MemoryArgs) -> Result<()> {
-        let Merged { film, have, doubled, .. } = self;
-        let mut take = |blocks: &PictureBlocks, number: usize, pixels: &[[f32; 3]]| {
-            let film = match film {
-                Some(film) => film,
-                None => film.insert(new_film(blocks, memory)?),
-            };
-            if have.insert(number) {
-                return blocks.scatter(number, pixels, film);
-            }
-            *doubled += 1;
-            let before = blocks.gather(number, &FilmWindow { film, place: blocks.place() });
-            let is_same = |(a, b): (&[f32; 3], &[f32; 3])| a.map(f32::to_bits) == b.map(f32::to_bits);
-            if before.iter().zip(pixels).all(is_same) {
-                return Ok(());
-            }
-            let message = format!(
-                "block {number} has other pixels here than in another journal: one of them is damaged, or was rendered by another \
-                 program; leave out one of the two, or render that part again with --restart"
-            );
-            Err(Error::input(path, None, message))
-        };
-        let kept = read_kept(path, self.first.as_ref(), &mut take)?;
-        self.first.get_or_insert_with(|| kept.id.clone());
+    /// Takes note of the blocks of one more journal.
+    fn read(&mut self, path: &Path) -> Result<()> {
+        let (kept, doubled) = self.stored.add(path, self.first.as_ref())?;
         self.spent.add(&kept.spent);
-        self.parts.push(kept);
+        self.doubled += doubled;
+        self.part = self.part.or(kept.part);
+        self.first.get_or_insert(kept.id);
         Ok(())
     }
 
     /// What is missing, in words, if anything is.
     fn missing(&self, blocks: &PictureBlocks) -> Option<String> {
-        let missing: Vec<usize> = blocks.numbers().into_iter().filter(|number| !self.have.contains(number)).collect();
+        let missing: Vec<usize> = blocks.numbers().into_iter().filter(|&number| !self.stored.has(number)).collect();
         if missing.is_empty() {
             return None;
         }
-        let all = missing.len() + self.have.len();
+        let all = missing.len() + self.stored.len();
         let parts = self.parts_of(&missing, blocks);
         let advice = match parts.is_empty() {
             true => "let the command that made the journal go on".to_owned(),
@@ -89,7 +69,7 @@ impl Merged {
     fn parts_of(&self, missing: &[usize], blocks: &PictureBlocks) -> Vec<String> {
         /// More are not listed.
         const MOST: usize = 20;
-        let Some(part) = self.parts.iter().find_map(|kept| kept.part) else { return Vec::new() };
+        let Some(part) = self.part else { return Vec::new() };
         let has_missing = |blocks: &[usize]| blocks.iter().any(|block| missing.binary_search(block).is_ok());
         let pieces = blocks.by_parts(part.of as usize).filter(|(_, blocks)| has_missing(blocks));
         let numbers: BTreeSet<usize> = pieces.map(|(number, _)| number).collect();
@@ -102,14 +82,12 @@ impl Merged {
     }
 }
 
-/// A film for the whole picture, if there is memory for it.
-fn new_film(blocks: &PictureBlocks, memory: MemoryArgs) -> Result<Film> {
-    let film = blocks.empty_film();
-    let what = format!("a picture of {}x{} pixels", film.width, film.height);
-    let bytes = u64::from(film.width) * u64::from(film.height) * size_of::<[f32; 3]>() as u64;
+/// Checks that there is memory for the rows that are read and written at a time.
+fn check_memory(size: (u32, u32), format: ImageFormat, memory: MemoryArgs) -> Result<()> {
+    let what = format!("a picture of {}x{} pixels", size.0, size.1);
+    let bytes = bytes_of_rows(size, format);
     let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "raise --memory-limit" };
-    memory.budget().check(&need)?;
-    Ok(film)
+    memory.budget().check(&need)
 }
 
 pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
@@ -118,18 +96,22 @@ pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
     args.journals.iter().for_each(|journal| files.read(journal, "a journal"));
     files.write(&args.output, "-o")?;
     check_output(&args.output, Some(format))?;
+    merge_pictures(args, format, talk)
+}
+
+/// Merges journals of parts of a picture: finds out first where blocks lie, and copies them then row by row.
+fn merge_pictures(args: &MergeArgs, format: ImageFormat, talk: Talk) -> Result<()> {
     let mut merged = Merged::default();
-    for path in &args.journals {
-        merged.read(path, args.memory)?;
-    }
+    args.journals.iter().try_for_each(|path| merged.read(path))?;
     let Some(id) = &merged.first else { return Ok(()) }; // there is at least one journal
     let blocks = id.blocks().map_err(|message| Error::input(&args.journals[0], None, message))?;
     if let Some(missing) = merged.missing(&blocks) {
         return Err(Error::input(&args.journals[0], None, missing));
     }
-    let mut film = merged.film.take().unwrap_or_else(|| blocks.empty_film());
-    args.file.finish(&mut film, &args.output.display().to_string(), talk)?;
-    film.write(&args.output, Some(format))?;
+    let size = blocks.size();
+    check_memory(size, format, args.memory)?;
+    let fill = |put: PutRows| merged.stored.put_rows(&blocks, &(0..size.1 as usize), put);
+    args.file.write_rows((&args.output, format), size, fill, talk)?;
     if talk.quiet {
         return Ok(());
     }
@@ -139,9 +121,9 @@ pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
     say!(
         "{}: {}x{} of {} journals, {} rays",
         args.output.display(),
-        film.width,
-        film.height,
-        merged.parts.len(),
+        size.0,
+        size.1,
+        args.journals.len(),
         RayCounts::from_counters(&merged.spent.counts).total_cast()
     );
     Ok(())

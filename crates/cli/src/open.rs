@@ -8,7 +8,9 @@ use raybrook::low_level::device::{DeviceHandle, Selection, select_working};
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::{DEFAULT_SIZE, build_and_open_within, complete_as, picture_bytes};
+use raybrook::low_level::renderer::{
+    Crop, DEFAULT_SIZE, build_and_open_within, complete_as, picture_bytes, picture_bytes_by_rows,
+};
 use raybrook::low_level::scene::{self, Placed, Samples, Scene};
 use raybrook::low_level::stats::RunStats;
 use raybrook::low_level::tracer::{Backend, Task};
@@ -143,8 +145,23 @@ pub fn check_picture(
     format: ImageFormat,
     budget: &MemoryBudget,
 ) -> Result<()> {
+    check_bytes(size, picture_bytes(size, samples, options, device, Some(format)) + more_bytes, budget)
+}
+
+/// The same of a picture that is written by rows, or only kept where there is no `format`.
+pub fn check_picture_by_rows(
+    (size, crop): ((u32, u32), Option<Crop>),
+    samples: Samples,
+    options: &TraceOptions,
+    device: Option<&DeviceHandle>,
+    format: Option<ImageFormat>,
+    budget: &MemoryBudget,
+) -> Result<()> {
+    check_bytes(size, picture_bytes_by_rows((size, crop), samples, options, device, format), budget)
+}
+
+fn check_bytes(size: (u32, u32), bytes: u64, budget: &MemoryBudget) -> Result<()> {
     let what = format!("a picture of {}x{} pixels", size.0, size.1);
-    let bytes = picture_bytes(size, samples, options, device, Some(format)) + more_bytes;
     let remedy = "lower --size (a scene file's width and height), or raise --memory-limit";
     budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
 }

@@ -1,9 +1,11 @@
 //! Options of a picture's file.
 
 use super::{Talk, heading};
-use raybrook::low_level::film::{Film, ImageFormat};
+use raybrook::low_level::film::{Film, ImageFormat, expose, non_finite};
+use raybrook::low_level::rows::{PutRows, write_by_rows};
 use raybrook::{Error, Result};
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// How a picture is written.
 #[derive(clap::Args)]
@@ -35,17 +37,52 @@ impl PictureFileArgs {
     /// Makes a picture that is about to be written, by this name in messages, as light as was asked for, and tells of
     /// pixels that are no numbers.
     pub fn finish(&self, film: &mut Film, name: &str, talk: Talk) -> Result<()> {
-        let bad = film.non_finite();
-        if bad > 0 && !talk.quiet {
-            tell!(
-                "warning: {name}: {bad} pixels are not finite numbers and are written as 0; please report this scene"
-            );
-        }
+        warn_of(film.non_finite(), name, talk);
         self.expose(film)
     }
 
     /// Makes a picture as light as was asked for.
     pub fn expose(&self, film: &mut Film) -> Result<()> {
         self.exposure.map_or(Ok(()), |stops| film.expose(stops))
+    }
+
+    /// Writes a picture of which `fill` puts the rows, as [`PictureFileArgs::finish`] would finish it. Returns what
+    /// `fill` does, and how many seconds writing took.
+    pub fn write_rows<T>(
+        &self,
+        (output, format): (&Path, ImageFormat),
+        size: (u32, u32),
+        fill: impl FnOnce(PutRows) -> Result<T>,
+        talk: Talk,
+    ) -> Result<(T, f64)> {
+        let (mut bad, mut took) = (0, Duration::ZERO);
+        let filled = write_by_rows(output, size, format, |put| {
+            fill(&mut |rows| {
+                let start = Instant::now();
+                bad += non_finite(rows);
+                match self.exposure {
+                    None => put(rows)?,
+                    Some(stops) => rows.chunks(EXPOSED_ROWS * size.0 as usize).try_for_each(|rows| {
+                        let mut exposed = rows.to_vec();
+                        expose(&mut exposed, stops)?;
+                        put(&exposed)
+                    })?,
+                }
+                took += start.elapsed();
+                Ok(())
+            })
+        })?;
+        warn_of(bad, &output.display().to_string(), talk);
+        Ok((filled, took.as_secs_f64()))
+    }
+}
+
+/// Rows that are copied at a time to be made lighter.
+const EXPOSED_ROWS: usize = 16;
+
+/// Tells of pixels that are no numbers.
+fn warn_of(bad: usize, name: &str, talk: Talk) {
+    if bad > 0 && !talk.quiet {
+        tell!("warning: {name}: {bad} pixels are not finite numbers and are written as 0; please report this scene");
     }
 }

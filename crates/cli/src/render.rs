@@ -2,7 +2,7 @@
 
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
-use super::keep::{KeepArgs, Keeper, LazyId, journal_of};
+use super::keep::{Canvas, KeepArgs, Keeper, LazyId, journal_of};
 use super::layers::LayerArgs;
 use super::open::Opened;
 use super::part::PartChoice;
@@ -16,6 +16,7 @@ use raybrook::low_level::output::check_writable;
 use raybrook::low_level::renderer::{
     Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part_noting,
 };
+use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{FullPicture, RayCounts, RunStats, WorkStats};
 use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Task};
@@ -109,6 +110,24 @@ impl RenderArgs {
     }
 }
 
+impl RenderArgs {
+    /// Whether finished blocks are kept: of pictures of which no more is told than their pixels.
+    fn is_kept(&self) -> bool {
+        !self.counters && !self.layers.wants_counters() && !self.layers.wants_sampling()
+    }
+
+    /// Where the pixels of a picture go.
+    fn canvas(&self, (size, samples): ((u32, u32), Samples), part: Option<Part>, is_by_several: bool) -> Canvas {
+        let size = self.crop.map_or(size, |crop| crop.size);
+        match part {
+            Some(_) => Canvas::Journal,
+            // What is told of all pixels beside their light is in memory, too.
+            None if !self.is_kept() || self.layers.any() || self.measure_error => Canvas::Film,
+            None => self.keep.canvas(size, samples, is_by_several),
+        }
+    }
+}
+
 /// Renders a picture of which more is told than its pixels, and which is not kept on its way.
 fn render_noting(
     opened: &mut Opened,
@@ -151,8 +170,13 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let device_s = opening.elapsed().as_secs_f64();
     let budget = args.scene.memory.budget();
     let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
+    let canvas = |size, samples| args.canvas((size, samples), part, devices.len() > 1);
     let check_picture = |size, samples| {
         args.crop.map_or(Ok(()), |crop| crop.check(size))?;
+        if canvas(size, samples) != Canvas::Film {
+            let (of, format) = ((size, args.crop), part.is_none().then_some(format));
+            return open::check_picture_by_rows(of, samples, &options, device.as_ref(), format, &budget);
+        }
         let layer_bytes = args.layers.bytes(args.crop.map_or(size, |crop| crop.size));
         let size = rendered_size(size, samples);
         open::check_picture((size, layer_bytes), samples, &options, device.as_ref(), format, &budget)
@@ -178,18 +202,22 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
     args.layers.check_samples(picture.samples)?;
-    let is_kept = !counters && !args.layers.wants_sampling();
     let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
+    let canvas = canvas(picture.size, picture.samples);
+    let is_by_rows = canvas != Canvas::Film && part.is_none();
     let (scene, of_first) = (&loaded.scene, chosen[0].options);
     let id = move || PictureId::new(scene, &picture, args.crop, &of_first);
-    let mut keeper = match is_kept {
-        true => Some(Keeper::open(&args.keep, (&output, part), (LazyId::new(Box::new(id)), blocks), talk)?),
+    let mut keeper = match args.is_kept() {
+        true => Some(Keeper::open(&args.keep, (&output, part), (LazyId::new(Box::new(id)), blocks, canvas), talk)?),
         false => None,
     };
     let mut opened = None;
-    let (mut result, mut stats) = match &mut keeper {
+    let mut render = |rows: Option<PutRows>| match &mut keeper {
         Some(keeper) if devices.len() > 1 => {
-            several::render(keeper, &loaded, (&devices, &args.device), &chosen, (&picture, &budget), talk)?
+            let by = (&devices[..], &args.device);
+            let rendered = several::render(keeper, &loaded, by, &chosen, (&picture, &budget), talk)?;
+            rows.map_or(Ok(()), |put| keeper.put_all(put, talk))?;
+            Ok(rendered)
         }
         keeper => {
             let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
@@ -198,11 +226,15 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             let opened = opened.insert(one);
             check_picture(picture.size, picture.samples)?;
             let result = match keeper {
-                Some(keeper) => keeper.render(opened, &picture, talk)?,
+                Some(keeper) => keeper.render(opened, &picture, rows, talk)?,
                 None => render_noting(opened, &picture, args.crop, args.layers.wants_sampling(), talk)?,
             };
-            (result, std::mem::take(&mut opened.stats))
+            Ok((result, std::mem::take(&mut opened.stats)))
         }
+    };
+    let ((mut result, mut stats), mut write_s) = match is_by_rows {
+        true => args.file.write_rows((&output, format), blocks.size(), |put| render(Some(put)), talk)?,
+        false => (render(None)?, 0.0),
     };
     if part.is_some() {
         return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk));
@@ -215,12 +247,15 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let layers = opened.as_mut().map(trace_layers).transpose()?.unwrap_or_default();
     let layers_s = args.layers.any().then(|| tracing_layers.elapsed().as_secs_f64());
 
-    args.file.finish(&mut result.film, &output.display().to_string(), talk)?;
-    let writing = Instant::now();
-    args.layers.write((&output, format), &result, layers, talk)?;
+    if !is_by_rows {
+        args.file.finish(&mut result.film, &output.display().to_string(), talk)?;
+        let writing = Instant::now();
+        args.layers.write((&output, format), &result, layers, talk)?;
+        write_s = writing.elapsed().as_secs_f64();
+    }
     keeper.map_or(Ok(()), Keeper::finish)?;
 
-    stats.write_s = Some(writing.elapsed().as_secs_f64());
+    stats.write_s = Some(write_s);
     stats.device_s = Some(device_s);
     stats.layers_s = layers_s;
     stats.materials = args.layers.materials(&loaded.scene);

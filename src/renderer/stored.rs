@@ -1,0 +1,389 @@
+//! Blocks of a picture that lie in journals: where each is, so that the picture is written from them row by row, with no
+//! more of it in memory than what one row of patches, or one band, takes.
+//!
+//! A journal is read once from its beginning to its end, which finds its blocks and checks them, and a second time where
+//! rows are due; what is read then is checked again. Files are opened as they are needed, few at a time: there may be
+//! more journals than files that a program may have open.
+//!
+//! Bad at: disks that turn, because patches of a row lie far from each other in a journal.
+
+use super::PictureBlocks;
+use crate::blocks::Area;
+use crate::error::{Error, Result};
+use crate::io::film::Film;
+use crate::io::rows::PutRows;
+use crate::tracer::Finished;
+use bytemuck::{cast_slice, cast_slice_mut};
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// So many files are open at a time at the most.
+const MOST_OPEN: usize = 64;
+
+/// Where blocks of a picture lie.
+#[derive(Debug, Default)]
+pub struct StoredBlocks {
+    files: Vec<PathBuf>,
+    /// Those that are open, the last one that was opened at the end.
+    open: VecDeque<(usize, File)>,
+    blocks: BTreeMap<usize, Stored>,
+}
+
+/// A block in a file.
+#[derive(Debug)]
+struct Stored {
+    file: usize,
+    /// Where its pixels begin, in bytes from the file's beginning.
+    place: u64,
+    /// CRC-32 of each of its places in the picture.
+    checksums: Vec<u32>,
+}
+
+/// What a block has of the picture in one place.
+struct Piece {
+    /// In pixels of what is rendered.
+    area: Area,
+    file: usize,
+    place: u64,
+    checksum: u32,
+}
+
+impl StoredBlocks {
+    /// A file in which blocks lie, open already or to be opened when it is needed. Returns its number.
+    pub(super) fn add_file(&mut self, path: &Path, open: Option<File>) -> usize {
+        let number = self.files.len();
+        self.files.push(path.to_owned());
+        self.open.extend(open.map(|file| (number, file)));
+        number
+    }
+
+    /// Takes note of a block, whose pixels lie in a file from this place on.
+    pub(super) fn note(
+        &mut self,
+        (blocks, number): (&PictureBlocks, usize),
+        file: usize,
+        place: u64,
+        pixels: &[[f32; 3]],
+    ) {
+        let mut rest = pixels;
+        let checksum = |area: Area| {
+            let (now, later) = rest.split_at(area.x.len() * area.y.len());
+            rest = later;
+            crc32fast::hash(cast_slice(now))
+        };
+        let checksums = blocks.places(number).into_iter().map(checksum).collect();
+        self.blocks.insert(number, Stored { file, place, checksums });
+    }
+
+    /// Whether there is this block.
+    pub fn has(&self, number: usize) -> bool {
+        self.blocks.contains_key(&number)
+    }
+
+    /// How many blocks there are.
+    pub fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.blocks.is_empty()
+    }
+
+    /// The pixels of a block, as [`PictureBlocks::gather`] has them; none where it is not there.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "read", and [`Error::Input`] when something else lies there by now.
+    pub fn block(&mut self, blocks: &PictureBlocks, number: usize) -> Result<Option<Vec<[f32; 3]>>> {
+        if !self.has(number) {
+            return Ok(None);
+        }
+        let mut pixels = Vec::new();
+        for piece in self.pieces(blocks, &[number]) {
+            pixels.extend(self.read(&piece)?);
+        }
+        Ok(Some(pixels))
+    }
+
+    /// Hands on rows of what is rendered, counted from its first one. They begin and end with those of a band, or are
+    /// all; their blocks are there.
+    ///
+    /// # Errors
+    /// As [`StoredBlocks::block`], and those of `put`.
+    pub fn put_rows(&mut self, blocks: &PictureBlocks, rows: &Range<usize>, put: PutRows) -> Result<()> {
+        for numbers in blocks.tiers(rows) {
+            let pieces = self.pieces(blocks, &numbers);
+            for strip in pieces.chunk_by(|a, b| a.area.y == b.area.y) {
+                put(&self.strip(strip, blocks.empty_film().width as usize)?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What some blocks have of the picture, from top to bottom.
+    fn pieces(&self, blocks: &PictureBlocks, numbers: &[usize]) -> Vec<Piece> {
+        let of_block = |number: &usize| self.blocks.get(number).map(|stored| (*number, stored));
+        let pieces = numbers.iter().filter_map(of_block).flat_map(|(number, stored)| {
+            let mut place = stored.place;
+            let piece = |(area, &checksum): (Area, &u32)| {
+                let area = area.seen_from(blocks.place());
+                let here = place;
+                place += Film::PIXEL_BYTES * (area.x.len() * area.y.len()) as u64;
+                Piece { area, file: stored.file, place: here, checksum }
+            };
+            blocks.places(number).into_iter().zip(&stored.checksums).map(piece).collect::<Vec<_>>()
+        });
+        let mut pieces: Vec<Piece> = pieces.collect();
+        // Of those side by side each file's one after the other.
+        pieces.sort_by_key(|piece| (piece.area.y.start, piece.file, piece.place));
+        pieces
+    }
+
+    /// Whole rows of so many pixels, of pieces side by side.
+    fn strip(&mut self, pieces: &[Piece], width: usize) -> Result<Vec<[f32; 3]>> {
+        if let [whole] = pieces {
+            return self.read(whole);
+        }
+        let height = pieces.first().map_or(0, |piece| piece.area.y.len());
+        let mut pixels = Film::try_pixels(width * height)?;
+        for piece in pieces {
+            let of_piece = self.read(piece)?;
+            let rows = pixels.chunks_exact_mut(width).zip(of_piece.chunks_exact(piece.area.x.len()));
+            rows.for_each(|(row, of_piece)| row[piece.area.x.clone()].copy_from_slice(of_piece));
+        }
+        Ok(pixels)
+    }
+
+    fn read(&mut self, piece: &Piece) -> Result<Vec<[f32; 3]>> {
+        let mut pixels = Film::try_pixels(piece.area.x.len() * piece.area.y.len())?;
+        let file = self.file(piece.file)?;
+        let bytes: &mut [u8] = cast_slice_mut(&mut pixels);
+        let read = file.seek(SeekFrom::Start(piece.place)).and_then(|_| file.read_exact(bytes));
+        let path = &self.files[piece.file];
+        read.map_err(|error| Error::io("read", path, error))?;
+        if crc32fast::hash(cast_slice(&pixels)) == piece.checksum {
+            return Ok(pixels);
+        }
+        let message =
+            "the journal is not what it was when it was read first: somebody changes it, or the disk is damaged";
+        Err(Error::input(path, None, message))
+    }
+
+    /// A file, opened if need be.
+    fn file(&mut self, number: usize) -> Result<&mut File> {
+        let at = match self.open.iter().position(|(open, _)| *open == number) {
+            Some(at) => at,
+            None => {
+                let path = &self.files[number];
+                let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
+                if self.open.len() >= MOST_OPEN {
+                    self.open.pop_front();
+                }
+                self.open.push_back((number, file));
+                self.open.len() - 1
+            }
+        };
+        Ok(&mut self.open[at].1)
+    }
+}
+
+/// Hands on the rows of a picture while its blocks are rendered one after the other: bands as soon as they are finished,
+/// everything else from where it is kept.
+pub struct RowsInOrder<'a> {
+    blocks: PictureBlocks,
+    put: PutRows<'a>,
+    /// The first row of what is rendered that was not handed on yet.
+    next: usize,
+}
+
+/// Hands on rows that are kept.
+type PutKept<'k> = &'k dyn Fn(&Range<usize>, PutRows) -> Result<()>;
+
+impl<'a> RowsInOrder<'a> {
+    /// Of a picture, none of whose rows were handed on.
+    pub fn new(blocks: &PictureBlocks, put: PutRows<'a>) -> Self {
+        RowsInOrder { blocks: *blocks, put, next: 0 }
+    }
+
+    /// Takes blocks that are finished, in ascending order from call to call, and hands on the rows that they complete:
+    /// of bands theirs, and before these those that are kept.
+    ///
+    /// # Errors
+    /// Those of whatever takes the rows, and of `kept`.
+    pub fn take(&mut self, finished: &Finished, kept: PutKept) -> Result<()> {
+        for &number in finished.blocks {
+            let Some(rows) = self.blocks.rows_of_band(number) else { return Ok(()) };
+            self.catch_up(rows.start, kept)?;
+            (self.put)(&self.blocks.gather(number, &finished.film))?;
+            self.next = rows.end;
+        }
+        Ok(())
+    }
+
+    fn catch_up(&mut self, until: usize, kept: PutKept) -> Result<()> {
+        if self.next < until {
+            kept(&(self.next..until), self.put)?;
+            self.next = until;
+        }
+        Ok(())
+    }
+
+    /// Hands on what is left, all of which is kept.
+    ///
+    /// # Errors
+    /// As [`RowsInOrder::take`].
+    pub fn finish(mut self, kept: PutKept) -> Result<()> {
+        self.catch_up(self.blocks.empty_film().height as usize, kept)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Crop, Part, Picture, PictureId, PictureJournal};
+    use super::*;
+    use crate::io::film::FilmWindow;
+    use crate::options::TraceOptions;
+    use crate::random::Random;
+    use crate::scene::{Builder, Camera, Samples};
+    use crate::tracer::Spent;
+    use glam::Vec3;
+
+    /// A picture, or a part of one, whose pixels are random.
+    struct Pictured {
+        film: Film,
+        blocks: PictureBlocks,
+        id: PictureId,
+        folder: tempfile::TempDir,
+    }
+
+    impl Pictured {
+        fn new(size: (u32, u32), samples: Samples, crop: Option<Crop>) -> Pictured {
+            let mut builder = Builder::new();
+            builder.quad(Vec3::ZERO, Vec3::X, Vec3::Y, 1);
+            let camera = Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
+            let picture = Picture { camera, size, samples, depth: 1, kill_weight: None };
+            let id = PictureId::new(&builder.finish().unwrap(), &picture, crop, &TraceOptions::DEFAULT);
+            let mut random = Random::new(11);
+            let mut film = Film::black(size.0, size.1);
+            film.pixels.fill_with(|| [random.below(1 << 20) as f32, 0.5, -1.0]);
+            let folder = tempfile::tempdir().unwrap();
+            Pictured { film, blocks: PictureBlocks::new(size, samples, crop), id, folder }
+        }
+
+        fn finished<'f>(&'f self, blocks: &'f [usize]) -> Finished<'f> {
+            let film = FilmWindow { film: &self.film, place: (0, 0) };
+            Finished { blocks, film, spent: Spent::default() }
+        }
+
+        /// A journal of some blocks.
+        fn journal(&self, name: &str, part: Option<Part>, numbers: &[usize]) -> PictureJournal {
+            let path = self.folder.path().join(name);
+            let mut journal = PictureJournal::create(&path, &self.id, part, &self.blocks).unwrap();
+            numbers.chunks(3).for_each(|some| journal.append(&self.finished(some)).unwrap());
+            journal
+        }
+
+        /// The pixels of what is rendered.
+        fn pixels(&self) -> Vec<[f32; 3]> {
+            let mut film = self.blocks.empty_film();
+            self.blocks.copy(&self.finished(&self.blocks.numbers()), &mut film).unwrap();
+            film.pixels
+        }
+
+        fn rows(&self) -> Range<usize> {
+            0..self.blocks.size().1 as usize
+        }
+
+        /// All rows, one after the other.
+        fn stored_rows(&self, stored: &mut StoredBlocks) -> Result<Vec<[f32; 3]>> {
+            let mut all = Vec::new();
+            let mut put = |rows: &[[f32; 3]]| {
+                assert!(rows.len().is_multiple_of(self.blocks.size().0 as usize));
+                all.extend_from_slice(rows);
+                Ok(())
+            };
+            stored.put_rows(&self.blocks, &self.rows(), &mut put)?;
+            Ok(all)
+        }
+    }
+
+    fn pictures() -> Vec<Pictured> {
+        let crop = Some(Crop { place: (3, 5), size: (690, 500) });
+        let samples = [Samples::PerPixel(16), Samples::Error(1.0), Samples::Error(4.0)];
+        let small = samples.into_iter().flat_map(|samples| [None, crop].map(|crop| ((700, 520), samples, crop)));
+        // Areas below and beside each other, and more files than are open at a time.
+        let others = [((3100, 150), Samples::Error(2.0), None), ((128, 2240), Samples::PerPixel(256), None)];
+        small.chain(others).map(|(size, samples, crop)| Pictured::new(size, samples, crop)).collect()
+    }
+
+    #[test]
+    fn rows_from_journals_are_those_of_the_picture() {
+        for picture in pictures() {
+            let of = picture.blocks.numbers().len().min(MOST_OPEN + 6) as u32;
+            let mut stored = StoredBlocks::default();
+            for number in (1..=of).rev() {
+                let part = Part { number, of };
+                let journal = picture.journal(&format!("{number}"), Some(part), &part.blocks(&picture.blocks));
+                let (kept, doubled) = stored.add(journal.path(), Some(&picture.id)).unwrap();
+                assert_eq!((kept.part, doubled), (Some(part), 0));
+            }
+            assert_eq!(stored.len(), picture.blocks.numbers().len());
+            assert!(picture.stored_rows(&mut stored).unwrap() == picture.pixels(), "{:?}", picture.blocks);
+            assert!(stored.open.len() <= MOST_OPEN);
+        }
+    }
+
+    #[test]
+    fn what_is_there_twice_is_compared_and_what_changes_is_found() {
+        let mut picture = Pictured::new((700, 520), Samples::Error(1.0), None);
+        let all = picture.blocks.numbers();
+        let first = picture.journal("first", None, &all);
+        let mut stored = StoredBlocks::default();
+        stored.add(first.path(), None).unwrap();
+        let again = picture.journal("again", None, &all[1..]);
+        assert_eq!(stored.add(again.path(), None).unwrap().1, all.len() - 1);
+        picture.film.pixels[0][2] = -0.0;
+        let other = picture.journal("other", None, &all);
+        let message = stored.add(other.path(), None).unwrap_err().to_string();
+        assert!(message.contains("other: block 0 has other pixels here"), "{message}");
+
+        let mut bytes = std::fs::read(first.path()).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(first.path(), &bytes).unwrap();
+        let message = picture.stored_rows(&mut stored).unwrap_err().to_string();
+        assert!(message.contains("first: the journal is not what it was"), "{message}");
+        bytes.truncate(middle);
+        std::fs::write(first.path(), &bytes).unwrap();
+        assert_eq!(picture.stored_rows(&mut stored).unwrap_err().exit_code(), 3, "it is cut short");
+    }
+
+    #[test]
+    fn rows_come_in_order_from_what_is_finished_and_from_what_is_kept() {
+        for picture in pictures() {
+            let numbers = picture.blocks.numbers();
+            let is_kept = |number: &usize| number % 5 < 2 || number % 7 == 6;
+            let (kept, rest): (Vec<usize>, Vec<usize>) = numbers.into_iter().partition(is_kept);
+            let path = picture.journal("a", None, &kept).path().to_owned();
+            let nobody = &mut |_: &PictureBlocks, _: &super::super::KeptBlock| Ok(());
+            let (journal, _) = PictureJournal::open(&path, &picture.id, None, &picture.blocks, nobody).unwrap();
+            let (journal, mut rows) = (std::cell::RefCell::new(journal), Vec::new());
+            let mut put = |more: &[[f32; 3]]| {
+                rows.extend_from_slice(more);
+                Ok(())
+            };
+            let mut in_order = RowsInOrder::new(&picture.blocks, &mut put);
+            let put_kept = |rows: &Range<usize>, put: PutRows| journal.borrow().rows().put(rows, put);
+            for some in rest.chunks(2) {
+                let finished = picture.finished(some);
+                journal.borrow_mut().append(&finished).unwrap();
+                in_order.take(&finished, &put_kept).unwrap();
+            }
+            in_order.finish(&put_kept).unwrap();
+            assert!(rows == picture.pixels(), "{:?}", picture.blocks);
+        }
+    }
+}
