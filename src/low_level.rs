@@ -73,6 +73,8 @@ rooms! {
     reference,
     /// From a scene and a device to what is ready to render it.
     renderer,
+    /// Batches of rays in runs, which are kept in a journal as they are finished.
+    runs,
     /// Scenes in world units, and their loaders.
     scene,
     /// The structs and constants that host and kernels share.

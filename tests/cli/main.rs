@@ -13,6 +13,7 @@ mod device_faults;
 mod distance;
 mod explain;
 mod keep;
+mod keep_rays;
 mod layers;
 mod limits;
 mod losses;

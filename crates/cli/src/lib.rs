@@ -31,9 +31,11 @@ mod flags;
 mod info;
 mod inside;
 mod keep;
+mod keep_rays;
 mod kernels;
 mod layers;
 mod merge;
+mod merge_rays;
 mod method;
 mod methods;
 mod open;
@@ -118,7 +120,8 @@ struct Talk {
 enum Command {
     /// Render a scene to a picture.
     Render(render::RenderArgs),
-    /// Merge the parts of a picture that several machines rendered, or write what a stopped run has left.
+    /// Merge the parts of a picture, or of a batch of rays, that several machines made, or write what a stopped run has
+    /// left.
     Merge(merge::MergeArgs),
     /// Show a scene in the browser: move about, pick, compare methods.
     View(view::ViewArgs),
