@@ -19,6 +19,7 @@ use crate::budget::MemoryBudget;
 use crate::crossings::count_crossings;
 use crate::error::Result;
 use crate::io::rays::RayBatch;
+use crate::layout::Float4;
 use crate::options::{PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::extreme::TracingBatch;
@@ -205,6 +206,11 @@ impl BatchJob<'_> {
         options.packet_size == PacketSize::One || (options.is_exact() && self.asked != Asked::Any)
     }
 
+    /// Those of second rays, which start at closest hits.
+    fn next_directions(&self) -> Option<&[Float4]> {
+        self.rays.next_directions.as_deref().filter(|_| self.asked == Asked::Closest)
+    }
+
     fn trace(
         &self,
         (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
@@ -215,7 +221,7 @@ impl BatchJob<'_> {
         let extreme = self.extreme_of(&rays);
         let job = TraceJob {
             rays: &self.rays.rays[rays.clone()],
-            next_directions: self.rays.next_directions.as_deref().map(|next| &next[rays.clone()]),
+            next_directions: self.next_directions().map(|next| &next[rays.clone()]),
             extreme: &extreme,
             any_hit: self.asked == Asked::Any,
             repeat: 1,

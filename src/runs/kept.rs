@@ -43,7 +43,7 @@ impl BatchId {
             count: batch.len(),
             run: runs.length,
             asked: asked.to_string(),
-            has_second: batch.next_directions.is_some(),
+            has_second: asked == Asked::Closest && batch.next_directions.is_some(),
             method: (!options.is_exact()).then(|| format!("{options:?}")),
         }
     }

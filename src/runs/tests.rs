@@ -4,7 +4,6 @@ use super::*;
 use crate::random::Random;
 use crate::reference::ReferenceBackend;
 use crate::scene::Scene;
-use glam::Vec3;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -32,12 +31,14 @@ impl Bench {
         let triangles: Vec<[u32; 3]> = (0..60).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let scene = Scene::from_mesh(&positions, &triangles).unwrap();
         let buffers = Arc::new(SceneBuffers::new(&scene, &TraceOptions::DEFAULT).unwrap());
-        let tiny = |i: usize| i % 97 == 5;
-        let origin =
-            |i: usize, random: &mut Random| if tiny(i) { Vec3::splat(1e-44) } else { random.vec3() * 2.0 - 0.5 };
+        let is_far = |i: usize| i % 97 == 5;
+        let far = ([0.5, 0.5, -3e38], [0.0, 0.0, 1.0]);
+        let mut near = || ((random.vec3() * 2.0 - 0.5).to_array(), random.direction().to_array());
+        let rays = (0..RAYS).map(|i| if is_far(i) { far } else { near() });
+        let (origins, directions) = rays.unzip();
         let given = RayBatch {
-            origins: (0..RAYS).map(|i| origin(i, &mut random).to_array()).collect(),
-            directions: (0..RAYS).map(|_| random.direction().to_array()).collect(),
+            origins,
+            directions,
             t_max: Some((0..RAYS).map(|i| if i % 3 == 0 { 0.7 } else { f32::INFINITY }).collect()),
             next_directions: Some((0..RAYS).map(|_| random.direction().to_array()).collect()),
             ..RayBatch::default()
@@ -77,7 +78,7 @@ impl Bench {
     fn written(&self, pieces: &[Answers], asked: Asked) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hits.npz");
-        write_answers(&path, pieces, asked, true).unwrap();
+        write_answers(&path, pieces, asked, asked == Asked::Closest).unwrap();
         std::fs::read(path).unwrap()
     }
 }
@@ -116,7 +117,7 @@ fn runs_in_any_order_have_the_bits_of_the_whole_batch() {
         create(&path, &bench.id(asked), None, &traced);
         let (runs, answers, found) = read(&path, &bench.id(asked)).unwrap();
         assert!(runs.into_iter().eq(0..11) && found == whole[0].found[0], "{asked}");
-        assert!(found.rays_that_hit > 100, "{asked}: {found:?}");
+        assert!(found.rays_that_hit > 20, "{asked}: {found:?}");
         assert!(bench.written(&answers, asked) == bench.written(&[whole[0].answers.clone()], asked), "{asked}");
     }
 }

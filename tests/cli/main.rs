@@ -23,6 +23,7 @@ mod ply_headers;
 mod progress;
 mod roulette;
 mod study;
+mod time_limits;
 mod truth;
 mod tune;
 mod turntable;

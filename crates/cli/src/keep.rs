@@ -1,6 +1,7 @@
 //! Pictures on their way are kept beside their output, in `OUT.partial`: what stops the program costs no more than the
 //! last second, and the same command goes on.
 
+use super::limit::Limit;
 use super::open::Opened;
 use super::progress::Bar;
 use super::{Talk, chain, heading, stop};
@@ -9,7 +10,8 @@ use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
-    Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, Watcher, render_blocks, render_by_several,
+    Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, Watcher, read_kept, render_blocks,
+    render_by_several,
 };
 use raybrook::low_level::tracer::{DeviceShare, Finished, RenderResult, Spent};
 use raybrook::{Error, Result};
@@ -32,7 +34,7 @@ pub enum Keep {
     Never,
 }
 
-#[derive(clap::Args)]
+#[derive(Clone, Copy, clap::Args)]
 pub struct KeepArgs {
     /// Keep what is finished in OUT.partial, so that the same command goes on after whatever stopped it: auto, always or
     /// never [default: auto].
@@ -57,6 +59,21 @@ impl KeepArgs {
             std::fs::remove_file(path).map_err(|error| Error::io("remove", path, error))?;
         }
         Ok(())
+    }
+
+    /// The same where work may end because its time is up: then everything that is finished is kept.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when nothing is to be kept.
+    pub fn within(self, limit: Limit) -> Result<KeepArgs> {
+        match self.keep {
+            Keep::Never if limit.is_set() => {
+                let message = format!("never keeps nothing of what is finished when {} is met", limit.option());
+                Err(Error::option("--keep", message))
+            }
+            Keep::Auto if limit.is_set() => Ok(KeepArgs { keep: Keep::Always, ..self }),
+            _ => Ok(self),
+        }
     }
 
     /// Whether there is anything at `path` to go on with; a link to nowhere is something, too.
@@ -91,6 +108,7 @@ pub struct Keeper<'a> {
     id: LazyId<'a>,
     part: Option<Part>,
     keep: Keep,
+    limit: Limit,
     blocks: PictureBlocks,
     /// What is to be rendered, and how many blocks there are with those of earlier runs.
     rest: Vec<usize>,
@@ -119,18 +137,19 @@ impl<'a> Keeper<'a> {
     /// # Errors
     /// What is kept is of another picture, or cannot be read; or it cannot be removed where that is asked for.
     pub fn open(
-        args: &KeepArgs,
+        (args, limit): (&KeepArgs, Limit),
         (output, part): (&Path, Option<Part>),
         (id, blocks): (LazyId<'a>, PictureBlocks),
         talk: Talk,
     ) -> Result<Keeper<'a>> {
-        let path = journal_of(output, part);
+        let (args, path) = (args.within(limit)?, journal_of(output, part));
         args.restart(&path)?;
         let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
         let film = part.is_none().then(|| blocks.empty_film());
         let shared = Shared { journal: None, done: 0, spent: Spent::default(), unkept: 0, film };
         let (shared, of) = (Arc::new(Mutex::new(shared)), rest.len());
-        let mut keeper = Keeper { shared, path, id, part, keep: args.keep, blocks, rest, of, start: Instant::now() };
+        let start = Instant::now();
+        let mut keeper = Keeper { shared, path, id, part, keep: args.keep, limit, blocks, rest, of, start };
         if args.goes_on(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
         } else if part.is_some() || args.keep == Keep::Always {
@@ -204,7 +223,10 @@ impl<'a> Keeper<'a> {
     pub fn render(&mut self, opened: &mut Opened, picture: &Picture, talk: Talk) -> Result<RenderResult> {
         let bar = Bar::new("render", talk);
         let rays = self.rays(picture);
-        let progress = |done: f64| bar.update(done, rays, "M camera rays");
+        let progress = |done: f64| {
+            self.limit.check();
+            bar.update(done, rays, "M camera rays");
+        };
         self.start = Instant::now();
         let film = lock(&self.shared).film.take();
         let (tracer, mut take) = (opened.tracer.as_mut(), |finished: &Finished| self.take(finished));
@@ -247,6 +269,21 @@ impl<'a> Keeper<'a> {
         RenderResult { counts, second_pass, kernel_s, read_s, adaptive, ..result }
     }
 
+    /// Whether something is left to be rendered.
+    pub fn has_rest(&self) -> bool {
+        !self.rest.is_empty()
+    }
+
+    /// Puts the blocks that are kept onto a film of the whole picture, and tells how many of how many these are.
+    ///
+    /// # Errors
+    /// As [`read_kept`].
+    pub fn put_so_far(&self, film: &mut Film) -> Result<(usize, usize)> {
+        let mut put = |blocks: &PictureBlocks, number: usize, pixels: &[[f32; 3]]| blocks.scatter(number, pixels, film);
+        let kept = read_kept(&self.path, Some(&self.id), &mut put)?;
+        Ok((kept.blocks.len(), self.of))
+    }
+
     /// Ends keeping: the picture is written.
     ///
     /// # Errors
@@ -285,7 +322,8 @@ struct Watching<'k, 'a> {
 
 impl Watcher for Watching<'_, '_> {
     fn done(&self, finished: &Finished) -> Result<()> {
-        self.keeper.take(finished)
+        self.keeper.take(finished)?;
+        if self.keeper.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
     }
 
     fn progress(&self, done: f64) {

@@ -1,6 +1,7 @@
 //! Batches of rays on their way are kept beside their output, as pictures are: run by run, in `OUT.partial`.
 
 use super::keep::{Keep, KeepArgs, journal_of, tell_begun, tell_kept, to_begin_anew, what_is_kept};
+use super::limit::Limit;
 use super::open::Opened;
 use super::progress::Bar;
 use super::{Talk, stop};
@@ -24,6 +25,7 @@ pub struct RayKeeper<'a> {
     id: LazyId<'a>,
     part: Option<Part>,
     keep: Keep,
+    limit: Limit,
     runs: Runs,
     /// What is to be traced, and how many runs there are with those of earlier runs of the program.
     rest: Vec<usize>,
@@ -53,12 +55,12 @@ impl<'a> RayKeeper<'a> {
     /// # Errors
     /// What is kept is of another batch, or cannot be read; or it cannot be removed where that is asked for.
     pub fn open(
-        args: &KeepArgs,
+        (args, limit): (&KeepArgs, Limit),
         (output, part): (&Path, Option<Part>),
         (id, runs): (LazyId<'a>, Runs),
         talk: Talk,
     ) -> Result<RayKeeper<'a>> {
-        let path = journal_of(output, part);
+        let (args, path) = (args.within(limit)?, journal_of(output, part));
         args.restart(&path)?;
         let rest: Vec<usize> = part.map_or_else(|| (0..runs.count()).collect(), |part| runs.of_part(part));
         let mut keeper = RayKeeper {
@@ -72,6 +74,7 @@ impl<'a> RayKeeper<'a> {
             path,
             id,
             part,
+            limit,
             runs,
             rest,
         };
@@ -158,7 +161,11 @@ impl<'a> RayKeeper<'a> {
         let bar = Bar::new("trace", talk);
         let rest = std::mem::take(&mut self.rest);
         let million_rays = rest.iter().map(|&run| self.runs.len_of(run)).sum::<usize>() as f64 / 1e6;
-        let progress = |done: f64| bar.update(done, million_rays, "M rays");
+        let limit = self.limit;
+        let progress = |done: f64| {
+            limit.check();
+            bar.update(done, million_rays, "M rays");
+        };
         self.start = Instant::now();
         let (runs, mut take) = (self.runs, |traced: TracedRuns| self.take(traced));
         let tracer = opened.tracer.as_mut();

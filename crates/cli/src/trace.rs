@@ -1,9 +1,11 @@
 //! `raybrook trace`.
 
+use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
 use super::keep::{KeepArgs, journal_of};
 use super::keep_rays::{LazyId, RayKeeper};
+use super::limit::LimitArgs;
 use super::part::PartChoice;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, heading, open, work};
@@ -69,6 +71,8 @@ pub struct TraceArgs {
     part: Option<PartChoice>,
     #[command(flatten)]
     keep: KeepArgs,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Trace the batch N times, for timing.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
@@ -262,8 +266,13 @@ fn trace_at_once(args: &TraceArgs, job: &BatchJob, opened: &mut open::Opened, ta
     }
 }
 
-pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
+pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     let start = Instant::now();
+    let limit = args.limit.begin(start);
+    if limit.is_set() && args.kept_output().is_none() {
+        let message = "what is finished is kept beside the output of -o, and neither with --repeat nor with --counters";
+        return Err(Error::option(limit.option(), message));
+    }
     let options = args.method.check(args.counters)?;
     if options.picture.kernels != Kernels::Mega {
         let message =
@@ -305,7 +314,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     let runs = Runs::new(batch.len());
     let (scene, given, options) = (&loaded.scene, &batch, chosen.options);
     let id = LazyId::new(Box::new(move || BatchId::new(scene, (given, runs), asked, &options)));
-    let open_keeper = |output| RayKeeper::open(&args.keep, (output, part), (id, runs), talk);
+    let open_keeper = |output| RayKeeper::open((&args.keep, limit), (output, part), (id, runs), talk);
     let mut keeper = args.kept_output().map(open_keeper).transpose()?;
     let task = if asked.most().is_some() { Task::AllHits } else { Task::Batch };
     let tasks = (&[task][..], &budget);
@@ -321,11 +330,14 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     }
     let job = BatchJob { given: &batch, rays: &rays, asked, budget };
     let told = match &mut keeper {
-        Some(keeper) => Told::of_runs(asked, keeper.trace(&mut opened, &job, talk)?),
+        Some(keeper) => match limit.within(|| keeper.trace(&mut opened, &job, talk))? {
+            Some(traced) => Told::of_runs(asked, traced),
+            None => return Ok(limit.end(talk)),
+        },
         None => trace_at_once(args, &job, &mut opened, talk)?,
     };
     match (keeper, part, args.kept_output()) {
-        (Some(keeper), Some(part), _) => return keeper.finish_part(part, talk),
+        (Some(keeper), Some(part), _) => return keeper.finish_part(part, talk).map(|()| SUCCESS),
         (Some(keeper), None, Some(output)) => keeper.write(output, asked, batch.next_directions.is_some())?,
         _ => {}
     }
@@ -370,5 +382,5 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     if let Some(counted) = &stats.work {
         work::say_work(counted, talk);
     }
-    Ok(())
+    Ok(SUCCESS)
 }
