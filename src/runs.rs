@@ -7,7 +7,7 @@
 //! packet. Where rays share packets such runs are traced one by one, so that their bits depend on the scene, the
 //! options and the run alone.
 //!
-//! Bad at: any hits of shuffled rays in packets, which are sorted run by run.
+//! Bad at: batches of few runs on many machines, because a part has whole runs.
 
 mod answers;
 mod kept;
@@ -30,7 +30,8 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// Rays of a run: what two cores trace in a tenth of a second to a few seconds, 16 MiB of hits.
+/// Rays of a run: what two cores trace in a tenth of a second to a few seconds, 16 MiB of hits. Shuffled any-hit rays
+/// that are sorted run by run take no longer than four runs that are sorted together (bunny, PoCL, two cores).
 pub const RUN_RAYS: usize = 1 << 20;
 
 /// So long take runs that are traced together, about: what is lost when the program is stopped.
