@@ -144,8 +144,8 @@ fn number(hit: &Hit) -> i32 {
     hit.primitive as i32
 }
 
-/// Closest hits, or any, as NumPy users take them, of neighbouring pieces of a batch; `has_second` tells whether there are
-/// second rays. It has no work.
+/// Closest hits, or any, as NumPy users take them, of neighbouring pieces of a batch; `has_second` tells whether there
+/// are second rays. It has no work.
 pub fn hit_batch(pieces: &[Answers], asked: Asked, has_second: bool) -> HitBatch {
     HitBatch {
         t: column(pieces, of_first, |hit| hit.t),

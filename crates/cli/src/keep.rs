@@ -36,12 +36,12 @@ pub enum Keep {
 
 #[derive(Clone, Copy, clap::Args)]
 pub struct KeepArgs {
-    /// Keep what is finished in OUT.partial, so that the same command goes on after whatever stopped it: auto, always or
-    /// never [default: auto].
+    /// Keep what is finished in OUT.partial, so that the same command goes on after whatever stopped it: auto, always
+    /// or never [default: auto].
     ///
     /// auto: where a picture or a batch of rays takes more than two seconds. The file is removed when the output is
-    /// written. Where work is counted, rays are traced again and again for timing, or --layers tells of samples or their
-    /// error, nothing is kept.
+    /// written. Where work is counted, rays are traced again and again for timing, or --layers tells of samples or
+    /// their error, nothing is kept.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
     pub keep: Keep,
     /// Begin anew, and remove what is kept of an earlier run.

@@ -1,4 +1,5 @@
-//! Limits of time: `--time-limit` and `--deadline`. Work that is not finished by then ends, and what is finished is kept.
+//! Limits of time: `--time-limit` and `--deadline`. Work that is not finished by then ends, and what is finished is
+//! kept.
 
 use super::code::{Code, TIME_IS_UP};
 use super::{Talk, heading, stop};
@@ -12,8 +13,8 @@ use std::time::{Duration, Instant};
 pub struct LimitArgs {
     /// Stop after so long, such as 90s, 15m or 1h30m, and keep what is finished: the same command goes on.
     ///
-    /// Counted from the program's start. A picture is rendered coarsely first, so that there is one when the time is up:
-    /// with the pixels of all blocks that are finished. The exit code is then 124.
+    /// Counted from the program's start. A picture is rendered coarsely first, so that there is one when the time is
+    /// up: with the pixels of all blocks that are finished. The exit code is then 124.
     #[arg(long, value_name = "DURATION", value_parser = parse_duration, hide_short_help = true, help_heading = heading::OUTPUT)]
     time_limit: Option<Duration>,
     /// The same at a time of day, such as 18:30, or of a date, such as 2026-11-27T08:00 or 2026-11-27T08:00+01:00.
