@@ -91,6 +91,7 @@
 //! | [`budget`](low_level::budget) | how much memory may be taken |
 //! | [`layers`](low_level::layers), [`planes`](low_level::planes), [`animation`](low_level::animation) | what a picture knows beside light, and its files; pictures one after the other |
 //! | [`film`](low_level::film), [`output`](low_level::output), [`rays`](low_level::rays) | files of pictures and rays |
+//! | [`runs`](low_level::runs), [`journal`](low_level::journal) | batches of rays in runs; files that long work is kept in |
 //! | [`stats`](low_level::stats), [`work`](low_level::work), [`aov`](low_level::aov), [`compare`](low_level::compare) | statistics, counted work, comparisons |
 //! | `cl/` | kernels: `intersect/` and `traverse/` have one method a file |
 //!
@@ -135,6 +136,7 @@ mod random;
 mod ray_order;
 mod reference;
 mod renderer;
+mod runs;
 pub mod scene;
 mod shared;
 mod stats;

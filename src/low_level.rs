@@ -75,6 +75,8 @@ rooms! {
     renderer,
     /// Files of pictures, written row by row.
     rows in io,
+    /// Batches of rays in runs, which are kept in a journal as they are finished.
+    runs,
     /// Scenes in world units, and their loaders.
     scene,
     /// The structs and constants that host and kernels share.

@@ -172,6 +172,63 @@ pub fn read_placed(path: &Path, take: impl FnMut(&Record) -> Result<()>) -> Resu
     read_records(&file, path, take).map(|(_, condition)| condition)
 }
 
+/// What the work is that a journal keeps. Its header tells that: a byte, and a JSON object with a key of this name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Subject {
+    /// A picture, or a part of one.
+    Picture,
+    /// A batch of rays, or a part of one.
+    Batch,
+}
+
+impl Subject {
+    const ALL: [Subject; 2] = [Subject::Picture, Subject::Batch];
+
+    fn key(self) -> &'static str {
+        match self {
+            Subject::Picture => "picture",
+            Subject::Batch => "batch",
+        }
+    }
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Subject::Picture => "a picture",
+            Subject::Batch => "a batch of rays",
+        }
+    }
+
+    /// By a header without its first byte.
+    fn of(header: &[u8]) -> Option<Subject> {
+        let header: serde_json::Value = serde_json::from_slice(header).ok()?;
+        Subject::ALL.into_iter().find(|subject| header.get(subject.key()).is_some())
+    }
+
+    /// What the journal at `path` keeps; `None` where it does not say.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub fn of_journal(path: &Path) -> Result<Option<Subject>> {
+        let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
+        let (mut reader, length) = after_magic(&file, path)?;
+        let mut header = Vec::new();
+        let is_whole = read_record(&mut reader, length - MAGIC.len() as u64, &mut header);
+        let is_whole = is_whole.map_err(|error| Error::io("read", path, error))?;
+        Ok(header.split_first().filter(|_| is_whole).and_then(|(_, header)| Subject::of(header)))
+    }
+
+    /// Why a header, without its first byte, is none of a journal of this subject.
+    pub(crate) fn refusal(self, header: &[u8], error: &serde_json::Error) -> String {
+        match Subject::of(header).filter(|&found| found != self) {
+            Some(found) => format!("the journal is of {}, not of {}", found.name(), self.name()),
+            None => {
+                format!("a journal of another version of raybrook ({error}); finish it with that one, or remove it")
+            }
+        }
+    }
+}
+
 /// Whether `path` is a journal.
 pub fn is_journal(path: &Path) -> bool {
     let mut magic = [0; MAGIC.len()];
@@ -200,13 +257,7 @@ fn lock(_: &File, _: &Path) -> Result<()> {
 /// Hands all whole records to `take`. Returns where the last one ends.
 fn read_records(file: &File, path: &Path, mut take: impl FnMut(&Record) -> Result<()>) -> Result<(u64, Condition)> {
     let to_error = |error| Error::io("read", path, error);
-    let length = file.metadata().map_err(to_error)?.len();
-    let mut reader = BufReader::with_capacity(1 << 20, file);
-    reader.seek(SeekFrom::Start(0)).map_err(to_error)?;
-    let mut magic = [0; MAGIC.len()];
-    if reader.read_exact(&mut magic).is_err() || magic != *MAGIC {
-        return Err(Error::input(path, None, "not a journal of raybrook"));
-    }
+    let (mut reader, length) = after_magic(file, path)?;
     let (mut at, mut end) = (MAGIC.len() as u64, MAGIC.len() as u64);
     let mut condition = Condition { cut_bytes: 0, damaged_bytes: 0 };
     let mut payload = Vec::new();
@@ -226,6 +277,19 @@ fn read_records(file: &File, path: &Path, mut take: impl FnMut(&Record) -> Resul
     }
     condition.cut_bytes = length - end;
     Ok((end, condition))
+}
+
+/// A reader behind what tells that a file is a journal, and the file's length.
+fn after_magic<'a>(file: &'a File, path: &Path) -> Result<(BufReader<&'a File>, u64)> {
+    let to_error = |error| Error::io("read", path, error);
+    let length = file.metadata().map_err(to_error)?.len();
+    let mut reader = BufReader::with_capacity(1 << 20, file);
+    reader.seek(SeekFrom::Start(0)).map_err(to_error)?;
+    let mut magic = [0; MAGIC.len()];
+    match reader.read_exact(&mut magic).is_ok() && magic == *MAGIC {
+        true => Ok((reader, length)),
+        false => Err(Error::input(path, None, "not a journal of raybrook")),
+    }
 }
 
 /// Reads the record that begins here, if there is a whole one in so many bytes.

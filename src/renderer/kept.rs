@@ -3,7 +3,7 @@
 
 use super::{Crop, Picture, PictureBlocks, StoredBlocks};
 use crate::error::{Error, Result};
-use crate::io::journal::{self, Condition, Journal, Record};
+use crate::io::journal::{self, Condition, Journal, Record, Subject};
 use crate::io::rows::PutRows;
 use crate::options::TraceOptions;
 use crate::scene::{Samples, Scene};
@@ -391,11 +391,8 @@ impl<'a> Reader<'a> {
     }
 
     fn take_header(&mut self, header: &[u8]) -> Result<()> {
-        let header: Header = serde_json::from_slice(header).map_err(|error| {
-            self.refuse(format!(
-                "a journal of another version of raybrook ({error}); finish it with that one, or remove it"
-            ))
-        })?;
+        let header: Header =
+            serde_json::from_slice(header).map_err(|error| self.refuse(Subject::Picture.refusal(header, &error)))?;
         if let Some(difference) = self.wanted.and_then(|wanted| wanted.difference(&header.picture)) {
             return Err(self.refuse(format!("the journal is of another picture: {difference}")));
         }

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Kills renders again and again at random times, spoils its journal now and then, and lets it go on, until the picture is there: the
-pixels must be those of an undisturbed run, no block may be lost but those that were being rendered, and what is damaged is rendered again.
+"""Kills a render or a trace again and again at random times, spoils its journal now and then, and lets it go on, until the output is
+there: it must have the bytes of an undisturbed run's, no block or run of rays may be lost but those that were being made, and what is
+damaged is made again.
 """
 
 import os
@@ -13,12 +14,17 @@ import time
 import common
 
 RENDER = ["render", "scene.toml", "--size", "1600x1200", "-o", "out.pfm", "--keep", "always", "--device"]
+TRACE = ["trace", "scene.toml", "many.npz", "-o", "out.npz", "--keep", "always", "--device"]
 KINDS = {
     "samples, reference": [*RENDER, "reference", "--samples", "4"],
     "error, reference": [*RENDER, "reference", "--error", "0.3"],
     "error, device": [*RENDER, "0", "--error", "0.3"],
+    "closest hits, reference": [*TRACE, "reference"],
+    "all hits, reference": [*TRACE, "reference", "--all-hits"],
+    "any hits, device": [*TRACE, "0", "--any-hit"],
 }
-JOURNAL = "out.pfm.partial"
+# What takes a moment in place of what takes long.
+QUICK = {"1600x1200": "8x8", "many.npz": "rays.npz"}
 SIGNALS = ["SIGKILL", "SIGKILL", "SIGINT", "SIGTERM"]
 
 
@@ -29,12 +35,15 @@ def finished(text):
 
 
 def until_done(program, words, kills, seconds, chance):
-    """What is wrong with one render that is killed so often, or None; and how often it was."""
+    """What is wrong with one output whose run is killed so often, or None; and how often it was."""
     with common.new_folder() as folder:
         common.scene(folder)
+        if "many.npz" in words:
+            many(os.path.join(folder, "many.npz"), chance)
         # With kernels compiled, which takes longer than a run lives.
-        common.run(program, folder, ["8x8" if word == "1600x1200" else word for word in words])
-        os.remove(os.path.join(folder, "out.pfm"))
+        common.run(program, folder, [QUICK.get(word, word) for word in words])
+        output = os.path.join(folder, words[words.index("-o") + 1])
+        os.remove(output)
         kept = killed = 0
         while True:
             child = subprocess.Popen(
@@ -55,7 +64,7 @@ def until_done(program, words, kills, seconds, chance):
             if not is_killed:
                 return f"exit code {child.returncode}: {text}", killed
             killed += 1
-            journal = os.path.join(folder, JOURNAL)
+            journal = output + ".partial"
             if os.path.exists(journal) and chance.random() < 0.1:
                 spoil(journal, chance)
                 kept = 0
@@ -63,12 +72,17 @@ def until_done(program, words, kills, seconds, chance):
         if left:
             return f"left behind: {left}", killed
         whole = [*words[: words.index("--keep")], "--keep", "never", *words[words.index("--keep") + 2 :]]
-        picture = os.path.join(folder, "out.pfm")
-        with open(picture, "rb") as file:
-            pixels = file.read()
+        with open(output, "rb") as file:
+            found = file.read()
         common.run(program, folder, whole)
-        with open(picture, "rb") as file:
-            return (None if file.read() == pixels else "other pixels"), killed
+        with open(output, "rb") as file:
+            return (None if file.read() == found else "other bytes"), killed
+
+
+def many(path, chance):
+    """Writes a batch of six million rays towards a sphere, of which some miss."""
+    origins = [(chance.uniform(-1.2, 1.2), chance.uniform(-1.2, 1.2), 3.0) for _ in range(4096)]
+    common.npz(path, {"origin": origins, "direction": [(0.0, 0.0, -1.0)] * len(origins)}, 1500)
 
 
 def spoil(journal, chance):
@@ -90,17 +104,17 @@ def main():
     program, kills = os.path.abspath(sys.argv[1]), int(sys.argv[2])
     chance = random.Random(int(sys.argv[3]) if len(sys.argv) == 4 else 1)
     failures = 0
-    print("| kind | pictures | killed | what was wrong |\n|---|--:|--:|---|")
+    print("| kind | outputs | killed | what was wrong |\n|---|--:|--:|---|")
     for kind, words in KINDS.items():
-        pictures, all_killed, seconds, fault = 0, 0, 2.0, None
+        outputs, all_killed, seconds, fault = 0, 0, 2.0, None
         while all_killed < kills and fault is None:
             fault, killed = until_done(program, words, kills - all_killed, seconds, chance)
-            pictures += 1
+            outputs += 1
             all_killed += killed
-            # A picture that is done before it is killed twice is killed sooner the next time.
+            # An output that is there before its run is killed twice is killed sooner the next time.
             seconds = seconds if killed > 1 else max(0.1, seconds / 2)
         failures += fault is not None
-        print(f"| {kind} | {pictures} | {all_killed} | {fault or 'nothing'} |", flush=True)
+        print(f"| {kind} | {outputs} | {all_killed} | {fault or 'nothing'} |", flush=True)
     sys.exit(1 if failures else 0)
 
 

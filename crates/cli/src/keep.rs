@@ -1,6 +1,7 @@
 //! Pictures on their way are kept beside their output, in `OUT.partial`: what stops the program costs no more than the
 //! last second, and the same command goes on.
 
+use super::limit::Limit;
 use super::open::Opened;
 use super::progress::Bar;
 use super::{Talk, chain, heading, stop};
@@ -10,7 +11,7 @@ use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
     KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, RowsInOrder, Watcher, is_large,
-    render_blocks, render_by_several,
+    read_kept, render_blocks, render_by_several,
 };
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::Samples;
@@ -22,30 +23,31 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A picture that takes less time is not kept.
+/// What takes less time is not kept.
 const FROM: Duration = Duration::from_secs(2);
 
 /// Whether what is finished is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Keep {
-    /// Where the picture takes more than two seconds.
+    /// What takes more than two seconds.
     Auto,
-    /// From the first block on.
+    /// From the first block of a picture on, or the first run of rays.
     Always,
     /// Nothing is kept, and nothing that was kept is read.
     Never,
 }
 
-#[derive(clap::Args)]
+#[derive(Clone, Copy, clap::Args)]
 pub struct KeepArgs {
-    /// Keep finished blocks of the picture in OUT.partial, so that the same command goes on after whatever stopped it:
-    /// auto, always or never [default: auto].
+    /// Keep what is finished in OUT.partial, so that the same command goes on after whatever stopped it: auto, always
+    /// or never [default: auto].
     ///
-    /// auto: where the picture takes more than two seconds. The file is removed when the picture is written. Where work
-    /// is counted, or --layers tells of samples or their error, nothing is kept. A picture of more than 44 million
-    /// pixels by its --error, or by several devices, is kept from the first block on, in place of memory.
+    /// auto: where a picture or a batch of rays takes more than two seconds. The file is removed when the output is
+    /// written. Where work is counted, rays are traced again and again for timing, or --layers tells of samples or
+    /// their error, nothing is kept. A picture of more than 44 million pixels by its --error, or by several devices, is
+    /// kept from the first block on, in place of memory.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
-    keep: Keep,
+    pub keep: Keep,
     /// Begin anew, and remove what is kept of an earlier run.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true)]
     restart: bool,
@@ -73,6 +75,45 @@ impl KeepArgs {
             _ => Canvas::Film,
         }
     }
+
+    /// Removes what is kept at `path`, if that is asked for.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with action "remove".
+    pub fn restart(&self, path: &Path) -> Result<()> {
+        if self.restart && journal::is_journal(path) {
+            std::fs::remove_file(path).map_err(|error| Error::io("remove", path, error))?;
+        }
+        Ok(())
+    }
+
+    /// The same where work may end because its time is up: then everything that is finished is kept.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when nothing is to be kept.
+    pub fn within(self, limit: Limit) -> Result<KeepArgs> {
+        match self.keep {
+            Keep::Never if limit.is_set() => {
+                let message = format!("never keeps nothing of what is finished when {} is met", limit.option());
+                Err(Error::option("--keep", message))
+            }
+            Keep::Auto if limit.is_set() => Ok(KeepArgs { keep: Keep::Always, ..self }),
+            _ => Ok(self),
+        }
+    }
+
+    /// Whether there is anything at `path` to go on with; a link to nowhere is something, too.
+    pub fn goes_on(&self, path: &Path) -> bool {
+        self.keep != Keep::Never && path.symlink_metadata().is_ok()
+    }
+}
+
+impl Keep {
+    /// Whether work that began at `start`, of which so much is done, takes so long that it is kept.
+    pub fn is_worth_it(self, start: Instant, done: usize, of: usize) -> bool {
+        let whole = start.elapsed().mul_f64(of as f64 / done.max(1) as f64);
+        self == Keep::Auto && done < of && whole >= FROM
+    }
 }
 
 /// The name of the journal of an output, or of a part of the work on it.
@@ -93,6 +134,7 @@ pub struct Keeper<'a> {
     id: LazyId<'a>,
     part: Option<Part>,
     keep: Keep,
+    limit: Limit,
     blocks: PictureBlocks,
     /// What is to be rendered, and how many blocks there are with those of earlier runs.
     rest: Vec<usize>,
@@ -121,21 +163,20 @@ impl<'a> Keeper<'a> {
     /// # Errors
     /// What is kept is of another picture, or cannot be read; or it cannot be removed where that is asked for.
     pub fn open(
-        args: &KeepArgs,
+        (args, limit): (&KeepArgs, Limit),
         (output, part): (&Path, Option<Part>),
         (id, blocks, canvas): (LazyId<'a>, PictureBlocks, Canvas),
         talk: Talk,
     ) -> Result<Keeper<'a>> {
-        let path = journal_of(output, part);
-        if args.restart && journal::is_journal(&path) {
-            std::fs::remove_file(&path).map_err(|error| Error::io("remove", &path, error))?;
-        }
+        let (args, path) = (args.within(limit)?, journal_of(output, part));
+        args.restart(&path)?;
         let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
         let film = (canvas == Canvas::Film).then(|| blocks.empty_film());
         let shared = Shared { journal: None, done: 0, spent: Spent::default(), unkept: 0, film };
         let (shared, of) = (Arc::new(Mutex::new(shared)), rest.len());
-        let mut keeper = Keeper { shared, path, id, part, keep: args.keep, blocks, rest, of, start: Instant::now() };
-        if args.keep != Keep::Never && is_there(&keeper.path) {
+        let start = Instant::now();
+        let mut keeper = Keeper { shared, path, id, part, keep: args.keep, limit, blocks, rest, of, start };
+        if args.goes_on(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
         } else if canvas == Canvas::Journal || args.keep == Keep::Always {
             lock(&keeper.shared).journal = Some(keeper.new_journal()?);
@@ -160,13 +201,8 @@ impl<'a> Keeper<'a> {
         shared.done = self.of - self.rest.len();
         shared.spent = kept.spent;
         shared.journal = Some(journal);
-        let (path, damaged) = (self.path.display(), kept.condition.damaged_bytes);
-        if damaged > 0 && !talk.quiet {
-            tell!("warning: {damaged} bytes of '{path}' are damaged; their blocks are rendered again");
-        }
         if !talk.quiet {
-            let (done, of) = (shared.done, self.of);
-            tell!("note: goes on with '{path}': {done} of {of} blocks are finished; --restart begins anew");
+            tell_begun(&self.path, (shared.done, self.of, "blocks"), kept.condition.damaged_bytes);
         }
         Ok(())
     }
@@ -180,8 +216,7 @@ impl<'a> Keeper<'a> {
             let done = shared.done - shared.unkept;
             let Some(journal) = &mut shared.journal else { return };
             if journal.sync().is_ok() && !talk.quiet {
-                let path = journal.path().display();
-                tell!("note: {done} of {of} blocks are kept in '{path}'; the same command goes on with them");
+                tell_kept(journal.path(), (done, of, "blocks"));
             }
         });
     }
@@ -191,7 +226,7 @@ impl<'a> Keeper<'a> {
         let mut shared = lock(&self.shared);
         shared.done += finished.blocks.len();
         shared.spent.add(&finished.spent);
-        if shared.journal.is_none() && self.is_worth_it(shared.done) {
+        if shared.journal.is_none() && self.keep.is_worth_it(self.start, shared.done, self.of) {
             shared.journal = Some(self.new_journal()?);
         }
         // Of several devices; a single one has the film.
@@ -199,18 +234,12 @@ impl<'a> Keeper<'a> {
             self.blocks.copy(finished, film)?;
         }
         match &mut shared.journal {
-            Some(journal) => journal.append(finished).map_err(what_is_kept),
+            Some(journal) => journal.append(finished).map_err(|error| what_is_kept(error, "blocks")),
             None => {
                 shared.unkept += finished.blocks.len();
                 Ok(())
             }
         }
-    }
-
-    /// Whether the picture takes so long, by what is done, that it is kept.
-    fn is_worth_it(&self, done: usize) -> bool {
-        let whole = self.start.elapsed().mul_f64(self.of as f64 / done.max(1) as f64);
-        self.keep == Keep::Auto && done < self.of && whole >= FROM
     }
 
     /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs; its film has no pixels
@@ -227,7 +256,10 @@ impl<'a> Keeper<'a> {
     ) -> Result<RenderResult> {
         let bar = Bar::new("render", talk);
         let rays = self.rays(picture);
-        let progress = |done: f64| bar.update(done, rays, "M camera rays");
+        let progress = |done: f64| {
+            self.limit.check();
+            bar.update(done, rays, "M camera rays");
+        };
         self.start = Instant::now();
         let film = lock(&self.shared).film.take();
         let mut rows = rows.map(|put| RowsInOrder::new(&self.blocks, put));
@@ -306,6 +338,21 @@ impl<'a> Keeper<'a> {
         RenderResult { film, counts, second_pass, kernel_s, read_s, adaptive, ..result }
     }
 
+    /// Whether something is left to be rendered.
+    pub fn has_rest(&self) -> bool {
+        !self.rest.is_empty()
+    }
+
+    /// Puts the blocks that are kept onto a film of the whole picture, and tells how many of how many these are.
+    ///
+    /// # Errors
+    /// As [`read_kept`].
+    pub fn put_so_far(&self, film: &mut Film) -> Result<(usize, usize)> {
+        let mut put = |blocks: &PictureBlocks, block: &KeptBlock| blocks.scatter(block.number, block.pixels, film);
+        let kept = read_kept(&self.path, Some(&self.id), &mut put)?;
+        Ok((kept.blocks.len(), self.of))
+    }
+
     /// Ends keeping: the picture is written.
     ///
     /// # Errors
@@ -344,7 +391,8 @@ struct Watching<'k, 'a> {
 
 impl Watcher for Watching<'_, '_> {
     fn done(&self, finished: &Finished) -> Result<()> {
-        self.keeper.take(finished)
+        self.keeper.take(finished)?;
+        if self.keeper.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
     }
 
     fn progress(&self, done: f64) {
@@ -359,24 +407,33 @@ impl Watcher for Watching<'_, '_> {
     }
 }
 
+/// Says what of an earlier run is there: so much of so much, in such pieces.
+pub fn tell_begun(path: &Path, (done, of, pieces): (usize, usize, &str), damaged_bytes: u64) {
+    let path = path.display();
+    if damaged_bytes > 0 {
+        tell!("warning: {damaged_bytes} bytes of '{path}' are damaged; their {pieces} are done again");
+    }
+    tell!("note: goes on with '{path}': {done} of {of} {pieces} are finished; --restart begins anew");
+}
+
+/// Says what is there for a later run.
+pub fn tell_kept(path: &Path, (done, of, pieces): (usize, usize, &str)) {
+    tell!("note: {done} of {of} {pieces} are kept in '{}'; the same command goes on with them", path.display());
+}
+
 /// Says, too, what is not lost.
-fn what_is_kept(error: Error) -> Error {
+pub fn what_is_kept(error: Error, pieces: &str) -> Error {
     match error {
         Error::Io { action, path, source } => {
-            let message = format!("{source}; the blocks before are kept: make room, and the same command goes on");
+            let message = format!("{source}; the {pieces} before are kept: make room, and the same command goes on");
             Error::io(action, &path, std::io::Error::new(source.kind(), message))
         }
         other => other,
     }
 }
 
-/// Whether something has this name, a link to nowhere included.
-fn is_there(path: &Path) -> bool {
-    path.symlink_metadata().is_ok()
-}
-
 /// Says, too, how to do without what is kept.
-fn to_begin_anew(error: Error, path: &Path) -> Error {
+pub fn to_begin_anew(error: Error, path: &Path) -> Error {
     match error {
         Error::Input { path: input, line, message } if journal::is_journal(path) => {
             let message = format!("{message}; --restart begins anew, --keep never leaves it alone");

@@ -31,9 +31,12 @@ mod flags;
 mod info;
 mod inside;
 mod keep;
+mod keep_rays;
 mod kernels;
 mod layers;
+mod limit;
 mod merge;
+mod merge_rays;
 mod method;
 mod methods;
 mod open;
@@ -73,7 +76,7 @@ use std::sync::OnceLock;
 const AFTER_HELP: &str = "\
 Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different ones; 2 wrong option or argument; 3 the scene or another input is \
 missing or wrong, or takes more memory than there is; 4 no such device, or the device failed, or the picture takes more memory than there is; 5 an output could not be \
-written; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
+written; 124 --time-limit or --deadline was met, and the same command goes on; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
 
 Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of what `tune` found (default: \
 $XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
@@ -118,7 +121,8 @@ struct Talk {
 enum Command {
     /// Render a scene to a picture.
     Render(render::RenderArgs),
-    /// Merge the parts of a picture that several machines rendered, or write what a stopped run has left.
+    /// Merge the parts of a picture, or of a batch of rays, that several machines made, or write what a stopped run has
+    /// left.
     Merge(merge::MergeArgs),
     /// Show a scene in the browser: move about, pick, compare methods.
     View(view::ViewArgs),
@@ -361,11 +365,11 @@ fn obey(arguments: &[OsString]) -> Result<Code, Error> {
         method::note_old_names(words().map(|word| word.to_string_lossy().into_owned()));
     }
     match cli.command {
-        Command::Render(args) => render::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::Render(args) => render::run(&args, cli.talk),
         Command::Merge(args) => merge::run(&args, cli.talk).map(|()| SUCCESS),
         Command::View(args) => view::run(&args, cli.talk).map(|()| SUCCESS),
-        Command::Turntable(args) => turntable::run(&args, cli.talk).map(|()| SUCCESS),
-        Command::Trace(args) => trace::run(&args, cli.talk).map(|()| SUCCESS),
+        Command::Turntable(args) => turntable::run(&args, cli.talk),
+        Command::Trace(args) => trace::run(&args, cli.talk),
         Command::Inside(args) => inside::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Distance(args) => distance::run(&args, cli.talk).map(|()| SUCCESS),
         Command::Check(args) => check::run(&args, cli.talk),

@@ -2,7 +2,7 @@
 
 use super::files::Files;
 use super::picture_file::PictureFileArgs;
-use super::{MemoryArgs, Talk, heading};
+use super::{MemoryArgs, Talk, heading, merge_rays};
 use raybrook::low_level::budget::{DecidedBy, Need};
 use raybrook::low_level::film::{ImageFormat, check_output};
 use raybrook::low_level::renderer::{Part, PictureBlocks, PictureId, StoredBlocks, bytes_of_rows};
@@ -15,16 +15,16 @@ use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct MergeArgs {
-    /// What `render --part` or a `render` that was stopped has left, in any order.
+    /// What `render --part` or `trace --part` has left, or one of both that was stopped, in any order.
     #[arg(value_name = "JOURNAL", required = true)]
-    journals: Vec<PathBuf>,
-    /// Picture to write: .png (sRGB), .exr or .pfm (linear).
+    pub journals: Vec<PathBuf>,
+    /// Picture to write: .png (sRGB), .exr or .pfm (linear); or the hits of rays: .npz.
     #[arg(short, long, value_name = "FILE", help_heading = heading::OUTPUT)]
-    output: PathBuf,
+    pub output: PathBuf,
     #[command(flatten)]
-    file: PictureFileArgs,
+    pub file: PictureFileArgs,
     #[command(flatten)]
-    memory: MemoryArgs,
+    pub memory: MemoryArgs,
 }
 
 /// What was merged so far: where blocks lie, and not their pixels.
@@ -67,19 +67,23 @@ impl Merged {
 
     /// The parts that have the missing blocks.
     fn parts_of(&self, missing: &[usize], blocks: &PictureBlocks) -> Vec<String> {
-        /// More are not listed.
-        const MOST: usize = 20;
         let Some(part) = self.part else { return Vec::new() };
         let has_missing = |blocks: &[usize]| blocks.iter().any(|block| missing.binary_search(block).is_ok());
         let pieces = blocks.by_parts(part.of as usize).filter(|(_, blocks)| has_missing(blocks));
-        let numbers: BTreeSet<usize> = pieces.map(|(number, _)| number).collect();
-        let parts = numbers.into_iter().map(|number| Part { number: number as u32 + 1, ..part });
-        let mut parts: Vec<String> = parts.take(MOST + 1).map(|part| part.to_string()).collect();
-        if parts.len() > MOST {
-            parts[MOST] = "and more".to_owned();
-        }
-        parts
+        names_of_parts(part, &pieces.map(|(number, _)| number).collect())
     }
+}
+
+/// Parts, numbered from 0, as they are typed; `part` is one like them.
+pub fn names_of_parts(part: Part, numbers: &BTreeSet<usize>) -> Vec<String> {
+    /// More are not listed.
+    const MOST: usize = 20;
+    let parts = numbers.iter().map(|&number| Part { number: number as u32 + 1, ..part });
+    let mut parts: Vec<String> = parts.take(MOST + 1).map(|part| part.to_string()).collect();
+    if parts.len() > MOST {
+        parts[MOST] = "and more".to_owned();
+    }
+    parts
 }
 
 /// Checks that there is memory for the rows that are read and written at a time.
@@ -91,6 +95,9 @@ fn check_memory(size: (u32, u32), format: ImageFormat, memory: MemoryArgs) -> Re
 }
 
 pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
+    if merge_rays::are_batches(&args.journals)? {
+        return merge_rays::run(args, talk);
+    }
     let format = args.file.format(&args.output)?;
     let mut files = Files::default();
     args.journals.iter().for_each(|journal| files.read(journal, "a journal"));

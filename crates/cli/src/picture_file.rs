@@ -22,6 +22,13 @@ pub struct PictureFileArgs {
 }
 
 impl PictureFileArgs {
+    /// Refuses what is asked for of a picture where there is none.
+    pub fn refuse(&self) -> Result<()> {
+        let given = [("bit_depth", self.bit_depth.is_some()), ("exposure", self.exposure.is_some())];
+        let message = "is for pictures, and this is a batch of rays; leave it out";
+        given.iter().find(|(_, is_given)| *is_given).map_or(Ok(()), |(option, _)| Err(Error::option(*option, message)))
+    }
+
     /// The format of a file of this name, which can have the exposure that was asked for.
     pub fn format(&self, path: &Path) -> Result<ImageFormat> {
         let format = ImageFormat::from_path(path)?;

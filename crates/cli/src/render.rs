@@ -1,9 +1,11 @@
 //! `raybrook render`.
 
+use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::keep::{Canvas, KeepArgs, Keeper, LazyId, journal_of};
 use super::layers::LayerArgs;
+use super::limit::{Limit, LimitArgs};
 use super::open::Opened;
 use super::part::PartChoice;
 use super::picture_file::PictureFileArgs;
@@ -58,6 +60,8 @@ pub struct RenderArgs {
     part: Option<PartChoice>,
     #[command(flatten)]
     keep: KeepArgs,
+    #[command(flatten)]
+    limit: LimitArgs,
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
@@ -143,9 +147,74 @@ fn render_noting(
     render_part_noting(opened.tracer.as_mut(), &opened.buffers, picture, crop, notes_sampling, &progress)
 }
 
-pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
+/// Once a picture has this error, every pixel of it has a value that tells what is there: for the time being.
+const COARSE_ERROR: f32 = 8.0;
+
+/// The picture that is rendered before the one that is asked for, where the time for that may not suffice: so many times
+/// coarser that it takes a small part of the rays.
+fn coarse(picture: &Picture) -> Picture {
+    const TIMES: f32 = 4.0;
+    let error = match picture.samples {
+        Samples::Error(error) => (TIMES * error).clamp(COARSE_ERROR, Samples::MOST_ERROR),
+        _ => COARSE_ERROR,
+    };
+    Picture { samples: Samples::Error(error), ..*picture }
+}
+
+/// The coarse picture that is rendered first where the time for a picture may be up before it is finished.
+///
+/// # Errors
+/// [`Error::Stopped`] when the time is up already.
+fn coarse_within(
+    limit: Limit,
+    args: &RenderArgs,
+    keeper: &Keeper,
+    (opened, picture): (&mut Opened, &Picture),
+    talk: Talk,
+) -> Result<Option<RenderResult>> {
+    if !limit.is_set() || args.part.is_some() || !keeper.has_rest() {
+        return Ok(None);
+    }
+    let bar = Bar::new("coarse picture", talk);
+    let progress = |done: f64| {
+        limit.check();
+        bar.update(done, 1.0, "pictures");
+    };
+    let (tracer, coarse) = (opened.tracer.as_mut(), coarse(picture));
+    let render = || render_part_noting(tracer, &opened.buffers, &coarse, args.crop, false, &progress);
+    limit.within(render)?.ok_or(Error::Stopped).map(Some)
+}
+
+/// Writes what there is of a picture whose time is up: the coarse one, and on it the blocks that are finished.
+fn write_so_far(
+    mut so_far: RenderResult,
+    args: &RenderArgs,
+    (output, format): (&Path, ImageFormat),
+    keeper: &Keeper,
+    talk: Talk,
+) -> Result<()> {
+    let (done, of) = keeper.put_so_far(&mut so_far.film)?;
+    args.file.finish(&mut so_far.film, &output.display().to_string(), talk)?;
+    so_far.film.write(output, Some(format))?;
+    if !talk.quiet {
+        let error = so_far.adaptive.map_or(0.0, |adaptive| adaptive.estimated_error);
+        tell!(
+            "note: {done} of {of} blocks of '{}' are finished; the others are coarse, with an error of about {error:.1} steps of 8-bit \
+             sRGB",
+            output.display()
+        );
+    }
+    Ok(())
+}
+
+pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     let start = Instant::now();
+    let limit = args.limit.begin(start);
     let counters = args.counters || args.layers.wants_counters();
+    if limit.is_set() && (counters || args.layers.any()) {
+        let message = "work is counted and layers are traced of pictures that are finished; leave out one of both";
+        return Err(Error::option(limit.option(), message));
+    }
     let options = args.method.check(counters)?;
     let part = args.part.map(PartChoice::part).transpose()?;
     let wanted = match &args.output {
@@ -208,10 +277,13 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
     let (scene, of_first) = (&loaded.scene, chosen[0].options);
     let id = move || PictureId::new(scene, &picture, args.crop, &of_first);
     let mut keeper = match args.is_kept() {
-        true => Some(Keeper::open(&args.keep, (&output, part), (LazyId::new(Box::new(id)), blocks, canvas), talk)?),
+        true => {
+            let of = (LazyId::new(Box::new(id)), blocks, canvas);
+            Some(Keeper::open((&args.keep, limit), (&output, part), of, talk)?)
+        }
         false => None,
     };
-    let mut opened = None;
+    let (mut opened, mut so_far) = (None, None);
     let mut render = |rows: Option<PutRows>| match &mut keeper {
         Some(keeper) if devices.len() > 1 => {
             let by = (&devices[..], &args.device);
@@ -226,18 +298,29 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
             let opened = opened.insert(one);
             check_picture(picture.size, picture.samples)?;
             let result = match keeper {
-                Some(keeper) => keeper.render(opened, &picture, rows, talk)?,
+                Some(keeper) => {
+                    so_far = coarse_within(limit, args, keeper, (opened, &picture), talk)?;
+                    limit.within(|| keeper.render(opened, &picture, rows, talk))?.ok_or(Error::Stopped)?
+                }
                 None => render_noting(opened, &picture, args.crop, args.layers.wants_sampling(), talk)?,
             };
             Ok((result, std::mem::take(&mut opened.stats)))
         }
     };
-    let ((mut result, mut stats), mut write_s) = match is_by_rows {
-        true => args.file.write_rows((&output, format), blocks.size(), |put| render(Some(put)), talk)?,
-        false => (render(None)?, 0.0),
+    let rendered = match is_by_rows {
+        true => args.file.write_rows((&output, format), blocks.size(), |put| render(Some(put)), talk),
+        false => render(None).map(|rendered| (rendered, 0.0)),
+    };
+    let ((mut result, mut stats), mut write_s) = match rendered {
+        Err(Error::Stopped) if limit.is_over() => {
+            let so_far = so_far.zip(keeper.as_ref());
+            so_far.map_or(Ok(()), |(film, keeper)| write_so_far(film, args, (&output, format), keeper, talk))?;
+            return Ok(limit.end(talk));
+        }
+        other => other?,
     };
     if part.is_some() {
-        return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk));
+        return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk)).map(|()| SUCCESS);
     }
     let tracing_layers = Instant::now();
     let trace_layers = |opened: &mut Opened| {
@@ -280,7 +363,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<()> {
         stats.write(path)?;
     }
     tell_result(&output, (&stats, &result.film), talk);
-    Ok(())
+    Ok(SUCCESS)
 }
 
 /// What was rendered, and by what.

@@ -1,24 +1,32 @@
 //! `raybrook trace`.
 
+use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
+use super::keep::{KeepArgs, journal_of};
+use super::keep_rays::{LazyId, RayKeeper};
+use super::limit::LimitArgs;
+use super::part::PartChoice;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, heading, open, work};
 use glam::Vec3;
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
-use raybrook::low_level::crossings::{count_crossings, require_exact};
+use raybrook::low_level::crossings::require_exact;
 use raybrook::low_level::extreme::TracingBatch;
+use raybrook::low_level::journal::is_journal;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::Kernels;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::rays::{AllHitsBatch, HitBatch, RayBatch};
+use raybrook::low_level::renderer::Part;
+use raybrook::low_level::runs::{Answers, Asked, BatchId, BatchJob, Found, Runs, Took, hit_batch, list_batch};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::stats::{RayCount, WorkStats};
-use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, Progress, Task, TraceResult, is_hit};
+use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, Progress, Task, is_hit};
 use raybrook::low_level::work::{RayWork, WorkSum};
 use raybrook::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -55,6 +63,16 @@ pub struct TraceArgs {
     /// outside has an odd number.
     #[arg(long, conflicts_with_all = ["any_hit", "all_hits", "count"])]
     crossings: bool,
+    /// Trace part I of N alone, for `raybrook merge`: into HITS.npz.part-I-of-N, by as many machines as there are parts.
+    ///
+    /// Every Nth run of the batch; a run has 1,048,576 rays. `auto` takes I and N from what runs the program, as for
+    /// `render`. Such a file is a journal, so that the same command goes on after whatever stopped it.
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", requires = "output", conflicts_with_all = ["counters", "repeat", "stats"])]
+    part: Option<PartChoice>,
+    #[command(flatten)]
+    keep: KeepArgs,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Trace the batch N times, for timing.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
@@ -74,16 +92,32 @@ pub struct TraceArgs {
 
 impl TraceArgs {
     /// Checks that nothing is written that is read as one of `files`, or written twice.
-    fn claim(&self, mut files: Files) -> Result<()> {
+    fn claim(&self, part: Option<Part>, mut files: Files) -> Result<()> {
         files.write_if(self.output.as_deref(), "-o")?;
+        if let Some(output) = self.output.as_deref().filter(|output| is_journal(output)) {
+            let message = format!("'{}' is a journal, which would be lost; choose another name", output.display());
+            return Err(Error::option("-o", message));
+        }
+        let journal = self.output.as_deref().map(|output| journal_of(output, part));
+        files.write_if(journal.as_deref(), "-o, on its way,")?;
         files.write_if(self.stats.as_deref(), "--stats")
     }
 }
 
 impl TraceArgs {
-    /// How many hits of each ray are looked for, if not the closest one alone, or any.
-    fn most(&self) -> Option<u32> {
-        if self.count || self.crossings { Some(u32::MAX) } else { self.all_hits }
+    fn asked(&self) -> Asked {
+        match self.all_hits {
+            Some(most) => Asked::All(most),
+            None if self.any_hit => Asked::Any,
+            None if self.count => Asked::Count,
+            None if self.crossings => Asked::Crossings,
+            None => Asked::Closest,
+        }
+    }
+
+    /// The output, if the batch is kept on the way to it: nothing else than its answers is asked for.
+    fn kept_output(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|_| !self.counters && self.repeat == 1)
     }
 
     /// The option, if there is one, with which there are no second rays.
@@ -113,14 +147,30 @@ struct Told {
     read_s: f64,
 }
 
+impl Told {
+    /// Of runs that were kept.
+    fn of_runs(asked: Asked, (found, took): (Found, Took)) -> Told {
+        let Took { kernel_s, upload_s, read_s, sort_s, extreme_s, second_pass } = took;
+        let Found { rays_that_hit, hits } = found;
+        let all_hits = asked.most().map(|_| hits);
+        let kernel_s = vec![kernel_s];
+        Told { rays_that_hit, all_hits, work: None, kernel_s, second_pass, sort_s, extreme_s, upload_s, read_s }
+    }
+}
+
 /// Traces closest hits, or any, and writes them.
-fn trace(args: &TraceArgs, rays: &TracingBatch, tracer: &mut dyn Backend, progress: Progress) -> Result<Told> {
-    let result = tracer.trace(&rays.job(args.any_hit, args.repeat), progress)?;
+fn trace(args: &TraceArgs, job: &BatchJob, tracer: &mut dyn Backend, progress: Progress) -> Result<Told> {
+    let result = tracer.trace(&job.rays.job(args.any_hit, args.repeat), progress)?;
+    let rays_that_hit = result.hits.iter().filter(|hit| is_hit(hit)).count() as u64;
     if let Some(output) = &args.output {
-        hit_batch(&result, args.any_hit).write(output)?;
+        let (work, next_work) = (result.work.clone(), result.next_work.clone());
+        let (hits, next_hits) = (result.hits, result.next_hits.unwrap_or_default());
+        let answers = Answers { counts: Vec::new(), hits, next_hits };
+        let batch = hit_batch(&[answers], job.asked, job.given.next_directions.is_some());
+        HitBatch { work, next_work, ..batch }.write(output)?;
     }
     Ok(Told {
-        rays_that_hit: result.hits.iter().filter(|hit| is_hit(hit)).count() as u64,
+        rays_that_hit,
         all_hits: None,
         work: result.work.map(|work| [work, result.next_work.unwrap_or_default()]),
         kernel_s: result.kernel_s,
@@ -136,43 +186,42 @@ fn trace(args: &TraceArgs, rays: &TracingBatch, tracer: &mut dyn Backend, progre
 /// crossed.
 fn trace_all(
     args: &TraceArgs,
-    (given, rays, most): (&RayBatch, &TracingBatch, u32),
-    budget: &MemoryBudget,
+    (job, most): (&BatchJob, u32),
     (tracer, buffers): (&mut (dyn Backend + 'static), &SceneBuffers),
     progress: Progress,
 ) -> Result<Told> {
-    let (budget, wants_hits) = (Some(*budget), !args.count);
-    let job = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&rays.job(false, 1)) };
+    let (budget, wants_hits) = (Some(job.budget), !args.count);
+    let all_hits = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&job.rays.job(false, 1)) };
     let mut kernel_s = Vec::new();
     let mut pass = |number: u32| -> Result<AllHits> {
         let progress = |done: f64| progress((f64::from(number) + done) / f64::from(args.repeat));
-        let found = tracer.trace_all(&job, &progress)?;
+        let found = tracer.trace_all(&all_hits, &progress)?;
         kernel_s.push(found.kernel_s.iter().sum());
         Ok(found)
     };
     for number in 1..args.repeat {
         pass(number - 1)?;
     }
-    let found = pass(args.repeat - 1)?;
-    if let Some(output) = &args.output {
-        let count = match args.crossings {
-            true => count_crossings(buffers, &found, |i| (given.origins[i].into(), given.directions[i].into())),
-            false => (0..rays.rays.len()).map(|ray| found.count(ray) as u32).collect(),
-        };
-        let hits = args.all_hits.map(|_| &found.hits[..]);
-        AllHitsBatch::new(count, hits, found.work.clone()).write(output)?;
-    }
-    Ok(Told {
-        rays_that_hit: (0..rays.rays.len()).filter(|&ray| found.count(ray) > 0).count() as u64,
+    let mut found = pass(args.repeat - 1)?;
+    let rays = job.rays.rays.len();
+    let told = Told {
+        rays_that_hit: (0..rays).filter(|&ray| found.count(ray) > 0).count() as u64,
         all_hits: found.starts.last().map(|&all| all as u64),
-        work: found.work.map(|work| [work, Vec::new()]),
+        work: found.work.take().map(|work| [work, Vec::new()]),
         kernel_s,
         second_pass: None,
         sort_s: None,
         extreme_s: found.extreme_s,
         upload_s: found.upload_s,
         read_s: found.read_s,
-    })
+    };
+    if let Some(output) = &args.output {
+        let counts = job.counts((buffers, &found), 0);
+        let hits = if job.asked.lists_hits() { found.hits } else { Vec::new() };
+        let batch = list_batch(&[Answers { counts, hits, next_hits: Vec::new() }], job.asked);
+        AllHitsBatch { work: told.work.as_ref().map(|[work, _]| work.clone()), ..batch }.write(output)?;
+    }
+    Ok(told)
 }
 
 /// The rays as the tracers take them.
@@ -185,24 +234,6 @@ fn tracing_batch(batch: &RayBatch, buffers: &SceneBuffers) -> TracingBatch {
     match &batch.next_directions {
         Some(next) => buffers.batch(batch.len(), ray, Some(&|i| Vec3::from(next[i]))),
         None => buffers.batch(batch.len(), ray, None),
-    }
-}
-
-/// The hits as NumPy users take them.
-fn hit_batch(result: &TraceResult, any_hit: bool) -> HitBatch {
-    let times = |hits: &[Hit]| hits.iter().map(|hit| hit.t).collect();
-    let primitives = |hits: &[Hit]| hits.iter().map(|hit| hit.primitive as i32).collect(); // NO_PRIMITIVE becomes -1
-    let (hits, next) = (&result.hits, result.next_hits.as_deref());
-    HitBatch {
-        t: times(hits),
-        primitive: primitives(hits),
-        u: hits.iter().map(|hit| hit.u).collect(),
-        v: hits.iter().map(|hit| hit.v).collect(),
-        hit: any_hit.then(|| hits.iter().map(|hit| u8::from(is_hit(hit))).collect()),
-        next_t: next.map(times),
-        next_primitive: next.map(primitives),
-        work: result.work.clone(),
-        next_work: result.next_work.clone(),
     }
 }
 
@@ -224,18 +255,35 @@ fn check_memory(batch: &RayBatch, args: &TraceArgs, budget: &MemoryBudget) -> Re
     budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
 }
 
-pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
+/// Traces a batch of which more is told than its answers, and which is not kept on its way.
+fn trace_at_once(args: &TraceArgs, job: &BatchJob, opened: &mut open::Opened, talk: Talk) -> Result<Told> {
+    let bar = Bar::new("trace", talk);
+    let million_rays = job.given.len() as f64 * f64::from(args.repeat) / 1e6;
+    let progress = |done: f64| bar.update(done, million_rays, "M rays");
+    match job.asked.most() {
+        Some(most) => trace_all(args, (job, most), (opened.tracer.as_mut(), opened.buffers.as_ref()), &progress),
+        None => trace(args, job, opened.tracer.as_mut(), &progress),
+    }
+}
+
+pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     let start = Instant::now();
+    let limit = args.limit.begin(start);
+    if limit.is_set() && args.kept_output().is_none() {
+        let message = "what is finished is kept beside the output of -o, and neither with --repeat nor with --counters";
+        return Err(Error::option(limit.option(), message));
+    }
     let options = args.method.check(args.counters)?;
     if options.picture.kernels != Kernels::Mega {
         let message =
             format!("{} is for pictures: a batch of rays has one kernel, {}", options.picture.kernels, Kernels::Mega);
         return Err(Error::option("--kernels", message));
     }
+    let part = args.part.map(PartChoice::part).transpose()?;
     let mut files = Files::default();
     files.read(&args.scene.scene, "the scene");
     files.read(&args.rays, "the file of rays");
-    args.claim(files.clone())?;
+    args.claim(part, files.clone())?;
     for output in args.output.iter().chain(&args.stats) {
         check_writable(output)?;
     }
@@ -253,7 +301,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     }
     let loaded = open::load_for_rays(&args.scene.scene, args.scene.allow_empty, &budget, talk)?;
     files.read_scene(&loaded.scene);
-    args.claim(files)?;
+    args.claim(part, files)?;
     let chooser = Chooser {
         counters: args.counters,
         ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
@@ -262,7 +310,13 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     if args.crossings {
         require_exact(chosen.options.intersector)?;
     }
-    let task = if args.most().is_some() { Task::AllHits } else { Task::Batch };
+    let asked = args.asked();
+    let runs = Runs::new(batch.len());
+    let (scene, given, options) = (&loaded.scene, &batch, chosen.options);
+    let id = LazyId::new(Box::new(move || BatchId::new(scene, (given, runs), asked, &options)));
+    let open_keeper = |output| RayKeeper::open((&args.keep, limit), (output, part), (id, runs), talk);
+    let mut keeper = args.kept_output().map(open_keeper).transpose()?;
+    let task = if asked.most().is_some() { Task::AllHits } else { Task::Batch };
     let tasks = (&[task][..], &budget);
     let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, tasks, talk)?;
     check_memory(&batch, args, &budget)?;
@@ -274,17 +328,19 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
             "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (see the page on exactness in the book)"
         );
     }
-    let bar = Bar::new("trace", talk);
-    let million_rays = batch.len() as f64 * f64::from(args.repeat) / 1e6;
-    let progress = |done: f64| bar.update(done, million_rays, "M rays");
-    let told = match args.most() {
-        Some(most) => {
-            let tracer = (opened.tracer.as_mut(), opened.buffers.as_ref());
-            trace_all(args, (&batch, &rays, most), &budget, tracer, &progress)?
-        }
-        None => trace(args, &rays, opened.tracer.as_mut(), &progress)?,
+    let job = BatchJob { given: &batch, rays: &rays, asked, budget };
+    let told = match &mut keeper {
+        Some(keeper) => match limit.within(|| keeper.trace(&mut opened, &job, talk))? {
+            Some(traced) => Told::of_runs(asked, traced),
+            None => return Ok(limit.end(talk)),
+        },
+        None => trace_at_once(args, &job, &mut opened, talk)?,
     };
-    drop(bar);
+    match (keeper, part, args.kept_output()) {
+        (Some(keeper), Some(part), _) => return keeper.finish_part(part, talk).map(|()| SUCCESS),
+        (Some(keeper), None, Some(output)) => keeper.write(output, asked, batch.next_directions.is_some())?,
+        _ => {}
+    }
 
     let hits = told.rays_that_hit;
     let stats = &mut opened.stats;
@@ -326,5 +382,5 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<()> {
     if let Some(counted) = &stats.work {
         work::say_work(counted, talk);
     }
-    Ok(())
+    Ok(SUCCESS)
 }

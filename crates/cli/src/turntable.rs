@@ -3,8 +3,10 @@
 mod frames;
 mod manifest;
 
+use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
+use super::limit::{Limit, LimitArgs};
 use super::open::{self, Loaded};
 use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
@@ -78,6 +80,8 @@ pub struct TurntableArgs {
     #[arg(long, help_heading = heading::OUTPUT)]
     restart: bool,
     #[command(flatten)]
+    limit: LimitArgs,
+    #[command(flatten)]
     explain: ExplainArgs,
 }
 
@@ -133,8 +137,9 @@ impl TurntableArgs {
     }
 }
 
-pub fn run(args: &TurntableArgs, talk: Talk) -> Result<()> {
+pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     let start = Instant::now();
+    let limit = args.limit.begin(start);
     let options = args.method.check(false)?;
     let mut frames = args.frames()?;
     let format = args.file.format(&frames.path(1))?;
@@ -177,7 +182,15 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<()> {
         let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
         check_picture(picture.size, picture.samples)?;
         let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
-        turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), talk)?;
+        let mut render = || turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), (limit, talk));
+        if limit.within(&mut render)?.is_none() {
+            if !talk.quiet {
+                let (done, of) = (frames.count() as usize - frames.missing().len(), frames.count());
+                let name = frames.name().display();
+                tell!("note: {done} of {of} frames are in '{name}'; the same command makes the others");
+            }
+            return Ok(limit.end(talk));
+        }
     }
     if let Some(path) = &args.animation {
         write_animation(path, &frames.paths(), args.fps)?;
@@ -188,7 +201,7 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<()> {
         let seconds = start.elapsed().as_secs_f64();
         say!("{}: {} frames{found}, {seconds:.2} s", frames.name().display(), frames.count());
     }
-    Ok(())
+    Ok(SUCCESS)
 }
 
 /// Around the scene.
@@ -209,10 +222,16 @@ struct Turntable<'a> {
 }
 
 impl Turntable<'_> {
-    fn render(&self, missing: &[u32], (tracer, buffers): (&mut dyn Backend, &SceneBuffers), talk: Talk) -> Result<()> {
+    fn render(
+        &self,
+        missing: &[u32],
+        (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        (limit, talk): (Limit, Talk),
+    ) -> Result<()> {
         let bar = Bar::new("turntable", talk);
         for (made, &frame) in missing.iter().enumerate() {
             let progress = |done: f64| {
+                limit.check();
                 bar.update((made as f64 + done) / missing.len() as f64, missing.len() as f64, "frames");
             };
             let picture = Picture { camera: self.way.camera(frame), ..*self.picture };

@@ -1,0 +1,200 @@
+//! Batches of rays on their way are kept beside their output, as pictures are: run by run, in `OUT.partial`.
+
+use super::keep::{Keep, KeepArgs, journal_of, tell_begun, tell_kept, to_begin_anew, what_is_kept};
+use super::limit::Limit;
+use super::open::Opened;
+use super::progress::Bar;
+use super::{Talk, stop};
+use raybrook::Result;
+use raybrook::low_level::renderer::Part;
+use raybrook::low_level::runs::{
+    Answers, Asked, BatchId, BatchJob, BatchJournal, Found, RunEntry, Runs, Took, TracedRuns, trace_runs, write_answers,
+};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// What a batch is, found out where it is needed: hashing takes a while.
+pub type LazyId<'a> = LazyLock<BatchId, Box<dyn FnOnce() -> BatchId + 'a>>;
+
+/// Keeps the runs of a batch, or of a part of the work on it.
+pub struct RayKeeper<'a> {
+    shared: Arc<Mutex<Shared>>,
+    path: PathBuf,
+    id: LazyId<'a>,
+    part: Option<Part>,
+    keep: Keep,
+    limit: Limit,
+    runs: Runs,
+    /// What is to be traced, and how many runs there are with those of earlier runs of the program.
+    rest: Vec<usize>,
+    of: usize,
+    /// All that is finished, by the first run; none of a part.
+    pieces: BTreeMap<usize, Answers>,
+    found: Found,
+    took: Took,
+    start: Instant,
+}
+
+/// What is done.
+struct Shared {
+    journal: Option<BatchJournal>,
+    done: usize,
+    /// Runs that are finished, but not in the journal, which is younger.
+    unkept: usize,
+}
+
+fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<'a> RayKeeper<'a> {
+    /// Opens what is kept of the batch, or of a part of the work on it, if anything is.
+    ///
+    /// # Errors
+    /// What is kept is of another batch, or cannot be read; or it cannot be removed where that is asked for.
+    pub fn open(
+        (args, limit): (&KeepArgs, Limit),
+        (output, part): (&Path, Option<Part>),
+        (id, runs): (LazyId<'a>, Runs),
+        talk: Talk,
+    ) -> Result<RayKeeper<'a>> {
+        let (args, path) = (args.within(limit)?, journal_of(output, part));
+        args.restart(&path)?;
+        let rest: Vec<usize> = part.map_or_else(|| (0..runs.count()).collect(), |part| runs.of_part(part));
+        let mut keeper = RayKeeper {
+            shared: Arc::new(Mutex::new(Shared { journal: None, done: 0, unkept: 0 })),
+            keep: args.keep,
+            of: rest.len(),
+            pieces: BTreeMap::new(),
+            found: Found::default(),
+            took: Took::default(),
+            start: Instant::now(),
+            path,
+            id,
+            part,
+            limit,
+            runs,
+            rest,
+        };
+        if args.goes_on(&keeper.path) {
+            keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
+        } else if part.is_some() || args.keep == Keep::Always {
+            lock(&keeper.shared).journal = Some(keeper.new_journal()?);
+        }
+        keeper.watch(talk);
+        Ok(keeper)
+    }
+
+    fn new_journal(&self) -> Result<BatchJournal> {
+        BatchJournal::create(&self.path, &self.id, self.part)
+    }
+
+    /// Takes what an earlier run of the program has kept.
+    fn go_on(&mut self, talk: Talk) -> Result<()> {
+        let RayKeeper { pieces, found, took, part, .. } = self;
+        let part = *part;
+        let mut done = BTreeSet::new();
+        let mut take = |_: &BatchId, entry: &RunEntry, answers: Answers| {
+            if !done.insert(entry.run) {
+                return Ok(());
+            }
+            found.add(&entry.found);
+            took.add(&entry.took);
+            if part.is_none() {
+                pieces.insert(entry.run, answers);
+            }
+            Ok(())
+        };
+        let (journal, kept) = BatchJournal::open(&self.path, &self.id, part, &mut take)?;
+        self.rest.retain(|run| !done.contains(run));
+        let mut shared = lock(&self.shared);
+        shared.done = self.of - self.rest.len();
+        shared.journal = Some(journal);
+        if !talk.quiet {
+            tell_begun(&self.path, (shared.done, self.of, "runs"), kept.condition.damaged_bytes);
+        }
+        Ok(())
+    }
+
+    /// Has the journal brought to the disk, and told of, where the run is stopped.
+    fn watch(&self, talk: Talk) {
+        let (shared, of) = (self.shared.clone(), self.of);
+        stop::before_stop(move || {
+            // What is being appended is appended: whoever wants to append more waits for the lock.
+            let mut shared = lock(&shared);
+            let done = shared.done - shared.unkept;
+            let Some(journal) = &mut shared.journal else { return };
+            if journal.sync().is_ok() && !talk.quiet {
+                tell_kept(journal.path(), (done, of, "runs"));
+            }
+        });
+    }
+
+    /// Takes runs that are finished.
+    fn take(&mut self, traced: TracedRuns) -> Result<()> {
+        let mut shared = lock(&self.shared);
+        shared.done += traced.runs.len();
+        if shared.journal.is_none() && self.keep.is_worth_it(self.start, shared.done, self.of) {
+            shared.journal = Some(self.new_journal()?);
+        }
+        match &mut shared.journal {
+            Some(journal) => journal.append(&traced).map_err(|error| what_is_kept(error, "runs"))?,
+            None => shared.unkept += traced.runs.len(),
+        }
+        drop(shared);
+        traced.found.iter().for_each(|found| self.found.add(found));
+        self.took.add(&traced.took);
+        if self.part.is_none() {
+            self.pieces.insert(traced.runs.start, traced.answers);
+        }
+        Ok(())
+    }
+
+    /// Traces the runs that are not kept yet. Returns what was found in all, with those of earlier runs of the program,
+    /// and what they took.
+    ///
+    /// # Errors
+    /// As [`trace_runs`], and where the journal cannot be made or written.
+    pub fn trace(&mut self, opened: &mut Opened, job: &BatchJob, talk: Talk) -> Result<(Found, Took)> {
+        let bar = Bar::new("trace", talk);
+        let rest = std::mem::take(&mut self.rest);
+        let million_rays = rest.iter().map(|&run| self.runs.len_of(run)).sum::<usize>() as f64 / 1e6;
+        let limit = self.limit;
+        let progress = |done: f64| {
+            limit.check();
+            bar.update(done, million_rays, "M rays");
+        };
+        self.start = Instant::now();
+        let (runs, mut take) = (self.runs, |traced: TracedRuns| self.take(traced));
+        let tracer = opened.tracer.as_mut();
+        trace_runs((tracer, &opened.buffers), job, (runs, &rest), &mut take, &progress)?;
+        Ok((self.found, self.took))
+    }
+
+    /// Writes the answers of all runs, and ends keeping.
+    ///
+    /// # Errors
+    /// As [`write_answers`]; the journal cannot be removed.
+    pub fn write(self, output: &Path, asked: Asked, has_second: bool) -> Result<()> {
+        let pieces: Vec<Answers> = self.pieces.into_values().collect();
+        write_answers(output, &pieces, asked, has_second)?;
+        let journal = stop::finish(|| lock(&self.shared).journal.take());
+        journal.map_or(Ok(()), BatchJournal::remove)
+    }
+
+    /// Ends keeping a part of the work, of which the journal is the result.
+    ///
+    /// # Errors
+    /// The journal cannot be brought to the disk.
+    pub fn finish_part(self, part: Part, talk: Talk) -> Result<()> {
+        let journal = stop::finish(|| lock(&self.shared).journal.take());
+        journal.map_or(Ok(()), |mut journal| journal.sync())?;
+        if !talk.quiet {
+            let seconds = self.start.elapsed().as_secs_f64();
+            say!("{}: part {part}, {} runs, {seconds:.2} s", self.path.display(), self.of);
+        }
+        Ok(())
+    }
+}

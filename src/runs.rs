@@ -1,0 +1,281 @@
+//! Batches of rays in runs: pieces of a fixed number of rays, which are traced in any order, by any tracer, with the
+//! answers of the whole batch. What is finished is kept in a journal ([`BatchJournal`]).
+//!
+//! Exact hits, lists and counts are the same bits whatever else is traced with a ray. There as many runs are traced
+//! together as take about a second: short launches keep no GPU busy, and rays are sorted best among many. Which
+//! triangle the hit of an any-hit ray names, and what a method answers that is not exact, may depend on which rays
+//! share a packet. Where rays share packets such runs are traced one by one, so that their bits depend on the scene, the
+//! options and the run alone.
+//!
+//! Bad at: batches of few runs on many machines, because a part has whole runs.
+
+mod answers;
+mod kept;
+
+pub use answers::{Answers, Asked, hit_batch, list_batch, write_answers};
+pub use kept::{BatchId, BatchJournal, KeptRuns, RunEntry, TakeRun, read_kept_runs};
+
+use crate::budget::MemoryBudget;
+use crate::crossings::count_crossings;
+use crate::error::Result;
+use crate::io::rays::RayBatch;
+use crate::layout::Float4;
+use crate::options::{PacketSize, TraceOptions};
+use crate::pack::SceneBuffers;
+use crate::reference::extreme::TracingBatch;
+use crate::renderer::Part;
+use crate::shared::Hit;
+use crate::tracer::{AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TraceJob, TraceResult, is_hit};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+/// Rays of a run: what two cores trace in a tenth of a second to a few seconds, 16 MiB of hits. Shuffled any-hit rays
+/// that are sorted run by run take no longer than four runs that are sorted together (bunny, PoCL, two cores).
+pub const RUN_RAYS: usize = 1 << 20;
+
+/// So long take runs that are traced together, about: what is lost when the program is stopped.
+const GROUP_TIME: Duration = Duration::from_secs(1);
+/// How many times as many runs are traced together next, at the most.
+const GROWTH: usize = 64;
+
+/// How a batch is cut into runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Runs {
+    rays: usize,
+    /// Rays of each run but the last.
+    length: usize,
+}
+
+impl Runs {
+    /// Of a batch of so many rays.
+    pub fn new(rays: usize) -> Runs {
+        Runs::of_length(rays, RUN_RAYS)
+    }
+
+    /// Of so many rays, with runs of another length than all batches have; at least 1.
+    pub fn of_length(rays: usize, length: usize) -> Runs {
+        Runs { rays, length: length.max(1) }
+    }
+
+    /// How many runs there are.
+    pub fn count(self) -> usize {
+        self.rays.div_ceil(self.length)
+    }
+
+    /// The numbers of the rays of neighbouring runs.
+    pub fn rays_of(self, runs: Range<usize>) -> Range<usize> {
+        let begin = |run: usize| run.saturating_mul(self.length).min(self.rays);
+        begin(runs.start)..begin(runs.end)
+    }
+
+    /// How many rays a run has.
+    pub fn len_of(self, run: usize) -> usize {
+        self.rays_of(run..run + 1).len()
+    }
+
+    /// The runs that a part of the work has: every so many.
+    pub fn of_part(self, part: Part) -> Vec<usize> {
+        (part.number.max(1) as usize - 1..self.count()).step_by(part.of.max(1) as usize).collect()
+    }
+}
+
+/// Rays to be traced in runs.
+#[derive(Clone, Copy)]
+pub struct BatchJob<'a> {
+    /// The rays in world units.
+    pub given: &'a RayBatch,
+    /// The same as the tracers take them.
+    pub rays: &'a TracingBatch,
+    /// What is asked of each.
+    pub asked: Asked,
+    /// How much memory lists of hits may take.
+    pub budget: MemoryBudget,
+}
+
+/// What was found in a run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Found {
+    /// Rays that hit anything.
+    pub rays_that_hit: u64,
+    /// Hits of all rays, as far as they were looked for.
+    pub hits: u64,
+}
+
+impl Found {
+    fn of_hits(hits: &[Hit]) -> Found {
+        let count = hits.iter().filter(|hit| is_hit(hit)).count() as u64;
+        Found { rays_that_hit: count, hits: count }
+    }
+
+    fn of_list(all: &AllHits, rays: Range<usize>) -> Found {
+        let hits = (all.starts[rays.end] - all.starts[rays.start]) as u64;
+        Found { rays_that_hit: rays.filter(|&ray| all.count(ray) > 0).count() as u64, hits }
+    }
+
+    /// Adds what was found in other runs.
+    pub fn add(&mut self, other: &Found) {
+        self.rays_that_hit += other.rays_that_hit;
+        self.hits += other.hits;
+    }
+}
+
+/// What runs took, as in [`TraceResult`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Took {
+    /// Seconds of device time.
+    pub kernel_s: f64,
+    /// Seconds that it took to send rays.
+    pub upload_s: f64,
+    /// Seconds that it took to fetch answers.
+    pub read_s: f64,
+    /// Seconds that sorting took, where rays were sorted.
+    pub sort_s: Option<f64>,
+    /// Seconds that the host took for extreme rays, where there were any.
+    pub extreme_s: Option<f64>,
+    /// Rays that were decided in a second pass, where there is one.
+    pub second_pass: Option<u64>,
+}
+
+impl Took {
+    /// Adds what other runs took.
+    pub fn add(&mut self, other: &Took) {
+        let sum = |a: Option<f64>, b: Option<f64>| a.map_or(b, |a| Some(a + b.unwrap_or(0.0)));
+        self.kernel_s += other.kernel_s;
+        self.upload_s += other.upload_s;
+        self.read_s += other.read_s;
+        self.sort_s = sum(self.sort_s, other.sort_s);
+        self.extreme_s = sum(self.extreme_s, other.extreme_s);
+        if let Some(second) = other.second_pass {
+            *self.second_pass.get_or_insert(0) += second;
+        }
+    }
+}
+
+/// Neighbouring runs that are traced.
+#[derive(Debug, Clone)]
+pub struct TracedRuns {
+    /// Their numbers.
+    pub runs: Range<usize>,
+    /// The answers of all their rays.
+    pub answers: Answers,
+    /// What was found in each.
+    pub found: Vec<Found>,
+    /// What they took together.
+    pub took: Took,
+}
+
+/// Traces the `wanted` runs of a batch, in ascending order, and hands them to `done` as soon as they are finished.
+///
+/// # Errors
+/// As [`Backend::trace`] and [`Backend::trace_all`], and those of `done`.
+pub fn trace_runs(
+    (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+    job: &BatchJob,
+    (runs, wanted): (Runs, &[usize]),
+    done: &mut dyn FnMut(TracedRuns) -> Result<()>,
+    progress: Progress,
+) -> Result<()> {
+    let go_together = job.go_together(tracer.options());
+    let (mut most, mut before) = (1, 0);
+    for neighbours in wanted.chunk_by(|a, b| a + 1 == *b) {
+        let (mut next, end) = (neighbours[0], neighbours[0] + neighbours.len());
+        while next < end {
+            let now = next..end.min(next + most);
+            let progress = |part: f64| progress((before as f64 + part * now.len() as f64) / wanted.len() as f64);
+            let start = Instant::now();
+            let traced = job.trace((&mut *tracer, buffers), (runs, now.clone()), &progress)?;
+            if go_together {
+                most = next_most(now.len(), start.elapsed());
+            }
+            done(traced)?;
+            (next, before) = (now.end, before + now.len());
+        }
+    }
+    Ok(())
+}
+
+/// How many runs are traced together next, if so many took so long.
+fn next_most(runs: usize, took: Duration) -> usize {
+    let in_time = runs as f64 * GROUP_TIME.as_secs_f64() / took.as_secs_f64().max(1e-3);
+    (in_time as usize).clamp(1, runs.saturating_mul(GROWTH))
+}
+
+impl BatchJob<'_> {
+    /// Whether the bits of an answer are the same whatever else is traced with its ray.
+    fn go_together(&self, options: &TraceOptions) -> bool {
+        options.packet_size == PacketSize::One || (options.is_exact() && self.asked != Asked::Any)
+    }
+
+    /// Those of second rays, which start at closest hits.
+    fn next_directions(&self) -> Option<&[Float4]> {
+        self.rays.next_directions.as_deref().filter(|_| self.asked == Asked::Closest)
+    }
+
+    fn trace(
+        &self,
+        (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        (runs, now): (Runs, Range<usize>),
+        progress: Progress,
+    ) -> Result<TracedRuns> {
+        let rays = runs.rays_of(now.clone());
+        let extreme = self.extreme_of(&rays);
+        let job = TraceJob {
+            rays: &self.rays.rays[rays.clone()],
+            next_directions: self.next_directions().map(|next| &next[rays.clone()]),
+            extreme: &extreme,
+            any_hit: self.asked == Asked::Any,
+            repeat: 1,
+        };
+        let Some(most) = self.asked.most() else {
+            let result = tracer.trace(&job, progress)?;
+            let found = result.hits.chunks(runs.length).map(Found::of_hits).collect();
+            return Ok(TracedRuns { runs: now, found, took: Took::of(&result), answers: Answers::of(result) });
+        };
+        let wants_hits = self.asked != Asked::Count;
+        let job = AllHitsJob { most, wants_hits, budget: Some(self.budget), ..AllHitsJob::of(&job) };
+        let all = tracer.trace_all(&job, progress)?;
+        let of_run = |run: usize| {
+            let Range { start, end } = runs.rays_of(run..run + 1);
+            Found::of_list(&all, start - rays.start..end - rays.start)
+        };
+        let (found, took) = (now.clone().map(of_run).collect(), Took::of_list(&all));
+        let counts = self.counts((buffers, &all), rays.start);
+        let hits = if self.asked.lists_hits() { all.hits } else { Vec::new() };
+        Ok(TracedRuns { runs: now, answers: Answers { counts, hits, next_hits: Vec::new() }, found, took })
+    }
+
+    /// The extreme ones among some rays, numbered from the first of these on.
+    fn extreme_of(&self, rays: &Range<usize>) -> Vec<ExtremeRay> {
+        let extreme = &self.rays.extreme;
+        let place = |index: usize| extreme.partition_point(|ray| ray.index < index);
+        let those = &extreme[place(rays.start)..place(rays.end)];
+        those.iter().map(|ray| ExtremeRay { index: ray.index - rays.start, ..*ray }).collect()
+    }
+
+    /// How many hits rays have, or how often they cross surfaces: those from number `first` of the batch on.
+    pub fn counts(&self, (buffers, all): (&SceneBuffers, &AllHits), first: usize) -> Vec<u32> {
+        let RayBatch { origins, directions, .. } = self.given;
+        match self.asked {
+            Asked::Crossings => {
+                count_crossings(buffers, all, |i| (origins[first + i].into(), directions[first + i].into()))
+            }
+            _ => (0..all.starts.len().saturating_sub(1)).map(|ray| all.count(ray) as u32).collect(),
+        }
+    }
+}
+
+impl Took {
+    fn of(result: &TraceResult) -> Took {
+        let TraceResult { upload_s, read_s, sort_s, extreme_s, second_pass, .. } = *result;
+        Took { kernel_s: result.kernel_s.iter().sum(), upload_s, read_s, sort_s, extreme_s, second_pass }
+    }
+
+    fn of_list(all: &AllHits) -> Took {
+        let AllHits { upload_s, read_s, extreme_s, .. } = *all;
+        Took { kernel_s: all.kernel_s.iter().sum(), upload_s, read_s, extreme_s, ..Took::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests;
