@@ -8,7 +8,7 @@
 //! Bad at: a new combination of features is a new program, which is compiled once on each device. Kernels that trace
 //! batches do not shade, and are the same for all scenes.
 
-use crate::scene::{Falloff, LightKind, MaterialId, NO_INDEX, Scene, Texture};
+use crate::scene::{Falloff, Light, LightKind, MaterialId, NO_INDEX, Scene, Texture};
 use crate::shared::Feature;
 use std::fmt;
 
@@ -45,15 +45,32 @@ impl Features {
         let of_objects = scene.instances.objects().iter().flat_map(|object| &object.triangles);
         let mut triangles = scene.triangles.iter().chain(of_objects);
         features.add_if(triangles.any(|triangle| !triangle.normals.contains(&NO_INDEX)), Feature::SmoothNormals);
-        for (_, light) in scene.shining_lights() {
+        features.add_if(scene.sky.is_some(), Feature::Sky);
+        features.with_lights(scene.shining_lights().map(|(_, light)| light))
+    }
+
+    /// These, with what `lights` need in place of what other lights did.
+    #[must_use]
+    pub(crate) fn with_lights<'a>(self, lights: impl Iterator<Item = &'a Light>) -> Features {
+        const OF_LIGHTS: [Feature; 5] = [
+            Feature::PlacedLights,
+            Feature::DirectionalLights,
+            Feature::Spots,
+            Feature::Falloff,
+            Feature::SeveralLights,
+        ];
+        let mut features = OF_LIGHTS.into_iter().fold(self, Features::without);
+        let mut count = 0;
+        for light in lights {
             features.add(match light.kind {
                 LightKind::Directional { .. } => Feature::DirectionalLights,
                 LightKind::Point { .. } | LightKind::Spot { .. } => Feature::PlacedLights,
             });
             features.add_if(matches!(light.kind, LightKind::Spot { .. }), Feature::Spots);
             features.add_if(light.falloff == Falloff::Quadratic, Feature::Falloff);
+            count += 1;
         }
-        features.add_if(scene.shining_lights().count() != 1, Feature::SeveralLights);
+        features.add_if(count != 1, Feature::SeveralLights);
         features
     }
 

@@ -24,13 +24,13 @@ use crate::features::Features;
 use crate::io::film::SRGB_TO_LINEAR;
 use crate::layout::Float4;
 use crate::options::{Intersector, PacketSize, StructureKind, TextureFilter, TraceOptions, Traversal};
-use crate::scene::{Camera, MaterialId, PictureDefaults, Samples, Scene};
+use crate::scene::{self, Camera, MaterialId, PictureDefaults, Samples, Scene, Sky};
 use crate::shared::{
     CameraSample, Feature, KdNode, Light, MAX_RADIANCE, Material, RenderParams, SceneParams, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec3};
 use memory::StructureBudget;
-use shading::{ShadingArrays, pack_light, shading_of};
+use shading::{ShadingArrays, pack_colour, pack_direction, pack_light, shading_of};
 use space::{TracingSpace, vertices_that_lose_bits};
 use std::borrow::Cow;
 use std::time::Instant;
@@ -101,6 +101,26 @@ struct MadeFor {
     has_packets: bool,
     has_transforms: bool,
     has_texture_levels: bool,
+}
+
+/// What of a packed scene depends on the light that goes with the camera.
+pub(crate) struct Relit {
+    light: Light,
+    sky_up: Float4,
+    features: Features,
+}
+
+impl Relit {
+    /// Whether `buffers` are lit so.
+    pub fn is_of(&self, buffers: &SceneBuffers) -> bool {
+        buffers.lights == [self.light] && buffers.params.sky_up == self.sky_up && buffers.features == self.features
+    }
+
+    /// Lights `buffers` so.
+    pub fn replace(self, buffers: &mut SceneBuffers) {
+        (buffers.lights, buffers.features) = (vec![self.light], self.features);
+        buffers.params.sky_up = self.sky_up;
+    }
 }
 
 impl MadeFor {
@@ -184,6 +204,7 @@ impl SceneBuffers {
         let ShadingArrays { materials, lights, textures, texels, brightest } =
             ShadingArrays::new(scene, &used, space.scale, options.picture.texture_filter)?;
         let features = Features::of_materials(scene, &used);
+        let sky = scene.sky.unwrap_or_default();
         let mut made_for = MadeFor::of(options);
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
@@ -192,6 +213,10 @@ impl SceneBuffers {
                 high: Float4::new(space.bounds.high, near_reach),
                 background_bottom: Float4::new(scene.background.bottom, 0.0),
                 background_top: Float4::new(scene.background.top, 0.0),
+                sky_bottom: pack_colour(sky.bottom),
+                sky_top: pack_colour(sky.top),
+                sky_viewer: pack_colour(sky.viewer),
+                sky_up: pack_direction(sky.up),
                 reference_count,
                 light_count: lights.len() as u32,
                 has_transparent: u32::from(features.has(Feature::Transparency)),
@@ -231,8 +256,20 @@ impl SceneBuffers {
     ///
     /// # Errors
     /// [`Error::Scene`] when it is too far away to be a point.
-    pub fn packed_light(&self, light: &crate::scene::Light) -> Result<Light> {
+    pub fn packed_light(&self, light: &scene::Light) -> Result<Light> {
         pack_light(0, light, self.params.scale)
+    }
+
+    /// The scene in the light of this one lamp and a sky as bright as it has, where that is up.
+    ///
+    /// # Errors
+    /// As [`SceneBuffers::packed_light`].
+    pub(crate) fn relit(&self, lamp: &scene::Light, sky: Option<Sky>) -> Result<Relit> {
+        Ok(Relit {
+            light: self.packed_light(lamp)?,
+            sky_up: pack_direction(sky.unwrap_or_default().up),
+            features: self.features.with_lights([lamp].into_iter()),
+        })
     }
 
     /// Whether tracing space holds all vertices exactly.

@@ -23,19 +23,16 @@ use crate::io::rows::writing_bytes;
 use crate::options::{Decisions, Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceBackend;
-use crate::scene::{Aim, Camera, Placed, Samples, Scene};
+use crate::scene::{Aim, Camera, Placed, Samples, Scene, WideCamera};
 use crate::shared::RenderParams;
 use crate::tracer::{Adaptive, Backend, MOST_SAMPLES, Progress, RenderResult, Task};
 use crate::work::PixelWork;
-use glam::Vec3;
 use std::sync::Arc;
 
 /// Width and height of a picture unless something else is asked for.
 pub const DEFAULT_SIZE: (u32, u32) = (1024, 768);
 /// Longest chain of rays unless something else is asked for, the camera ray counted as 1.
 pub const DEFAULT_DEPTH: u32 = 8;
-/// Ambient light that is added together with the key light.
-const KEY_AMBIENT: f32 = 0.15;
 
 /// Opens a tracer of `buffers`, which were built with `options`: on `device`, or the reference when there is none.
 ///
@@ -107,8 +104,8 @@ pub fn build_and_open_within(
     Ok((buffers, tracer))
 }
 
-/// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and a
-/// key light with a little ambient light when it has no lamp of its own.
+/// Gives a scene what it needs to be rendered in a picture of `aspect` = width / height: a camera that frames it, and
+/// light when it has none of its own, as its [`DefaultLight`](crate::scene::DefaultLight) says.
 pub fn complete(scene: &mut Scene, aspect: f32) {
     complete_as(scene, aspect, &Aim::default());
 }
@@ -116,14 +113,14 @@ pub fn complete(scene: &mut Scene, aspect: f32) {
 /// As [`complete`], with the parts of the camera that `aim` says in place of the scene's. Where it sees nothing,
 /// [`Placed::check`] says so.
 pub fn complete_as(scene: &mut Scene, aspect: f32, aim: &Aim) -> Placed {
-    let placed = aim.place(scene.camera, scene.up, aspect, |framing| {
+    let camera = WideCamera::choose(scene.camera, &std::mem::take(&mut scene.wide_cameras), aspect);
+    let placed = aim.place(camera, scene.up, aspect, |framing| {
         let primitives = scene.hittable();
         framing.camera(primitives.iter().map(|&i| scene.vertices(i as usize)))
     });
     scene.camera = Some(placed.camera);
-    if scene.lights.is_empty() {
-        scene.lights.push(placed.key_light());
-        scene.ambient = scene.ambient.max(Vec3::splat(KEY_AMBIENT));
+    if !scene.has_light() {
+        scene.add_default_light(&placed);
     }
     placed
 }

@@ -387,6 +387,14 @@ device_struct! {
         pub background_bottom: Float4,
         /// Background straight up; w unused.
         pub background_top: Float4,
+        /// Light of the sky on a surface that faces down, linear RGB; w unused.
+        pub sky_bottom: Float4,
+        /// Light of the sky on a surface that faces up; w unused.
+        pub sky_top: Float4,
+        /// Light from the viewer on a surface that faces the viewer; w unused.
+        pub sky_viewer: Float4,
+        /// Which way is up for sky and background, length 1; w unused.
+        pub sky_up: Float4,
         /// Length of the reference list; with brute force the number of triangles that can be hit; with instances their
         /// number.
         pub reference_count: u32,

@@ -229,7 +229,8 @@ __kernel void wavefront_shade(WAVEFRONT_ARGUMENTS) {
             if (is_textured(&material))
                 colour = HOST_TEXTURES ? colours[slots[slot].request].xyz
                                        : texture_colour(SCENE_AT(&scene), &surface, &material, &pending, direction);
-            const LocalLight without_lamps = begin_local_light(&material, colour);
+            const LocalLight without_lamps =
+                begin_local_light(&scene, &surface, &material, direction, colour);
             radiance = without_lamps.radiance;
             surfaces[slot].position_error = (float4)(surface.point.position, surface.point.error);
             surfaces[slot].position_low_lift_x = (float4)(surface.point.position_low, surface.lift.x);

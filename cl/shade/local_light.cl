@@ -23,9 +23,24 @@ float3 texture_colour(SCENE_PARAMETERS, const Surface* surface, const Material* 
                           surface->texture_v, &footprint, solid_position(surface));
 }
 
-// The light without any lamp: ambient light and what the surface gives off. `colour` is that of the material's texture,
-// and means nothing where it has none.
-LocalLight begin_local_light(const Material* material, float3 colour) {
+// What arrives without any lamp at a surface with unit `normal` that is seen along unit `direction`, and nothing is in
+// the way of.
+//
+// Of a sky that is `top` in all directions above and `bottom` in all below, a surface gets the mean, weighted by the
+// cosine. The part of `top` in it is (1 + cos) / 2, cos being that between its normal and up: a line, so that a sky of
+// two halves is a sky of first-order spherical harmonics (Ramamoorthi and Hanrahan, "An Efficient Representation for
+// Irradiance Environment Maps", SIGGRAPH 2001). A lamp where the ray starts sees what the ray sees: it needs no shadow
+// ray.
+float3 sky_light(const Scene* scene, float3 normal, float3 direction) {
+    const float3 bottom = scene->params->sky_bottom.xyz;
+    const float3 sky = fma3(scene->params->sky_top.xyz - bottom, height_of(scene, normal), bottom);
+    return fma3(scene->params->sky_viewer.xyz, clamp01(-dot3(normal, direction)), sky);
+}
+
+// The light without any lamp: ambient light, that of the sky, and what the surface gives off, to a ray along unit
+// `direction`. `colour` is that of the material's texture, and means nothing where it has none.
+LocalLight begin_local_light(const Scene* scene, const Surface* surface, const Material* material, float3 direction,
+                             float3 colour) {
     LocalLight light;
     light.diffuse = material->diffuse.xyz;
     light.radiance = material->ambient.xyz;
@@ -33,6 +48,7 @@ LocalLight begin_local_light(const Material* material, float3 colour) {
         light.diffuse *= colour;
         light.radiance *= colour;
     }
+    if (HAS(FEATURE_SKY)) light.radiance += light.diffuse * sky_light(scene, surface->normal, direction);
     light.radiance += material->emission.xyz;
     return light;
 }
@@ -42,7 +58,7 @@ LocalLight light_without_lamps(SCENE_PARAMETERS, const Surface* surface, const M
                                const PendingRay* pending, float3 direction) {
     float3 colour = (float3)(1.0f);
     if (is_textured(material)) colour = texture_colour(SCENE, surface, material, pending, direction);
-    return begin_local_light(material, colour);
+    return begin_local_light(scene, surface, material, direction, colour);
 }
 
 // What a light adds where nothing is in its way. False when that is nothing, so that no shadow ray is needed; else the

@@ -43,9 +43,14 @@ uint light_count(const Scene* scene) { return HAS(FEATURE_SEVERAL_LIGHTS) ? scen
 // Whether something is transparent, so that shadow rays must look for the tint.
 bool has_transparent(const Scene* scene) { return HAS(FEATURE_TRANSPARENCY) && scene->params->has_transparent != 0u; }
 
+// How far up unit `direction` leads: from 0, straight down, to 1, straight up. Without a sky y is up.
+float height_of(const Scene* scene, float3 direction) {
+    const float up = HAS(FEATURE_SKY) ? dot3(direction, scene->params->sky_up.xyz) : direction.y;
+    return clamp01(fma(0.5f, up, 0.5f)); // a unit vector's rounding may lead beyond 1
+}
+
 // The light from where nothing is, along unit `direction`.
 float3 background(const Scene* scene, float3 direction) {
     const float3 bottom = scene->params->background_bottom.xyz;
-    const float height = clamp01(fma(0.5f, direction.y, 0.5f)); // a unit vector's rounding may lead beyond 1
-    return fma3(scene->params->background_top.xyz - bottom, height, bottom);
+    return fma3(scene->params->background_top.xyz - bottom, height_of(scene, direction), bottom);
 }

@@ -97,6 +97,10 @@ typedef struct {
     float4 high; // High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther,
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.
+    float4 sky_bottom; // Light of the sky on a surface that faces down, linear RGB; w unused.
+    float4 sky_top; // Light of the sky on a surface that faces up; w unused.
+    float4 sky_viewer; // Light from the viewer on a surface that faces the viewer; w unused.
+    float4 sky_up; // Which way is up for sky and background, length 1; w unused.
     uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit; with instances their
     uint light_count; // Number of lights that shine.
     uint has_transparent; // 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.

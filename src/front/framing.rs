@@ -1,9 +1,9 @@
-//! A camera and a key light for scenes that have none: before the structure is built, and after the scene itself is
+//! A camera and light for scenes that have none: before the structure is built, and after the scene itself is
 //! gone.
 
 use crate::pack::SceneBuffers;
 use crate::renderer::complete_as;
-use crate::scene::{Aim, Camera, DropReason, Framed, Framing, Scene};
+use crate::scene::{Aim, Camera, DefaultLight, DropReason, Framed, Framing, Scene};
 use std::borrow::Cow;
 
 /// A scene that has a light.
@@ -12,22 +12,21 @@ pub(super) struct LitScene<'a> {
     pub scene: Cow<'a, Scene>,
     /// The camera that frames it in pictures of the aspect, where there is none and the light needed one.
     pub framed: Option<(Framing, Framed)>,
-    /// Whether the light was added.
-    pub has_key_light: bool,
+    /// The light that was added, if any.
+    pub added: Option<DefaultLight>,
 }
 
 impl LitScene<'_> {
     /// `scene` with light for pictures of `aspect` = width / height.
     pub fn new(scene: &Scene, aspect: f32) -> LitScene<'_> {
-        let has_key_light = scene.lights.is_empty();
-        if !has_key_light {
-            return LitScene { scene: Cow::Borrowed(scene), framed: None, has_key_light };
+        if scene.has_light() {
+            return LitScene { scene: Cow::Borrowed(scene), framed: None, added: None };
         }
         let mut lit = scene.clone();
         let placed = complete_as(&mut lit, aspect, &Aim::default());
         // Rays need no camera: one that has no place is refused when a picture asks for it.
-        lit.camera = scene.camera;
-        LitScene { scene: Cow::Owned(lit), framed: placed.framed, has_key_light }
+        (lit.camera, lit.wide_cameras) = (scene.camera, scene.wide_cameras.clone());
+        LitScene { scene: Cow::Owned(lit), framed: placed.framed, added: Some(scene.default_light) }
     }
 }
 

@@ -19,7 +19,9 @@ use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
-use crate::scene::{Camera, Framed, Framing, Light, Numbering, PictureDefaults, Samples, Scene};
+use crate::scene::{
+    Camera, DefaultLight, Framed, Framing, Numbering, PictureDefaults, Placed, Samples, Scene, WideCamera,
+};
 use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use crate::winding::WindingTree;
@@ -89,14 +91,15 @@ pub struct Tracer {
     /// What the scene says of its picture.
     defaults: PictureDefaults,
     camera: Option<Camera>,
+    wide_cameras: Vec<WideCamera>,
     /// Which way is up by the format of the scene's file.
     up: Option<Vec3>,
     /// The camera that was last placed so that it frames the scene; not yet known, or not needed, at first.
     framed: Option<(Framing, Framed)>,
     /// The numbers of the scene's parts.
     numbering: Arc<Numbering>,
-    /// Whether the only light is the one that was added.
-    has_key_light: bool,
+    /// The light that was added, if the scene has none.
+    added_light: Option<DefaultLight>,
     /// Whether it is known that the scene is closed.
     is_closed: bool,
     /// The hierarchies of boxes of the last update, if there was one.
@@ -130,7 +133,7 @@ impl Tracer {
     }
 
     pub(super) fn open(lit: &LitScene, depth: u32, chosen: Chosen) -> Result<Tracer> {
-        let LitScene { scene, framed, has_key_light } = lit;
+        let LitScene { scene, framed, added } = lit;
         let (device, cache, budget) = (chosen.device.as_ref(), chosen.cache.as_ref(), chosen.budget());
         let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
         let numbering = Arc::new(Numbering::of(scene, &buffers.used_materials));
@@ -140,10 +143,11 @@ impl Tracer {
             depth,
             defaults: scene.picture,
             camera: scene.camera,
+            wide_cameras: scene.wide_cameras.clone(),
             up: scene.up,
             framed: *framed,
             numbering,
-            has_key_light: *has_key_light,
+            added_light: *added,
             is_closed: false,
             kept: Vec::new(),
             points: None,
@@ -189,7 +193,8 @@ impl Tracer {
         (self.buffers, self.is_closed) = (buffers, false);
         (self.points, self.winding) = (None, None);
         (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, scene.up);
-        (self.framed, self.has_key_light) = (lit.framed, lit.has_key_light);
+        self.wide_cameras.clone_from(&scene.wide_cameras);
+        (self.framed, self.added_light) = (lit.framed, lit.added);
         self.numbering = Arc::new(Numbering::of(scene, &self.buffers.used_materials));
         Ok(())
     }
@@ -476,7 +481,8 @@ impl Tracer {
     /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved
     /// Illumination Model for Shaded Display", CACM 1980).
     ///
-    /// A scene without lights has one from above the left shoulder of the view's camera; see [`View`].
+    /// A scene without lights is lit from above the left shoulder of the view's camera, and from all around: see
+    /// [`View`].
     ///
     /// # Errors
     /// [`Error::Option`] for a size, samples or depth out of range, a part that the picture has not, and a camera that
@@ -501,10 +507,11 @@ impl Tracer {
         self.timed(depth, rendered)
     }
 
-    /// The camera of a picture; the key light, if there is one, is put where it belongs.
+    /// The camera of a picture; light that was added is put where it belongs.
     fn aim(&mut self, frame: &Frame) -> Result<Camera> {
         let aspect = frame.samples.aspect(frame.size) as f32;
-        let placed = frame.aim.place(self.camera, self.up, aspect, |framing| match self.framed {
+        let camera = WideCamera::choose(self.camera, &self.wide_cameras, aspect);
+        let placed = frame.aim.place(camera, self.up, aspect, |framing| match self.framed {
             Some((known, framed)) if known == *framing => framed,
             _ => framing_camera(&self.buffers, framing),
         });
@@ -513,19 +520,20 @@ impl Tracer {
             return Err(Error::Scene(message.to_owned()));
         }
         placed.check(&frame.aim)?;
-        if self.has_key_light {
-            self.set_key_light(&placed.key_light())?;
+        if let Some(light) = self.added_light {
+            self.place_light(light, &placed)?;
         }
         self.framed = placed.framed.or(self.framed);
         Ok(placed.camera)
     }
 
-    /// Has `light` shine in place of the key light. Where it did not yet, the scene is sent to the device again.
-    fn set_key_light(&mut self, light: &Light) -> Result<()> {
-        let light = self.buffers.packed_light(light)?;
-        if self.buffers.lights != [light] {
+    /// Has the light that was added shine as it does where the camera is placed so. Where it did not yet, the scene is
+    /// sent to the device again.
+    fn place_light(&mut self, light: DefaultLight, placed: &Placed) -> Result<()> {
+        let relit = self.buffers.relit(&placed.lamp(light), placed.sky(light))?;
+        if !relit.is_of(&self.buffers) {
             (self.backend, self.points) = (None, None); // they share the arrays
-            Arc::make_mut(&mut self.buffers).lights = vec![light];
+            relit.replace(Arc::make_mut(&mut self.buffers));
         }
         Ok(())
     }

@@ -12,8 +12,9 @@ use crate::scene::{Aim, Camera, PictureDefaults, Samples, Viewpoint};
 /// has the others, or else one that is placed so that the whole scene is in the picture, or inside of it if it is a
 /// room.
 ///
-/// A scene without lights is lit from above the camera's left shoulder, inside of it ([`Viewpoint::Inside`]) from where
-/// the camera is. It is sent to the device again whenever that light moves with the camera; one with a light is not.
+/// A scene without lights is lit as in a studio: by a lamp above the camera's left shoulder, inside of it
+/// ([`Viewpoint::Inside`]) where the camera is, by a sky and a little from the viewer, before a light background. It is
+/// sent to the device again whenever that lamp moves with the camera; one with a light is not.
 ///
 /// ```
 /// use raybrook::{Camera, View, Viewpoint};

@@ -85,14 +85,22 @@ pub(super) fn pack_shading(triangle: &Triangle, of: &ShadingOf, normals: impl Fn
 }
 
 /// Colours are limited like radiance, so that sums and products of two cannot make NaN of a zero and an infinity.
+pub(super) fn pack_colour(colour: Vec3) -> Float4 {
+    Float4::new(colour.min(Vec3::splat(MAX_RADIANCE)), 0.0)
+}
+
+/// A direction of any length but 0, which becomes 1.
+pub(super) fn pack_direction(direction: Vec3) -> Float4 {
+    Float4::new(DVec3::from(direction).normalize_or(DVec3::NEG_Y).as_vec3(), 0.0)
+}
+
 fn pack_material(material: &scene::Material, ambient: Vec3, used_textures: &[TextureId]) -> Material {
-    let limited = |colour: Vec3| Float4::new(colour.min(Vec3::splat(MAX_RADIANCE)), 0.0);
     Material {
-        ambient: limited(material.ambient * ambient),
-        diffuse: limited(material.diffuse),
+        ambient: pack_colour(material.ambient * ambient),
+        diffuse: pack_colour(material.diffuse),
         specular_shininess: Float4 {
             w: material.shininess.clamp(0.0, scene::Material::MAX_SHININESS),
-            ..limited(material.specular)
+            ..pack_colour(material.specular)
         },
         mirror: Float4::new(material.mirror, 0.0),
         transmission_ior: Float4::new(material.transmission, material.ior),
@@ -115,7 +123,6 @@ pub(super) fn pack_light(index: usize, light: &scene::Light, scale: f32) -> Resu
         };
         if scaled.is_finite() { Ok(Float4::new(scaled, 0.0)) } else { Err(Error::Scene(reason())) }
     };
-    let unit = |v: Vec3| DVec3::from(v).normalize_or(DVec3::NEG_Y).as_vec3();
     let mut packed = Light {
         intensity: Float4::new(light.intensity, 0.0),
         falloff_scale: match light.falloff {
@@ -131,12 +138,12 @@ pub(super) fn pack_light(index: usize, light: &scene::Light, scale: f32) -> Resu
         }
         LightKind::Directional { direction } => {
             packed.kind = LIGHT_DIRECTIONAL;
-            packed.direction = Float4::new(unit(direction), 0.0);
+            packed.direction = pack_direction(direction);
         }
         LightKind::Spot { position, direction, inner_degrees, outer_degrees } => {
             packed.kind = LIGHT_SPOT;
             packed.position = place(position)?;
-            packed.direction = Float4::new(unit(direction), 0.0);
+            packed.direction = pack_direction(direction);
             packed.cos_outer = outer_degrees.to_radians().cos();
             // A hard edge is the steepest ramp that float32 can hold.
             packed.cos_inner = inner_degrees.to_radians().cos().max(packed.cos_outer.next_up());
@@ -156,12 +163,14 @@ fn brightest(scene: &Scene, used: &[MaterialId]) -> f32 {
         lights += light.intensity.as_dvec3();
     }
     let background = scene.background.bottom.max(scene.background.top);
+    let sky = scene.sky.unwrap_or_default();
     let surfaces = used
         .iter()
         .map(|&id| {
             let m = &scene.materials[id as usize];
             let [ambient, emission] = [m.ambient.as_dvec3() * scene.ambient.as_dvec3(), m.emission.as_dvec3()];
-            ambient + emission + (m.diffuse.as_dvec3() + m.specular.as_dvec3()) * lights
+            let sky = m.diffuse.as_dvec3() * (sky.top.max(sky.bottom).as_dvec3() + sky.viewer.as_dvec3());
+            ambient + emission + sky + (m.diffuse.as_dvec3() + m.specular.as_dvec3()) * lights
         })
         .fold(background.as_dvec3(), DVec3::max);
     surfaces.max_element() as f32

@@ -1,9 +1,9 @@
 //! Where a picture is seen from: what is given of a camera, and what the scene, its format and the program add to it.
 
+use super::Camera;
 use super::camera::{Axes, FOV_DEGREES, Framed, Framing};
 use super::check::{camera_fault, is_along, is_field_of_view, nonzero};
 use super::room::Subject;
-use super::{Camera, Light, Scene};
 use crate::error::{Error, Result};
 use crate::names::names;
 use glam::Vec3;
@@ -84,6 +84,8 @@ pub struct Placed {
     /// The camera that was placed by itself, if there was need of one, and for what.
     pub(crate) framed: Option<(Framing, Framed)>,
     is_inside: bool,
+    /// Which way was up before an up along the view made room for another.
+    sky_up: Vec3,
 }
 
 impl Aim {
@@ -183,9 +185,10 @@ impl Aim {
         let of_target = self.target_reason(subject);
         let (target, target_origin) = part(self.target, own.map(|c| c.target), automatic.map(|c| c.target), of_target);
         let camera = Camera { eye, target, up, fov_degrees };
+        let sky_up = up;
         let (camera, up) = self.with_fitting_up(camera, up_origin);
         let is_inside = subject == Subject::Room;
-        Placed { camera, eye: eye_origin, target: target_origin, up, fov, framed, is_inside }
+        Placed { camera, eye: eye_origin, target: target_origin, up, fov, framed, is_inside, sky_up }
     }
 
     fn eye_reason(&self, subject: Subject) -> Cow<'static, str> {
@@ -273,15 +276,8 @@ impl Placed {
         self.framed.map_or(self.camera.up, |(framing, _)| framing.up)
     }
 
-    /// The light of a scene that has none: see [`Scene::key_light`]; inside of a scene, whose walls would keep that
-    /// one out, a lamp at the camera.
-    pub fn key_light(&self) -> Light {
-        self.key_light_at(&self.camera)
-    }
-
-    /// The same where the camera has moved.
-    pub fn key_light_at(&self, camera: &Camera) -> Light {
-        let key = Scene::key_light(camera);
-        if self.is_inside { Light::point(camera.eye, key.intensity) } else { key }
+    /// Which way is up in the world, whatever the picture shows of it.
+    pub(super) fn sky_up(&self) -> Vec3 {
+        self.sky_up
     }
 }

@@ -7,8 +7,8 @@ use super::check::{none_of, value_faults};
 use super::known::Numbers;
 use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
 use super::{
-    Background, Camera, CameraKey, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object, ObjectEnd,
-    ObjectId, PictureDefaults, Scene, Texture, TextureId, Transform, Triangle,
+    Background, Camera, CameraKey, DefaultLight, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object,
+    ObjectEnd, ObjectId, PictureDefaults, Scene, Sky, Texture, TextureId, Transform, Triangle, WideCamera,
 };
 use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
@@ -562,15 +562,33 @@ impl Builder {
         self
     }
 
+    /// Sets the cameras of wider pictures, by rising aspect, in world coordinates.
+    pub fn wide_cameras(&mut self, cameras: Vec<WideCamera>) -> &mut Self {
+        self.scene.wide_cameras = cameras;
+        self
+    }
+
     /// Sets what rays that miss everything see.
     pub fn background(&mut self, background: Background) -> &mut Self {
-        self.scene.background = background;
+        (self.scene.background, self.scene.has_background) = (background, true);
         self
     }
 
     /// Sets the light from everywhere, linear RGB.
     pub fn ambient(&mut self, ambient: Vec3) -> &mut Self {
         self.scene.ambient = ambient;
+        self
+    }
+
+    /// Sets the light from all around that depends on the normal, in world coordinates.
+    pub fn sky(&mut self, sky: Sky) -> &mut Self {
+        self.scene.sky = Some(sky);
+        self
+    }
+
+    /// Sets what light pictures add where the scene has none.
+    pub fn default_light(&mut self, default_light: DefaultLight) -> &mut Self {
+        self.scene.default_light = default_light;
         self
     }
 

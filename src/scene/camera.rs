@@ -36,6 +36,31 @@ impl Camera {
     }
 }
 
+/// A camera in place of another in pictures that are wider than an aspect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WideCamera {
+    /// Width / height, above 0.
+    pub aspect: f32,
+    /// The camera. Its field of view is that of a picture of this aspect: a wider one shows as much across, and less
+    /// above and below.
+    pub camera: Camera,
+}
+
+impl WideCamera {
+    /// The camera of a picture of `aspect` = width / height, which is wider.
+    fn at(&self, aspect: f32) -> Camera {
+        let (_, tan_y) = tangents(self.camera.fov_degrees, self.aspect);
+        let half = (tan_y * f64::from(self.aspect) / f64::from(aspect)).atan();
+        Camera { fov_degrees: (2.0 * half).to_degrees() as f32, ..self.camera }
+    }
+
+    /// Which of `camera` and the ones for wider pictures, by rising aspect, a picture of `aspect` has.
+    pub(crate) fn choose(camera: Option<Camera>, wide: &[WideCamera], aspect: f32) -> Option<Camera> {
+        let widest = wide.iter().rev().find(|wide| wide.aspect < aspect);
+        widest.map(|wide| wide.at(aspect)).or(camera)
+    }
+}
+
 /// The directions of a world, unit vectors perpendicular to each other: `right` x `up` = `front`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axes {

@@ -3,7 +3,7 @@
 //!
 //! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
 
-use super::{Camera, Image, Light, LightKind, Material, Procedural, Scene, Texture, Toon};
+use super::{Camera, Image, Light, LightKind, Material, Procedural, Scene, Sky, Texture, Toon, WideCamera};
 use crate::error::{Error, Result};
 use crate::shared::NO_PRIMITIVE;
 use glam::{DVec3, Vec3};
@@ -21,9 +21,14 @@ pub(super) struct Fault {
 pub(super) fn value_faults(scene: &Scene) -> Vec<String> {
     let mut faults: Vec<String> = Vec::new();
     faults.extend(scene.camera.as_ref().and_then(camera_fault).map(|f| format!("camera: {} {}", f.key, f.message)));
+    for wide in &scene.wide_cameras {
+        let fault = wide_camera_fault(wide);
+        faults.extend(fault.map(|f| format!("camera of aspect {}: {} {}", wide.aspect, f.key, f.message)));
+    }
     for (i, light) in scene.lights.iter().enumerate() {
         faults.extend(light_fault(light).map(|f| format!("light {i}: {} {}", f.key, f.message)));
     }
+    faults.extend(scene.sky.as_ref().and_then(sky_fault).map(|f| format!("sky: {} {}", f.key, f.message)));
     for m in &scene.materials {
         faults.extend(material_fault(m).map(|f| format!("material '{}': {} {}", m.name, f.key, f.message)));
         if let Some(t) = m.diffuse_texture.filter(|&t| t as usize >= scene.textures.len()) {
@@ -116,6 +121,21 @@ pub(super) fn camera_fault(camera: &Camera) -> Option<Fault> {
         return fault("fov", format!("is {fov}; it must lie between 0 and 180 degrees, both excluded"));
     }
     None
+}
+
+/// What is wrong with a camera for wide pictures, if anything.
+pub(super) fn wide_camera_fault(wide: &WideCamera) -> Option<Fault> {
+    let is_aspect = wide.aspect > 0.0 && wide.aspect.is_finite();
+    let message = || format!("is {}; it must be above 0", wide.aspect);
+    if is_aspect { camera_fault(&wide.camera) } else { fault("aspect", message()) }
+}
+
+/// What is wrong with `sky`, if anything.
+pub(super) fn sky_fault(sky: &Sky) -> Option<Fault> {
+    at_least_zero("top", sky.top)
+        .or_else(|| at_least_zero("bottom", sky.bottom))
+        .or_else(|| at_least_zero("viewer", sky.viewer))
+        .or_else(|| nonzero("up", sky.up))
 }
 
 /// What is wrong with `light`, if anything.

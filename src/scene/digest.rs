@@ -13,8 +13,8 @@ impl Scene {
         // Whoever adds a field decides about it here.
         #[rustfmt::skip]
         let Scene {
-            positions, normals, uvs, triangles, instances, materials, textures, lights, camera, background, ambient,
-            up: _, object_ends: _, camera_keys: _, picture: _, warnings: _, files: _,
+            positions, normals, uvs, triangles, instances, materials, textures, lights, sky, default_light, camera,
+            wide_cameras, background, has_background, ambient, up: _, object_ends: _, camera_keys: _, picture: _, warnings: _, files: _,
         } = self;
         let mut hash = Hash(Sha256::new());
         hash.geometry((positions, normals, uvs), triangles);
@@ -43,6 +43,13 @@ impl Scene {
             }
         }
         hash.text(&(lights, camera, background, ambient));
+        // Only where pictures depend on them: scenes with nothing but lights keep the digest that they had.
+        if lights.is_empty() || sky.is_some() {
+            hash.text(&(sky, default_light, has_background));
+        }
+        if !wide_cameras.is_empty() {
+            hash.text(wide_cameras);
+        }
         hash.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
@@ -83,7 +90,7 @@ impl Hash {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Background, Image, Light, Material};
+    use super::super::{Background, DefaultLight, Image, Light, Material, Sky};
     use super::*;
 
     fn scene() -> Scene {
@@ -110,7 +117,7 @@ mod tests {
 
     #[test]
     fn everything_that_shows_changes_the_digest() {
-        let changes: [fn(&mut Scene); 12] = [
+        let changes: [fn(&mut Scene); 15] = [
             |scene| scene.positions[1].x = 1.0_f32.next_up(),
             |scene| scene.positions[0].x = -0.0,
             |scene| scene.normals[0] = Vec3::X,
@@ -124,6 +131,9 @@ mod tests {
             |scene| scene.lights.push(Light::directional(Vec3::Y, Vec3::ONE)),
             |scene| scene.background = Background { bottom: Vec3::ZERO, ..Background::default() },
             |scene| scene.ambient = Vec3::splat(0.1),
+            |scene| scene.sky = Some(Sky::default()),
+            |scene| scene.default_light = DefaultLight::Plain,
+            |scene| scene.has_background = true,
             |scene| {
                 let object = scene.instances.placed()[0];
                 scene.instances.add(object).unwrap();

@@ -8,11 +8,11 @@ mod object;
 mod table;
 mod texture;
 
-use super::check::{Fault, camera_fault, light_fault, material_fault};
+use super::check::{Fault, camera_fault, light_fault, material_fault, sky_fault, wide_camera_fault};
 use super::reading::Loaders;
 use super::{
-    Background, Builder, Camera, CameraKey, Falloff, Light, LightKind, Material, MaterialId, PictureDefaults, Samples,
-    Scene, SourceFile, TextureId,
+    Background, Builder, Camera, CameraKey, DefaultLight, Falloff, Light, LightKind, Material, MaterialId,
+    PictureDefaults, Samples, Scene, Sky, SourceFile, TextureId, WideCamera,
 };
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
@@ -62,10 +62,11 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget, models: &Loaders) -> Resu
     let (builder, pictures) = (Builder::within(*budget), Vec::new());
     let mut reader = Reader { source, folder, builder, budget: *budget, models, materials, textures, files, pictures };
 
-    const KEYS: [&str; 6] = ["image", "camera", "trace", "light", "material", "object"];
+    const KEYS: [&str; 7] = ["image", "camera", "trace", "sky", "light", "material", "object"];
     let root = Table::root(source, root.get_ref()).allow("a scene file", &KEYS)?;
     reader.read_picture(&root)?;
     reader.read_camera(&root)?;
+    reader.read_sky(&root)?;
     reader.read_lights(&root)?;
     reader.read_materials(&root)?;
     reader.read_objects(&root)?;
@@ -108,12 +109,16 @@ impl<'a> Reader<'a> {
             }
         }
         if let Some(value) = root.get("trace") {
-            let trace =
-                Table::of(self.source, "[trace]", value)?.allow("[trace]", &["depth", "ambient", "background"])?;
+            const KEYS: [&str; 4] = ["depth", "ambient", "background", "default-light"];
+            let trace = Table::of(self.source, "[trace]", value)?.allow("[trace]", &KEYS)?;
             picture.depth = trace.whole("depth", 1..=PictureDefaults::MAX_DEPTH)?;
             self.builder.ambient(trace.colour("ambient")?.unwrap_or(Vec3::ZERO));
             if let Some(background) = self.read_background(&trace)? {
                 self.builder.background(background);
+            }
+            let names: Vec<_> = DefaultLight::ALL.iter().map(|light| light.name()).collect();
+            if let Some(choice) = trace.choice("default-light", &names)? {
+                self.builder.default_light(DefaultLight::ALL[choice]);
             }
         }
         self.builder.picture(picture);
@@ -136,8 +141,8 @@ impl<'a> Reader<'a> {
 
     fn read_camera(&mut self, root: &Table<'a>) -> Result<()> {
         let Some(value) = root.get("camera") else { return Ok(()) };
-        let table =
-            Table::of(self.source, "[camera]", value)?.allow("[camera]", &["eye", "target", "up", "fov", "key"])?;
+        let table = Table::of(self.source, "[camera]", value)?
+            .allow("[camera]", &["eye", "target", "up", "fov", "key", "wide"])?;
         const FOV: f32 = 40.0; // degrees; as Camera::framing has it
         let (up, fov) = (table.vector("up")?, table.number("fov")?);
         let places = (table.vector("eye")?, table.vector("target")?);
@@ -152,8 +157,32 @@ impl<'a> Reader<'a> {
         };
         // Without "up" the default one can still be at fault: the view is then what must change.
         table.check(camera_fault(&camera), "target")?;
-        self.builder.camera(camera).camera_keys(keys);
+        let wide = self.read_wide_cameras(&table, &camera)?;
+        self.builder.camera(camera).camera_keys(keys).wide_cameras(wide);
         Ok(())
+    }
+
+    /// `[[camera.wide]]`: what one does not say is as in `camera`.
+    fn read_wide_cameras(&self, table: &Table<'a>, camera: &Camera) -> Result<Vec<WideCamera>> {
+        const NAME: &str = "[[camera.wide]]";
+        let mut all: Vec<WideCamera> = Vec::new();
+        for value in self.array_of_tables(table, "camera.wide")? {
+            let table = Table::of(self.source, NAME, value)?.allow(NAME, &["aspect", "eye", "target", "up", "fov"])?;
+            let aspect = table.required("aspect", table.positive("aspect")?)?;
+            if let Some(last) = all.last().filter(|last| last.aspect >= aspect) {
+                return Err(table.error("aspect", format!("is not above that of the one before it, {}", last.aspect)));
+            }
+            let camera = Camera {
+                eye: table.vector("eye")?.unwrap_or(camera.eye),
+                target: table.vector("target")?.unwrap_or(camera.target),
+                up: table.vector("up")?.unwrap_or(camera.up),
+                fov_degrees: table.number("fov")?.unwrap_or(camera.fov_degrees),
+            };
+            let wide = WideCamera { aspect, camera };
+            table.check(wide_camera_fault(&wide), "aspect")?;
+            all.push(wide);
+        }
+        Ok(all)
     }
 
     /// `[[camera.key]]`: what a key does not say, the one before it does, or the camera.
@@ -181,6 +210,21 @@ impl<'a> Reader<'a> {
             keys.push(CameraKey { frame, camera });
         }
         Ok(keys)
+    }
+
+    fn read_sky(&mut self, root: &Table<'a>) -> Result<()> {
+        let Some(value) = root.get("sky") else { return Ok(()) };
+        let table = Table::of(self.source, "[sky]", value)?.allow("[sky]", &["top", "bottom", "viewer", "up"])?;
+        let none = Sky::default();
+        let sky = Sky {
+            top: table.colour("top")?.unwrap_or(none.top),
+            bottom: table.colour("bottom")?.unwrap_or(none.bottom),
+            viewer: table.colour("viewer")?.unwrap_or(none.viewer),
+            up: table.vector("up")?.unwrap_or(none.up),
+        };
+        table.check(sky_fault(&sky), "")?;
+        self.builder.sky(sky);
+        Ok(())
     }
 
     fn read_lights(&mut self, root: &Table<'a>) -> Result<()> {

@@ -39,6 +39,31 @@ pub enum LightKind {
     },
 }
 
+/// Light from all around, which casts no shadows, on the diffuse colours of surfaces: that of a sky above and of ground
+/// below, and some from the viewer's side.
+///
+/// A surface whose normal has the cosines c with `up` and v with the way to the viewer gets `bottom` + (`top` -
+/// `bottom`) (1 + c) / 2, the mean of what it sees of both halves, and `viewer` times v. What a ray sees, a lamp at its
+/// start sees, too: so light from the viewer needs no shadow ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sky {
+    /// Light of all directions above, linear RGB.
+    pub top: Vec3,
+    /// Light of all directions below.
+    pub bottom: Vec3,
+    /// Strength of a lamp at the viewer's eye, without falloff.
+    pub viewer: Vec3,
+    /// Where `top` is, and that of the background. Need not be of unit length; not zero.
+    pub up: Vec3,
+}
+
+impl Default for Sky {
+    /// No light; y is up.
+    fn default() -> Self {
+        Sky { top: Vec3::ZERO, bottom: Vec3::ZERO, viewer: Vec3::ZERO, up: Vec3::Y }
+    }
+}
+
 /// A light source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {

@@ -8,6 +8,7 @@ mod area;
 mod builder;
 mod camera;
 mod check;
+mod default_light;
 mod digest;
 mod file;
 mod gltf;
@@ -41,11 +42,12 @@ mod words;
 pub use aim::{Aim, Origin, Placed, Viewpoint};
 pub use area::{PROJECTIONS, projected_area};
 pub use builder::{Builder, Normals, Primitive};
-pub use camera::Camera;
+pub use camera::{Camera, WideCamera};
 pub(crate) use camera::{Framed, Framing};
+pub use default_light::DefaultLight;
 pub use instances::{Instance, Instances, Object, ObjectId, Transform};
 pub(crate) use instances::{row_times_direction, row_times_point, turned};
-pub use light::{Falloff, Light, LightKind};
+pub use light::{Falloff, Light, LightKind, Sky};
 pub use load::{line_of_vertex, load, load_within};
 pub use material::{Material, MaterialId, Toon};
 pub use numbering::{Numbering, ObjectEnd};
@@ -77,8 +79,9 @@ pub struct Triangle {
     pub material: MaterialId,
 }
 
-/// What a ray that leaves the scene sees, linear RGB: a gradient over y of its unit direction, which from -1 to 1 leads
-/// from `bottom` to `top` in a straight line (equal colours: constant).
+/// What a ray that leaves the scene sees, linear RGB: a gradient over the cosine between its direction and up, which from
+/// -1 to 1 leads from `bottom` to `top` in a straight line (equal colours: constant). Up is that of the scene's sky;
+/// without one it is y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Background {
     /// Colour straight down, linear RGB; the horizon has the mean of both.
@@ -145,16 +148,25 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The textures; materials refer to them by index.
     pub textures: Vec<Texture>,
-    /// The lights; without any the renderer adds a key light (see [`Scene::key_light`]).
+    /// The lights. Without any, and without a sky, pictures add light.
     pub lights: Vec<Light>,
+    /// Light from all around that depends on the normal.
+    pub sky: Option<Sky>,
+    /// What light pictures add where the scene has none.
+    pub default_light: DefaultLight,
     /// The camera; without one the renderer frames the scene (see [`Camera::framing`]).
     pub camera: Option<Camera>,
+    /// Cameras of wider pictures, by rising aspect.
+    pub wide_cameras: Vec<WideCamera>,
     /// Where the camera is in some frames of an animation, in their order.
     pub camera_keys: Vec<CameraKey>,
     /// Which way is up by the rule of the file's format; `None`: y. A camera says it for itself.
     pub up: Option<Vec3>,
     /// What rays that miss everything see.
     pub background: Background,
+    /// Whether that is meant as it is: else the default one makes room for a lighter one in pictures of a scene without
+    /// light.
+    pub has_background: bool,
     /// Light from everywhere, multiplied by [`Material::ambient`], linear RGB.
     pub ambient: Vec3,
     /// What the scene file says of the picture.
@@ -263,13 +275,5 @@ impl Scene {
     /// The smallest box around `primitives`: (min, max), or `None` when there are none.
     pub fn bounds_of(&self, primitives: &[u32]) -> Option<(Vec3, Vec3)> {
         bounds_of_all(primitives.par_iter().map(|&i| self.vertices(i as usize)))
-    }
-
-    /// The light of a scene that has none: directional, from above the camera's left shoulder.
-    pub fn key_light(camera: &Camera) -> Light {
-        let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
-        let right = forward.cross(camera.up).normalize_or(Vec3::X);
-        let up = right.cross(forward);
-        Light::directional(forward * 0.8 - up * 0.6 + right * 0.45, Vec3::splat(0.9))
     }
 }

@@ -31,6 +31,8 @@ names! {
         SeveralLights = "several-lights",
         /// More than one material.
         SeveralMaterials = "several-materials",
+        /// Light of a sky and from the viewer.
+        Sky = "sky",
     }
 }
 

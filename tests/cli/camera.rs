@@ -8,6 +8,9 @@ use std::path::Path;
 const MODEL: &str = "v -1 -2 -3\nv 1 -2 -3\nv 1 2 -3\nv -1 2 -3\nv -1 -2 3\nv 1 -2 3\nv 1 2 3\nv -1 2 3\nv 0 3 1\n\
     f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 4 1 5 8\nf 7 8 9\nf 3 7 9\n";
 
+/// The same before an even background.
+const PLAIN: &str = "[trace]\ndefault-light = \"plain\"\n[[object]]\nfile = \"box.obj\"\n";
+
 const SIZE: [&str; 7] = ["--size", "24x18", "--samples", "1", "--device", "reference", "--explain"];
 
 /// The bytes of the picture of `scene`, and what was explained.
@@ -26,6 +29,7 @@ fn pixels(picture: &[u8]) -> Vec<[f32; 3]> {
 fn model() -> tempfile::TempDir {
     let folder = folder();
     std::fs::write(folder.path().join("box.obj"), MODEL).unwrap();
+    std::fs::write(folder.path().join("plain.toml"), PLAIN).unwrap();
     folder
 }
 
@@ -114,7 +118,7 @@ fn everything_is_in_the_picture_from_every_side() {
     for up in ["y", "z", "-x"] {
         let mut seen = Vec::new();
         for view in ["front", "back", "left", "right", "top", "bottom", "iso"] {
-            let picture = rendered(at, "box.obj", &["--view", view, "--up", up]).0;
+            let picture = rendered(at, "plain.toml", &["--view", view, "--up", up]).0;
             let pixels = pixels(&picture);
             let background = [0.05_f32; 3];
             let is_rim = |i: usize| [0, 23].contains(&(i % 24)) || !(24..17 * 24).contains(&i);
@@ -155,12 +159,12 @@ fn rooms_are_seen_from_inside_and_ground_does_not_count() {
 
     let ground = format!("{MODEL}v -9999 -2 -9999\nv 9999 -2 -9999\nv 9999 -2 9999\nv -9999 -2 9999\nf 13 12 11 10\n");
     std::fs::write(at.join("ground.obj"), ground).unwrap();
-    let (_, alone) = rendered(at, "box.obj", &[]);
+    let (before_nothing, alone) = rendered(at, "box.obj", &[]);
     let (on_ground, said) = rendered(at, "ground.obj", &[]);
     let place = |said: &str| said.split_once("--eye ").unwrap().1.split_once(':').unwrap().0.to_owned();
     assert_eq!(place(&said), place(&alone));
     assert!(said.contains("everything but a large ground or backdrop"), "{said}");
-    assert!(pixels(&on_ground)[0] != [0.05; 3], "the ground is at the lower left");
+    assert!(pixels(&on_ground)[0] != pixels(&before_nothing)[0], "the ground is at the lower left");
 }
 
 #[test]
@@ -241,12 +245,12 @@ fn a_part_of_a_picture_is_written_with_the_bits_of_the_whole() {
 fn exposure_multiplies_light_before_it_becomes_srgb() {
     let folder = model();
     let at = folder.path();
-    let linear = pixels(&rendered(at, "box.obj", &[]).0);
+    let linear = pixels(&rendered(at, "plain.toml", &[]).0);
     // Rows of .pfm files begin with the lowest one.
     let film = Film { width: 24, height: 18, pixels: linear.chunks(24).rev().flatten().copied().collect() };
     for (stops, background) in [(None, 63), (Some("0"), 63), (Some("2"), 124), (Some("-1.5"), 36)] {
         let given = stops.map(|stops| ["--exposure", stops]);
-        let render = ["render", "box.obj", "-o", "out.png"];
+        let render = ["render", "plain.toml", "-o", "out.png"];
         let arguments = [&render[..], &SIZE, given.as_ref().map_or(&[], |given| &given[..])].concat();
         let output = raybrook(at, &arguments);
         assert!(output.status.success(), "{}", stderr(&output));

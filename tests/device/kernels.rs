@@ -26,7 +26,7 @@ use raybrook::low_level::reference::shared::ray::{
 use raybrook::low_level::reference::shared::slab::{PairSlabs, Slabs, is_padding_enough};
 use raybrook::low_level::reference::traverse::spheres::may_meet_sphere;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
-use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples};
+use raybrook::low_level::scene::{Background, Builder, Camera, Image, Light, Material, Samples, Sky};
 use raybrook::low_level::shared::{
     CameraSample, NO_PRIMITIVE, RAY_DEPTH_BITS, RenderParams, SHARED_STRUCTS, TEXTURE_CHECKER, TEXTURE_MARBLE,
     TEXTURE_NOISE, TEXTURE_WOOD, TextureInfo,
@@ -568,6 +568,7 @@ fn wavefront_kernels_equal_the_twin() {
         Light::directional(Vec3::new(0.3, -0.2, -1.0), Vec3::splat(0.4)),
     ];
     scene.background = Background { bottom: Vec3::X, top: Vec3::Z };
+    scene.sky = Some(Sky { top: Vec3::splat(0.2), bottom: Vec3::X * 0.1, viewer: Vec3::Y * 0.1, up: Vec3::ONE });
     let camera = Camera { eye: Vec3::Z * 6.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 50.0 };
     let picture = Picture { camera, size: (9, 7), samples: Samples::PerPixel(1), depth: 4, kill_weight: None };
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {

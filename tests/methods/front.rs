@@ -217,6 +217,21 @@ fn parts_of_a_camera_are_those_of_a_picture_below() {
     }
 }
 
+/// The lamp of a scene without light is of another kind inside, and so are the kernels.
+#[test]
+fn every_device_lights_a_scene_from_inside_and_outside_in_turn() {
+    let bare = Scene { up: Some(Vec3::Z), ..balls() };
+    let aims = [Aim::default(), Aim { viewpoint: Some(Viewpoint::Inside), up: Some(Vec3::X), ..Aim::default() }];
+    let views = [View::new(16, 12), View::new(16, 12).viewpoint(Viewpoint::Inside).up([1.0, 0.0, 0.0])];
+    for device in devices() {
+        let mut tracer = tracer_on(&device, &bare);
+        for (view, aim) in [0, 1, 0].map(|i| (views[i].samples(1), &aims[i])) {
+            let film = film_of(bare.clone(), aim, (16, 12), Samples::PerPixel(1), 8);
+            assert!(tracer.render(&view).unwrap().pixels() == film.pixels, "{device} {aim:?}");
+        }
+    }
+}
+
 #[test]
 fn a_picture_is_written_and_sized_as_the_scene_says() {
     let mut scene = balls();

@@ -11,7 +11,8 @@ use raybrook::low_level::options::{
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{
-    Builder, Camera, Falloff, Image, Light, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples, Scene, Toon,
+    Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples,
+    Scene, Sky, Toon,
 };
 use raybrook::low_level::shared::Feature;
 use raybrook::low_level::tracer::RenderResult;
@@ -117,6 +118,11 @@ pub fn scene_of(set: Features) -> Scene {
     }
     builder.camera(Camera { eye: Vec3::new(1.0, 1.5, 5.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 45.0 });
     builder.ambient(Vec3::splat(0.2));
+    if has(Feature::Sky) {
+        let [top, bottom] = [Vec3::new(0.2, 0.25, 0.4), Vec3::new(0.15, 0.1, 0.05)];
+        builder.sky(Sky { top, bottom, viewer: Vec3::new(0.2, 0.15, 0.1), up: Vec3::new(0.3, 1.2, 0.2) });
+        builder.background(Background { bottom, top });
+    }
     let mut scene = builder.finish().unwrap();
     if !has(Feature::SmoothNormals) {
         scene.triangles.iter_mut().for_each(|triangle| triangle.normals = [NO_INDEX; 3]);
@@ -196,16 +202,19 @@ fn every_feature_shows() {
 #[test]
 fn kernels_for_few_features_are_smaller() {
     let Some(device) = device() else { return };
-    let scene = scene_of(fewest());
-    let buffers = SceneBuffers::new(&scene, &QUICK).unwrap();
-    let bytes = |features| {
+    let bytes = |set, features| {
+        let buffers = SceneBuffers::new(&scene_of(set), &QUICK).unwrap();
         let options = TraceOptions { picture: PictureOptions { features, ..QUICK.picture }, ..QUICK };
         let programs = kernel_resources(&device, &buffers, &options, DEPTH, Looked::Pictures).unwrap();
         assert_eq!((programs.len(), programs[0].kernels[0].kernel.as_str()), (1, "render"));
         programs[0].binary_bytes
     };
-    match (bytes(KernelFeatures::Scene), bytes(KernelFeatures::All)) {
-        (Some(few), Some(all)) => assert!(few < all, "{few} bytes, and {all} with everything"),
+    let few = bytes(fewest(), KernelFeatures::Scene);
+    let sky = bytes(with(Feature::Sky), KernelFeatures::Scene);
+    match (few, sky, bytes(fewest(), KernelFeatures::All)) {
+        (Some(few), Some(sky), Some(all)) => {
+            assert!(few < sky && sky < all, "{few} bytes, {sky} with a sky, and {all} with everything");
+        }
         _ => eprintln!("SKIPPED, the driver does not tell how large binaries are"),
     }
 }

@@ -146,7 +146,7 @@ type Change = fn(&mut Scene);
 fn every_mistake_in_shading_is_found() {
     // A cartoon's highlight hides small changes of its strength.
     let (smooth, cartoon) = (scene_of(lacking(Feature::Toon)), scene_of(Features::ALL));
-    let changes: [(&str, Change); 15] = [
+    let changes: [(&str, Change); 18] = [
         ("shininess", |s| s.materials.iter_mut().for_each(|m| m.shininess *= 1.01)),
         ("specular", |s| s.materials.iter_mut().for_each(|m| m.specular *= 1.001)),
         ("diffuse", |s| s.materials.iter_mut().for_each(|m| m.diffuse *= 1.0001)),
@@ -168,6 +168,9 @@ fn every_mistake_in_shading_is_found() {
         }),
         ("a light less", |s| s.lights.truncate(1)),
         ("background", |s| s.background.top *= 1.0001),
+        ("sky", |s| s.sky.iter_mut().for_each(|sky| sky.top *= 1.001)),
+        ("its place", |s| s.sky.iter_mut().for_each(|sky| sky.up.x += 0.001)),
+        ("viewer", |s| s.sky.iter_mut().for_each(|sky| sky.viewer *= 1.001)),
         ("texture", |s| {
             if let Texture::Image(image) = &mut s.textures[0] {
                 image.rgba.swap(0, 1);

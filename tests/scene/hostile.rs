@@ -12,7 +12,7 @@ use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Normals, Pattern, Procedural, Samples,
-    Scene, TextureSpace, Toon, load,
+    Scene, Sky, TextureSpace, Toon, load,
 };
 use raybrook::low_level::tracer::RenderResult;
 use std::fmt::Write;
@@ -167,6 +167,10 @@ fn scene(random: &mut Random) -> Scene {
     }
     scene.ambient = colour(random);
     scene.background = Background { bottom: colour(random), top: colour(random) };
+    if random.bits().is_multiple_of(2) {
+        scene.sky =
+            Some(Sky { top: colour(random), bottom: colour(random), viewer: colour(random), up: vector(random) });
+    }
     let fov_degrees = number(random, &[1e-45, 1e-6, 179.99998]).max(f32::from_bits(1)) * 60.0;
     let target = if random.bits().is_multiple_of(2) { Vec3::ZERO } else { random.vec3() };
     scene.camera = Some(Camera {
@@ -316,7 +320,7 @@ fn scenes_made_by_hand_are_checked_before_they_are_traced() {
         builder.finish().unwrap()
     };
     type Spoil = fn(&mut Scene);
-    let faults: [(&str, Spoil); 9] = [
+    let faults: [(&str, Spoil); 11] = [
         ("ior is 0", |s| s.materials[0].ior = 0.0),
         ("ior is -1.5", |s| s.materials[0].ior = -1.5),
         ("ior is inf", |s| s.materials[0].ior = f32::INFINITY),
@@ -325,6 +329,8 @@ fn scenes_made_by_hand_are_checked_before_they_are_traced() {
         ("mirror", |s| s.materials[0].mirror.x = f32::NAN),
         ("light 0: intensity", |s| s.lights[0].intensity.y = f32::INFINITY),
         ("background", |s| s.background.top.z = -1.0),
+        ("sky: viewer", |s| s.sky = Some(Sky { viewer: Vec3::NAN, ..Sky::default() })),
+        ("sky: up", |s| s.sky = Some(Sky { up: Vec3::ZERO, ..Sky::default() })),
         // On a scene of this size nothing has a direction any more in which light could come from there.
         ("light 0: ", |s| {
             s.positions.iter_mut().for_each(|p| *p *= 1e-20);

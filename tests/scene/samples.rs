@@ -6,7 +6,7 @@ use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
 use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
-use raybrook::low_level::scene::{Builder, Camera, Material, Samples, Scene, load};
+use raybrook::low_level::scene::{Background, Builder, Camera, Material, Samples, Scene, load};
 use raybrook::low_level::shared::CameraSample;
 use raybrook::low_level::tracer::RenderResult;
 use std::sync::Arc;
@@ -15,6 +15,7 @@ fn ball() -> Scene {
     let mut builder = Builder::new();
     builder.material(Material::matt(Vec3::ONE)).sphere(1.0, 24);
     builder.camera(Camera { eye: Vec3::Z * 4.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 90.0 });
+    builder.background(Background::default());
     let mut scene = builder.finish().unwrap();
     complete(&mut scene, 1.0);
     scene

@@ -5,11 +5,13 @@
 mod make_scenes;
 
 use glam::{DVec3, Vec2, Vec3};
+use raybrook::low_level::renderer::{complete, complete_as};
 use raybrook::low_level::scene::{
-    Falloff, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples, Scene, Texture, TextureSpace, load,
+    Aim, DefaultLight, Falloff, LightKind, Material, NO_INDEX, Pattern, Procedural, Samples, Scene, Sky, Texture,
+    TextureSpace, load,
 };
 use raybrook::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A folder with the scene file `text` in it, gone after the test.
 struct Folder(tempfile::TempDir);
@@ -100,6 +102,77 @@ fn image_camera_and_trace_are_read() {
     let camera = short.camera.expect("a camera");
     assert_eq!((camera.up, camera.fov_degrees), (Vec3::Y, 40.0));
     assert_eq!((short.background.bottom, short.background.top), (Vec3::splat(0.5), Vec3::splat(0.5)));
+}
+
+#[test]
+fn a_sky_and_the_light_without_lights_are_read() {
+    let full = scene("[sky]\ntop = [0.1, 0.2, 0.3]\nbottom = 0.5\nviewer = \"#0000ff\"\nup = [0, 0, 2]\n");
+    let sky = Sky { top: Vec3::new(0.1, 0.2, 0.3), bottom: Vec3::splat(0.5), viewer: Vec3::Z, up: Vec3::Z * 2.0 };
+    assert_eq!(full.sky, Some(sky));
+    assert!(full.has_light());
+    assert_eq!(scene("[sky]\n").sky, Some(Sky::default()));
+    let none = scene("[trace]\ndepth = 3\n");
+    assert_eq!((none.sky, none.default_light, none.has_background), (None, DefaultLight::Studio, false));
+    let plain = scene("[trace]\ndefault-light = \"plain\"\nbackground = 0.05\n");
+    assert_eq!((plain.default_light, plain.has_background, plain.has_light()), (DefaultLight::Plain, true, false));
+}
+
+#[test]
+fn cameras_of_wide_pictures_are_read() {
+    let text = "[camera]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 90\n\
+                [[camera.wide]]\naspect = 1\n[[camera.wide]]\naspect = 2\neye = [0, 1, 4]\nfov = 50\n";
+    let of_aspect = |aspect: f32| {
+        let mut scene = scene(text);
+        complete(&mut scene, aspect);
+        let camera = scene.camera.expect("a camera");
+        (camera.eye, camera.target, camera.fov_degrees)
+    };
+    for aspect in [0.1, 1.0] {
+        assert_eq!(of_aspect(aspect), (Vec3::Z * 5.0, Vec3::ZERO, 90.0), "{aspect}");
+    }
+    // A wider picture shows as much across.
+    let near = |found: (Vec3, Vec3, f32), eye: Vec3, across: f32, aspect: f32| {
+        let shown = (found.2.to_radians() / 2.0).tan() * aspect;
+        found.0 == eye && found.1 == Vec3::ZERO && (shown - across).abs() < 1e-5
+    };
+    assert!(near(of_aspect(1.25), Vec3::Z * 5.0, 1.0, 1.25) && near(of_aspect(2.0), Vec3::Z * 5.0, 1.0, 2.0));
+    let across = 2.0 * 25f32.to_radians().tan();
+    assert!(near(of_aspect(2.5), Vec3::new(0.0, 1.0, 4.0), across, 2.5), "{:?}", of_aspect(2.5));
+    // A part that is given takes the place of that camera's.
+    let aim = Aim { fov_degrees: Some(30.0), ..Aim::default() };
+    let mut other = scene(text);
+    complete_as(&mut other, 3.0, &aim);
+    assert_eq!(other.camera.map(|camera| (camera.eye, camera.fov_degrees)), Some((Vec3::new(0.0, 1.0, 4.0), 30.0)));
+}
+
+/// Its box is open towards the camera, and nothing is beside it.
+#[test]
+fn the_box_fills_pictures_of_every_width() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.toml");
+    let cornell = load(&path).expect("a scene");
+    let square = cornell.camera.expect("a camera");
+    let mut tracer = raybrook::Tracer::builder(&cornell).device("reference").build().expect("a tracer");
+    for aspect in [0.5625, 1.0, 1.01, 1.2, 1.25, 1.26, 4.0 / 3.0, 1.45, 1.5, 1.6, 1.7, 16.0 / 9.0, 2.39, 3.6] {
+        let mut scene = cornell.clone();
+        complete(&mut scene, aspect);
+        let camera = scene.camera.expect("a camera");
+        assert!(aspect > 1.0 || camera == square, "{aspect}");
+        let forward = (camera.target - camera.eye).normalize();
+        let right = forward.cross(camera.up).normalize();
+        let half = (camera.fov_degrees.to_radians() / 2.0).tan();
+        let rays: Vec<_> = (0..=100)
+            .flat_map(|i| {
+                let at = i as f32 / 50.0 - 1.0;
+                [(at, -1.0), (at, 1.0), (-1.0, at), (1.0, at)]
+            })
+            .map(|(x, y)| {
+                let direction = forward + right * (x * half * aspect) + right.cross(forward) * (y * half);
+                raybrook::Ray::new(camera.eye.to_array(), direction.to_array())
+            })
+            .collect();
+        let missed = tracer.closest_hits(&rays).expect("hits").iter().filter(|hit| hit.is_none()).count();
+        assert_eq!(missed, 0, "{aspect}");
+    }
 }
 
 #[test]
@@ -411,12 +484,13 @@ fn warnings_of_a_file_are_told_once() {
 
 #[test]
 fn unknown_keys_name_the_nearest_and_their_line() {
-    let cases: [(&str, usize, &[&str]); 16] = [
+    let cases: [(&str, usize, &[&str]); 17] = [
         ("\n\n[camra]\neye = [0, 0, 0]\n", 3, &["'camra'", "did you mean 'camera'?"]),
         ("[image]\nwidth = 4\nheigth = 4\n", 3, &["[image]", "'heigth'", "did you mean 'height'?"]),
         ("[camera]\neye = [0, 0, 1]\n\ntraget = [0, 0, 0]\n", 4, &["'traget'", "did you mean 'target'?"]),
         ("[trace]\ndpeth = 4\n", 2, &["'dpeth'", "did you mean 'depth'?"]),
         ("[trace]\nbackground = { botom = 1, top = 1 }\n", 2, &["'botom'", "did you mean 'bottom'?"]),
+        ("[sky]\ntop = 1\nbottm = 1\n", 3, &["'bottm'", "did you mean 'bottom'?"]),
         ("[[light]]\nkind = \"point\"\nposition = [0, 0, 0]\ncolour = 1\n", 4, &["point light", "'color'?"]),
         ("[[light]]\nkind = \"directional\"\nfalloff = \"none\"\n", 3, &["a directional light has no key 'falloff'"]),
         ("[material.x]\n# a line\ndifuse = 1\n", 3, &["[material.x]", "did you mean 'diffuse'?"]),
@@ -518,6 +592,13 @@ fn values_out_of_range_name_key_and_line() {
         ("[image]\nsamples = 4\nerror = 1\n".to_owned(), 3, "either"),
         ("[trace]\ndepth = 0\n".to_owned(), 2, "depth"),
         ("[trace]\nambient = [0, -1, 0]\n".to_owned(), 2, "ambient"),
+        ("[trace]\ndefault-light = \"plan\"\n".to_owned(), 2, "plain"),
+        ("[sky]\ntop = [0, -1, 0]\n".to_owned(), 2, "top"),
+        ("[sky]\nviewer = 1\nup = [0, 0, 0]\n".to_owned(), 3, "up"),
+        (format!("{camera}[[camera.wide]]\nfov = 30\n"), 4, "aspect is missing"),
+        (format!("{camera}[[camera.wide]]\naspect = 0\n"), 5, "aspect"),
+        (format!("{camera}[[camera.wide]]\naspect = 2\n[[camera.wide]]\naspect = 2\n"), 7, "the one before it, 2"),
+        (format!("{camera}[[camera.wide]]\naspect = 2\nfov = 190\n"), 6, "fov"),
         ("[trace]\nbackground = { bottom = 1 }\n".to_owned(), 2, "top is missing"),
         ("[camera]\neye = [0, 0, inf]\ntarget = [0, 0, 0]\n".to_owned(), 2, "finite"),
         ("[camera]\neye = [0, 0, 1e39]\ntarget = [0, 0, 0]\n".to_owned(), 2, "finite"),

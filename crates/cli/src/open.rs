@@ -11,7 +11,7 @@ use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{
     Crop, DEFAULT_SIZE, build_and_open_within, complete_as, picture_bytes, picture_bytes_by_rows,
 };
-use raybrook::low_level::scene::{self, Placed, Samples, Scene};
+use raybrook::low_level::scene::{self, Camera, Light, Placed, Samples, Scene};
 use raybrook::low_level::stats::RunStats;
 use raybrook::low_level::tracer::{Backend, Task};
 use raybrook::{Error, Result};
@@ -30,10 +30,18 @@ pub struct Loaded {
     pub camera: Vec<Decision>,
     /// Its camera as it was placed, if it was given one.
     pub placed: Option<Placed>,
-    /// Whether it has no light of its own: one is added for pictures, and goes with the camera.
-    pub has_key_light: bool,
+    /// Whether it has no light of its own: pictures add some, of which a lamp goes with the camera.
+    pub has_added_light: bool,
     /// Seconds.
     pub load_s: f64,
+}
+
+impl Loaded {
+    /// The lamp that was added to a scene without light, in a picture from `camera`.
+    pub fn added_lamp(&self, camera: &Camera) -> Option<Light> {
+        let placed = self.placed.as_ref().filter(|_| self.has_added_light)?;
+        Some(self.scene.default_light.lamp(camera, placed.is_inside()))
+    }
 }
 
 /// Loads the scene that is asked for, which must have objects unless it may be empty, and gives it what it needs to be
@@ -120,8 +128,8 @@ pub fn load(path: &Path, budget: &MemoryBudget, talk: Talk) -> Result<Loaded> {
             tell!("warning: {} more; -v shows them", scene.warnings.len() - shown);
         }
     }
-    let (has_key_light, load_s) = (scene.lights.is_empty(), start.elapsed().as_secs_f64());
-    Ok(Loaded { scene, camera: Vec::new(), placed: None, has_key_light, load_s })
+    let (has_added_light, load_s) = (!scene.has_light(), start.elapsed().as_secs_f64());
+    Ok(Loaded { scene, camera: Vec::new(), placed: None, has_added_light, load_s })
 }
 
 /// Checks that there is memory for the numbers of all triangles, which instances can make many of.

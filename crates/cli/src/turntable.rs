@@ -243,9 +243,9 @@ impl Turntable<'_> {
         Ok(())
     }
 
-    /// Has the light of a scene without lights go with the camera, as it would in a picture of this frame alone.
+    /// Has the lamp that was added to a scene without light go with the camera, as in a picture of this frame alone.
     fn light(&self, camera: Camera, (tracer, buffers): (&mut dyn Backend, &SceneBuffers)) -> Result<()> {
-        let Some(placed) = self.loaded.placed.as_ref().filter(|_| self.loaded.has_key_light) else { return Ok(()) };
-        tracer.set_lights(&[buffers.packed_light(&placed.key_light_at(&camera))?])
+        let Some(lamp) = self.loaded.added_lamp(&camera) else { return Ok(()) };
+        tracer.set_lights(&[buffers.packed_light(&lamp)?])
     }
 }

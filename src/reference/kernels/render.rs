@@ -4,7 +4,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shade::camera::{camera_sample, count_ray, first_of_path};
 use crate::reference::shade::light::{blinn_phong, limit_radiance, sample_light};
-use crate::reference::shade::local_light::{light_visibility, texture_colour};
+use crate::reference::shade::local_light::{light_visibility, sky_light, texture_colour};
 use crate::reference::shade::roulette::Killing;
 use crate::reference::shade::scene::background;
 use crate::reference::shade::surface::{Surface, lift_point, surface_at, surface_hit};
@@ -43,6 +43,7 @@ impl<W: Work> Pixel<'_, W> {
             diffuse *= colour;
             radiance *= colour;
         }
+        radiance += diffuse * sky_light(self.buffers, surface.normal, view_direction);
         radiance += material.emission.xyz();
         let mut start = surface.point;
         lift_point(&mut start, surface.lift);

@@ -4,12 +4,13 @@ use super::camera::count_ray;
 use super::footprint::footprint_at;
 use super::light::LightSample;
 use super::procedural::solid_position;
+use super::scene::height_of;
 use super::surface::{Surface, SurfacePoint, leave_surface, surface_at, surface_hit, surface_point};
 use super::texture::surface_colour;
 use super::whitted::RayKind;
 use crate::options::{PictureOptions, Terminator, TextureFilter, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::shared::math::normalize3;
+use crate::reference::shared::math::{clamp01, dot3, fma3, normalize3};
 use crate::reference::shared::memory::{Work, load_shading};
 use crate::reference::shared::ray::Ray;
 use crate::reference::traverse::query::closest_hit;
@@ -53,6 +54,15 @@ pub fn requested_colour(buffers: &SceneBuffers, options: &TraceOptions, request:
     let material = &buffers.materials[surface.material as usize];
     let direction = normalize3(ray.direction, Vec3::ZERO);
     texture_colour(buffers, &options, &surface, material, direction, direction_width.w)
+}
+
+/// What arrives without any lamp at a surface with unit `normal` that is seen along unit `direction`.
+#[inline(always)]
+pub fn sky_light(buffers: &SceneBuffers, normal: Vec3, direction: Vec3) -> Vec3 {
+    let params = &buffers.params;
+    let bottom = params.sky_bottom.xyz();
+    let sky = fma3(params.sky_top.xyz() - bottom, height_of(buffers, normal), bottom);
+    fma3(params.sky_viewer.xyz(), clamp01(-dot3(normal, direction)), sky)
 }
 
 /// How much of a light that stands there arrives, by channel; traces what is in the way.

@@ -52,7 +52,7 @@ impl Tracing {
         Tracing { buffers: buffers.clone(), tracer, lights: None }
     }
 
-    /// Has the key light shine where it belongs.
+    /// Has the lamp that was added, if any, shine where it belongs.
     fn light(&mut self, light: Option<raybrook::Light>) -> Result<()> {
         let Some(light) = light else { return Ok(()) };
         let lights = vec![self.buffers.packed_light(&light)?];
@@ -339,16 +339,8 @@ impl<'a> Engine<'a> {
         Ok(made)
     }
 
-    /// The key light of a picture, if the scene has no light of its own: as `raybrook render` has it.
-    fn key_light(&self, camera: &Camera) -> Option<raybrook::Light> {
-        let scene = &self.loaded.scene;
-        let is_first = scene.camera.as_ref() == Some(camera);
-        let first = scene.lights.first().filter(|_| self.loaded.has_key_light)?;
-        Some(if is_first { *first } else { Scene::key_light(camera) })
-    }
-
     fn shaded(&mut self, picture: &Picture) -> Result<Made> {
-        self.main.light(self.key_light(&picture.camera))?;
+        self.main.light(self.loaded.added_lamp(&picture.camera))?;
         let result = render(self.main.tracer.as_mut(), &self.main.buffers, picture, &|_| ())?;
         Ok(Made {
             film: result.film,
@@ -393,7 +385,7 @@ impl<'a> Engine<'a> {
 
     /// Counted work as false colours.
     fn counted(&mut self, picture: &Picture, counter: WorkCounter) -> Result<Made> {
-        let light = self.key_light(&picture.camera);
+        let light = self.loaded.added_lamp(&picture.camera);
         let Some((_, tracing)) = &mut self.other else { unreachable!("it was just opened") };
         tracing.light(light)?;
         let result = render(tracing.tracer.as_mut(), &tracing.buffers, picture, &|_| ())?;

@@ -7,8 +7,9 @@ use std::fmt::{self, Debug, Write};
 
 /// A checksum of all that a picture of the scene shows.
 pub fn fingerprint(scene: &Scene) -> String {
-    let Scene { positions, normals, uvs, triangles, materials, textures, lights, camera, background, ambient, .. } =
-        scene;
+    let Scene {
+        positions, normals, uvs, triangles, materials, textures, lights, sky, camera, background, ambient, ..
+    } = scene;
     let mut sum = Checksum(Hasher::new());
     sum.geometry(positions, normals, uvs, triangles);
     if !scene.instances.is_empty() {
@@ -24,6 +25,9 @@ pub fn fingerprint(scene: &Scene) -> String {
         }
     }
     sum.text(&(materials, lights, camera, background, ambient));
+    if sky.is_some() {
+        sum.text(sky);
+    }
     // Numbers of elements, too: where one list ends and the next begins.
     sum.text(&[positions.len(), normals.len(), uvs.len(), triangles.len(), textures.len()]);
     format!("{:08x}", sum.0.finalize())

@@ -262,7 +262,22 @@ impl<'a> Truth<'a> {
 
     fn background(&self, direction: DVec3) -> DVec3 {
         let [bottom, top] = [self.scene.background.bottom, self.scene.background.top].map(|colour| colour.as_dvec3());
-        bottom.lerp(top, (0.5 + 0.5 * direction.y).clamp(0.0, 1.0))
+        bottom.lerp(top, self.height(direction))
+    }
+
+    /// How far up a unit direction leads, from 0 to 1.
+    fn height(&self, direction: DVec3) -> f64 {
+        let up = self.scene.sky.map_or(DVec3::Y, |sky| sky.up.as_dvec3().normalize());
+        (0.5 + 0.5 * direction.dot(up)).clamp(0.0, 1.0)
+    }
+
+    /// What the sky, and the viewer who looks along `direction`, give to a surface with this unit normal.
+    fn sky_light(&self, normal: DVec3, direction: DVec3, trial: &mut Trial) -> DVec3 {
+        let Some(sky) = self.scene.sky else { return DVec3::ZERO };
+        let [bottom, top, viewer] = [sky.bottom, sky.top, sky.viewer].map(|colour| colour.as_dvec3());
+        let height = trial.near(self.height(normal), 1.0, 4.0);
+        let towards = trial.near(-normal.dot(direction), 1.0, 3.0);
+        bottom.lerp(top, height) + viewer * towards.clamp(0.0, 1.0)
     }
 
     /// What a surface gives off, and what it sends back of ambient light and lights.
@@ -278,7 +293,8 @@ impl<'a> Truth<'a> {
         let colour = self.texture_colour(surface, material, direction, width, trial);
         let diffuse = material.diffuse.as_dvec3() * colour;
         let ambient = material.ambient.as_dvec3() * self.scene.ambient.as_dvec3() * colour;
-        let mut radiance = ambient + material.emission.as_dvec3();
+        let sky = diffuse * self.sky_light(surface.normal, direction, trial);
+        let mut radiance = ambient + sky + material.emission.as_dvec3();
         // Light arrives at the position as float32 tells it.
         let position = trial.moved(surface.position, EPSILON * surface.largest_coordinate());
         for (_, light) in self.scene.shining_lights() {

@@ -425,7 +425,7 @@ class Scene:
     ) -> Picture:
         """A picture: Whitted shading with shadows, mirrors, glass and textures.
 
-        A scene without lights has one above the left shoulder of the camera.
+        A scene without lights is lit as in a studio, from above the left shoulder of the camera.
 
         Args:
             width, height: pixels. None: what the scene's file says, else 1024 x 768.
