@@ -14,6 +14,8 @@ const LAUNCH_S_CPU: f64 = 1.0;
 pub(super) const FIRST_ITEMS: usize = 4096;
 /// GPUs are not full with that; 16 times as much is still a moment on the smallest.
 pub(super) const FIRST_ITEMS_GPU: usize = 1 << 16;
+/// A compute unit of a GPU has about so many work-items at once: 2048 on NVIDIA's, 2560 and 2048 on AMD's.
+const ITEMS_OF_UNIT: usize = 2048;
 /// A launch is at most this many times as large as the largest one before: one part of a picture may be much slower
 /// than another.
 const GROWTH: usize = 2;
@@ -59,8 +61,11 @@ impl LaunchPlan {
 
     /// A plan for a device that is open, whose launches are short where something may stop them.
     pub fn on(context: &DeviceContext, first: usize) -> Self {
-        let plan = LaunchPlan::starting_with(first, context.info().kind);
-        if context.is_stoppable() { plan.stoppable(first) } else { plan }
+        let info = context.info();
+        let plan = LaunchPlan::starting_with(first, info.kind);
+        // What a GPU has at once takes as long as the slowest of it, and less of it takes no less.
+        let at_once = if info.kind == DeviceKind::Gpu { info.compute_units as usize * ITEMS_OF_UNIT } else { 0 };
+        if context.is_stoppable() { plan.stoppable(first.max(at_once)) } else { plan }
     }
 
     fn stoppable(self, first: usize) -> Self {
@@ -111,7 +116,7 @@ impl LaunchPlan {
             self.seconds_per_item = seconds / busy as f64;
             self.caution = 1.0;
             self.largest = self.largest.max(largest);
-            // A tiny launch takes as long as its begin and its end do, whatever its items are.
+            // A tiny launch takes as long as its begin and its end do, or as its slowest item.
             let first = self.short.map_or(1, |short| short.first.max(1));
             self.expect(self.seconds_per_item * (largest as f64 / first as f64).min(1.0));
         }

@@ -242,7 +242,9 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     let canvas = |size, samples| args.canvas((size, samples), part, devices.len() > 1);
     let check_picture = |size, samples| {
         args.crop.map_or(Ok(()), |crop| crop.check(size))?;
-        if canvas(size, samples) != Canvas::Film {
+        // A picture whose time may be up has a coarse one beside it.
+        let has_coarse = limit.is_set() && part.is_none();
+        if canvas(size, samples) != Canvas::Film && !has_coarse {
             let (of, format) = ((size, args.crop), part.is_none().then_some(format));
             return open::check_picture_by_rows(of, samples, &options, device.as_ref(), format, &budget);
         }
