@@ -14,10 +14,15 @@
 //! ```
 
 use crate::error::{Error, Result};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// The first byte of a header; records of work begin with others.
+pub(crate) const HEADER: u8 = b'H';
 
 const MAGIC: &[u8; 16] = b"raybrook journal";
 const RECORD: &[u8; 4] = b"rec\n";
@@ -91,6 +96,20 @@ impl Journal {
         lock(&file, path)?;
         let (end, condition) = read_records(&file, path, take)?;
         Ok((Journal { path: path.to_owned(), file, end, synced: Instant::now() }, condition))
+    }
+
+    /// A new journal whose header is this, as JSON.
+    ///
+    /// # Errors
+    /// As [`Journal::create`].
+    pub(crate) fn create_for(path: &Path, header: &impl Serialize) -> Result<Journal> {
+        Journal::create(path, &[&[HEADER], &json(path, header)?[..]].concat())
+    }
+
+    /// What a record of work begins with: its first byte, and what [`entry_of`] reads. Numbers follow.
+    pub(crate) fn begin_record(&self, first: u8, entry: &impl Serialize) -> Result<Vec<u8>> {
+        let entry = json(&self.path, entry)?;
+        Ok([&[first], &(entry.len() as u32).to_le_bytes()[..], &entry].concat())
     }
 
     /// Where it is.
@@ -227,6 +246,30 @@ impl Subject {
             }
         }
     }
+}
+
+fn json(path: &Path, value: &impl Serialize) -> Result<Vec<u8>> {
+    serde_json::to_vec(value).map_err(|error| Error::io("write", path, error.into()))
+}
+
+/// The entry that a record of work has behind its first byte, and the bytes behind it.
+pub(crate) fn entry_of<'r, T: DeserializeOwned>(path: &Path, rest: &'r [u8]) -> Result<(T, &'r [u8])> {
+    let split = || {
+        let (length, rest) = rest.split_first_chunk::<4>()?;
+        let (entry, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        Some((serde_json::from_slice(entry).ok()?, rest))
+    };
+    split().ok_or_else(|| wrong_record(path))
+}
+
+/// The error of a record whose content does not fit together.
+pub(crate) fn wrong_record(path: &Path) -> Error {
+    Error::input(path, None, "a record of the journal does not hold what it says")
+}
+
+/// The error of a journal of which nobody knows what is in it.
+pub(crate) fn no_header(path: &Path) -> Error {
+    Error::input(path, None, "the journal's header is damaged or missing; remove the file to begin anew")
 }
 
 /// Whether `path` is a journal.

@@ -3,7 +3,7 @@
 
 use super::{Crop, Picture, PictureBlocks, StoredBlocks};
 use crate::error::{Error, Result};
-use crate::io::journal::{self, Condition, Journal, Record, Subject};
+use crate::io::journal::{self, Condition, HEADER, Journal, Record, Subject};
 use crate::io::rows::PutRows;
 use crate::options::TraceOptions;
 use crate::scene::{Samples, Scene};
@@ -111,7 +111,6 @@ struct Entry {
 }
 
 /// The first byte of a record.
-const HEADER: u8 = b'H';
 const BLOCKS: u8 = b'B';
 
 /// The first record of a journal.
@@ -133,6 +132,16 @@ pub struct Part {
 impl Part {
     /// The most parts.
     pub const MOST: u32 = 1_000_000;
+
+    /// Checks that a journal is of the part that is wanted; without a number both are `whole`.
+    pub(crate) fn check_same(path: &Path, found: Option<Part>, wanted: Option<Part>, whole: &str) -> Result<()> {
+        if found == wanted {
+            return Ok(());
+        }
+        let name = |part: Option<Part>| part.map_or(whole.to_owned(), |part| format!("part {part}"));
+        let message = format!("the journal is of {}, not of {}", name(found), name(wanted));
+        Err(Error::input(path, None, message))
+    }
 
     /// The blocks that this part has of a picture.
     pub fn blocks(self, blocks: &PictureBlocks) -> Vec<usize> {
@@ -195,9 +204,7 @@ impl PictureJournal {
     /// # Errors
     /// As [`Journal::create`].
     pub fn create(path: &Path, id: &PictureId, part: Option<Part>, blocks: &PictureBlocks) -> Result<PictureJournal> {
-        let header = Header { picture: id.clone(), part };
-        let header = serde_json::to_vec(&header).map_err(|error| Error::io("write", path, error.into()))?;
-        let journal = Journal::create(path, &[&[HEADER], &header[..]].concat())?;
+        let journal = Journal::create_for(path, &Header { picture: id.clone(), part })?;
         Self::with_blocks(journal, blocks, StoredBlocks::default())
     }
 
@@ -227,11 +234,7 @@ impl PictureJournal {
         let mut reader = Reader::new(path, Some(id), &mut note);
         let (journal, condition) = Journal::open_placed(path, |record| reader.take(record))?;
         let kept = reader.finish(condition)?;
-        if kept.part != part {
-            let name = |part: Option<Part>| part.map_or("the whole picture".to_owned(), |part| format!("part {part}"));
-            let message = format!("the journal is of {}, not of {}", name(kept.part), name(part));
-            return Err(Error::input(path, None, message));
-        }
+        Part::check_same(path, kept.part, part, "the whole picture")?;
         Ok((Self::with_blocks(journal, blocks, stored)?, kept))
     }
 
@@ -241,13 +244,11 @@ impl PictureJournal {
     /// As [`Journal::append`].
     pub fn append(&mut self, finished: &Finished) -> Result<()> {
         let entry = Entry { blocks: finished.blocks.to_vec(), spent: finished.spent };
-        let to_error = |error: serde_json::Error| Error::io("write", self.journal.path(), error.into());
-        let entry = serde_json::to_vec(&entry).map_err(to_error)?;
+        let begin = self.journal.begin_record(BLOCKS, &entry)?;
         let blocks = &self.kept.blocks;
         let pixels: Vec<_> = finished.blocks.iter().map(|&number| blocks.gather(number, &finished.film)).collect();
-        let length = (entry.len() as u32).to_le_bytes();
-        let mut parts: Vec<&[u8]> = vec![&[BLOCKS], &length, &entry];
-        let mut place = self.journal.next_place() + parts.iter().map(|part| part.len() as u64).sum::<u64>();
+        let mut parts: Vec<&[u8]> = vec![&begin];
+        let mut place = self.journal.next_place() + begin.len() as u64;
         parts.extend(pixels.iter().map(|pixels| cast_slice::<[f32; 3], u8>(pixels)));
         self.journal.append(&parts)?;
         self.kept.with(|stored| {
@@ -381,13 +382,8 @@ impl<'a> Reader<'a> {
                 let blocks = *blocks;
                 self.take_blocks(rest, record.place + record.payload.len() as u64, &blocks)
             }
-            _ => Err(self.no_header()),
+            _ => Err(journal::no_header(self.path)),
         }
-    }
-
-    /// Without its header nobody knows what is in it.
-    fn no_header(&self) -> Error {
-        self.refuse("the journal's header is damaged or missing; remove the file to begin anew".to_owned())
     }
 
     fn take_header(&mut self, header: &[u8]) -> Result<()> {
@@ -406,10 +402,8 @@ impl<'a> Reader<'a> {
 
     /// `end`: where the record ends in the file.
     fn take_blocks(&mut self, rest: &[u8], end: u64, blocks: &PictureBlocks) -> Result<()> {
-        let wrong = || Error::input(self.path, None, "a record of the journal does not hold what it says");
-        let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(wrong)?;
-        let (entry, mut pixels) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(wrong)?;
-        let entry: Entry = serde_json::from_slice(entry).map_err(|_| wrong())?;
+        let wrong = || journal::wrong_record(self.path);
+        let (entry, mut pixels): (Entry, _) = journal::entry_of(self.path, rest)?;
         for &number in &entry.blocks {
             let count = if blocks.has(number) { blocks.pixels(number) } else { return Err(wrong()) };
             let (now, later) = pixels.split_at_checked(count * size_of::<[f32; 3]>()).ok_or_else(wrong)?;
@@ -427,7 +421,7 @@ impl<'a> Reader<'a> {
     }
 
     fn finish(mut self, condition: Condition) -> Result<Kept> {
-        let Some((Header { picture, part }, _)) = self.found.take() else { return Err(self.no_header()) };
+        let Some((Header { picture, part }, _)) = self.found.take() else { return Err(journal::no_header(self.path)) };
         self.blocks.sort_unstable();
         self.blocks.dedup();
         Ok(Kept { id: picture, part, blocks: self.blocks, spent: self.spent, condition })

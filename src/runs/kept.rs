@@ -3,7 +3,7 @@
 use super::answers::RunAnswers;
 use super::{Answers, Asked, Found, Runs, Took, TracedRuns};
 use crate::error::{Error, Result};
-use crate::io::journal::{self, Condition, Journal, Subject};
+use crate::io::journal::{self, Condition, HEADER, Journal, Subject};
 use crate::io::rays::RayBatch;
 use crate::options::TraceOptions;
 use crate::renderer::Part;
@@ -123,7 +123,6 @@ pub struct RunEntry {
 }
 
 /// The first byte of a record.
-const HEADER: u8 = b'H';
 const RUN: u8 = b'R';
 
 /// The first record of a journal.
@@ -147,9 +146,7 @@ impl BatchJournal {
     /// # Errors
     /// As [`Journal::create`].
     pub fn create(path: &Path, id: &BatchId, part: Option<Part>) -> Result<BatchJournal> {
-        let header = Header { batch: id.clone(), part };
-        let header = serde_json::to_vec(&header).map_err(|error| Error::io("write", path, error.into()))?;
-        BatchJournal::of(Journal::create(path, &[&[HEADER], &header[..]].concat())?, id)
+        BatchJournal::of(Journal::create_for(path, &Header { batch: id.clone(), part })?, id)
     }
 
     fn of(journal: Journal, id: &BatchId) -> Result<BatchJournal> {
@@ -165,11 +162,7 @@ impl BatchJournal {
         let mut reader = Reader::new(path, Some(id), take);
         let (journal, condition) = Journal::open(path, |record| reader.take(record))?;
         let kept = reader.finish(condition)?;
-        if kept.part != part {
-            let name = |part: Option<Part>| part.map_or("the whole batch".to_owned(), |part| format!("part {part}"));
-            let message = format!("the journal is of {}, not of {}", name(kept.part), name(part));
-            return Err(Error::input(path, None, message));
-        }
+        Part::check_same(path, kept.part, part, "the whole batch")?;
         Ok((BatchJournal::of(journal, id)?, kept))
     }
 
@@ -187,10 +180,8 @@ impl BatchJournal {
     }
 
     fn append_run(&mut self, entry: &RunEntry, answers: RunAnswers) -> Result<()> {
-        let to_error = |error: serde_json::Error| Error::io("write", self.journal.path(), error.into());
-        let entry = serde_json::to_vec(entry).map_err(to_error)?;
-        let (length, RunAnswers { counts, hits, next_hits }) = ((entry.len() as u32).to_le_bytes(), answers);
-        self.journal.append(&[&[RUN], &length, &entry, cast_slice(counts), cast_slice(hits), cast_slice(next_hits)])
+        let (begin, RunAnswers { counts, hits, next_hits }) = (self.journal.begin_record(RUN, entry)?, answers);
+        self.journal.append(&[&begin, cast_slice(counts), cast_slice(hits), cast_slice(next_hits)])
     }
 
     /// Has the disk take what was appended.
@@ -257,16 +248,11 @@ impl<'a> Reader<'a> {
         Error::input(self.path, None, message)
     }
 
-    /// Without its header nobody knows what is in it.
-    fn no_header(&self) -> Error {
-        self.refuse("the journal's header is damaged or missing; remove the file to begin anew".to_owned())
-    }
-
     fn take(&mut self, record: &[u8]) -> Result<()> {
         match (record.split_first(), &self.found) {
             (Some((&HEADER, header)), None) => self.take_header(header),
             (Some((&RUN, rest)), Some(_)) => self.take_run(rest),
-            _ => Err(self.no_header()),
+            _ => Err(journal::no_header(self.path)),
         }
     }
 
@@ -283,11 +269,9 @@ impl<'a> Reader<'a> {
     }
 
     fn take_run(&mut self, rest: &[u8]) -> Result<()> {
-        let wrong = || Error::input(self.path, None, "a record of the journal does not hold what it says");
-        let Some((Header { batch, .. }, asked)) = &self.found else { return Err(self.no_header()) };
-        let (length, rest) = rest.split_first_chunk::<4>().ok_or_else(wrong)?;
-        let (entry, answers) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(wrong)?;
-        let entry: RunEntry = serde_json::from_slice(entry).map_err(|_| wrong())?;
+        let wrong = || journal::wrong_record(self.path);
+        let Some((Header { batch, .. }, asked)) = &self.found else { return Err(journal::no_header(self.path)) };
+        let (entry, answers): (RunEntry, _) = journal::entry_of(self.path, rest)?;
         if entry.run >= batch.runs().count() {
             return Err(wrong());
         }
@@ -297,7 +281,7 @@ impl<'a> Reader<'a> {
     }
 
     fn finish(mut self, condition: Condition) -> Result<KeptRuns> {
-        let Some((Header { batch, part }, _)) = self.found.take() else { return Err(self.no_header()) };
+        let Some((Header { batch, part }, _)) = self.found.take() else { return Err(journal::no_header(self.path)) };
         Ok(KeptRuns { id: batch, part, condition })
     }
 }

@@ -2,9 +2,10 @@
 //! last second, and the same command goes on.
 
 use super::limit::Limit;
+use super::log::Log;
 use super::open::Opened;
 use super::progress::Bar;
-use super::{Talk, chain, heading, stop};
+use super::{Talk, chain, heading};
 use clap::ValueEnum;
 use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
@@ -20,7 +21,7 @@ use raybrook::{Error, Result};
 use std::ffi::OsString;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 /// What takes less time is not kept.
@@ -94,7 +95,7 @@ impl KeepArgs {
     pub fn within(self, limit: Limit) -> Result<KeepArgs> {
         match self.keep {
             Keep::Never if limit.is_set() => {
-                let message = format!("never keeps nothing of what is finished when {} is met", limit.option());
+                let message = format!("with never, what is finished when {} is met would be lost", limit.option());
                 Err(Error::option("--keep", message))
             }
             Keep::Auto if limit.is_set() => Ok(KeepArgs { keep: Keep::Always, ..self }),
@@ -129,7 +130,7 @@ pub type LazyId<'a> = LazyLock<PictureId, Box<dyn FnOnce() -> PictureId + Send +
 
 /// Keeps the blocks of a picture, or of a part of the work on it.
 pub struct Keeper<'a> {
-    shared: Arc<Mutex<Shared>>,
+    log: Log<PictureJournal, Painted>,
     path: PathBuf,
     id: LazyId<'a>,
     part: Option<Part>,
@@ -142,19 +143,11 @@ pub struct Keeper<'a> {
     start: Instant,
 }
 
-/// What is done.
-struct Shared {
-    journal: Option<PictureJournal>,
-    done: usize,
+/// What there is of a picture beside its journal.
+struct Painted {
     spent: Spent,
-    /// Blocks that are finished, but not in the journal, which is younger.
-    unkept: usize,
     /// The picture, with the blocks of earlier runs until others are rendered.
     film: Option<Film>,
-}
-
-fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl<'a> Keeper<'a> {
@@ -172,16 +165,15 @@ impl<'a> Keeper<'a> {
         args.restart(&path)?;
         let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
         let film = (canvas == Canvas::Film).then(|| blocks.empty_film());
-        let shared = Shared { journal: None, done: 0, spent: Spent::default(), unkept: 0, film };
-        let (shared, of) = (Arc::new(Mutex::new(shared)), rest.len());
-        let start = Instant::now();
-        let mut keeper = Keeper { shared, path, id, part, keep: args.keep, limit, blocks, rest, of, start };
+        let (of, start) = (rest.len(), Instant::now());
+        let log = Log::new(of, "blocks", Painted { spent: Spent::default(), film });
+        let mut keeper = Keeper { log, path, id, part, keep: args.keep, limit, blocks, rest, of, start };
         if args.goes_on(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
         } else if canvas == Canvas::Journal || args.keep == Keep::Always {
-            lock(&keeper.shared).journal = Some(keeper.new_journal()?);
+            keeper.log.lock().journal = Some(keeper.new_journal()?);
         }
-        keeper.watch(talk);
+        keeper.log.watch(talk);
         Ok(keeper)
     }
 
@@ -191,55 +183,28 @@ impl<'a> Keeper<'a> {
 
     /// Takes what an earlier run has kept.
     fn go_on(&mut self, talk: Talk) -> Result<()> {
-        let mut shared = lock(&self.shared);
-        let film = &mut shared.film;
+        let mut done = self.log.lock();
+        let film = &mut done.more.film;
         let mut take = |blocks: &PictureBlocks, block: &KeptBlock| {
             film.as_mut().map_or(Ok(()), |film| blocks.scatter(block.number, block.pixels, film))
         };
         let (journal, kept) = PictureJournal::open(&self.path, &self.id, self.part, &self.blocks, &mut take)?;
         self.rest.retain(|number| kept.blocks.binary_search(number).is_err());
-        shared.done = self.of - self.rest.len();
-        shared.spent = kept.spent;
-        shared.journal = Some(journal);
-        if !talk.quiet {
-            tell_begun(&self.path, (shared.done, self.of, "blocks"), kept.condition.damaged_bytes);
-        }
+        done.more.spent = kept.spent;
+        done.go_on(journal, self.rest.len(), kept.condition.damaged_bytes, talk);
         Ok(())
-    }
-
-    /// Has the journal brought to the disk, and told of, where the run is stopped.
-    fn watch(&self, talk: Talk) {
-        let (shared, of) = (self.shared.clone(), self.of);
-        stop::before_stop(move || {
-            // What is being appended is appended: whoever wants to append more waits for the lock.
-            let mut shared = lock(&shared);
-            let done = shared.done - shared.unkept;
-            let Some(journal) = &mut shared.journal else { return };
-            if journal.sync().is_ok() && !talk.quiet {
-                tell_kept(journal.path(), (done, of, "blocks"));
-            }
-        });
     }
 
     /// Takes note of blocks that are finished.
     fn take(&self, finished: &Finished) -> Result<()> {
-        let mut shared = lock(&self.shared);
-        shared.done += finished.blocks.len();
-        shared.spent.add(&finished.spent);
-        if shared.journal.is_none() && self.keep.is_worth_it(self.start, shared.done, self.of) {
-            shared.journal = Some(self.new_journal()?);
-        }
+        let mut done = self.log.lock();
+        done.more.spent.add(&finished.spent);
         // Of several devices; a single one has the film.
-        if let Some(film) = &mut shared.film {
+        if let Some(film) = &mut done.more.film {
             self.blocks.copy(finished, film)?;
         }
-        match &mut shared.journal {
-            Some(journal) => journal.append(finished).map_err(|error| what_is_kept(error, "blocks")),
-            None => {
-                shared.unkept += finished.blocks.len();
-                Ok(())
-            }
-        }
+        let is_worth_it = |done, of| self.keep.is_worth_it(self.start, done, of);
+        done.take(finished.blocks.len(), is_worth_it, || self.new_journal(), |journal| journal.append(finished))
     }
 
     /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs; its film has no pixels
@@ -261,7 +226,7 @@ impl<'a> Keeper<'a> {
             bar.update(done, rays, "M camera rays");
         };
         self.start = Instant::now();
-        let film = lock(&self.shared).film.take();
+        let film = self.log.lock().more.film.take();
         let mut rows = rows.map(|put| RowsInOrder::new(&self.blocks, put));
         let mut take = |finished: &Finished| {
             self.take(finished)?;
@@ -278,7 +243,7 @@ impl<'a> Keeper<'a> {
     /// Hands on rows from the journal, where there is one; without it they were handed on when they were finished.
     fn put_kept(&self, rows: &Range<usize>, put: PutRows) -> Result<()> {
         // Whoever stops the program must not wait for the rows.
-        let kept = lock(&self.shared).journal.as_ref().map(PictureJournal::rows);
+        let kept = self.log.lock().journal.as_ref().map(PictureJournal::rows);
         kept.map_or(Ok(()), |kept| kept.put(rows, put))
     }
 
@@ -317,7 +282,7 @@ impl<'a> Keeper<'a> {
         let watching = Watching { bar: Bar::new("render", talk), rays: self.rays(picture), keeper: self, talk };
         let shares = render_by_several(renderers, picture, &self.blocks, &self.rest, &watching)?;
         drop(watching);
-        let film = lock(&self.shared).film.take().unwrap_or_else(|| self.blocks.empty_film());
+        let film = self.log.lock().more.film.take().unwrap_or_else(|| self.blocks.empty_film());
         Ok((self.with_all(RenderResult::of_film(film)), shares))
     }
 
@@ -330,7 +295,7 @@ impl<'a> Keeper<'a> {
 
     /// A result with what the blocks of earlier runs took.
     fn with_all(&self, result: RenderResult) -> RenderResult {
-        let spent = lock(&self.shared).spent;
+        let spent = self.log.lock().more.spent;
         let decided_by = result.adaptive.map_or(Decisions::Host, |adaptive| adaptive.decided_by);
         let adaptive = self.blocks.adaptive_stats(&spent, decided_by);
         let Spent { counts, second_pass, kernel_s, read_s, .. } = spent;
@@ -358,26 +323,15 @@ impl<'a> Keeper<'a> {
     /// # Errors
     /// The journal cannot be removed.
     pub fn finish(self) -> Result<()> {
-        let journal = stop::finish(|| lock(&self.shared).journal.take());
-        journal.map_or(Ok(()), PictureJournal::remove)
+        self.log.end().map_or(Ok(()), PictureJournal::remove)
     }
 
     /// Ends keeping a part of the work, of which the journal is the result.
     ///
     /// # Errors
     /// The journal cannot be brought to the disk.
-    pub fn finish_part(self, talk: Talk) -> Result<()> {
-        let journal = stop::finish(|| lock(&self.shared).journal.take());
-        journal.map_or(Ok(()), |mut journal| journal.sync())?;
-        if let (Some(part), false) = (self.part, talk.quiet) {
-            say!(
-                "{}: part {part}, {} blocks, {:.2} s",
-                self.path.display(),
-                self.of,
-                self.start.elapsed().as_secs_f64()
-            );
-        }
-        Ok(())
+    pub fn finish_part(self, part: Part, talk: Talk) -> Result<()> {
+        self.log.end_part(&self.path, part, self.start, talk)
     }
 }
 
@@ -404,31 +358,6 @@ impl Watcher for Watching<'_, '_> {
             tell!("note: the other devices go on without '{name}', which failed: {}", chain(&error));
         }
         Ok(())
-    }
-}
-
-/// Says what of an earlier run is there: so much of so much, in such pieces.
-pub fn tell_begun(path: &Path, (done, of, pieces): (usize, usize, &str), damaged_bytes: u64) {
-    let path = path.display();
-    if damaged_bytes > 0 {
-        tell!("warning: {damaged_bytes} bytes of '{path}' are damaged; their {pieces} are done again");
-    }
-    tell!("note: goes on with '{path}': {done} of {of} {pieces} are finished; --restart begins anew");
-}
-
-/// Says what is there for a later run.
-pub fn tell_kept(path: &Path, (done, of, pieces): (usize, usize, &str)) {
-    tell!("note: {done} of {of} {pieces} are kept in '{}'; the same command goes on with them", path.display());
-}
-
-/// Says, too, what is not lost.
-pub fn what_is_kept(error: Error, pieces: &str) -> Error {
-    match error {
-        Error::Io { action, path, source } => {
-            let message = format!("{source}; the {pieces} before are kept: make room, and the same command goes on");
-            Error::io(action, &path, std::io::Error::new(source.kind(), message))
-        }
-        other => other,
     }
 }
 

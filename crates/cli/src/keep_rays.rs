@@ -1,10 +1,11 @@
 //! Batches of rays on their way are kept beside their output, as pictures are: run by run, in `OUT.partial`.
 
-use super::keep::{Keep, KeepArgs, journal_of, tell_begun, tell_kept, to_begin_anew, what_is_kept};
+use super::Talk;
+use super::keep::{Keep, KeepArgs, journal_of, to_begin_anew};
 use super::limit::Limit;
+use super::log::Log;
 use super::open::Opened;
 use super::progress::Bar;
-use super::{Talk, stop};
 use raybrook::Result;
 use raybrook::low_level::renderer::Part;
 use raybrook::low_level::runs::{
@@ -12,7 +13,7 @@ use raybrook::low_level::runs::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::LazyLock;
 use std::time::Instant;
 
 /// What a batch is, found out where it is needed: hashing takes a while.
@@ -20,33 +21,20 @@ pub type LazyId<'a> = LazyLock<BatchId, Box<dyn FnOnce() -> BatchId + 'a>>;
 
 /// Keeps the runs of a batch, or of a part of the work on it.
 pub struct RayKeeper<'a> {
-    shared: Arc<Mutex<Shared>>,
+    log: Log<BatchJournal, ()>,
     path: PathBuf,
     id: LazyId<'a>,
     part: Option<Part>,
     keep: Keep,
     limit: Limit,
     runs: Runs,
-    /// What is to be traced, and how many runs there are with those of earlier runs of the program.
+    /// What is to be traced.
     rest: Vec<usize>,
-    of: usize,
     /// All that is finished, by the first run; none of a part.
     pieces: BTreeMap<usize, Answers>,
     found: Found,
     took: Took,
     start: Instant,
-}
-
-/// What is done.
-struct Shared {
-    journal: Option<BatchJournal>,
-    done: usize,
-    /// Runs that are finished, but not in the journal, which is younger.
-    unkept: usize,
-}
-
-fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl<'a> RayKeeper<'a> {
@@ -64,9 +52,8 @@ impl<'a> RayKeeper<'a> {
         args.restart(&path)?;
         let rest: Vec<usize> = part.map_or_else(|| (0..runs.count()).collect(), |part| runs.of_part(part));
         let mut keeper = RayKeeper {
-            shared: Arc::new(Mutex::new(Shared { journal: None, done: 0, unkept: 0 })),
+            log: Log::new(rest.len(), "runs", ()),
             keep: args.keep,
-            of: rest.len(),
             pieces: BTreeMap::new(),
             found: Found::default(),
             took: Took::default(),
@@ -81,9 +68,9 @@ impl<'a> RayKeeper<'a> {
         if args.goes_on(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
         } else if part.is_some() || args.keep == Keep::Always {
-            lock(&keeper.shared).journal = Some(keeper.new_journal()?);
+            keeper.log.lock().journal = Some(keeper.new_journal()?);
         }
-        keeper.watch(talk);
+        keeper.log.watch(talk);
         Ok(keeper)
     }
 
@@ -109,41 +96,15 @@ impl<'a> RayKeeper<'a> {
         };
         let (journal, kept) = BatchJournal::open(&self.path, &self.id, part, &mut take)?;
         self.rest.retain(|run| !done.contains(run));
-        let mut shared = lock(&self.shared);
-        shared.done = self.of - self.rest.len();
-        shared.journal = Some(journal);
-        if !talk.quiet {
-            tell_begun(&self.path, (shared.done, self.of, "runs"), kept.condition.damaged_bytes);
-        }
+        self.log.lock().go_on(journal, self.rest.len(), kept.condition.damaged_bytes, talk);
         Ok(())
-    }
-
-    /// Has the journal brought to the disk, and told of, where the run is stopped.
-    fn watch(&self, talk: Talk) {
-        let (shared, of) = (self.shared.clone(), self.of);
-        stop::before_stop(move || {
-            // What is being appended is appended: whoever wants to append more waits for the lock.
-            let mut shared = lock(&shared);
-            let done = shared.done - shared.unkept;
-            let Some(journal) = &mut shared.journal else { return };
-            if journal.sync().is_ok() && !talk.quiet {
-                tell_kept(journal.path(), (done, of, "runs"));
-            }
-        });
     }
 
     /// Takes runs that are finished.
     fn take(&mut self, traced: TracedRuns) -> Result<()> {
-        let mut shared = lock(&self.shared);
-        shared.done += traced.runs.len();
-        if shared.journal.is_none() && self.keep.is_worth_it(self.start, shared.done, self.of) {
-            shared.journal = Some(self.new_journal()?);
-        }
-        match &mut shared.journal {
-            Some(journal) => journal.append(&traced).map_err(|error| what_is_kept(error, "runs"))?,
-            None => shared.unkept += traced.runs.len(),
-        }
-        drop(shared);
+        let is_worth_it = |done, of| self.keep.is_worth_it(self.start, done, of);
+        let append = |journal: &mut BatchJournal| journal.append(&traced);
+        self.log.lock().take(traced.runs.len(), is_worth_it, || self.new_journal(), append)?;
         traced.found.iter().for_each(|found| self.found.add(found));
         self.took.add(&traced.took);
         if self.part.is_none() {
@@ -180,8 +141,7 @@ impl<'a> RayKeeper<'a> {
     pub fn write(self, output: &Path, asked: Asked, has_second: bool) -> Result<()> {
         let pieces: Vec<Answers> = self.pieces.into_values().collect();
         write_answers(output, &pieces, asked, has_second)?;
-        let journal = stop::finish(|| lock(&self.shared).journal.take());
-        journal.map_or(Ok(()), BatchJournal::remove)
+        self.log.end().map_or(Ok(()), BatchJournal::remove)
     }
 
     /// Ends keeping a part of the work, of which the journal is the result.
@@ -189,12 +149,6 @@ impl<'a> RayKeeper<'a> {
     /// # Errors
     /// The journal cannot be brought to the disk.
     pub fn finish_part(self, part: Part, talk: Talk) -> Result<()> {
-        let journal = stop::finish(|| lock(&self.shared).journal.take());
-        journal.map_or(Ok(()), |mut journal| journal.sync())?;
-        if !talk.quiet {
-            let seconds = self.start.elapsed().as_secs_f64();
-            say!("{}: part {part}, {} runs, {seconds:.2} s", self.path.display(), self.of);
-        }
-        Ok(())
+        self.log.end_part(&self.path, part, self.start, talk)
     }
 }

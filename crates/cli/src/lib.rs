@@ -35,6 +35,7 @@ mod keep_rays;
 mod kernels;
 mod layers;
 mod limit;
+mod log;
 mod merge;
 mod merge_rays;
 mod method;

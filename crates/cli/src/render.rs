@@ -321,8 +321,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         }
         other => other?,
     };
-    if part.is_some() {
-        return keeper.map_or(Ok(()), |keeper| keeper.finish_part(talk)).map(|()| SUCCESS);
+    if let Some(part) = part {
+        return keeper.map_or(Ok(()), |keeper| keeper.finish_part(part, talk)).map(|()| SUCCESS);
     }
     let tracing_layers = Instant::now();
     let trace_layers = |opened: &mut Opened| {
