@@ -10,5 +10,6 @@ pub mod journal;
 mod npz;
 pub mod output;
 pub mod planes;
+mod png_rows;
 pub mod rays;
 pub mod rows;

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::io::film::{Film, ImageFormat, srgb8, srgb16};
 use crate::io::output::{Output, write_atomically};
+use crate::io::png_rows::{self, PngRows};
 
 /// Takes the next rows of a picture, top row first: linear RGB radiance of as many whole rows as there are.
 pub type PutRows<'a> = &'a mut dyn FnMut(&[[f32; 3]]) -> Result<()>;
@@ -29,15 +30,13 @@ type Put<'a> = &'a mut dyn FnMut(&[[f32; 3]]) -> io::Result<()>;
 const PIECE_PIXELS: usize = 1 << 18;
 /// Pixels of OpenEXR's blocks that are compressed at a time, each by a thread.
 const EXR_PIXELS: usize = 1 << 22;
-/// Bytes of an IDAT chunk.
-const PNG_CHUNK: usize = 1 << 18;
 
 /// About how many bytes writing a picture of so many pixels takes, beside the rows that are handed over.
 pub(crate) fn writing_bytes(format: ImageFormat, pixels: u64) -> u64 {
     let piece = pixels.min(PIECE_PIXELS as u64);
     match format {
-        ImageFormat::Png8 => 3 * piece,
-        ImageFormat::Png16 => 6 * piece,
+        ImageFormat::Png8 => png_rows::writing_bytes(3 * pixels),
+        ImageFormat::Png16 => png_rows::writing_bytes(6 * pixels),
         // As they come, as bytes, as bytes in another order, and compressed.
         ImageFormat::Exr => 4 * Film::PIXEL_BYTES * pixels.min(EXR_PIXELS as u64),
         ImageFormat::Pfm => Film::PIXEL_BYTES * piece,
@@ -117,17 +116,18 @@ fn write_png(
     // Perceptual is what the PNG specification suggests for pictures whose author states no intent.
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header()?;
-    let mut stream = writer.stream_writer_with_size(PNG_CHUNK)?;
+    let pixel_bytes = if is_deep { 6 } else { 3 };
+    let mut rows = PngRows::new(&mut writer, pixel_bytes * width as usize, pixel_bytes);
     fill(&mut |pixels| {
         pixels.chunks(PIECE_PIXELS).try_for_each(|piece| match is_deep {
-            false => stream.write_all(srgb8(piece).as_flattened()),
+            false => rows.put(srgb8(piece).as_flattened()),
             true => {
                 let values: Vec<[u8; 2]> = srgb16(piece).as_flattened().iter().map(|c| c.to_be_bytes()).collect();
-                stream.write_all(values.as_flattened())
+                rows.put(values.as_flattened())
             }
         })
     })?;
-    stream.finish()?;
+    rows.finish()?;
     Ok(writer.finish()?)
 }
 
