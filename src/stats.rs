@@ -126,6 +126,9 @@ pub struct RunStats {
     /// Compiling the kernels, which the device does while the structure is built.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compile_s: Option<f64>,
+    /// Waiting for the device to open and to compile, beyond the time in which the structure was built.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wait_s: Option<f64>,
     /// Copying the scene to the device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upload_s: Option<f64>,
@@ -178,6 +181,32 @@ impl RunStats {
             median(&self.kernel_s).filter(|&s| s > 0.0).map(|s| self.rays.total_cast() as f64 / s * 1e-6);
     }
 
+    /// The parts of `total_s` that took any time, with their seconds, the longest first; what has no name is the last.
+    /// Compiling while the structure is built is no part: nobody waits for it.
+    pub fn parts(&self) -> Vec<(&'static str, f64)> {
+        let named = [
+            ("finding the device", self.device_s),
+            ("reading the scene", self.load_s),
+            ("building the structure", self.build_s),
+            ("waiting for the device and its compiler", self.wait_s),
+            ("copying the scene to the device", self.upload_s),
+            ("sorting rays", self.sort_s),
+            ("rays that the host takes", self.extreme_s),
+            ("running kernels", Some(self.kernel_s.iter().sum())),
+            ("deciding what is traced next", self.adaptive.map(|adaptive| adaptive.decide_s)),
+            ("textures on the host", self.wavefront.map(|wavefront| wavefront.host_pass_s)),
+            ("copying the result back", self.read_s),
+            ("layers", self.layers_s),
+            ("encoding and writing", self.write_s),
+        ];
+        let named = named.into_iter().filter_map(|(name, s)| Some((name, s?))).filter(|&(_, s)| s > 0.0);
+        let mut parts: Vec<(&str, f64)> = named.collect();
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let rest = self.total_s - parts.iter().map(|&(_, s)| s).sum::<f64>();
+        parts.push(("the rest", rest.max(0.0)));
+        parts
+    }
+
     /// Writes the run as JSON that people can read, too.
     ///
     /// # Errors
@@ -209,6 +238,23 @@ mod tests {
             assert_eq!(json.pointer(&pointer), Some(&Value::from(counters[index])), "{name}");
         }
         assert_eq!(RayCounts::from_counters(&counters).total_cast(), 10 + 12 + 14 + 16);
+    }
+
+    #[test]
+    fn parts_come_by_their_time_and_the_rest_is_last() {
+        let stats = RunStats {
+            load_s: Some(0.25),
+            build_s: Some(0.5),
+            write_s: Some(0.0),
+            kernel_s: vec![0.125, 0.25],
+            total_s: 1.5,
+            ..RunStats::default()
+        };
+        let expected =
+            [("building the structure", 0.5), ("running kernels", 0.375), ("reading the scene", 0.25), ("the rest", 0.375)];
+        assert_eq!(stats.parts(), expected);
+        // Parts that ran at the same time leave no time less than none.
+        assert_eq!(RunStats { total_s: 1.0, ..stats }.parts().last(), Some(&("the rest", 0.0)));
     }
 
     #[test]

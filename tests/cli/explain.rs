@@ -19,13 +19,32 @@ const OPTIONS: [&str; 8] = [
 /// What every picture explains behind that.
 const CAMERA: [&str; 4] = ["--eye", "--target", "--up", "--fov"];
 
-/// Runs `arguments` and returns what it said of each choice: the lines, and the entries of the JSON file.
+/// Runs `arguments` and returns what it said of each choice: the lines, and the entries of the JSON file. Of a picture it
+/// also says what took how long.
 fn explained(at: &Path, arguments: &[&str]) -> (Vec<String>, Vec<Value>) {
     let output = raybrook(at, &[arguments, &["--explain", "--stats", "stats.json"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(!String::from_utf8_lossy(&output.stdout).contains("--structure"), "{output:?}");
     let stats: Value = serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap();
-    (stderr(&output).lines().map(str::to_owned).collect(), stats["choices"].as_array().unwrap().clone())
+    let (times, lines): (Vec<_>, Vec<_>) =
+        stderr(&output).lines().map(str::to_owned).partition(|line| line.starts_with("time: "));
+    assert_eq!(times.len(), usize::from(arguments[0] == "render"), "{times:?}");
+    times.iter().for_each(|line| assert_times(line, &stats));
+    (lines, stats["choices"].as_array().unwrap().clone())
+}
+
+/// `time: 0.123 s: PART 0.100 s, PART 0.020 s`, the longest first, with seconds that `stats` has.
+fn assert_times(line: &str, stats: &Value) {
+    let seconds = |text: &str| text.trim_end_matches(" s").parse::<f64>().unwrap();
+    let (total, parts) = line.trim_start_matches("time: ").split_once(": ").unwrap();
+    assert!((seconds(total) - stats["total_s"].as_f64().unwrap()).abs() <= 5e-4, "{line}");
+    let parts = parts.split(", ").map(|part| part.trim_end_matches(" s").rsplit_once(' ').unwrap());
+    let parts: Vec<_> = parts.map(|(name, number)| (name, seconds(number))).collect();
+    let of = |name: &str| parts.iter().find(|part| part.0 == name).map_or(0.0, |part| part.1);
+    let written = stats["write_s"].as_f64().unwrap();
+    assert!((of("encoding and writing") - written).abs() <= 5e-4 || written < 0.01 * seconds(total), "{line}");
+    let named: Vec<_> = parts.iter().filter(|part| part.0 != "the rest").collect();
+    assert!(named.windows(2).all(|two| two[0].1 >= two[1].1), "{line}");
 }
 
 fn assert_same(lines: &[String], choices: &[Value]) {

@@ -7,6 +7,7 @@ use raybrook::Result;
 use raybrook::low_level::choose::tune::{DeviceKey, TunedFile};
 use raybrook::low_level::choose::{Chosen, Decision, Source, TunedChoice, Workload};
 use raybrook::low_level::device::{DeviceHandle, cache_folder};
+use raybrook::low_level::stats::RunStats;
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
@@ -14,7 +15,7 @@ pub struct ExplainArgs {
     ///
     /// On standard error: structure, packet size, triangle test, numbers of the build, features of the kernels,
     /// work-group size, and of pictures the camera; given on the command line, by the scene, tuned for the device by
-    /// `raybrook tune`, or by the program's model.
+    /// `raybrook tune`, or by the program's model. Of pictures also what took how long.
     #[arg(long, help_heading = heading::OUTPUT)]
     explain: bool,
 }
@@ -32,6 +33,21 @@ impl ExplainArgs {
             }
         }
     }
+
+    /// Prints what took how long, the longest first, if that is asked for.
+    pub fn print_times(&self, stats: &RunStats, talk: Talk) {
+        if self.explain && !talk.quiet {
+            tell!("{}", times(stats));
+        }
+    }
+}
+
+/// Parts of a run that took at least a hundredth of it, the longest first.
+fn times(stats: &RunStats) -> String {
+    let parts = stats.parts();
+    let shown = parts.iter().filter(|(_, seconds)| *seconds >= 0.01 * stats.total_s);
+    let shown: Vec<String> = shown.map(|(name, seconds)| format!("{name} {seconds:.3} s")).collect();
+    format!("time: {:.3} s: {}", stats.total_s, shown.join(", "))
 }
 
 /// What the methods for a scene depend on, beside the scene.

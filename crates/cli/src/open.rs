@@ -230,8 +230,10 @@ pub fn open(
     talk: Talk,
 ) -> Result<Opened> {
     let cache = args.cache()?;
+    let start = Instant::now();
     let (buffers, tracer) =
         build_and_open_within(device, &loaded.scene, &options, depth, cache.as_ref(), tasks, budget)?;
+    let wait_s = (start.elapsed().as_secs_f64() - buffers.build_s - tracer.upload_s()).max(0.0);
     if talk.verbose {
         for note in tracer.notes() {
             tell!("note: {}", in_flags(note));
@@ -256,6 +258,7 @@ pub fn open(
         load_s: Some(loaded.load_s),
         build_s: Some(buffers.build_s),
         compile_s: Some(tracer.compile_s()),
+        wait_s: Some(wait_s),
         upload_s: Some(tracer.upload_s()),
         triangle_count: loaded.scene.triangle_count() as u64,
         ..RunStats::default()

@@ -365,6 +365,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         stats.write(path)?;
     }
     tell_result(&output, (&stats, &result.film), talk);
+    args.explain.print_times(&stats, talk);
     Ok(SUCCESS)
 }
 
