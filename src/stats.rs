@@ -250,8 +250,12 @@ mod tests {
             total_s: 1.5,
             ..RunStats::default()
         };
-        let expected =
-            [("building the structure", 0.5), ("running kernels", 0.375), ("reading the scene", 0.25), ("the rest", 0.375)];
+        let expected = [
+            ("building the structure", 0.5),
+            ("running kernels", 0.375),
+            ("reading the scene", 0.25),
+            ("the rest", 0.375),
+        ];
         assert_eq!(stats.parts(), expected);
         // Parts that ran at the same time leave no time less than none.
         assert_eq!(RunStats { total_s: 1.0, ..stats }.parts().last(), Some(&("the rest", 0.0)));

@@ -9,6 +9,7 @@
 //! Bad at: small pictures, which are one part.
 
 use std::io::{self, Write};
+use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
 use flate2::{Compress, Compression, FlushCompress, Status};
 use rayon::prelude::*;
@@ -16,8 +17,8 @@ use simd_adler32::Adler32;
 
 /// Bytes of a part, about: each loses a few bytes at its end, and the time until its thread is there.
 const PART_BYTES: usize = 1 << 18;
-/// Bytes of rows that wait until they are compressed together.
-const WAITING_BYTES: usize = 1 << 24;
+/// Bytes of rows that are compressed together, while the next ones come.
+const BATCH_BYTES: usize = 1 << 23;
 /// How far back DEFLATE finds what repeats (RFC 1951, section 2).
 const WINDOW_BYTES: usize = 1 << 15;
 /// What a stream of zlib begins with: DEFLATE with that window, compressed by the default level (RFC 1950, section 2.2).
@@ -25,36 +26,53 @@ const ZLIB_HEADER: [u8; 2] = [0x78, 0x9c];
 /// The number of filters of the specification, from 0: none, left, above, their mean, Paeth's.
 const FILTERS: usize = 5;
 
-/// About how many bytes are in use while a picture of so many bytes is written: as they come, filtered, compressed.
+/// About how many bytes are in use while a picture of so many bytes is written: a batch as it comes; another one as it
+/// came, filtered, and compressed.
 pub(super) fn writing_bytes(picture: u64) -> u64 {
-    3 * picture.min(WAITING_BYTES as u64)
+    4 * picture.min(BATCH_BYTES as u64)
 }
 
-/// Writes rows as IDAT chunks.
+/// Writes rows as IDAT chunks. They are compressed by rayon's threads while the next ones come.
 pub(super) struct PngRows<'a, W: Write> {
     writer: &'a mut png::Writer<W>,
-    row_bytes: usize,
-    pixel_bytes: usize,
-    /// Rows that are not written yet.
+    shape: Shape,
+    /// Rows that are not compressed yet.
     waiting: Vec<u8>,
     /// The row before these; zeros above the first one.
     above: Vec<u8>,
-    /// The end of what is written, as it was before it was compressed.
-    written: Vec<u8>,
+    /// What is being compressed.
+    running: Option<Receiver<io::Result<Batch>>>,
+    /// The end of what is compressed, as it was before.
+    window: Vec<u8>,
     check: Adler32,
     is_begun: bool,
+}
+
+#[derive(Clone, Copy)]
+struct Shape {
+    row_bytes: usize,
+    pixel_bytes: usize,
+    /// Of the rows of a part.
+    part_bytes: usize,
+}
+
+/// Parts of the stream.
+struct Batch {
+    filtered: Vec<Vec<u8>>,
+    compressed: Vec<Vec<u8>>,
 }
 
 impl<'a, W: Write> PngRows<'a, W> {
     /// For rows of `row_bytes`, with `pixel_bytes` for each pixel.
     pub fn new(writer: &'a mut png::Writer<W>, row_bytes: usize, pixel_bytes: usize) -> Self {
+        let part_bytes = (PART_BYTES / row_bytes).max(1) * row_bytes;
         PngRows {
             writer,
-            row_bytes,
-            pixel_bytes,
+            shape: Shape { row_bytes, pixel_bytes, part_bytes },
             waiting: Vec::new(),
             above: vec![0; row_bytes],
-            written: Vec::new(),
+            running: None,
+            window: Vec::new(),
             check: Adler32::new(),
             is_begun: false,
         }
@@ -62,12 +80,13 @@ impl<'a, W: Write> PngRows<'a, W> {
 
     /// Takes the next bytes of rows, of any number.
     pub fn put(&mut self, mut bytes: &[u8]) -> io::Result<()> {
-        let part = self.part_bytes();
-        let most = (WAITING_BYTES / part).max(1) * part;
+        let part = self.shape.part_bytes;
+        let most = (BATCH_BYTES / part).max(1) * part;
         while !bytes.is_empty() {
-            // What is last is written by `finish`: the stream must end with it.
+            // What is last is left to `finish`: the stream must end with it.
             if self.waiting.len() == most {
-                self.write(FlushCompress::Sync)?;
+                self.write_running()?;
+                self.compress_waiting(FlushCompress::Sync);
             }
             let (now, later) = bytes.split_at(bytes.len().min(most - self.waiting.len()));
             self.waiting.extend_from_slice(now);
@@ -78,47 +97,76 @@ impl<'a, W: Write> PngRows<'a, W> {
 
     /// Ends the stream; all rows must have come.
     pub fn finish(mut self) -> io::Result<()> {
-        self.write(FlushCompress::Finish)
+        self.write_running()?;
+        self.compress_waiting(FlushCompress::Finish);
+        self.write_running()?;
+        self.writer.write_chunk(png::chunk::IDAT, &self.check.finish().to_be_bytes())?;
+        Ok(())
     }
 
-    /// Bytes of the rows of a part.
-    fn part_bytes(&self) -> usize {
-        (PART_BYTES / self.row_bytes).max(1) * self.row_bytes
-    }
-
-    /// Writes all that is waiting.
-    fn write(&mut self, end: FlushCompress) -> io::Result<()> {
-        let (part, row) = (self.part_bytes(), self.row_bytes);
-        let rows = &self.waiting;
-        let filtered: Vec<Vec<u8>> = (rows.par_chunks(part).enumerate())
-            .map(|(i, part_rows)| {
-                let above = if i == 0 { &self.above } else { &rows[i * part - row..i * part] };
-                filter(part_rows, above, self.pixel_bytes)
-            })
-            .collect();
-        let last = filtered.len().saturating_sub(1);
-        let compressed = filtered.par_iter().enumerate().map(|(i, bytes)| {
-            let before = if i == 0 { &self.written } else { &filtered[i - 1] };
-            compress(bytes, before, if i == last { end } else { FlushCompress::Sync })
+    /// Has what is waiting compressed; nothing else may be running.
+    fn compress_waiting(&mut self, end: FlushCompress) {
+        let rows = std::mem::take(&mut self.waiting);
+        let last_row = rows[rows.len() - self.shape.row_bytes..].to_vec();
+        let above = std::mem::replace(&mut self.above, last_row);
+        let (window, shape) = (std::mem::take(&mut self.window), self.shape);
+        let (send, receive) = sync_channel(1);
+        self.running = Some(receive);
+        rayon::spawn(move || {
+            let batch = compress_rows(&rows, &above, &window, (shape, end));
+            // Nobody waits any more where something failed.
+            drop(send.send(batch));
         });
-        let mut compressed = compressed.collect::<io::Result<Vec<Vec<u8>>>>()?;
+    }
 
-        filtered.iter().for_each(|bytes| self.check.write(bytes));
+    /// Waits for what is being compressed, and writes it.
+    fn write_running(&mut self) -> io::Result<()> {
+        let Some(running) = self.running.take() else { return Ok(()) };
+        let Batch { filtered, mut compressed } = wait(&running)?;
         if let Some(first) = compressed.first_mut().filter(|_| !self.is_begun) {
             first.splice(0..0, ZLIB_HEADER);
             self.is_begun = true;
         }
-        if let Some(last) = compressed.last_mut().filter(|_| end == FlushCompress::Finish) {
-            last.extend(self.check.finish().to_be_bytes());
+        for (filtered, compressed) in filtered.iter().zip(&compressed) {
+            self.check.write(filtered);
+            self.writer.write_chunk(png::chunk::IDAT, compressed)?;
         }
-        for chunk in &compressed {
-            self.writer.write_chunk(png::chunk::IDAT, chunk)?;
-        }
-        self.above.copy_from_slice(&self.waiting[self.waiting.len() - row..]);
-        self.written = filtered.into_iter().next_back().unwrap_or_default();
-        self.waiting.clear();
+        self.window = filtered.into_iter().next_back().unwrap_or_default();
         Ok(())
     }
+}
+
+/// Waits for a batch. A thread of rayon's works meanwhile: it may be the only one.
+fn wait(running: &Receiver<io::Result<Batch>>) -> io::Result<Batch> {
+    let ended = || io::Error::other("a thread that compresses rows has ended");
+    if rayon::current_thread_index().is_none() {
+        return running.recv().map_err(|_| ended())?;
+    }
+    loop {
+        match running.try_recv() {
+            Ok(batch) => return batch,
+            Err(TryRecvError::Disconnected) => return Err(ended()),
+            Err(TryRecvError::Empty) => drop(rayon::yield_now()),
+        }
+    }
+}
+
+/// Filters and compresses rows in parts, each on a thread; `window` is what comes before them.
+fn compress_rows(rows: &[u8], above: &[u8], window: &[u8], (shape, end): (Shape, FlushCompress)) -> io::Result<Batch> {
+    let Shape { row_bytes, pixel_bytes, part_bytes } = shape;
+    let parts = rows.par_chunks(part_bytes).enumerate();
+    let filtered = parts.map(|(i, part)| {
+        let above = if i == 0 { above } else { &rows[i * part_bytes - row_bytes..i * part_bytes] };
+        filter(part, above, pixel_bytes)
+    });
+    let filtered: Vec<Vec<u8>> = filtered.collect();
+    let last = filtered.len().saturating_sub(1);
+    let compressed = filtered.par_iter().enumerate().map(|(i, bytes)| {
+        let before = if i == 0 { window } else { &filtered[i - 1] };
+        compress(bytes, before, if i == last { end } else { FlushCompress::Sync })
+    });
+    let compressed = compressed.collect::<io::Result<_>>()?;
+    Ok(Batch { filtered, compressed })
 }
 
 /// Whole rows, each with the number of its filter before it, from the row above the first one on.
@@ -244,6 +292,14 @@ mod tests {
                 assert!(rows == file, "{width} x {height}: the bytes depend on how rows come");
             }
         }
+    }
+
+    #[test]
+    fn the_only_thread_of_a_pool_may_write() {
+        let picture = picture(2000, 3000, 3);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let file = pool.install(|| encode(&picture, (2000, 3000), false, picture.len()));
+        assert!(decode(&file) == picture);
     }
 
     /// Parts cost next to nothing: what repeats is found across them.
