@@ -181,8 +181,9 @@ pub fn picture_bytes_by_rows(
 
 /// About how many bytes it takes at the most to write a picture from journals.
 pub fn bytes_of_rows((width, height): (u32, u32), format: ImageFormat) -> u64 {
-    let strip = u64::from(width) * u64::from(height).min(LARGEST_PATCH as u64);
-    Film::PIXEL_BYTES * strip + writing_bytes(format, u64::from(width) * u64::from(height))
+    let strip = Film::PIXEL_BYTES * u64::from(width) * u64::from(height).min(LARGEST_PATCH as u64);
+    let pixels = u64::from(width) * u64::from(height);
+    strip.max(stored::GROUP_BYTES.min(Film::PIXEL_BYTES * pixels)) + writing_bytes(format, pixels)
 }
 
 /// What is known of the pixels beside their light.

@@ -113,10 +113,10 @@ impl Found {
         Found { rays_that_hit: rays.filter(|&ray| all.count(ray) > 0).count() as u64, hits }
     }
 
-    /// Adds what was found in other runs.
+    /// Adds what was found in other runs. A journal may say anything: sums end at the largest number.
     pub fn add(&mut self, other: &Found) {
-        self.rays_that_hit += other.rays_that_hit;
-        self.hits += other.hits;
+        self.rays_that_hit = self.rays_that_hit.saturating_add(other.rays_that_hit);
+        self.hits = self.hits.saturating_add(other.hits);
     }
 }
 
@@ -147,7 +147,7 @@ impl Took {
         self.sort_s = sum(self.sort_s, other.sort_s);
         self.extreme_s = sum(self.extreme_s, other.extreme_s);
         if let Some(second) = other.second_pass {
-            *self.second_pass.get_or_insert(0) += second;
+            self.second_pass = Some(self.second_pass.unwrap_or(0).saturating_add(second));
         }
     }
 }

@@ -48,9 +48,10 @@ impl RayCounts {
         RayCounts { camera: count(0), shadow: count(2), reflected: count(4), refracted: count(6) }
     }
 
-    /// All rays cast.
+    /// All rays cast; at the most the largest number, as a journal may say anything.
     pub fn total_cast(&self) -> u64 {
-        self.camera.cast + self.shadow.cast + self.reflected.cast + self.refracted.cast
+        let all = [self.camera, self.shadow, self.reflected, self.refracted];
+        all.iter().fold(0, |sum, count| sum.saturating_add(count.cast))
     }
 }
 

@@ -155,10 +155,10 @@ pub struct Refined {
 }
 
 impl Refined {
-    /// Adds what became of other blocks.
+    /// Adds what became of other blocks. A journal may say anything: sums end at the largest number.
     pub fn add(&mut self, other: &Refined) {
-        self.error += other.error;
-        self.pixels.iter_mut().zip(other.pixels).for_each(|(sum, count)| *sum += count);
+        self.error = self.error.saturating_add(other.error);
+        self.pixels.iter_mut().zip(other.pixels).for_each(|(sum, count)| *sum = sum.saturating_add(count));
         self.rounds = self.rounds.max(other.rounds);
     }
 }
@@ -199,15 +199,15 @@ impl Spent {
         }
     }
 
-    /// Adds what other blocks took.
+    /// Adds what other blocks took. A journal may say anything: sums end at the largest number.
     pub fn add(&mut self, other: &Spent) {
-        self.counts.iter_mut().zip(other.counts).for_each(|(sum, count)| *sum += count);
+        self.counts.iter_mut().zip(other.counts).for_each(|(sum, count)| *sum = sum.saturating_add(count));
         self.kernel_s += other.kernel_s;
         self.read_s += other.read_s;
         self.decide_s += other.decide_s;
         self.refined.add(&other.refined);
         if let Some(second) = other.second_pass {
-            *self.second_pass.get_or_insert(0) += second;
+            self.second_pass = Some(self.second_pass.unwrap_or(0).saturating_add(second));
         }
     }
 }

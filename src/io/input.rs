@@ -1,4 +1,4 @@
-//! Opens input files: regular ones alone, as a pipe would block and a device may have no end.
+//! Opens input files: regular ones alone, as a pipe would block and a device may have no end; and how many at a time.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -34,4 +34,32 @@ fn open(path: &Path) -> io::Result<Option<(File, u64)>> {
         return Ok(None);
     }
     Ok(Some((File::open(path)?, metadata.len())))
+}
+
+/// Files that the rest of a process may have open: outputs, libraries, a driver's devices.
+const OTHER_FILES: u64 = 64;
+/// More are not open at a time, however many may be.
+const MOST_FILES: u64 = 1 << 16;
+/// Where nobody says how many may be.
+#[cfg(not(unix))]
+const USUAL_FILES: u64 = 512;
+
+/// How many input files may be open at a time, beside those that a process needs for other things.
+pub fn most_open_files() -> usize {
+    #[cfg(unix)]
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current.unwrap_or(u64::MAX);
+    #[cfg(not(unix))]
+    let limit = USUAL_FILES;
+    limit.saturating_sub(OTHER_FILES).clamp(1, MOST_FILES) as usize
+}
+
+/// Has the system let this process open as many files as it may have at all: a shell's limit is mostly 1024, far below
+/// that. Where the system refuses, it stays as it is.
+pub fn raise_open_files() {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let limit = getrlimit(Resource::Nofile);
+        let _ = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit });
+    }
 }

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::io::journal::{self, Condition, HEADER, Journal, Record, Subject};
 use crate::io::rows::PutRows;
 use crate::options::TraceOptions;
-use crate::scene::{Samples, Scene};
+use crate::scene::{PictureDefaults, Samples, Scene};
 use crate::tracer::{Finished, Spent};
 use bytemuck::cast_slice;
 use serde::{Deserialize, Serialize};
@@ -75,6 +75,10 @@ impl PictureId {
             (None, Some(samples)) => samples.parse()?,
             _ => return Err("it has no samples and no error, or both".to_owned()),
         };
+        let (width, height) = self.size;
+        if [width, height].iter().any(|side| !(1..=PictureDefaults::MAX_SIDE).contains(side)) {
+            return Err(format!("{width}x{height} is no size of a picture"));
+        }
         samples.check(self.size).map_err(|error| error.to_string())?;
         let crop = self.crop.as_ref().map(|crop| crop.parse::<Crop>()).transpose()?;
         crop.map_or(Ok(()), |crop| crop.check(self.size)).map_err(|error| error.to_string())?;
@@ -122,11 +126,29 @@ struct Header {
 
 /// One of several parts of the work on a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "PartNumbers")]
 pub struct Part {
     /// Counted from 1.
     pub number: u32,
     /// How many there are, 1 to [`Part::MOST`].
     pub of: u32,
+}
+
+/// As a journal has them.
+#[derive(Deserialize)]
+struct PartNumbers {
+    number: u32,
+    of: u32,
+}
+
+impl TryFrom<PartNumbers> for Part {
+    type Error = String;
+
+    fn try_from(PartNumbers { number, of }: PartNumbers) -> std::result::Result<Part, String> {
+        let part = Part { number, of };
+        let is_one = (1..=Part::MOST).contains(&of) && (1..=of).contains(&number);
+        if is_one { Ok(part) } else { Err(format!("{part} is no part of a picture or batch")) }
+    }
 }
 
 impl Part {
@@ -160,13 +182,11 @@ impl FromStr for Part {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Part, String> {
-        let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
-        match numbers {
-            Some((number, of)) if (1..=Part::MOST).contains(&of) && (1..=of).contains(&number) => {
-                Ok(Part { number, of })
-            }
-            _ => Err(format!("expected I/N, part I of N with N up to {}, such as 3/16", Part::MOST)),
-        }
+        let numbers = || {
+            let (number, of) = text.split_once('/')?;
+            Part::try_from(PartNumbers { number: number.parse().ok()?, of: of.parse().ok()? }).ok()
+        };
+        numbers().ok_or_else(|| format!("expected I/N, part I of N with N up to {}, such as 3/16", Part::MOST))
     }
 }
 

@@ -1,9 +1,10 @@
 //! Blocks of a picture that lie in journals: where each is, so that the picture is written from them row by row, with no
-//! more of it in memory than what one row of patches, or one band, takes.
+//! more of it in memory than [`GROUP_BYTES`], or what one row of patches or one band takes.
 //!
 //! A journal is read once from its beginning to its end, which finds its blocks and checks them, and a second time where
-//! rows are due; what is read then is checked again. Files are opened as they are needed, few at a time: there may be
-//! more journals than files that a program may have open.
+//! rows are due; what is read then is checked again. Files are opened as they are needed: there may be more journals
+//! than files that a program may have open. Patches of a thousand parts lie strewn over all of their journals: where not
+//! all can be open, each is opened once for so many rows of patches as are gathered at a time.
 //!
 //! Bad at: disks that turn, because patches of a row lie far from each other in a journal.
 
@@ -11,24 +12,41 @@ use super::PictureBlocks;
 use crate::blocks::Area;
 use crate::error::{Error, Result};
 use crate::io::film::Film;
+use crate::io::input::most_open_files;
 use crate::io::rows::PutRows;
 use crate::tracer::Finished;
 use bytemuck::{cast_slice, cast_slice_mut};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// So many files are open at a time at the most.
-const MOST_OPEN: usize = 64;
+/// What rows of patches take at the most that are gathered together, unless a single one takes more.
+pub(super) const GROUP_BYTES: u64 = 128 << 20;
+
+/// What is held at a time.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    files: usize,
+    bytes: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Limits {
+        Limits { files: most_open_files(), bytes: GROUP_BYTES }
+    }
+}
 
 /// Where blocks of a picture lie.
 #[derive(Debug, Default)]
 pub struct StoredBlocks {
+    limits: Limits,
     files: Vec<PathBuf>,
-    /// Those that are open, the last one that was opened at the end.
-    open: VecDeque<(usize, File)>,
+    /// Those that are open, by their numbers.
+    open: HashMap<usize, File>,
+    /// The same numbers, that of the last one that was opened at the end.
+    opened: VecDeque<usize>,
     blocks: BTreeMap<usize, Stored>,
 }
 
@@ -56,7 +74,10 @@ impl StoredBlocks {
     pub(super) fn add_file(&mut self, path: &Path, open: Option<File>) -> usize {
         let number = self.files.len();
         self.files.push(path.to_owned());
-        self.open.extend(open.map(|file| (number, file)));
+        if let Some(file) = open {
+            self.open.insert(number, file);
+            self.opened.push_back(number);
+        }
         number
     }
 
@@ -114,10 +135,17 @@ impl StoredBlocks {
     /// # Errors
     /// As [`StoredBlocks::block`], and those of `put`.
     pub fn put_rows(&mut self, blocks: &PictureBlocks, rows: &Range<usize>, put: PutRows) -> Result<()> {
+        let width = blocks.size().0 as usize;
+        let most = (self.limits.bytes / (Film::PIXEL_BYTES * width as u64)) as usize;
         for numbers in blocks.tiers(rows) {
-            let pieces = self.pieces(blocks, &numbers);
-            for strip in pieces.chunk_by(|a, b| a.area.y == b.area.y) {
-                put(&self.strip(strip, blocks.empty_film().width as usize)?)?;
+            let mut pieces = self.pieces(blocks, &numbers);
+            let mut rest = &mut pieces[..];
+            while let Some(first) = rest.first() {
+                let top = first.area.y.start;
+                let is_now = |piece: &Piece| piece.area.y.start == top || piece.area.y.end - top <= most;
+                let (now, later) = rest.split_at_mut(rest.partition_point(is_now));
+                put(&self.strip(now, width)?)?;
+                rest = later;
             }
         }
         Ok(())
@@ -137,21 +165,24 @@ impl StoredBlocks {
             blocks.places(number).into_iter().zip(&stored.checksums).map(piece).collect::<Vec<_>>()
         });
         let mut pieces: Vec<Piece> = pieces.collect();
-        // Of those side by side each file's one after the other.
-        pieces.sort_by_key(|piece| (piece.area.y.start, piece.file, piece.place));
+        pieces.sort_by_key(|piece| piece.area.y.start);
         pieces
     }
 
-    /// Whole rows of so many pixels, of pieces side by side.
-    fn strip(&mut self, pieces: &[Piece], width: usize) -> Result<Vec<[f32; 3]>> {
+    /// Whole rows of so many pixels, of pieces from top to bottom.
+    fn strip(&mut self, pieces: &mut [Piece], width: usize) -> Result<Vec<[f32; 3]>> {
+        let (Some(first), Some(last)) = (pieces.first(), pieces.last()) else { return Ok(Vec::new()) };
+        let (top, end) = (first.area.y.start, last.area.y.end);
         if let [whole] = pieces {
             return self.read(whole);
         }
-        let height = pieces.first().map_or(0, |piece| piece.area.y.len());
-        let mut pixels = Film::try_pixels(width * height)?;
+        let mut pixels = Film::try_pixels(width * (end - top))?;
+        // Each file's one after the other.
+        pieces.sort_unstable_by_key(|piece| (piece.file, piece.place));
         for piece in pieces {
             let of_piece = self.read(piece)?;
-            let rows = pixels.chunks_exact_mut(width).zip(of_piece.chunks_exact(piece.area.x.len()));
+            let rows = pixels.chunks_exact_mut(width).skip(piece.area.y.start - top);
+            let rows = rows.zip(of_piece.chunks_exact(piece.area.x.len()));
             rows.for_each(|(row, of_piece)| row[piece.area.x.clone()].copy_from_slice(of_piece));
         }
         Ok(pixels)
@@ -174,19 +205,22 @@ impl StoredBlocks {
 
     /// A file, opened if need be.
     fn file(&mut self, number: usize) -> Result<&mut File> {
-        let at = match self.open.iter().position(|(open, _)| *open == number) {
-            Some(at) => at,
-            None => {
-                let path = &self.files[number];
-                let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
-                if self.open.len() >= MOST_OPEN {
-                    self.open.pop_front();
-                }
-                self.open.push_back((number, file));
-                self.open.len() - 1
+        if !self.open.contains_key(&number) {
+            while self.opened.len() >= self.limits.files {
+                let Some(oldest) = self.opened.pop_front() else { break };
+                self.open.remove(&oldest);
             }
-        };
-        Ok(&mut self.open[at].1)
+            let path = &self.files[number];
+            let opened = File::open(path).or_else(|_| {
+                // The process may have too many open already.
+                self.open.clear();
+                self.opened.clear();
+                File::open(path)
+            });
+            self.open.insert(number, opened.map_err(|error| Error::io("read", path, error))?);
+            self.opened.push_back(number);
+        }
+        Ok(self.open.get_mut(&number).expect("it was found or opened"))
     }
 }
 
@@ -314,7 +348,7 @@ mod tests {
         let crop = Some(Crop { place: (3, 5), size: (690, 500) });
         let samples = [Samples::PerPixel(16), Samples::Error(1.0), Samples::Error(4.0)];
         let small = samples.into_iter().flat_map(|samples| [None, crop].map(|crop| ((700, 520), samples, crop)));
-        // Areas below and beside each other, and more files than are open at a time.
+        // Areas below and beside each other, and many bands.
         let others = [((3100, 150), Samples::Error(2.0), None), ((128, 2240), Samples::PerPixel(256), None)];
         small.chain(others).map(|(size, samples, crop)| Pictured::new(size, samples, crop)).collect()
     }
@@ -322,17 +356,25 @@ mod tests {
     #[test]
     fn rows_from_journals_are_those_of_the_picture() {
         for picture in pictures() {
-            let of = picture.blocks.numbers().len().min(MOST_OPEN + 6) as u32;
-            let mut stored = StoredBlocks::default();
-            for number in (1..=of).rev() {
-                let part = Part { number, of };
-                let journal = picture.journal(&format!("{number}"), Some(part), &part.blocks(&picture.blocks));
-                let (kept, doubled) = stored.add(journal.path(), Some(&picture.id)).unwrap();
-                assert_eq!((kept.part, doubled), (Some(part), 0));
+            let of = picture.blocks.numbers().len().min(70) as u32;
+            let parts: Vec<Part> = (1..=of).rev().map(|number| Part { number, of }).collect();
+            let journal = |part: &Part| {
+                picture.journal(&part.number.to_string(), Some(*part), &part.blocks(&picture.blocks)).path().to_owned()
+            };
+            let journals: Vec<PathBuf> = parts.iter().map(journal).collect();
+            // All files and rows at a time; fewer files than parts, and rows of a few patches; as little as can be.
+            let few = Limits { files: 3, bytes: Film::PIXEL_BYTES * u64::from(picture.blocks.size().0) * 150 };
+            for limits in [Limits::default(), few, Limits { files: 1, bytes: 0 }] {
+                let mut stored = StoredBlocks { limits, ..StoredBlocks::default() };
+                for (part, path) in parts.iter().zip(&journals) {
+                    let (kept, doubled) = stored.add(path, Some(&picture.id)).unwrap();
+                    assert_eq!((kept.part, doubled), (Some(*part), 0));
+                }
+                assert_eq!(stored.len(), picture.blocks.numbers().len());
+                let found = picture.stored_rows(&mut stored).unwrap();
+                assert!(found == picture.pixels(), "{limits:?} {:?}", picture.blocks);
+                assert!(stored.open.len() <= limits.files);
             }
-            assert_eq!(stored.len(), picture.blocks.numbers().len());
-            assert!(picture.stored_rows(&mut stored).unwrap() == picture.pixels(), "{:?}", picture.blocks);
-            assert!(stored.open.len() <= MOST_OPEN);
         }
     }
 

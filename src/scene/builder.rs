@@ -5,14 +5,14 @@
 
 use super::check::{none_of, value_faults};
 use super::known::Numbers;
-use super::mesh::{Corner, Counts, Mesh, sin_cos_degrees};
+use super::mesh::{Corner, Counts, Mesh, rotation};
 use super::{
     Background, Camera, CameraKey, DefaultLight, Instance, Light, LightKind, Material, MaterialId, NO_INDEX, Object,
     ObjectEnd, ObjectId, PictureDefaults, Scene, Sky, Texture, TextureId, Transform, Triangle, WideCamera,
 };
 use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 
 /// How the vertices between [`Builder::begin`] and [`Builder::end`] make triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -227,12 +227,7 @@ impl Builder {
         let Some(a) = axis.as_dvec3().try_normalize() else {
             return self.fail(format!("rotate: the axis {axis} has no direction"));
         };
-        // Rodrigues' formula instead of a quaternion: quarter turns about the coordinate axes are then exact.
-        let (sin, cos) = sin_cos_degrees(f64::from(degrees));
-        let cross =
-            DMat3::from_cols(DVec3::new(0.0, a.z, -a.y), DVec3::new(-a.z, 0.0, a.x), DVec3::new(a.y, -a.x, 0.0));
-        let outer = DMat3::from_cols(a * a.x, a * a.y, a * a.z);
-        self.multiply("rotate", DAffine3::from_mat3(DMat3::IDENTITY * cos + cross * sin + outer * (1.0 - cos)))
+        self.multiply("rotate", DAffine3::from_mat3(rotation(a, f64::from(degrees))))
     }
 
     /// Scales what follows along the coordinate axes; negative factors mirror, zero is a fault.

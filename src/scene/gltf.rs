@@ -14,7 +14,7 @@
 //! | first perspective camera | camera; its distances and its aspect are not used |
 //! | `KHR_lights_punctual` | lights; candela and lux over π, because a matt surface of the format gives back 1/π |
 //!
-//! What a file has beside that is told in one warning: `unused.rs`.
+//! What a file has beside that is told in one warning: `../unused.rs`.
 //!
 //! Bad at: what is finer than a material, which textures other than that of the base colour are; smooth colours of
 //! vertices on large triangles. A file is read whole, and stays until the scene is complete.
@@ -26,22 +26,18 @@ mod lights;
 mod materials;
 mod meshes;
 mod nodes;
-mod unused;
 
-use super::obj::warn_of_dropped;
-use super::reading::{check_memory, refused};
+use super::reading::{check_memory, read_all, warn_of_dropped};
 use super::text::{BYTE_ORDER_MARK, quote};
+use super::unused::{MAX_NAMES, Unused};
 use super::{Builder, Scene};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::io::input::open_regular;
 use ::gltf::binary::{Error as ChunkError, Glb};
 use ::gltf::json::Root;
 use buffers::Buffers;
 use serde::Deserialize;
-use std::io::Read;
 use std::path::Path;
-use unused::Unused;
 
 /// The largest file that is read: the length of a binary one has 32 bits.
 const MAX_FILE_BYTES: u64 = u32::MAX as u64;
@@ -86,7 +82,7 @@ impl Source<'_> {
 
 /// Loads the glTF file at `path`. Only buffers and pictures in its folder and below are opened.
 pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
-    let data = read(path, budget)?;
+    let data = read_all(path, MAX_FILE_BYTES, (1, budget), |_| Ok(()))?;
     let (json, binary) = chunks(path, &data)?;
     let json = json.strip_prefix(BYTE_ORDER_MARK).unwrap_or(json);
     check_memory(path, parsed_bytes(json), budget)?;
@@ -96,7 +92,7 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     let (buffers, mut files) = Buffers::load(path, &root, binary, budget)?;
     let source = Source { path, root: &root, buffers, budget: *budget };
 
-    let mut unused = Unused::of(&root);
+    let mut unused = unused_of(&root);
     let hierarchy = nodes::walk(&source, &mut unused)?;
     let mut builder = Builder::within(*budget);
     lights::add(&source, &hierarchy, &mut builder, &mut unused);
@@ -117,17 +113,16 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
     Ok(scene)
 }
 
-fn read(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>> {
-    let (file, bytes) = open_regular(path)?;
-    if bytes > MAX_FILE_BYTES {
-        let message = format!("is larger than {} MiB, the most that is read; split it", MAX_FILE_BYTES >> 20);
-        return Err(Error::input(path, None, message));
+/// What is not used and nobody looks at while the scene is read.
+fn unused_of(root: &Root) -> Unused {
+    let mut unused = Unused::default();
+    let unknown = root.extensions_used.iter().filter(|name| !KNOWN.contains(&name.as_str()));
+    for name in unknown.take(MAX_NAMES) {
+        unused.note(format!("extension {}", quote(name.as_bytes())));
     }
-    check_memory(path, bytes, budget)?;
-    let mut data = Vec::new();
-    data.try_reserve_exact(bytes as usize).map_err(|_| refused(path, bytes))?;
-    file.take(MAX_FILE_BYTES).read_to_end(&mut data).map_err(|e| Error::io("read", path, e))?;
-    Ok(data)
+    unused.add("animations", root.animations.len());
+    unused.add("other scenes", root.scenes.len().saturating_sub(1));
+    unused
 }
 
 /// The JSON of a file, and of a binary one its other chunk.

@@ -5,7 +5,7 @@
 //! Everything is in f64; the builder rounds each vertex once.
 
 use super::{NO_INDEX, Triangle};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Vec2, Vec3};
 
 /// One corner of a triangle: indices into the mesh's arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -144,6 +144,16 @@ impl Mesh {
             corner.normal = corner.position;
         }
     }
+}
+
+/// The rotation about `axis`, of unit length, counter-clockwise seen against it, by Rodrigues' formula (1840) instead of
+/// a quaternion: quarter turns about the coordinate axes are then exact.
+pub(super) fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
+    let (sin, cos) = sin_cos_degrees(degrees);
+    let DVec3 { x, y, z } = axis;
+    let cross = DMat3::from_cols(DVec3::new(0.0, z, -y), DVec3::new(-z, 0.0, x), DVec3::new(y, -x, 0.0));
+    let outer = DMat3::from_cols(axis * x, axis * y, axis * z);
+    DMat3::IDENTITY * cos + cross * sin + outer * (1.0 - cos)
 }
 
 /// Sine and cosine of an angle in degrees; exact at the quarter turns, so that turned walls stay flat.

@@ -37,6 +37,7 @@ mod text;
 mod texture;
 mod threemf;
 mod triangulate;
+mod unused;
 mod words;
 
 pub use aim::{Aim, Origin, Placed, Viewpoint};

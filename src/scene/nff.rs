@@ -21,8 +21,8 @@ mod looks;
 mod solids;
 
 use super::check::{camera_fault, light_fault};
-use super::obj::{read_text, warn_of_dropped};
-use super::reading::check_memory;
+use super::obj::read_text;
+use super::reading::warn_of_dropped;
 use super::text::{Ignored, Tally, Warnings, quote};
 use super::triangulate::{MAX_CORNERS, Triangulator};
 use super::words::{Word, Words};
@@ -78,8 +78,7 @@ struct Reader<'a> {
 
 /// Loads the NFF file at `path`.
 pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
-    let text = read_text(path, budget)?;
-    check_memory(path, BYTES_PER_BYTE * text.len() as u64, budget)?;
+    let text = read_text(path, BYTES_PER_BYTE, budget)?;
     let mut warnings = Warnings::default();
     let mut reader = Reader {
         path,
@@ -250,9 +249,7 @@ impl<'a> Reader<'a> {
             (self.inside_out, "negative radii, of which only the inside should be seen; both sides are"),
             (self.extra_materials, "'f' with new looks ignored after the most that are kept"),
         ] {
-            if tally.count > 0 {
-                self.warnings.add(self.path, tally.first, format!("{what}: {}, this is the first", tally.count));
-            }
+            self.warnings.tally(self.path, tally, what);
         }
         if self.triangulator.fans > 0 {
             self.warnings.add(self.path, None, self.triangulator.fans_message());

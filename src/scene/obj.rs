@@ -22,17 +22,14 @@ mod tests;
 mod vertices;
 
 use super::mtl::Library;
-use super::reading::{check_memory, refused};
-use super::text::{Tally, Warnings, split_keyword};
-use super::{DropReason, Scene, Triangle};
+use super::reading::{check_memory, read_all, warn_of_dropped};
+use super::text::{Warnings, split_keyword};
+use super::{Scene, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::io::input::open_regular;
 use faces::{Materials, Tallies};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::borrow::Cow;
-use std::io::Read;
 use std::path::Path;
 use survey::{PART_BYTES, Survey};
 use vertices::Vertices;
@@ -40,9 +37,6 @@ use vertices::Vertices;
 /// The largest OBJ or NFF file that is read. Its text has to fit into memory, and its indices into 32 bits: a vertex
 /// takes at least 8 bytes of text, a triangle of a polygon 2.
 const MAX_FILE_BYTES: u64 = 1 << 30;
-
-/// How much of a file is searched for NUL bytes before all of it is read.
-const HEAD_BYTES: usize = 1024;
 
 /// What is wrong with a line.
 type Fault = (usize, String);
@@ -54,7 +48,7 @@ pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
 
 /// The line of vertex statement number `vertex`, counted from 0.
 pub(super) fn line_of_vertex(path: &Path, vertex: usize) -> Option<usize> {
-    let text = read_text(path, &MemoryBudget::UNLIMITED).ok()?;
+    let text = read_text(path, 1, &MemoryBudget::UNLIMITED).ok()?;
     let survey = Survey::new(&text, PART_BYTES);
     let part = survey.parts.iter().rev().find(|part| part.before[0] <= vertex)?;
     let is_vertex = |line: &(usize, Cow<[u8]>)| split_keyword(&line.1).0 == b"v";
@@ -69,7 +63,7 @@ fn scene_bytes([positions, uvs, normals]: [usize; 3], triangles: usize) -> u64 {
 
 /// Loads a file in parts of about `part_bytes`.
 fn load_in_parts(path: &Path, part_bytes: usize, budget: &MemoryBudget) -> Result<Scene> {
-    let text = read_text(path, budget)?;
+    let text = read_text(path, 1, budget)?;
     let survey = Survey::new(&text, part_bytes);
     if survey.faces == 0 {
         return Err(Error::input(path, None, "has no faces (lines that begin with 'f'); is it a Wavefront OBJ file?"));
@@ -94,10 +88,7 @@ fn load_in_parts(path: &Path, part_bytes: usize, budget: &MemoryBudget) -> Resul
     }
     warn_of_faces(path, tallies, &mut library.warnings);
     let Vertices { positions, uvs, normals, extras } = vertices;
-    if extras.count > 0 {
-        let message = format!("colours and weights of vertices not used: {}, this is the first", extras.count);
-        library.warnings.add(path, extras.first, message);
-    }
+    library.warnings.tally(path, extras, "colours and weights of vertices not used");
     let mut scene = Scene { positions, normals, uvs, triangles, ..Scene::default() };
     warn_of_dropped(path, &scene, &mut library.warnings);
     scene.files = library.take_files();
@@ -115,26 +106,17 @@ fn materials<'a>(survey: &'a Survey, library: &mut Library) -> Materials<'a> {
     Materials { by_name: survey.materials.iter().map(find).collect(), bare }
 }
 
-/// Reads a regular file that may be OBJ or NFF text.
-pub(super) fn read_text(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>> {
-    let unreadable = |e| Error::io("read", path, e);
-    let (mut file, bytes) = open_regular(path)?;
-    if bytes > MAX_FILE_BYTES {
-        let message = format!("is larger than {} MiB, the most that is read; split it", MAX_FILE_BYTES >> 20);
-        return Err(Error::input(path, None, message));
-    }
-    let mut text = Vec::new();
-    (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut text).map_err(unreadable)?;
-    if text.starts_with(b"\xff\xfe") || text.starts_with(b"\xfe\xff") {
-        return Err(Error::input(path, 1, "is UTF-16 text; save it as UTF-8"));
-    }
-    if text.contains(&0) {
-        return Err(Error::input(path, None, "is not text (it has NUL bytes); only the text form is read"));
-    }
-    check_memory(path, bytes, budget)?;
-    text.try_reserve_exact(bytes as usize).map_err(|_| refused(path, bytes))?;
-    file.take(MAX_FILE_BYTES).read_to_end(&mut text).map_err(unreadable)?;
-    Ok(text)
+/// Reads a regular file that may be OBJ, NFF or OFF text, for each byte of which so much memory is needed from here on.
+pub(super) fn read_text(path: &Path, bytes_per_byte: u64, budget: &MemoryBudget) -> Result<Vec<u8>> {
+    read_all(path, MAX_FILE_BYTES, (bytes_per_byte, budget), |head| {
+        if head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff") {
+            return Err(Error::input(path, 1, "is UTF-16 text; save it as UTF-8"));
+        }
+        if head.contains(&0) {
+            return Err(Error::input(path, None, "is not text (it has NUL bytes); only the text form is read"));
+        }
+        Ok(())
+    })
 }
 
 /// What was read of all parts, or what is wrong with the first part at fault.
@@ -146,41 +128,7 @@ fn warn_of_faces(path: &Path, tallies: Tallies, warnings: &mut Warnings) {
     let short = (tallies.short, "faces with fewer than three corners ignored");
     let dangling = (tallies.dangling, "texture or normal indices that refer to nothing ignored");
     for (tally, what) in [short, dangling] {
-        if tally.count > 0 {
-            warnings.add(path, tally.first, format!("{what}: {}, this is the first", tally.count));
-        }
+        warnings.tally(path, tally, what);
     }
-    if let Some(message) = tallies.fans {
-        warnings.add(path, None, message);
-    }
-}
-
-/// One warning for each reason why triangles cannot be hit.
-pub(super) fn warn_of_dropped(path: &Path, scene: &Scene, warnings: &mut Warnings) {
-    let dropped = (0..scene.triangles.len()).into_par_iter().filter_map(|i| scene.drop_reason(i).map(|why| (i, why)));
-    let tallied = dropped.fold(<[Tally; 2]>::default, |mut tallies, (primitive, why)| {
-        tallies[usize::from(why == DropReason::ZeroArea)].note(primitive);
-        tallies
-    });
-    let tallies = tallied.reduce(Default::default, |mut earlier, later| {
-        earlier.iter_mut().zip(later).for_each(|(tally, later)| tally.append(later, 0));
-        earlier
-    });
-    // Of objects with instances each once, however often they stand somewhere.
-    let objects = scene.instances.objects().iter();
-    let reasons = objects.flat_map(|object| {
-        object.triangles.iter().filter_map(|t| DropReason::of(t.positions.map(|i| object.positions[i as usize])))
-    });
-    let mut of_objects = [0usize; 2];
-    reasons.for_each(|why| of_objects[usize::from(why == DropReason::ZeroArea)] += 1);
-    let names = ["with NaN or infinite vertices", "without area"];
-    for ((tally, count), what) in tallies.into_iter().zip(of_objects).zip(names) {
-        if tally.count > 0 {
-            let message = format!("triangles {what} left out: {}, the first is number {}", tally.count, tally.first);
-            warnings.add(path, None, message);
-        }
-        if count > 0 {
-            warnings.add(path, None, format!("triangles {what} of objects with instances left out: {count}"));
-        }
-    }
+    warnings.extend(path, tallies.fans);
 }

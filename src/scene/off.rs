@@ -16,9 +16,9 @@
 //!
 //! Bad at: memory, as a file is read whole.
 
-use super::obj::{read_text, warn_of_dropped};
+use super::obj::read_text;
 use super::paint;
-use super::reading::check_memory;
+use super::reading::{make_room, warn_of_dropped};
 use super::text::{Tally, Warnings, integer, quote};
 use super::triangulate::{MAX_CORNERS, Triangulator};
 use super::words::{Word, Words};
@@ -30,14 +30,14 @@ use std::fmt::{Display, Formatter};
 use std::iter::Peekable;
 use std::path::Path;
 
-/// What a file takes while it is turned into a scene, in its own size: "0 0 0" is a vertex, "3 0 1 2" a triangle.
+/// What a file takes while it is turned into a scene, in its own size and beside its triangles: "0 0 0" is a vertex. Of
+/// triangles a polygon has nearly as many as corners, of two bytes each: there memory is checked as they are made.
 const BYTES_PER_BYTE: u64 = 8;
 
 /// Loads the OFF file at `path`: a scene without lights and camera.
 pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
-    let text = read_text(path, budget)?;
-    check_memory(path, BYTES_PER_BYTE * text.len() as u64, budget)?;
-    let mut reader = Reader::new(path, &text);
+    let text = read_text(path, BYTES_PER_BYTE, budget)?;
+    let mut reader = Reader::new(path, &text, *budget);
     let header = reader.read_header()?;
     let [vertices, faces] = reader.read_counts(&header)?;
     for number in 0..vertices {
@@ -131,6 +131,7 @@ impl Display for Row {
 /// What is known while a file is read.
 struct Reader<'a> {
     path: &'a Path,
+    budget: MemoryBudget,
     words: Peekable<Words<'a>>,
     line: usize,
     triangulator: Triangulator,
@@ -152,9 +153,10 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path, text: &'a [u8]) -> Reader<'a> {
+    fn new(path: &'a Path, text: &'a [u8], budget: MemoryBudget) -> Reader<'a> {
         Reader {
             path,
+            budget,
             words: Words::new(text).peekable(),
             line: 1,
             triangulator: Triangulator::new(),
@@ -302,7 +304,10 @@ impl<'a> Reader<'a> {
             self.short.note(line);
         }
         let (has_normals, has_uvs) = (self.has_normals, !self.scene.uvs.is_empty());
-        for triangle in self.triangulator.split(&self.polygon) {
+        let triangles = self.triangulator.split(&self.polygon);
+        make_room(&mut self.scene.triangles, triangles.len(), self.path, &self.budget)?;
+        make_room(&mut self.faces, triangles.len(), self.path, &self.budget)?;
+        for triangle in triangles {
             let positions = triangle.map(|corner| self.corners[corner as usize]);
             let normals = if has_normals { positions } else { [NO_INDEX; 3] };
             let uvs = if has_uvs { positions } else { [NO_INDEX; 3] };
@@ -343,9 +348,7 @@ impl<'a> Reader<'a> {
             (self.missing_colours, "vertices without the colour that the first word promises"),
             (self.table_colours, "colours of faces by their number in a table not used"),
         ] {
-            if tally.count > 0 {
-                warnings.add(self.path, tally.first, format!("{what}: {}, this is the first", tally.count));
-            }
+            warnings.tally(self.path, tally, what);
         }
         let transparent = self.vertex_colours.transparent + self.face_colours.transparent;
         if transparent > 0 {

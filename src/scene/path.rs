@@ -1,7 +1,7 @@
 //! Cameras that move: around a scene, or from key to key.
 
 use super::camera::orbit_distance;
-use super::mesh::sin_cos_degrees;
+use super::mesh::rotation;
 use super::{Camera, Placed, Scene};
 use glam::{DVec3, Vec3};
 
@@ -51,8 +51,8 @@ impl CameraPath {
             let step = f64::from(degrees) / f64::from(DIRECTIONS);
             let target = first.target.as_dvec3();
             let back = (first.eye.as_dvec3() - target).normalize_or_zero();
-            let turns = (0..=DIRECTIONS).map(|i| Turn::about(axis, step * f64::from(i)));
-            let cameras: Vec<_> = turns.map(|turn| (turn.of(back), turn.of(first.up.as_dvec3()))).collect();
+            let turns = (0..=DIRECTIONS).map(|i| rotation(axis, step * f64::from(i)));
+            let cameras: Vec<_> = turns.map(|turn| (turn * back, turn * first.up.as_dvec3())).collect();
             let distance = orbit_distance(scene, framed, &first, &cameras, aspect);
             if distance > (first.eye.as_dvec3() - target).length() {
                 first.eye = (target + back * distance).as_vec3();
@@ -70,12 +70,12 @@ impl CameraPath {
             CameraPath::Keys(keys) => between_keys(keys, frame),
             CameraPath::Turn { first, .. } if frame <= 1 => *first,
             CameraPath::Turn { first, axis, looks_about, step_degrees } => {
-                let turn = Turn::about(*axis, step_degrees * f64::from(frame - 1));
+                let turn = rotation(*axis, step_degrees * f64::from(frame - 1));
                 let (eye, target) = (first.eye.as_dvec3(), first.target.as_dvec3());
-                let up = turn.of(first.up.as_dvec3()).as_vec3();
+                let up = (turn * first.up.as_dvec3()).as_vec3();
                 match looks_about {
-                    true => Camera { target: (eye + turn.of(target - eye)).as_vec3(), up, ..*first },
-                    false => Camera { eye: (target + turn.of(eye - target)).as_vec3(), up, ..*first },
+                    true => Camera { target: (eye + turn * (target - eye)).as_vec3(), up, ..*first },
+                    false => Camera { eye: (target + turn * (eye - target)).as_vec3(), up, ..*first },
                 }
             }
         }
@@ -119,27 +119,6 @@ fn curve(keys: &[CameraKey], after: usize, share: f64, of: fn(&Camera) -> Vec3) 
         + to * (3.0 * s2 - 2.0 * s3)
         + slope(after) * way * (s3 - s2);
     point.as_vec3()
-}
-
-/// A rotation about an axis through the origin (Rodrigues 1840); exact at quarter turns about the axes.
-#[derive(Clone, Copy)]
-struct Turn {
-    /// Unit.
-    axis: DVec3,
-    sin: f64,
-    cos: f64,
-}
-
-impl Turn {
-    fn about(axis: DVec3, degrees: f64) -> Turn {
-        let (sin, cos) = sin_cos_degrees(degrees);
-        Turn { axis, sin, cos }
-    }
-
-    fn of(&self, v: DVec3) -> DVec3 {
-        let along = self.axis * self.axis.dot(v);
-        along + (v - along) * self.cos + self.axis.cross(v) * self.sin
-    }
 }
 
 #[cfg(test)]

@@ -30,9 +30,8 @@ mod values;
 mod vertices;
 mod whole;
 
-use super::obj::warn_of_dropped;
 use super::paint;
-use super::reading::{check_memory, refused};
+use super::reading::{check_memory, refused, warn_of_dropped};
 use super::text::{Warnings, quote};
 use super::{Image, Scene, Texture, Triangle};
 use crate::budget::MemoryBudget;
@@ -108,7 +107,7 @@ impl Mesh {
             true => textures::load_textures(path, &header.comments, warnings, budget),
             false => Default::default(),
         };
-        let faces = Faces::new(face_element, &vertices, numbers).map_err(fault)?;
+        let faces = Faces::new(face_element, &vertices, numbers, (path, budget)).map_err(fault)?;
         Ok(Mesh { vertex, face, vertices, faces, textures })
     }
 
@@ -172,6 +171,9 @@ impl Mesh {
                 reader.next_value_seed(Element { properties, sink: &mut sink, rows, row_ended })
             };
             if let Err(fault) = read {
+                if let Some(refused) = self.faces.refused.take() {
+                    return Err(refused);
+                }
                 return Err(row_fault(path, source, &name, rows.get(), count, fault));
             }
         }

@@ -1,8 +1,13 @@
-//! What all loaders share: the memory that reading takes, the kinds of files, pieces of lists.
+//! What all loaders share: reading files, the memory that this takes, the kinds of files, pieces of lists, triangles
+//! that are left out.
 
-use super::Scene;
+use super::text::{Tally, Warnings};
+use super::{DropReason, Scene};
 use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
+use crate::io::input::open_regular;
+use rayon::prelude::*;
+use std::io::Read;
 use std::path::Path;
 
 /// Loads one kind of file, with this memory.
@@ -41,8 +46,83 @@ fn need(what: &str, bytes: u64) -> Need<'_> {
     }
 }
 
+/// All of the regular file at `path`, which may have so many bytes, and for each of which so much memory is needed from
+/// here on. `check_head` says what is wrong with its first [`HEAD_BYTES`], before the rest is read.
+pub(super) fn read_all(
+    path: &Path,
+    most: u64,
+    (bytes_per_byte, budget): (u64, &MemoryBudget),
+    check_head: impl FnOnce(&[u8]) -> Result<()>,
+) -> Result<Vec<u8>> {
+    let unreadable = |e| Error::io("read", path, e);
+    let (mut file, bytes) = open_regular(path)?;
+    if bytes > most {
+        let message = format!("is larger than {} MiB, the most that is read; split it", most >> 20);
+        return Err(Error::input(path, None, message));
+    }
+    let mut data = Vec::new();
+    (&mut file).take(HEAD_BYTES).read_to_end(&mut data).map_err(unreadable)?;
+    check_head(&data)?;
+    check_memory(path, bytes_per_byte * bytes, budget)?;
+    data.try_reserve_exact(bytes as usize).map_err(|_| refused(path, bytes))?;
+    // It may be growing.
+    file.take(most.saturating_sub(data.len() as u64)).read_to_end(&mut data).map_err(unreadable)?;
+    Ok(data)
+}
+
+/// How much of a file is looked at before all of it is read.
+pub(super) const HEAD_BYTES: u64 = 1024;
+
+/// A list that takes less is made without asking how much memory there is.
+const CHECKED_FROM_BYTES: usize = 1 << 20;
+
+/// Makes room for `more` values behind those of `list`, and checks that there is memory for them. The room doubles at
+/// the least, so that the list is seldom moved.
+pub(super) fn make_room<T>(list: &mut Vec<T>, more: usize, path: &Path, budget: &MemoryBudget) -> Result<()> {
+    if list.capacity() - list.len() >= more {
+        return Ok(());
+    }
+    let room = (list.len() + more).max(2 * list.capacity());
+    let bytes = room.saturating_mul(size_of::<T>());
+    // Where it moves, the old list is among what the process has.
+    if bytes >= CHECKED_FROM_BYTES {
+        check_memory(path, bytes as u64, budget)?;
+    }
+    list.try_reserve_exact(room - list.len()).map_err(|_| refused(path, bytes as u64))
+}
+
 /// Pieces of `target` that are as long as `lengths` say; these add up to its own.
 pub(super) fn split_by<T>(mut target: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
     let piece = |length| target.split_off_mut(..length).expect("the lengths add up");
     lengths.map(piece).collect()
+}
+
+/// One warning for each reason why triangles cannot be hit.
+pub(super) fn warn_of_dropped(path: &Path, scene: &Scene, warnings: &mut Warnings) {
+    let dropped = (0..scene.triangles.len()).into_par_iter().filter_map(|i| scene.drop_reason(i).map(|why| (i, why)));
+    let tallied = dropped.fold(<[Tally; 2]>::default, |mut tallies, (primitive, why)| {
+        tallies[usize::from(why == DropReason::ZeroArea)].note(primitive);
+        tallies
+    });
+    let tallies = tallied.reduce(Default::default, |mut earlier, later| {
+        earlier.iter_mut().zip(later).for_each(|(tally, later)| tally.append(later, 0));
+        earlier
+    });
+    // Of objects with instances each once, however often they stand somewhere.
+    let objects = scene.instances.objects().iter();
+    let reasons = objects.flat_map(|object| {
+        object.triangles.iter().filter_map(|t| DropReason::of(t.positions.map(|i| object.positions[i as usize])))
+    });
+    let mut of_objects = [0usize; 2];
+    reasons.for_each(|why| of_objects[usize::from(why == DropReason::ZeroArea)] += 1);
+    let names = ["with NaN or infinite vertices", "without area"];
+    for ((tally, count), what) in tallies.into_iter().zip(of_objects).zip(names) {
+        if tally.count > 0 {
+            let message = format!("triangles {what} left out: {}, the first is number {}", tally.count, tally.first);
+            warnings.add(path, None, message);
+        }
+        if count > 0 {
+            warnings.add(path, None, format!("triangles {what} of objects with instances left out: {count}"));
+        }
+    }
 }

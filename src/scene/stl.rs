@@ -10,16 +10,14 @@
 //!
 //! Bad at: memory. A file is read whole, and a text is copied once more.
 
-use super::obj::warn_of_dropped;
-use super::reading::{check_memory, refused};
+use super::reading::{HEAD_BYTES, read_all, warn_of_dropped};
 use super::text::{Tally, Warnings, quote};
 use super::{Material, NO_INDEX, Scene, Triangle};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use crate::io::input::open_regular;
 use glam::Vec3;
 use std::collections::HashMap;
-use std::io::{Cursor, ErrorKind, Read};
+use std::io::{Cursor, ErrorKind};
 use std::path::Path;
 
 /// The largest STL file that is read: some 20 million triangles in binary, whose corners are told apart by 32 bits.
@@ -34,21 +32,9 @@ const FACET_BYTES: usize = 50;
 /// positions. A text is copied, but has fewer triangles.
 const BYTES_PER_BYTE: u64 = 5;
 
-/// How much of a file is searched for NUL bytes, which no text has. The count of a binary file lies within.
-const HEAD_BYTES: usize = 1024;
-
 /// Loads the STL file at `path`: a scene without lights and camera.
 pub(super) fn load(path: &Path, budget: &MemoryBudget) -> Result<Scene> {
-    let (file, bytes) = open_regular(path)?;
-    if bytes > MAX_FILE_BYTES {
-        let message = format!("is larger than {} MiB, the most that is read; split it", MAX_FILE_BYTES >> 20);
-        return Err(Error::input(path, None, message));
-    }
-    check_memory(path, BYTES_PER_BYTE * bytes, budget)?;
-    let mut data = Vec::new();
-    data.try_reserve_exact(bytes as usize).map_err(|_| refused(path, bytes))?;
-    file.take(MAX_FILE_BYTES).read_to_end(&mut data).map_err(|e| Error::io("read", path, e))?;
-
+    let mut data = read_all(path, MAX_FILE_BYTES, (BYTES_PER_BYTE, budget), |_| Ok(()))?;
     let facets = binary_facets(&data);
     let is_text = facets.is_none() && is_text(&data);
     if is_text {
@@ -105,9 +91,10 @@ fn attributes(data: &[u8], facets: usize) -> Tally {
     tally
 }
 
-/// Whether `data` looks like a text: many binary files begin with "solid" too.
+/// Whether `data` looks like a text: many binary files begin with "solid" too, but their counts have NUL bytes, which no
+/// text has.
 fn is_text(data: &[u8]) -> bool {
-    let head = &data[..data.len().min(HEAD_BYTES)];
+    let head = &data[..data.len().min(HEAD_BYTES as usize)];
     starts_with(head.trim_ascii_start(), b"solid") && !head.contains(&0)
 }
 

@@ -58,6 +58,13 @@ impl Warnings {
         }
     }
 
+    /// Adds what was counted of one problem, if it was met at all, at the line of the first.
+    pub(super) fn tally(&mut self, path: &Path, tally: Tally, what: &str) {
+        if tally.count > 0 {
+            self.add(path, tally.first, format!("{what}: {}, this is the first", tally.count));
+        }
+    }
+
     /// All warnings, and how many more there were.
     pub(super) fn into_vec(mut self) -> Vec<String> {
         if self.left_out > 0 {

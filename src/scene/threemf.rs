@@ -18,9 +18,8 @@
 mod model;
 mod xml;
 
-use super::obj::warn_of_dropped;
 use super::paint;
-use super::reading::check_memory;
+use super::reading::{check_memory, warn_of_dropped};
 use super::text::{Warnings, quote};
 use super::{Builder, NO_INDEX, Scene, Transform, Triangle};
 use crate::budget::MemoryBudget;

@@ -2,6 +2,7 @@
 //! broken at random.
 
 use super::{assert_fails, folder, raybrook, raybrook_with, stderr};
+use raybrook::low_level::journal::Journal;
 use raybrook::low_level::rays::RayBatch;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -75,6 +76,92 @@ fn what_memory_cannot_hold_is_refused_with_numbers_and_what_to_lower() {
     assert!(raybrook(at, &[&trace[..], &["1G"]].concat()).status.success());
     for wrong in ["0", "much", "8X", ""] {
         assert_fails(&raybrook(at, &[&trace[..], &[wrong]].concat()), 2, &["--memory-limit"]);
+    }
+}
+
+/// Files in which two bytes stand for a triangle of forty, or twelve for an entry of a map.
+#[test]
+fn what_small_files_become_is_refused_before_memory_runs_out() {
+    const CORNERS: usize = 65_536;
+    const FACES: usize = 50;
+    let folder = folder();
+    let at = folder.path();
+    let face = format!("{CORNERS}{}\n", " 0 1".repeat(CORNERS / 2));
+    write(at, "corners.off", &format!("OFF\n3 {FACES} 0\n0 0 0\n1 0 0\n0 1 0\n{}", face.repeat(FACES)));
+    let header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {FACES}\nproperty list uint uchar vertex_indices\nend_header\n"
+    );
+    let face = [&(CORNERS as u32).to_le_bytes()[..], &[0, 1].repeat(CORNERS / 2)].concat();
+    let vertices = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(f32::to_le_bytes).concat();
+    std::fs::write(at.join("corners.ply"), [header.as_bytes(), &vertices, &face.repeat(FACES)].concat()).unwrap();
+    std::fs::write(at.join("sparse.glb"), sparse_glb(1 << 21)).unwrap();
+    for (file, limit) in [("corners.off", "100M"), ("corners.ply", "100M"), ("sparse.glb", "60M")] {
+        let output = raybrook(at, &["info", file, "--memory-limit", limit]);
+        assert_fails(&output, 3, &[file, "takes the process to about", "the memory limit is"]);
+    }
+}
+
+/// A binary glTF file of one triangle, whose accessor has so many sparse elements.
+fn sparse_glb(count: usize) -> Vec<u8> {
+    let indices: Vec<u8> = (0..count as u32).flat_map(u32::to_le_bytes).collect();
+    let (from, values) = (indices.len(), 3 * count);
+    let json = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "nodes": [{{"mesh": 0}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}],
+        "accessors": [{{"componentType": 5121, "count": {count}, "type": "VEC3", "sparse": {{"count": {count},
+            "indices": {{"bufferView": 0, "componentType": 5125}}, "values": {{"bufferView": 1}}}}}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": {from}}}, {{"buffer": 0, "byteOffset": {from}, "byteLength": {values}}}],
+        "buffers": [{{"byteLength": {}}}]}}"#,
+        from + values
+    );
+    let chunk = |kind: &[u8], data: &[u8], fill: u8| {
+        let mut data = data.to_vec();
+        data.resize(data.len().next_multiple_of(4), fill);
+        [&(data.len() as u32).to_le_bytes()[..], kind, &data].concat()
+    };
+    let binary = [indices, vec![7; values]].concat();
+    let chunks = [chunk(b"JSON", json.as_bytes(), b' '), chunk(b"BIN\0", &binary, 0)].concat();
+    [b"glTF", &2_u32.to_le_bytes()[..], &(12 + chunks.len() as u32).to_le_bytes(), &chunks].concat()
+}
+
+/// A journal may promise any number of runs, and sizes that no picture has.
+#[test]
+fn journals_that_promise_much_are_refused_at_once() {
+    let folder = folder();
+    let at = folder.path();
+    let batch = |count: u64, run: u64, part: &str| {
+        format!(
+            r#"H{{"batch": {{"version": "0.1.0", "scene": "", "rays": "", "count": {count}, "run": {run}, "asked": "counts",
+            "has_second": false, "method": null}}, "part": {part}}}"#
+        )
+    };
+    let picture = |size: &str, part: &str| {
+        format!(
+            r#"H{{"picture": {{"version": "0.1.0", "scene": "", "size": {size}, "error": null, "samples": "1", "crop": null,
+            "depth": 1, "kill_weight": null, "roulette": null, "texture_filter": "", "terminator": "", "method": null}},
+            "part": {part}}}"#
+        )
+    };
+    let part = r#"{"number": 1, "of": 2}"#;
+    let none = r#"{"number": 1, "of": 0}"#;
+    for (header, output, words) in [
+        (
+            batch(u64::MAX, 1, part),
+            "a.npz",
+            "18446744073709551615 of 18446744073709551615 runs are missing; trace these parts",
+        ),
+        (batch(1 << 50, 1 << 20, "null"), "a.npz", "1073741824 of 1073741824 runs are missing; let the command"),
+        (batch(5, 1, none), "a.npz", "1/0 is no part"),
+        (picture("[4, 3]", none), "a.pfm", "1/0 is no part"),
+        (picture("[0, 3]", part), "a.pfm", "0x3 is no size of a picture"),
+        (picture("[4, 4294967295]", part), "a.pfm", "4x4294967295 is no size of a picture"),
+    ] {
+        let journal = at.join("a.partial");
+        let _ = std::fs::remove_file(&journal);
+        Journal::create(&journal, header.as_bytes()).unwrap();
+        assert_fails(&raybrook(at, &["merge", "a.partial", "-o", output]), 3, &["a.partial", words]);
+        assert!(!at.join(output).exists());
     }
 }
 

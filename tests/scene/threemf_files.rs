@@ -118,6 +118,28 @@ fn what_is_required_and_not_known_is_refused_by_name_and_the_rest_is_told() {
     assert_warned(&load_model(&text("")), "a.3MF: not used: slice (2), slicestack");
 }
 
+/// Elements of extensions mean something else, whatever their names; the format's own may have a prefix.
+#[test]
+fn elements_are_told_apart_by_their_namespaces() {
+    let slices = "xmlns:s=\"http://schemas.microsoft.com/3dmanufacturing/slice/2015/07\"";
+    let stack = "<s:slicestack id=\"1\"><s:slice><s:vertices><s:vertex x=\"0\" y=\"1\"/></s:vertices><s:object/></s:slice></s:slicestack>";
+    let more = format!("{stack}<s:item objectid=\"7\"/><s:basematerials/><color color=\"red\"/>");
+    let text = model(slices, &(object(1, MESH) + &more), r#"<item objectid="1" s:objectid="7"/>"#);
+    let scene = load_model(&text);
+    assert_eq!(scene.triangles.len(), 4);
+    let unused = "a.3MF: not used: basematerials, color, item, object, slice, slicestack, vertex, vertices";
+    assert_warned(&scene, unused);
+
+    let prefixed = r#"<c:model xmlns:c="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><c:resources><c:object id="1">
+        <c:mesh><c:vertices><c:vertex x="0" y="0" z="0"/><c:vertex x="1" y="0" z="0"/><c:vertex x="0" y="1" z="0"/></c:vertices>
+        <c:triangles><c:triangle v1="0" v2="1" v3="2"/></c:triangles></c:mesh></c:object></c:resources>
+        <c:build><c:item objectid="1"/></c:build></c:model>"#;
+    let scene = load_model(prefixed);
+    assert_eq!((scene.triangles.len(), scene.warnings.len()), (1, 0));
+    let unknown = try_load(&text.replace(slices, "")).unwrap_err().to_string();
+    assert!(unknown.contains("has elements of the prefix 's', of no namespace"), "{unknown}");
+}
+
 #[test]
 fn wrong_files_are_refused_with_what_is_wrong() {
     let item = r#"<item objectid="1"/>"#;

@@ -5,6 +5,7 @@ use super::picture_file::PictureFileArgs;
 use super::{MemoryArgs, Talk, heading, merge_rays};
 use raybrook::low_level::budget::{DecidedBy, Need};
 use raybrook::low_level::film::{ImageFormat, check_output};
+use raybrook::low_level::input::raise_open_files;
 use raybrook::low_level::renderer::{Part, PictureBlocks, PictureId, StoredBlocks, bytes_of_rows};
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::stats::RayCounts;
@@ -108,6 +109,7 @@ pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
 
 /// Merges journals of parts of a picture: finds out first where blocks lie, and copies them then row by row.
 fn merge_pictures(args: &MergeArgs, format: ImageFormat, talk: Talk) -> Result<()> {
+    raise_open_files();
     let mut merged = Merged::default();
     args.journals.iter().try_for_each(|path| merged.read(path))?;
     let Some(id) = &merged.first else { return Ok(()) }; // there is at least one journal

@@ -31,6 +31,9 @@ pub fn are_batches(journals: &[PathBuf]) -> Result<bool> {
     Ok(first.is_some_and(|(_, subject)| subject == Subject::Batch))
 }
 
+/// Of more missing runs it is not looked for whose they are.
+const MOST_MISSING: usize = 1 << 20;
+
 /// What was merged so far.
 #[derive(Default)]
 struct Merged {
@@ -73,11 +76,13 @@ impl Merged {
 
     /// What is missing, in words, if anything is.
     fn missing(&self, all: usize) -> Option<String> {
-        let missing: Vec<usize> = (0..all).filter(|run| !self.runs.contains_key(run)).collect();
-        if missing.is_empty() {
+        let count = all - self.runs.len();
+        if count == 0 {
             return None;
         }
-        let parts = |part: Part| -> BTreeSet<usize> { missing.iter().map(|run| run % part.of as usize).collect() };
+        // A journal may promise any number of runs.
+        let missing = (0..all).filter(|run| !self.runs.contains_key(run)).take(MOST_MISSING);
+        let parts = |part: Part| -> BTreeSet<usize> { missing.map(|run| run % part.of as usize).collect() };
         let advice = match self.part {
             None => "let the command that made the journal go on".to_owned(),
             Some(part) => {
@@ -85,7 +90,7 @@ impl Merged {
                 format!("trace these parts, or let them go on: --part {parts}")
             }
         };
-        Some(format!("{} of {all} runs are missing; {advice}", missing.len()))
+        Some(format!("{count} of {all} runs are missing; {advice}"))
     }
 }
 

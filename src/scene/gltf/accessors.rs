@@ -3,16 +3,28 @@
 
 use super::Source;
 use crate::error::{Error, Result};
+use crate::scene::reading::check_memory;
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::buffer::View;
 use ::gltf::json::validation::{Checked, USize64};
 use ::gltf::json::{Accessor, Index};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;
 
 /// The most elements of an accessor that is in no buffer: all of them are zero but for the sparse ones.
 const MAX_ZEROS: u64 = 1 << 22;
+
+/// The most sparse elements of all accessors together: many may share the bytes that tell them, so that a small file
+/// would take long.
+const MAX_SPARSE: u64 = 1 << 26;
+
+/// The most bytes that are looked at to find out what is alike: accessors of a small file may share a large buffer.
+const MAX_LOOKED_AT: u64 = 1 << 32;
+
+/// Bytes of a sparse element in a map, which is filled to seven eighths at the most, and to half of that when it has
+/// just grown.
+const SPARSE_BYTES: u64 = 2 * (2 * size_of::<u32>() as u64 + 1) * 8 / 7;
 
 /// Elements in a view.
 #[derive(Clone, Copy)]
@@ -100,6 +112,10 @@ impl Wholes<'_> {
 pub(super) struct Accessors<'a> {
     source: &'a Source<'a>,
     replaced: RefCell<HashMap<usize, Replaced>>,
+    /// How many sparse elements there were so far.
+    sparse: Cell<u64>,
+    /// How many bytes were looked at so far to find out what is alike.
+    looked_at: Cell<u64>,
     /// The first accessor of each content, and of each accessor that was asked for the first one like it.
     firsts: RefCell<HashMap<Content<'a>, usize>>,
     alike: RefCell<HashMap<usize, usize>>,
@@ -110,7 +126,14 @@ type Content<'a> = (u64, u8, u8, bool, &'a [u8]);
 
 impl<'a> Accessors<'a> {
     pub fn new(source: &'a Source<'a>) -> Accessors<'a> {
-        Accessors { source, replaced: RefCell::default(), firsts: RefCell::default(), alike: RefCell::default() }
+        Accessors {
+            source,
+            replaced: RefCell::default(),
+            sparse: Cell::default(),
+            looked_at: Cell::default(),
+            firsts: RefCell::default(),
+            alike: RefCell::default(),
+        }
     }
 
     /// How many elements accessor `index` says that it has, and of which type.
@@ -121,7 +144,7 @@ impl<'a> Accessors<'a> {
     }
 
     /// The number of the first accessor that was asked for and has the same numbers as accessor `index`; of those that
-    /// are sparse or interleaved nobody looks whether they are the same.
+    /// are sparse or interleaved, or come behind [`MAX_LOOKED_AT`] bytes, nobody looks whether they are the same.
     pub fn first_alike(&self, index: Index<Accessor>) -> Result<usize> {
         let known = self.alike.borrow().get(&index.value()).copied();
         match known {
@@ -134,6 +157,16 @@ impl<'a> Accessors<'a> {
         }
     }
 
+    /// Whether there is time to look at so many bytes more, which are then counted, to find out what is alike.
+    pub fn may_look_at(&self, bytes: u64) -> bool {
+        let sum = self.looked_at.get().saturating_add(bytes);
+        let may = sum <= MAX_LOOKED_AT;
+        if may {
+            self.looked_at.set(sum);
+        }
+        may
+    }
+
     fn find_alike(&self, index: Index<Accessor>) -> Result<usize> {
         let accessor = self.find(index)?;
         let (count, kind) = self.kind(index)?;
@@ -142,7 +175,7 @@ impl<'a> Accessors<'a> {
         let elements = self.elements(index, view, accessor.byte_offset, count, (component, kind.multiplicity()))?;
         let size = kind.multiplicity() * component.size();
         let bytes = elements.bytes.get(..count as usize * size).filter(|_| elements.stride == size);
-        let Some(bytes) = bytes else { return Ok(index.value()) };
+        let Some(bytes) = bytes.filter(|bytes| self.may_look_at(bytes.len() as u64)) else { return Ok(index.value()) };
         let content = (count, kind as u8, component as u8, accessor.normalized, bytes);
         Ok(*self.firsts.borrow_mut().entry(content).or_insert(index.value()))
     }
@@ -237,6 +270,7 @@ impl<'a> Accessors<'a> {
         };
         let view = sparse.indices.buffer_view;
         let places = self.elements(index, view, Some(sparse.indices.byte_offset), count, (component.0, 1))?;
+        self.check_sparse(count, accessor.count.0)?;
         let mut replaced = HashMap::new();
         for value in 0..count as u32 {
             let place = places.whole(value as usize);
@@ -249,5 +283,15 @@ impl<'a> Accessors<'a> {
         let replaced = Rc::new(replaced);
         self.replaced.borrow_mut().insert(index.value(), Rc::clone(&replaced));
         Ok(Some((replaced, values)))
+    }
+
+    /// Checks that there is time and memory for `count` sparse elements more, in place of some of `all`.
+    fn check_sparse(&self, count: u64, all: u64) -> Result<()> {
+        let sum = self.sparse.get().saturating_add(count);
+        if sum > MAX_SPARSE {
+            return Err(self.source.fault(format!("has more than {MAX_SPARSE} sparse elements in its accessors")));
+        }
+        self.sparse.set(sum);
+        check_memory(self.source.path, SPARSE_BYTES * count.min(all), &self.source.budget)
     }
 }

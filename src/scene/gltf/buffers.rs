@@ -1,9 +1,10 @@
 //! The bytes of a file: its own, those that stand in its URIs, and those of files beside it.
 
+use super::MAX_FILE_BYTES;
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::scene::SourceFile;
-use crate::scene::reading::check_memory;
+use crate::scene::reading::{check_memory, read_all};
 use crate::scene::text::quote;
 use crate::scene::texture::find_inside;
 use ::gltf::json::buffer::View;
@@ -129,7 +130,7 @@ impl<'a> Buffers<'a> {
                 let target = target.map_err(|e| self.fault(format!("buffer {number}, '{}', {e}", name_of(uri))))?;
                 Cow::Owned(match target {
                     Target::Bytes(bytes) => bytes,
-                    Target::File(file) => read_file(&file, budget)?,
+                    Target::File(file) => read_all(&file, MAX_FILE_BYTES, (1, budget), |_| Ok(()))?,
                 })
             }
         };
@@ -162,10 +163,4 @@ impl<'a> Buffers<'a> {
     pub fn stride(&self, index: Index<View>) -> Option<usize> {
         self.root.buffer_views.get(index.value())?.byte_stride.map(|stride| stride.0)
     }
-}
-
-fn read_file(path: &Path, budget: &MemoryBudget) -> Result<Vec<u8>> {
-    let bytes = std::fs::metadata(path).map_err(|e| Error::io("read", path, e))?.len();
-    check_memory(path, bytes, budget)?;
-    std::fs::read(path).map_err(|e| Error::io("read", path, e))
 }

@@ -9,8 +9,8 @@
 
 use super::Source;
 use super::nodes::{Hierarchy, Placed};
-use super::unused::Unused;
 use crate::scene::check::{camera_fault, light_fault};
+use crate::scene::unused::Unused;
 use crate::scene::{Builder, Camera, Falloff, Light, LightKind};
 use ::gltf::json::extensions::scene::khr_lights_punctual::{Light as PunctualLight, Spot, Type};
 use ::gltf::json::validation::Checked;

@@ -19,10 +19,10 @@
 
 use super::Source;
 use super::images::{Images, Summary};
-use super::unused::Unused;
 use crate::io::film::SRGB_TO_LINEAR;
 use crate::scene::paint::{MAX_COLOURS, reduction, rounded_part, to_8_bits};
 use crate::scene::text::{Warnings, quote};
+use crate::scene::unused::Unused;
 use crate::scene::{Builder, Material, MaterialId, SourceFile, TextureId};
 use ::gltf::json::extensions::material::{Material as Extensions, Specular, Volume};
 use ::gltf::json::material::{AlphaMode, Material as Description};

@@ -7,10 +7,10 @@ use super::Source;
 use super::accessors::{Accessors, Numbers};
 use super::materials::{Coordinates, Look, Looks, Unlit};
 use super::nodes::{Hierarchy, Placed};
-use super::unused::Unused;
 use crate::error::Result;
 use crate::scene::mesh::Corner;
 use crate::scene::reading::check_memory;
+use crate::scene::unused::Unused;
 use crate::scene::{Builder, MaterialId, NO_INDEX, Triangle};
 use ::gltf::json::accessor::Type;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
@@ -177,12 +177,15 @@ impl<'a> Reader<'a> {
         Ok(Some(Part { primitive, mode, shape, look, uvs }))
     }
 
-    /// The one colour of all vertices; none where they have several.
+    /// The one colour of all vertices; none where they have several, or nobody looks.
     fn tint(&self, colours: Option<Index<Accessor>>) -> Result<Option<Vec4>> {
         let Some(index) = colours else { return Ok(Some(Vec4::ONE)) };
         let colours = Colours::new(&self.accessors, index)?;
         let mut all = (0..colours.count()).map(|i| colours.at(i));
         let Some(first) = all.next() else { return Ok(Some(Vec4::ONE)) };
+        if !self.accessors.may_look_at((colours.count() * size_of::<Vec4>()) as u64) {
+            return Ok(None);
+        }
         Ok(all.all(|colour| colour == first).then_some(first))
     }
 

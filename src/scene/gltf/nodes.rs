@@ -2,10 +2,10 @@
 
 use super::Source;
 use super::accessors::Accessors;
-use super::unused::Unused;
 use crate::error::Result;
 use crate::scene::Transform;
 use crate::scene::reading::check_memory;
+use crate::scene::unused::Unused;
 use ::gltf::json::{Accessor, Index, Node};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 

@@ -3,8 +3,9 @@
 use super::rows::Sink;
 use super::values::Values;
 use super::vertices::{BLUE, GREEN, RED, Vertices, colour_scale, find};
+use crate::budget::MemoryBudget;
 use crate::scene::paint;
-use crate::scene::reading::split_by;
+use crate::scene::reading::{check_memory, make_room, split_by};
 use crate::scene::text::Tally;
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{NO_INDEX, TextureId, Triangle};
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyProperty, PropertyType};
 use std::fmt;
+use std::path::{Path, PathBuf};
 
 /// The names that writers give to the list of a face's corners.
 const CORNERS: &[&str] = &["vertex_indices", "vertex_index"];
@@ -47,6 +49,10 @@ pub(super) struct Faces {
     pub triangles: Vec<Triangle>,
     /// Texture coordinates of the faces' own.
     pub uvs: Vec<Vec2>,
+    /// The file, for messages, and what it may take: a polygon has nearly as many triangles as corners.
+    file: (PathBuf, MemoryBudget),
+    /// Why there is no memory for more triangles, once there is none.
+    pub refused: Option<crate::Error>,
     /// Which texture each number means, if it could be loaded.
     textures: Vec<Option<TextureId>>,
     /// Faces with fewer than three corners, which are left out.
@@ -67,11 +73,16 @@ struct Face {
 }
 
 impl Faces {
-    /// Room for the rows of `element`, between `vertices`; `textures` are those that the file names.
+    /// Room for the rows of `element` of a `file`, between `vertices`; `textures` are those that the file names.
     ///
     /// # Errors
     /// It has no list of corners.
-    pub fn new(element: &ElementDef, vertices: &Vertices, textures: Vec<Option<TextureId>>) -> Result<Faces, String> {
+    pub fn new(
+        element: &ElementDef,
+        vertices: &Vertices,
+        textures: Vec<Option<TextureId>>,
+        (path, budget): (&Path, &MemoryBudget),
+    ) -> Result<Faces, String> {
         let mut roles = vec![Role::Unused; element.properties.len()];
         let corners = find_list(element, CORNERS).ok_or("the faces have no list 'vertex_indices'")?;
         roles[corners] = Role::Corners;
@@ -87,7 +98,8 @@ impl Faces {
         for (part, property) in colour.into_iter().flatten().enumerate().filter(|_| has_colours) {
             roles[property] = Role::Colour(part, colour_scale(&element.properties[property]));
         }
-        Ok(Faces::empty(roles, has_colours, texcoords.is_some(), textures, Triangulator::new()))
+        let file = (path.to_owned(), *budget);
+        Ok(Faces::empty(roles, has_colours, texcoords.is_some(), textures, Triangulator::new(), file))
     }
 
     fn empty(
@@ -96,6 +108,7 @@ impl Faces {
         has_texcoords: bool,
         textures: Vec<Option<TextureId>>,
         triangulator: Triangulator,
+        file: (PathBuf, MemoryBudget),
     ) -> Faces {
         Faces {
             roles,
@@ -107,6 +120,8 @@ impl Faces {
             triangulator,
             triangles: Vec::new(),
             uvs: Vec::new(),
+            file,
+            refused: None,
             textures,
             short: Tally::default(),
             odd_texcoords: Tally::default(),
@@ -119,7 +134,7 @@ impl Faces {
         let (roles, textures) = (self.roles.clone(), self.textures.clone());
         let triangulator = Triangulator::sharing(&self.triangulator);
         let Faces { has_colours, has_texcoords, .. } = *self;
-        Faces::empty(roles, has_colours, has_texcoords, textures, triangulator)
+        Faces::empty(roles, has_colours, has_texcoords, textures, triangulator, self.file.clone())
     }
 
     /// None, to be read from all rows.
@@ -202,6 +217,11 @@ impl Faces {
             faces.polygon.extend(corners.iter().map(|&i| vertices.positions[i as usize]));
             faces.triangulator.split(&faces.polygon)
         };
+        let (path, budget) = &faces.file;
+        if let Err(error) = make_room(&mut faces.triangles, triangles.len(), path, budget) {
+            faces.refused = Some(error);
+            return Err("too many triangles for the memory".into());
+        }
         for triangle in triangles {
             let triangle = triangle.map(|corner| corner as usize);
             let positions = triangle.map(|corner| corners[corner]);
@@ -222,9 +242,12 @@ impl Faces {
         Ok(())
     }
 
-    /// Adds those of `parts` in their order. None when there are more texture coordinates than indices can tell apart.
+    /// Adds those of `parts` in their order. None when there are more texture coordinates than indices can tell apart,
+    /// or when there is no memory for all of them twice.
     pub fn extend(&mut self, parts: Vec<Faces>) -> Option<()> {
-        self.triangles = bytemuck::zeroed_vec(parts.iter().map(|part| part.triangles.len()).sum());
+        let count = parts.iter().map(|part| part.triangles.len()).sum();
+        check_memory(&self.file.0, (count * size_of::<Triangle>()) as u64, &self.file.1).ok()?;
+        self.triangles = bytemuck::zeroed_vec(count);
         let places = split_by(&mut self.triangles, parts.iter().map(|part| part.triangles.len()));
         let first_uvs = parts.iter().scan(0, |sum, part| Some(std::mem::replace(sum, *sum + part.uvs.len())));
         let first_uvs: Vec<_> = first_uvs.collect();

@@ -1,12 +1,14 @@
 //! The model part: objects, colours and build items, as they stand in the XML.
 
-use super::xml::{attribute, find, float, name_of, optional_whole, text, whole};
+use super::xml::{find, float, has_path, name_of, optional_whole, text, whole};
 use crate::scene::text::quote;
+use crate::scene::unused::Unused;
 use crate::scene::{MaterialId, NO_INDEX, Triangle, paint};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use quick_xml::Reader;
+use quick_xml::NsReader;
 use quick_xml::events::{BytesStart, Event};
-use std::collections::{BTreeMap, HashMap};
+use quick_xml::name::{Namespace, ResolveResult};
+use std::collections::HashMap;
 use std::io::BufRead;
 
 /// The extension of which colour groups are read, textures not.
@@ -15,14 +17,32 @@ const MATERIALS: &str = "http://schemas.microsoft.com/3dmanufacturing/material/2
 /// How deep elements may stand in each other; real models have some ten.
 const MAX_DEPTH: usize = 64;
 
-/// How many names of elements that are not used are told.
-const MAX_NAMES: usize = 12;
-
 /// The elements that hold nothing to be seen, and are read over without a word.
 const SILENT: [&str; 9] =
     ["model", "resources", "build", "metadata", "metadatagroup", "mesh", "vertices", "triangles", "components"];
 
 type Read<T> = Result<T, String>;
+
+/// Whose an element is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Space {
+    /// The format's own: that of the outermost element.
+    Core,
+    /// Of [`MATERIALS`].
+    Materials,
+    /// Of another extension, whose elements mean something else whatever their names.
+    Other,
+}
+
+impl Space {
+    fn of(space: &str, core: &str) -> Space {
+        match space {
+            _ if space == core => Space::Core,
+            MATERIALS => Space::Materials,
+            _ => Space::Other,
+        }
+    }
+}
 
 /// An object somewhere: a build item or a component.
 pub(super) struct Item {
@@ -44,30 +64,6 @@ pub(super) struct Object {
     /// As the file has it.
     pub id: u32,
     pub shape: Shape,
-}
-
-/// Elements that are read over.
-#[derive(Default)]
-pub(super) struct Unused {
-    names: BTreeMap<String, usize>,
-}
-
-impl Unused {
-    fn note(&mut self, name: String) {
-        if self.names.len() < MAX_NAMES || self.names.contains_key(&name) {
-            *self.names.entry(name).or_default() += 1;
-        }
-    }
-
-    /// What there is to say of them.
-    pub fn message(&self) -> Option<String> {
-        let told = |(name, count): (&String, &usize)| match count {
-            1 => name.clone(),
-            _ => format!("{name} ({count})"),
-        };
-        let told: Vec<String> = self.names.iter().map(told).collect();
-        (!told.is_empty()).then(|| format!("not used: {}", told.join(", ")))
-    }
 }
 
 /// A model.
@@ -100,20 +96,34 @@ impl Model {
             group: 0,
             default: None,
         };
-        let mut reader = Reader::from_reader(source);
+        let mut reader = NsReader::from_reader(source);
         let (mut buffer, mut depth) = (Vec::new(), 0usize);
+        // That of the format, by whatever name: files of its first drafts have others.
+        let mut core = None;
         loop {
             buffer.clear();
-            let event = reader.read_event_into(&mut buffer);
-            match event.map_err(|e| format!("not valid XML: {}", quote(e.to_string().as_bytes())))? {
+            let event = reader.read_resolved_event_into(&mut buffer);
+            let (space, event) = event.map_err(|e| format!("not valid XML: {}", quote(e.to_string().as_bytes())))?;
+            let space = match space {
+                ResolveResult::Bound(Namespace(space)) => space,
+                ResolveResult::Unbound => "",
+                ResolveResult::Unknown(prefix) => {
+                    return Err(format!("has elements of the prefix '{}', of no namespace", quote(prefix.as_bytes())));
+                }
+            };
+            match event {
                 Event::Start(element) => {
                     depth += 1;
                     if depth > MAX_DEPTH {
                         return Err(format!("has elements more than {MAX_DEPTH} deep in each other"));
                     }
-                    model.element(&element, depth)?;
+                    let space = Space::of(space, core.get_or_insert_with(|| space.to_owned()));
+                    model.element(&element, space, depth)?;
                 }
-                Event::Empty(element) => model.element(&element, depth + 1)?,
+                Event::Empty(element) => {
+                    let space = Space::of(space, core.get_or_insert_with(|| space.to_owned()));
+                    model.element(&element, space, depth + 1)?;
+                }
                 Event::End(_) => depth = depth.saturating_sub(1),
                 Event::Eof if depth > 0 => return Err("is cut short".into()),
                 Event::Eof => return Ok(model),
@@ -122,7 +132,7 @@ impl Model {
         }
     }
 
-    fn element(&mut self, element: &BytesStart, depth: usize) -> Read<()> {
+    fn element(&mut self, element: &BytesStart, space: Space, depth: usize) -> Read<()> {
         let name = element.local_name();
         if depth == 1 {
             return match name.as_ref() {
@@ -130,25 +140,25 @@ impl Model {
                 _ => Err(format!("is no model: it begins with '{}'", name_of(element))),
             };
         }
-        match name.as_ref() {
-            "object" => self.begin_object(element),
-            "vertex" => self.vertex(element),
-            "triangle" => self.triangle(element),
-            "component" => self.component(element),
-            "item" => {
+        match (space, name.as_ref()) {
+            (Space::Core, "object") => self.begin_object(element),
+            (Space::Core, "vertex") => self.vertex(element),
+            (Space::Core, "triangle") => self.triangle(element),
+            (Space::Core, "component") => self.component(element),
+            (Space::Core, "item") => {
                 let item = self.item(element)?;
                 self.build.push(item);
                 Ok(())
             }
-            "basematerials" | "colorgroup" => {
+            (Space::Core, "basematerials") | (Space::Materials, "colorgroup") => {
                 self.group = whole(element, "id")?;
                 self.groups.insert(self.group, Vec::new());
                 Ok(())
             }
-            "base" => self.colour(element, "displaycolor"),
-            "color" => self.colour(element, "color"),
-            other => {
-                if !SILENT.contains(&other) {
+            (Space::Core, "base") => self.colour(element, "displaycolor"),
+            (Space::Materials, "color") => self.colour(element, "color"),
+            (space, other) => {
+                if space != Space::Core || !SILENT.contains(&other) {
                     self.unused.note(name_of(element));
                 }
                 Ok(())
@@ -229,7 +239,7 @@ impl Model {
 
     /// A build item or a component; its object stands before it.
     fn item(&self, element: &BytesStart) -> Read<Item> {
-        if attribute(element, "path").is_some() {
+        if has_path(element) {
             return Err("has an object in another part (production extension), which is not supported".into());
         }
         let id = whole(element, "objectid")?;
@@ -250,7 +260,7 @@ impl Model {
         let [red, green, blue, alpha] =
             parsed.ok_or_else(|| format!("'{}' is no colour like #rrggbb", quote(value.as_bytes())))?;
         if alpha != u8::MAX {
-            self.unused.note("transparency of colours".into());
+            self.unused.note("transparency of colours");
         }
         if let Some(group) = self.groups.get_mut(&self.group) {
             group.push([red, green, blue]);

@@ -1,4 +1,4 @@
-//! Pieces of XML: attributes by their local names.
+//! Pieces of XML: attributes by their names.
 
 use crate::scene::text::{number, quote};
 use quick_xml::Reader;
@@ -6,9 +6,15 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::name::QName;
 use std::borrow::Cow;
 
-/// The value of attribute `name`, whatever its prefix.
-pub(super) fn attribute<'e>(element: &'e BytesStart, name: &str) -> Option<Cow<'e, str>> {
-    find(element, |key| key.local_name().as_ref() == name)
+/// The value of attribute `name` of the element's own namespace: those of others have prefixes.
+fn attribute<'e>(element: &'e BytesStart, name: &str) -> Option<Cow<'e, str>> {
+    find(element, |key| key.as_ref() == name)
+}
+
+/// Whether an element says that what it names is in another part; the production extension's attribute for that has
+/// whatever prefix a file gives the extension.
+pub(super) fn has_path(element: &BytesStart) -> bool {
+    find(element, |key| key.local_name().as_ref() == "path").is_some()
 }
 
 /// The value of the first attribute whose key is `wanted`.
