@@ -4,6 +4,7 @@
 //! adds no arithmetic of its own: hits and pictures are those of [`crate::low_level`], bit for bit.
 
 mod all_hits;
+mod blocks;
 mod builder;
 mod devices;
 mod framing;

@@ -1,6 +1,6 @@
 //! Rendered pictures.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::film::{Film, ImageFormat};
 use crate::io::planes::{PlaneGroup, write_exr};
 use crate::layers::Layer;
@@ -19,6 +19,19 @@ pub struct Picture {
 impl Picture {
     pub(super) fn new(result: RenderResult, layers: Vec<PlaneGroup>) -> Picture {
         Picture { rays: RayCounts::from_counters(&result.counts), film: result.film, layers }
+    }
+
+    /// A picture of linear radiance, `width` x `height` pixels, top row first, as [`Picture::pixels`] has them: such
+    /// as blocks that were rendered elsewhere. It has no layers, and nobody counted its rays.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when there are more or fewer pixels.
+    pub fn from_pixels(width: u32, height: u32, pixels: Vec<[f32; 3]>) -> Result<Picture> {
+        if u64::from(width) * u64::from(height) != pixels.len() as u64 || pixels.is_empty() {
+            let message = format!("{width}x{height} is no size for {} pixels", pixels.len());
+            return Err(Error::option("size", message));
+        }
+        Ok(Picture::new(RenderResult::of_film(Film { width, height, pixels }), Vec::new()))
     }
 
     /// Pixels a row.

@@ -18,7 +18,7 @@ use crate::layers::{layers_bytes, trace_layers};
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
-use crate::renderer::{self, build_and_open_within, open_tracer, picture_bytes};
+use crate::renderer::{self, Crop, build_and_open_within, open_tracer, picture_bytes, picture_bytes_by_rows};
 use crate::scene::{
     Camera, DefaultLight, Framed, Framing, Numbering, PictureDefaults, Placed, Samples, Scene, WideCamera,
 };
@@ -83,13 +83,13 @@ impl Chosen {
 /// ```
 pub struct Tracer {
     chosen: Chosen,
-    buffers: Arc<SceneBuffers>,
+    pub(super) buffers: Arc<SceneBuffers>,
     /// Gone while it is opened anew.
     backend: Option<Box<dyn Backend>>,
     /// The longest chain of rays that the backend was opened for.
     depth: u32,
     /// What the scene says of its picture.
-    defaults: PictureDefaults,
+    pub(super) defaults: PictureDefaults,
     camera: Option<Camera>,
     wide_cameras: Vec<WideCamera>,
     /// Which way is up by the format of the scene's file.
@@ -508,7 +508,7 @@ impl Tracer {
     }
 
     /// The camera of a picture; light that was added is put where it belongs.
-    fn aim(&mut self, frame: &Frame) -> Result<Camera> {
+    pub(super) fn aim(&mut self, frame: &Frame) -> Result<Camera> {
         let aspect = frame.samples.aspect(frame.size) as f32;
         let camera = WideCamera::choose(self.camera, &self.wide_cameras, aspect);
         let placed = frame.aim.place(camera, self.up, aspect, |framing| match self.framed {
@@ -546,8 +546,21 @@ impl Tracer {
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }
 
+    /// Checks that there is memory for the blocks of a picture that are in flight.
+    pub(super) fn check_blocks(&self, (size, crop): ((u32, u32), Option<Crop>), samples: Samples) -> Result<()> {
+        let what = format!("blocks of a picture of {}x{} pixels", size.0, size.1);
+        let device = self.chosen.device.as_ref();
+        let bytes = picture_bytes_by_rows((size, crop), samples, &self.chosen.options, device, None);
+        let remedy = "raise the memory limit";
+        self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
+    }
+
     /// Has the backend trace, and takes note of how long that took.
-    fn timed<T>(&mut self, depth: u32, trace: impl FnOnce(&mut dyn Backend, Progress) -> Result<T>) -> Result<T> {
+    pub(super) fn timed<T>(
+        &mut self,
+        depth: u32,
+        trace: impl FnOnce(&mut dyn Backend, Progress) -> Result<T>,
+    ) -> Result<T> {
         let (backend, progress) = self.backend(depth)?;
         let start = Instant::now();
         let traced = trace(backend, progress);

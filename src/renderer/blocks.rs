@@ -129,6 +129,22 @@ impl PictureBlocks {
         numbers.chunk_by(|a, b| top(a) == top(b)).map(<[usize]>::to_vec).collect()
     }
 
+    /// The blocks in pieces whose pixels fill a rectangle together, and these rectangles in pixels from [`Self::place`]
+    /// on, row by row: bands, and what is rendered of areas.
+    pub fn regions(&self) -> Vec<(Area, Vec<usize>)> {
+        let region = |numbers: Vec<usize>| {
+            let area = match self.cut {
+                Cut::Bands(rows) => self.bands(numbers[0]..numbers[0] + 1, rows).area(),
+                Cut::Strewn(blocks, _) => {
+                    let area = blocks.area(numbers[0] / blocks.per_area);
+                    area.within(&self.part.area()).expect("it has blocks, so the part meets it")
+                }
+            };
+            (area.seen_from(self.place()), numbers)
+        };
+        self.units_of(&self.numbers(), 1).into_iter().map(region).collect()
+    }
+
     /// About how many pixels are in flight at the most while blocks are rendered.
     pub fn in_flight(&self) -> u64 {
         let pixels = u64::from(self.part.size.0) * u64::from(self.part.size.1);
@@ -359,6 +375,24 @@ mod tests {
                 }
                 let last = *numbers.last().unwrap();
                 assert!(blocks.has(last) && !blocks.has(last + 1_000_000));
+            }
+        }
+    }
+
+    #[test]
+    fn regions_are_filled_by_their_blocks() {
+        for size in [(9, 8), (1500, 40), (40, 1500), (3200, 3900)] {
+            for blocks in all(size) {
+                let regions = blocks.regions();
+                let numbers: Vec<usize> = regions.iter().flat_map(|(_, numbers)| numbers.clone()).collect();
+                assert_eq!(numbers, blocks.numbers());
+                for (area, numbers) in regions {
+                    let places = numbers.iter().flat_map(|&number| blocks.places(number));
+                    let places: Vec<Area> = places.map(|place| place.seen_from(blocks.place())).collect();
+                    assert!(places.iter().all(|place| place.within(&area).as_ref() == Some(place)), "{blocks:?}");
+                    let pixels: usize = places.iter().map(|place| place.x.len() * place.y.len()).sum();
+                    assert_eq!(pixels, area.x.len() * area.y.len(), "{blocks:?}");
+                }
             }
         }
     }

@@ -88,26 +88,6 @@ def test_other_threads_go_on(squares):
     assert gaps.max() < max(0.5 * (end - start), 0.1)
 
 
-FORKED = """
-import os, raybrook
-scene = raybrook.Scene([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-assert scene.any_hit([0.25, 0.25, 1, 0, 0, -1])
-child = os.fork()
-if child == 0:
-    try:
-        scene.any_hit([0.25, 0.25, 1, 0, 0, -1])
-    except raybrook.DeviceError as error:
-        os._exit(0 if "spawn" in str(error) else 2)
-    os._exit(1)
-assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-"""
-
-
-def test_a_forked_process_is_told_instead_of_hanging():
-    run = subprocess.run([sys.executable, "-W", "ignore", "-c", FORKED], capture_output=True, text=True, timeout=60)
-    assert run.returncode == 0, run.stderr
-
-
 MEMORY = """
 import resource, sys
 import numpy as np, raybrook

@@ -1,6 +1,8 @@
 """Closest points and distances, and Open3D's methods for them."""
 
+import math
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -169,3 +171,78 @@ def test_beside_open3d():
         expected, found = getattr(theirs, name)(points), getattr(ours, name)(points)
         assert (expected.shape, expected.dtype) == (found.shape, found.dtype)
         np.testing.assert_allclose(found.numpy(), expected.numpy(), atol=1e-6)
+
+
+# Instances.
+
+HEAP = """
+[[object]]
+solid = "box"
+size = [6, 0.5, 6]
+
+[[object]]
+file = "solid.obj"
+instances = [
+    { scale = [1, 0.3, 2], rotate = [20, 30, 0], translate = [2, 1, 0] },
+    { scale = [-0.7, 0.7, 0.7], translate = [-2, 1, 1] },
+    { scale = [-1, -2, -0.5], rotate = [0, 45, 90], translate = [0, 2, -2] },
+    { scale = -0.001, translate = [0, 4, 0] },
+    { translate = [1, 3, 1] },
+    { translate = [1, 3, 1] },
+]
+"""
+
+
+def exact_square(triangle, point):
+    """The square of the distance between a triangle with area and a point, whole or in fractions, as a fraction."""
+
+    def dot(a, b):
+        return sum(x * y for x, y in zip(a, b))
+
+    def minus(a, b):
+        return [x - y for x, y in zip(a, b)]
+
+    def cross(a, b):
+        return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
+
+    corners, point = [[Fraction(float(x)) for x in corner] for corner in triangle], [Fraction(float(x)) for x in point]
+    squares = [dot(to, to) for to in (minus(corner, point) for corner in corners)]
+    for i in range(3):
+        edge, to = minus(corners[i - 1], corners[i]), minus(point, corners[i])
+        along = dot(edge, to)
+        if 0 < along < dot(edge, edge):
+            squares.append(dot(to, to) - along * along / dot(edge, edge))
+    normal = cross(minus(corners[1], corners[0]), minus(corners[2], corners[0]))
+    to = [minus(corner, point) for corner in corners]
+    if all(dot(normal, cross(to[i - 2], to[i - 1])) >= 0 for i in range(3)):
+        squares.append(dot(normal, to[0]) ** 2 / dot(normal, normal))
+    return min(squares)
+
+
+def test_instances_have_the_distances_of_their_triangles(tmp_path, device):
+    solid = "".join(f"v {x} {y} {z}\n" for x, y, z in CUBE) + "".join(f"f {a} {b} {c}\n" for a, b, c in CUBE_FACES + 1)
+    (tmp_path / "solid.obj").write_text(solid)
+    (tmp_path / "heap.toml").write_text(HEAP)
+    scene = Scene.load(tmp_path / "heap.toml", method="instances", device=device)
+    corners = scene._get().corners().reshape(-1, 3, 3)
+    assert len(corners) == 7 * 12
+    separate = Scene(
+        corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), method="brute", device="reference"
+    )
+    random = np.random.default_rng(12)
+    near = corners[random.integers(0, len(corners), 40)]
+    points = np.concatenate([random.uniform(-4, 5, (60, 3)), near.mean(1), near[:, 0], near[:, :2].mean(1)])
+    points = points.astype(np.float32)
+    found, expected = scene.closest_point(points), separate.closest_point(points)
+    for name in ("point", "distance", "triangle", "uv"):
+        assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
+    assert 10 < (found.triangle >= 12).sum() < len(points)
+    # Exactly: of triangles that are as near the lowest number.
+    for point, triangle, distance in zip(points[::4], found.triangle[::4], found.distance[::4]):
+        squares = [exact_square(corners, point) for corners in corners]
+        assert squares.index(min(squares)) == triangle
+        assert distance == pytest.approx(math.sqrt(min(squares)), rel=1e-7)
+    assert np.array_equal(scene.contains(points), separate.contains(points))
+    assert scene.signed_distance(points).tobytes() == separate.signed_distance(points).tobytes()
+    assert len(set(np.sign(scene.signed_distance(points)))) == 3
+    np.testing.assert_allclose(scene.winding_number(points), separate.winding_number(points), atol=1e-12)

@@ -1,56 +1,33 @@
 //! A scene and its tracer.
 
+use crate::choices::{Choices, GivenChoices};
 use crate::error::to_python;
 use crate::meshes::{Meshes, join};
 use crate::output::{Arrays, ClosestHits, HitList};
+use crate::parts::Parts;
 use crate::picture::Picture;
 use crate::points::{PointArrays, PointList};
+use crate::process;
 use crate::rays::{GivenRays, Rays};
 use crate::run::{Call, Current, Failure, Stopped, run};
+use crate::view::{BlockArrays, GivenView, Regions};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use raybrook::{AllHits, DeviceKind, Error, Hit, Layer, Precision, Ray, Result, Scene, Tracer, View, Viewpoint};
+use raybrook::low_level::blocks::Area;
+use raybrook::{AllHits, DeviceKind, Hit, Ray, Result, Scene, Tracer};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Instant;
 
-/// Rays or points that are traced at a time: enough to fill a device, and their memory on the way is small beside that
-/// of a scene.
+/// Rays or points that are traced at a time at the most: enough to fill a device, and their memory on the way is small
+/// beside that of a scene.
 const AT_A_TIME: usize = 1 << 20;
 /// On processors, which need fewer to be full: memory that is small enough is taken again for the next part, where new
 /// memory is cleared, page by page. A million rays through 192,000 triangles took 0.6 to 0.7 of the time in parts of
 /// 2^18, on two cores.
 const AT_A_TIME_ON_CPU: usize = 1 << 18;
-
-/// What is chosen of a tracer.
-#[derive(Clone)]
-struct Choices {
-    device: Option<String>,
-    method: Option<String>,
-    precision: Option<Precision>,
-    memory_limit: Option<u64>,
-    cache: bool,
-}
-
-impl Choices {
-    fn open(&self, scene: &Scene, current: Current) -> Result<Tracer> {
-        let mut builder = Tracer::builder(scene).cache(self.cache).progress(move |done| current.told(done));
-        if let Some(device) = &self.device {
-            builder = builder.device(device);
-        }
-        if let Some(method) = &self.method {
-            builder = builder.method(method);
-        }
-        if let Some(precision) = self.precision {
-            builder = builder.precision(precision);
-        }
-        if let Some(bytes) = self.memory_limit {
-            builder = builder.memory_limit(bytes);
-        }
-        builder.build()
-    }
-}
 
 /// A scene with what traces it, which is opened when it is first needed.
 #[pyclass(frozen, module = "raybrook._raybrook")]
@@ -60,26 +37,25 @@ pub struct Core {
     choices: Choices,
     current: Current,
     tracer: Mutex<Option<Tracer>>,
+    /// Computed when it is first asked for.
+    digest: OnceLock<String>,
 }
 
-/// The choices as Python has them: device, method, precision, limit of memory, whether the cache is used.
-type GivenChoices = (Option<String>, Option<String>, Option<String>, Option<u64>, bool);
-
-/// Eye, target, up, the vertical angle in degrees, and the name of a viewpoint.
-type GivenCamera = (Option<[f32; 3]>, Option<[f32; 3]>, Option<[f32; 3]>, Option<f32>, Option<String>);
+impl Drop for Core {
+    fn drop(&mut self) {
+        // Drivers wait for their threads before they free anything.
+        if process::is_forked() {
+            let place = self.tracer.get_mut().unwrap_or_else(PoisonError::into_inner);
+            std::mem::forget(place.take());
+        }
+    }
+}
 
 impl Core {
     fn of(scene: Scene, starts: Vec<u32>, choices: GivenChoices) -> Result<Core> {
-        let (device, method, precision, memory_limit, cache) = choices;
-        let precision = match precision.as_deref() {
-            None => None,
-            Some("exact") => Some(Precision::Exact),
-            Some("fast") => Some(Precision::Fast),
-            Some(other) => return Err(Error::option("precision", format!("'{other}' is neither 'exact' nor 'fast'"))),
-        };
-        let choices = Choices { device, method, precision, memory_limit, cache };
+        let choices = Choices::new(choices)?;
         let (current, tracer) = (Current::default(), Mutex::default());
-        Ok(Core { scene, meshes: Meshes { starts }, choices, current, tracer })
+        Ok(Core { scene, meshes: Meshes { starts }, choices, current, tracer, digest: OnceLock::new() })
     }
 
     /// Has `work` done by the tracer, for each part of `count` things. The tracer is gone when it is stopped.
@@ -96,14 +72,18 @@ impl Core {
                 *place = Some(self.choices.open(&self.scene, self.current.clone())?);
             }
             let tracer = place.as_mut().expect("it was opened");
-            let at_a_time = match tracer.device_kind() {
+            let mut parts = Parts::new(match tracer.device_kind() {
                 None | Some(DeviceKind::Cpu) => AT_A_TIME_ON_CPU,
                 Some(_) => AT_A_TIME,
-            };
-            for first in (0..count).step_by(at_a_time) {
-                let part = at_a_time.min(count - first);
+            });
+            let mut first = 0;
+            while first < count {
+                let part = parts.size().min(count - first);
                 call.begin_part(first as f64 / count as f64, part as f64 / count as f64);
+                let start = Instant::now();
                 work(tracer, first..first + part)?;
+                parts.took(start.elapsed());
+                first += part;
             }
             Ok(())
         };
@@ -222,12 +202,14 @@ impl Core {
             Ok(())
         })?;
         let (choices, current) = (self.choices.clone(), self.current.clone());
-        Ok(Core { scene, meshes: Meshes { starts }, choices, current, tracer: Mutex::new(tracer) })
+        let (tracer, digest) = (Mutex::new(tracer), OnceLock::new());
+        Ok(Core { scene, meshes: Meshes { starts }, choices, current, tracer, digest })
     }
 
     /// The scene of a file, as one mesh.
     #[staticmethod]
     fn load(py: Python, path: PathBuf, choices: GivenChoices) -> PyResult<Core> {
+        process::begin(py)?;
         let load = || Core::of(Scene::load(path)?, vec![0], choices);
         py.detach(load).map_err(|error| to_python(py, &error))
     }
@@ -244,8 +226,14 @@ impl Core {
     }
 
     /// The smallest box around all triangles that can be hit.
-    fn bounds(&self, py: Python) -> Option<([f32; 3], [f32; 3])> {
-        py.detach(|| self.scene.bounds()).map(|(low, high)| (low.to_array(), high.to_array()))
+    fn bounds(&self, py: Python) -> PyResult<Option<([f32; 3], [f32; 3])>> {
+        process::begin(py)?;
+        Ok(py.detach(|| self.scene.bounds()).map(|(low, high)| (low.to_array(), high.to_array())))
+    }
+
+    /// What tells scenes apart.
+    fn digest(&self, py: Python) -> &str {
+        py.detach(|| self.digest.get_or_init(|| self.scene.digest()))
     }
 
     /// The corners of all triangles, nine numbers each.
@@ -442,35 +430,8 @@ impl Core {
     }
 
     /// A picture.
-    #[allow(clippy::too_many_arguments)] // Python names them
-    fn render(
-        &self,
-        py: Python,
-        size: Option<(u32, u32)>,
-        camera: GivenCamera,
-        samples: Option<u32>,
-        error: Option<f32>,
-        depth: Option<u32>,
-        crop: Option<[u32; 4]>,
-        layers: Vec<String>,
-        progress: Option<&Bound<PyAny>>,
-    ) -> PyResult<Picture> {
-        let mut view = size.map_or_else(View::default, |(width, height)| View::new(width, height));
-        let (eye, target, up, fov, viewpoint) = camera;
-        let viewpoint: Option<Viewpoint> =
-            viewpoint.map(|name| name.parse()).transpose().map_err(|error| to_python(py, &error))?;
-        view = eye.map_or(view, |eye| view.eye(eye));
-        view = target.map_or(view, |target| view.target(target));
-        view = up.map_or(view, |up| view.up(up));
-        view = fov.map_or(view, |fov| view.fov(fov));
-        view = viewpoint.map_or(view, |viewpoint| view.viewpoint(viewpoint));
-        view = samples.map_or(view, |samples| view.samples(samples));
-        view = error.map_or(view, |error| view.error(error));
-        view = depth.map_or(view, |depth| view.depth(depth));
-        view = crop.map_or(view, |[x, y, width, height]| view.crop(x, y, width, height));
-        let layers: Vec<Layer> =
-            (layers.iter().map(|name| name.parse())).collect::<Result<_>>().map_err(|error| to_python(py, &error))?;
-        view = view.layers(&layers);
+    fn render(&self, py: Python, view: GivenView, progress: Option<&Bound<PyAny>>) -> PyResult<Picture> {
+        let view = view.view(py)?;
         run(py, progress, |call| {
             let mut picture = None;
             self.work(call, 1, |tracer, _| {
@@ -480,4 +441,39 @@ impl Core {
             Ok(Picture(picture.expect("it was rendered")))
         })
     }
+
+    /// How a picture is cut into blocks; without a device.
+    fn regions(&self, py: Python, view: GivenView) -> PyResult<Regions> {
+        let blocks = view.view(py)?.blocks(&self.scene).map_err(|error| to_python(py, &error))?;
+        let region = |(area, numbers): (Area, Vec<usize>)| (rectangle(&area), numbers);
+        Ok((blocks.size(), blocks.regions().into_iter().map(region).collect()))
+    }
+
+    /// Some blocks of a picture, one after the other.
+    fn render_blocks<'py>(
+        &self,
+        py: Python<'py>,
+        view: GivenView,
+        numbers: Vec<usize>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<BlockArrays<'py>> {
+        let view = view.view(py)?;
+        let (pixels, places) = run(py, progress, |call| {
+            let blocks = view.blocks(&self.scene)?;
+            let mut pixels = Vec::new();
+            self.work(call, 1, |tracer, _| {
+                pixels = tracer.render_blocks(&view, &numbers)?.concat();
+                Ok(())
+            })?;
+            let places = numbers.iter().flat_map(|&number| blocks.places(number));
+            let places = places.flat_map(|place| rectangle(&place.seen_from(blocks.place())).map(|n| n as u32));
+            Ok((pixels, places.collect::<Vec<u32>>()))
+        })?;
+        Ok((PyArray1::from_vec(py, pixels.into_flattened()), PyArray1::from_vec(py, places)))
+    }
+}
+
+/// Column, row, width and height.
+fn rectangle(area: &Area) -> [usize; 4] {
+    [area.x.start, area.y.start, area.x.len(), area.y.len()]
 }

@@ -4,15 +4,19 @@
 
 use pyo3::prelude::*;
 
+mod choices;
 mod core;
 mod error;
 mod meshes;
 mod output;
+mod parts;
 mod picture;
 mod points;
+mod process;
 mod rays;
 mod round;
 mod run;
+mod view;
 
 /// The part of raybrook that is written in Rust.
 #[pymodule]
@@ -39,13 +43,15 @@ mod _raybrook {
     /// The OpenCL devices.
     #[pyfunction]
     fn devices(py: Python) -> PyResult<Vec<Device>> {
+        process::begin(py)?;
         let devices = py.detach(raybrook::devices).map_err(|error| to_python(py, &error))?;
         Ok(devices.into_iter().map(|d| (d.name, d.platform, d.kind.to_string(), d.unusable)).collect())
     }
 
     /// Does what the command line says, the program's name first; tells the exit code.
     #[pyfunction]
-    fn run_command_line(py: Python, arguments: Vec<OsString>) -> u8 {
-        py.detach(|| raybrook_cli::run(arguments))
+    fn run_command_line(py: Python, arguments: Vec<OsString>) -> PyResult<u8> {
+        process::begin(py)?;
+        Ok(py.detach(|| raybrook_cli::run(arguments)))
     }
 }

@@ -1,7 +1,8 @@
 //! Pictures.
 
 use crate::error::{raise, to_python};
-use numpy::PyArray1;
+use crate::process;
+use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use raybrook::Plane;
@@ -13,6 +14,14 @@ pub struct Picture(pub raybrook::Picture);
 
 #[pymethods]
 impl Picture {
+    /// A picture of float32 [height, width, 3].
+    #[new]
+    fn new(py: Python, width: u32, height: u32, pixels: PyReadonlyArray1<f32>) -> PyResult<Picture> {
+        let pixels = pixels.as_slice()?.as_chunks().0.to_vec();
+        let picture = raybrook::Picture::from_pixels(width, height, pixels);
+        picture.map(Picture).map_err(|error| to_python(py, &error))
+    }
+
     #[getter]
     fn width(&self) -> u32 {
         self.0.width()
@@ -29,8 +38,9 @@ impl Picture {
     }
 
     /// 8-bit sRGB, three bytes a pixel, top row first.
-    fn srgb8<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        PyArray1::from_vec(py, self.0.to_srgb8())
+    fn srgb8<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        process::begin(py)?;
+        Ok(PyArray1::from_vec(py, self.0.to_srgb8()))
     }
 
     /// The layers: each one's name, and its planes of a number a pixel, float32 or uint32, top row first.
@@ -45,17 +55,20 @@ impl Picture {
 
     /// The picture made lighter by so many stops.
     fn exposed(&self, py: Python, stops: f32) -> PyResult<Picture> {
+        process::begin(py)?;
         py.detach(|| self.0.clone().exposed(stops)).map(Picture).map_err(|error| to_python(py, &error))
     }
 
     /// The bytes of a PNG file.
     fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        process::begin(py)?;
         let bytes = py.detach(|| self.0.to_png()).map_err(|error| raise(py, "OutputError", &error.to_string()))?;
         Ok(PyBytes::new(py, &bytes))
     }
 
     /// Writes a .png, .exr or .pfm file.
     fn save(&self, py: Python, path: PathBuf) -> PyResult<()> {
+        process::begin(py)?;
         py.detach(|| self.0.save(path)).map_err(|error| to_python(py, &error))
     }
 

@@ -1,11 +1,12 @@
 //! float64 numbers as float32.
 
+use crate::process;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use raybrook::{LocalSpace, Rounding};
 use rayon::prelude::*;
 
-/// Rows that one task rounds.
+/// Rows that one task rounds; of fewer this thread does, so that they start no others.
 const ROWS: usize = 1 << 14;
 
 /// Rows of `width` numbers, of which the first three count from `origin` on, rounded to the nearest float32 numbers;
@@ -32,8 +33,13 @@ pub fn round_to_float32<'py>(
         }
         rounding
     };
+    let size = ROWS * width;
+    if numbers.len() <= size {
+        let rounding = round((results, numbers));
+        return Ok((rounded, rounding.rounded, rounding.largest));
+    }
+    process::begin(py)?;
     let rounding = py.detach(|| {
-        let size = ROWS * width;
         results.par_chunks_mut(size).zip(numbers.par_chunks(size)).map(round).reduce(Rounding::default, |mut a, b| {
             a += b;
             a

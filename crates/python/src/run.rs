@@ -4,11 +4,12 @@
 //! takes part in the work at all. To stop, the function that the library tells of its progress unwinds: the library
 //! calls it where no kernel runs. The tracer is thrown away then.
 
-use crate::error::{raise, to_python};
+use crate::error::to_python;
+use crate::process;
 use pyo3::prelude::*;
 use raybrook::Error;
 use std::panic::resume_unwind;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -80,23 +81,6 @@ impl Current {
     }
 }
 
-/// The process that used the library first.
-static PROCESS: AtomicU32 = AtomicU32::new(0);
-
-/// Refuses to work in a process that was forked from one that has used the library: its threads and its device's are
-/// not there.
-fn check_process(py: Python) -> PyResult<()> {
-    let this = std::process::id();
-    match PROCESS.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
-        Err(first) if first != this => {
-            let text = "this process was forked from one that has used raybrook, and threads do not outlive that; \
-                        start processes by 'spawn' or 'forkserver' (multiprocessing.set_start_method)";
-            Err(raise(py, "DeviceError", text))
-        }
-        _ => Ok(()),
-    }
-}
-
 /// Has `work` done. `progress` is called with the part of it that is done, 0 to 1; what it raises stops the work.
 ///
 /// # Errors
@@ -106,7 +90,7 @@ pub fn run<T: Send>(
     progress: Option<&Bound<PyAny>>,
     work: impl FnOnce(&Arc<Call>) -> Result<T, Failure> + Send,
 ) -> PyResult<T> {
-    check_process(py)?;
+    process::begin(py)?;
     let call = Arc::new(Call::default());
     let progress = progress.map(|progress| progress.clone().unbind());
     let mut refusal = None;

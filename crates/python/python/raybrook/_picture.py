@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 
-from . import _raybrook
+from . import _arrays, _raybrook
 
 
 class Picture:
@@ -14,6 +15,16 @@ class Picture:
 
     def __init__(self, picture: _raybrook.Picture) -> None:
         self._picture = picture
+
+    @classmethod
+    def from_pixels(cls, pixels: Any) -> Picture:
+        """A picture of linear radiance, float32 ``[height, width, 3]``, as `pixels` has it: such as one that was
+        rendered on many machines. It has no layers, and nobody counted its rays."""
+        [array] = _arrays.float32("pixels", _arrays.with_last("pixels", _arrays.as_array("pixels", pixels), (3,)))
+        if array.ndim != 3:
+            raise ValueError(f"pixels: the shape must be (height, width, 3), but is {array.shape}")
+        height, width, _ = array.shape
+        return cls(_raybrook.Picture(width, height, array.reshape(-1)))
 
     @property
     def width(self) -> int:

@@ -8,7 +8,6 @@ import numpy as np
 
 _Rays = tuple[np.ndarray, np.ndarray | None, tuple[float, float]]
 _Progress = Callable[[float], object] | None
-_Vector = tuple[float, float, float]
 
 __version__: str
 
@@ -42,19 +41,17 @@ class Core:
     def distances(self, points: np.ndarray, progress: _Progress) -> np.ndarray: ...
     def signed_distances(self, points: np.ndarray, progress: _Progress) -> np.ndarray: ...
     def winding_numbers(self, points: np.ndarray, progress: _Progress) -> np.ndarray: ...
-    def render(
-        self,
-        size: tuple[int, int] | None,
-        camera: tuple[_Vector | None, _Vector | None, _Vector | None, float | None, str | None],
-        samples: int | None,
-        error: float | None,
-        depth: int | None,
-        crop: tuple[int, int, int, int] | None,
-        layers: Sequence[str],
-        progress: _Progress,
-    ) -> Picture: ...
+    def render(self, view: dict[str, Any], progress: _Progress) -> Picture: ...
+    def digest(self) -> str: ...
+    def regions(
+        self, view: dict[str, Any]
+    ) -> tuple[tuple[int, int], list[tuple[tuple[int, int, int, int], list[int]]]]: ...
+    def render_blocks(
+        self, view: dict[str, Any], numbers: Sequence[int], progress: _Progress
+    ) -> tuple[np.ndarray, np.ndarray]: ...
 
 class Picture:
+    def __new__(cls, width: int, height: int, pixels: np.ndarray) -> Picture: ...
     @property
     def width(self) -> int: ...
     @property

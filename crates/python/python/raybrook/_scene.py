@@ -14,6 +14,7 @@ from . import _arrays, _raybrook
 from ._errors import NoteWarning, warn
 from ._hits import NO_HIT, ClosestPoints, HitList, Hits
 from ._picture import Picture
+from ._view import vector, view_of
 
 Progress = Callable[[float], object]
 
@@ -100,7 +101,7 @@ class Scene:
         self._choices = dict(device=device, method=method, precision=precision, memory_limit=memory_limit, cache=cache)
         self._meshes: list[tuple[np.ndarray, np.ndarray]] = []
         is_place = origin is not None and not isinstance(origin, str)
-        self._origin: tuple[float, float, float] | str | None = _vector("origin", origin) if is_place else origin
+        self._origin: tuple[float, float, float] | str | None = vector("origin", origin) if is_place else origin
         if isinstance(self._origin, str) and self._origin != "auto":
             raise ValueError(f"origin: '{origin}' is neither a place nor 'auto'")
         self._is_strict = True
@@ -446,23 +447,22 @@ class Scene:
                 error, ``"error"``.
             progress: as of `closest_hits`.
         """
-        if view is not None and (eye is not None or target is not None):
-            raise TypeError("view does not go together with eye and target")
-        if samples is not None and error is not None:
-            raise TypeError("samples and error do not go together")
-        size = None
-        if width is not None and height is not None:
-            size = (width, height)
-        elif width is not None or height is not None:
-            raise TypeError("width and height go together")
-        camera = (
-            None if eye is None else _vector("eye", eye, self._from),
-            None if target is None else _vector("target", target, self._from),
-            None if up is None else _direction("up", up),
-            None if fov is None else float(fov),
-            view,
+        given = view_of(
+            self._from,
+            width,
+            height,
+            eye=eye,
+            target=target,
+            up=up,
+            fov=fov,
+            view=view,
+            samples=samples,
+            error=error,
+            depth=depth,
+            crop=crop,
+            layers=layers,
         )
-        return Picture(self._opened().render(size, camera, samples, error, depth, crop, list(layers), progress))
+        return Picture(self._opened().render(given, progress))
 
     def preview(self) -> Picture:
         """A small and quick picture."""
@@ -528,26 +528,3 @@ def _moved(vertices: np.ndarray, transform: np.ndarray) -> np.ndarray:
     # Written out: which products are fused, and in what order they are added, does not depend on a BLAS.
     x, y, z = np.moveaxis(_arrays.with_last("vertices", vertices, (3,)).astype(np.float64), -1, 0)
     return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]], axis=-1)
-
-
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
-
-def _direction(name: str, value: Any) -> tuple[float, float, float]:
-    """A vector, or the name of an axis with or without a minus."""
-    if not isinstance(value, str):
-        return _vector(name, value)
-    axis = _AXES.get(value.removeprefix("-"))
-    if axis is None:
-        raise ValueError(f"{name}: '{value}' is no axis; possible: x, y, z, -x, -y, -z, or three numbers")
-    return _vector(name, [-x for x in axis] if value.startswith("-") else axis)
-
-
-def _vector(
-    name: str, value: Any, origin: tuple[float, float, float] = _arrays.NO_ORIGIN
-) -> tuple[float, float, float]:
-    vector = np.asarray(value, dtype=np.float64)
-    if vector.shape != (3,):
-        raise ValueError(f"{name}: the shape must be (3,), but is {vector.shape}")
-    x, y, z = vector - np.array(origin)
-    return float(x), float(y), float(z)
