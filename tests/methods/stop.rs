@@ -66,6 +66,7 @@ fn every_call_is_stopped() {
     assert_stopped(tracer.count_hits(&rays), "counts of hits");
     assert_stopped(tracer.all_hits(&rays), "all hits");
     assert_stopped(tracer.closest_points(&[[0.0; 3]; 9]), "closest points");
+    assert_stopped(tracer.winding_numbers(&[[0.0; 3]; 9]), "winding numbers");
     stop.store(false, Ordering::Relaxed);
     assert_eq!(tracer.closest_hits(&rays).unwrap(), before);
 }

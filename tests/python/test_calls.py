@@ -36,12 +36,19 @@ def test_what_progress_raises_stops_the_call(cube):
     for ask in (cube.closest_hits, cube.any_hit, cube.count, cube.list_hits, cube.count_crossings):
         with pytest.raises(Enough):
             ask(rays, progress=enough)
+    points = np.ascontiguousarray(rays[:, :3])
+    for ask in (cube.contains, cube.closest_point, cube.signed_distance, cube.winding_number):
+        with pytest.raises(Enough):
+            ask(points, progress=enough)
     with pytest.raises(Enough):
         cube.render(1000, 2000, samples=16, progress=enough)
     assert cube.any_hit([0.5, 0.25, 3, 0, 0, -1])
 
 
-@pytest.mark.parametrize("call", ["closest_hits(rays)", "render(1000, 9000, samples=64)"])
+CALLS = ["closest_hits(rays)", "render(1000, 9000, samples=64)", "winding_number(rays[:, :3])"]
+
+
+@pytest.mark.parametrize("call", CALLS)
 def test_ctrl_c_stops_a_call(device, call):
     program = f"""
 import numpy as np, raybrook, sys, time, threading, os, signal

@@ -43,7 +43,7 @@ pub struct Core {
 
 impl Drop for Core {
     fn drop(&mut self) {
-        // Drivers wait for their threads before they free anything.
+        // A driver may wait for its threads before it frees anything.
         if process::is_forked() {
             let place = self.tracer.get_mut().unwrap_or_else(PoisonError::into_inner);
             std::mem::forget(place.take());
