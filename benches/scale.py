@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""What a thousand machines make of one picture, before anybody has them: a simulation with the program's own sizes of
-blocks and with rates that were measured.
+"""What a thousand machines make of one picture, before anybody has them: a simulation with the program's own
+sizes of blocks and with rates that were measured.
 
-Machines of uneven speed take parts (`--part I/N`) from a queue, as Slurm or GNU parallel deal them out; now and then one
-fails, and its part goes on from its journal, there or elsewhere. Then one machine merges. Printed is a row for each number
-of parts:
+Machines of uneven speed take parts (`--part I/N`) from a queue, as Slurm or GNU parallel deal them out; now and
+then one fails, and its part goes on from its journal, there or elsewhere. Then one machine merges. Printed is a
+row for each number of parts:
 
     benches/scale.py                                  # the tables of the book's chapter
     benches/scale.py --machines 100 --pixels-per-s 5e7
 
-Everything random comes from --seed. What it does not know: a network that is full, and a scheduler that is slow.
+Everything random comes from --seed. What it does not know: a network that is full, and a scheduler that is
+slow.
 """
 
 import argparse
@@ -83,7 +84,7 @@ class Picture:
 
 
 def speeds(count, chance):
-    """Of machines: a factor of about 1.35 up or down is usual, and one in twenty is half as fast for a reason of its own."""
+    """Of machines: a factor of 1.35 up or down is usual, and one in twenty is half as fast for a reason of its own."""
     return [math.exp(chance.gauss(0, 0.3)) * (0.5 if chance.random() < 0.05 else 1) for _ in range(count)]
 
 

@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
-"""Small scenes and options at random for a while, each command once undisturbed and then with whatever may happen to it:
-killed again and again, its journal damaged, in parts that are merged, out of time, on a full disk, with little memory, on a
-device that dies, with a broken input. A run must end by itself with a code that is documented for that, leave no file that
-it should not, tell of no panic, and what it writes must have the bytes of the undisturbed run's.
+"""Small scenes and options at random for a while, each command once undisturbed and then with whatever may
+happen to it: killed again and again, its journal damaged, in parts that are merged, out of time, on a full
+disk, with little memory, on a device that dies, with a broken input. A run must end by itself with a code that
+is documented for that, leave no file that it should not, tell of no panic, and what it writes must have the
+bytes of the undisturbed run's.
 
     tests/faults/soak_runs.py target/release/raybrook 1800                # seconds, 1800 by default
     tests/faults/soak_runs.py target/release/raybrook 1800 --seed 7
     tests/faults/soak_runs.py target/release/raybrook --seed 7 --case 123 # that case again, as it was
 
-The device is number 0, with kernels that are compiled once. Prints a row for each disturbance, and ends with 1 if anything failed.
+The device is number 0, with kernels that are compiled once. Prints a row for each disturbance, and ends with 1
+if anything failed.
 """
 
 import argparse
@@ -68,7 +70,9 @@ def solid(chance, materials):
         "torus": ["segments = %d" % chance.randint(3, 30), "sides = %d" % chance.randint(3, 20)],
     }
     kind = chance.choice([*kinds, "file"])
-    lines = ["[[object]]", 'file = "model.obj"'] if kind == "file" else ["[[object]]", f'solid = "{kind}"', *kinds[kind]]
+    lines = (
+        ["[[object]]", 'file = "model.obj"'] if kind == "file" else ["[[object]]", f'solid = "{kind}"', *kinds[kind]]
+    )
     if kind != "file" or chance.random() < 0.5:
         lines.append(f'material = "{chance.choice(materials)}"')
     lines += [f"translate = {vector(chance, -1.5, 1.5)}", f"rotate = {vector(chance, 0, 360)}"]
@@ -83,9 +87,19 @@ def scene(chance):
     names = ["a", "b", "c"][: chance.randint(1, 3)]
     lines = []
     if chance.random() < 0.6:
-        lines += ["[camera]", f"eye = {vector(chance, 3, 6)}", f"target = {vector(chance, -0.5, 0.5)}", f"fov = {number(chance, 20, 90)}"]
+        lines += [
+            "[camera]",
+            f"eye = {vector(chance, 3, 6)}",
+            f"target = {vector(chance, -0.5, 0.5)}",
+            f"fov = {number(chance, 20, 90)}",
+        ]
     for _ in range(chance.randint(0, 2)):
-        lines += ["[[light]]", 'kind = "point"', f"position = {vector(chance, -5, 5)}", f"intensity = {number(chance, 0.2, 2)}"]
+        lines += [
+            "[[light]]",
+            'kind = "point"',
+            f"position = {vector(chance, -5, 5)}",
+            f"intensity = {number(chance, 0.2, 2)}",
+        ]
     for name in names:
         lines += material(chance, name)
     for _ in range(chance.randint(1, 4)):
@@ -118,7 +132,11 @@ class Case:
     def picture(self):
         chance = self.chance
         size = f"{chance.randint(1, 400)}x{chance.randint(1, 300)}"
-        samples = ["--error", number(chance, 0.5, 8)] if chance.random() < 0.6 else ["--samples", str(chance.choice([1, 2, 4, 9, 16]))]
+        samples = (
+            ["--error", number(chance, 0.5, 8)]
+            if chance.random() < 0.6
+            else ["--samples", str(chance.choice([1, 2, 4, 9, 16]))]
+        )
         words = ["render", "scene.toml", "--size", size, *samples, "-o", "out." + chance.choice(["png", "pfm", "exr"])]
         if chance.random() < 0.3:
             words += ["--depth", str(chance.randint(1, 12))]
@@ -237,7 +255,14 @@ def parts(case, right, before, seconds):
     for number, name in enumerate(names, 1):
         words = [*case.words, "--part", f"{number}/{count}"]
         if case.chance.random() < 0.3:
-            killed(case, right, {**before, **{n: d for n, d in common.files(case.folder).items() if n in names[: number - 1]}}, seconds, words, name)
+            killed(
+                case,
+                right,
+                {**before, **{n: d for n, d in common.files(case.folder).items() if n in names[: number - 1]}},
+                seconds,
+                words,
+                name,
+            )
         else:
             case.run(words, {DONE})
     case.chance.shuffle(names)
@@ -292,7 +317,9 @@ def little_memory(case, right, before, seconds):
 
 def dying_device(case, right, before, seconds):
     """A call of OpenCL fails, or it and all later ones do."""
-    fault = f"{case.chance.choice(['only', 'from'])}:{case.chance.randint(1, 160)}:{case.chance.choice(CODES_OF_DRIVERS)}"
+    fault = (
+        f"{case.chance.choice(['only', 'from'])}:{case.chance.randint(1, 160)}:{case.chance.choice(CODES_OF_DRIVERS)}"
+    )
     words = [*case.words, "--keep", case.chance.choice(["always", "never"])]
     if case.run(words, {DONE, DEVICE}, {"OPENCL_DYLIB_PATH": LIBRARY, "OPENCL_FAULT": fault}) == DEVICE:
         case.check_files(before, (case.output + ".partial",))
@@ -302,7 +329,9 @@ def dying_device(case, right, before, seconds):
 
 
 def broken_input(case, right, before, seconds):
-    name = case.chance.choice(["scene.toml", "model.obj", "model.mtl", "floor.png", *([] if case.is_picture else ["many.npz"])])
+    name = case.chance.choice(
+        ["scene.toml", "model.obj", "model.mtl", "floor.png", *([] if case.is_picture else ["many.npz"])]
+    )
     with open(case.path(name), "rb") as file:
         data = file.read()
     common.write(case.folder, name, mutate.mutate(case.chance, data))
@@ -319,7 +348,7 @@ DISTURBANCES = [kills, kills, parts, parts, out_of_time, full_disk, little_memor
 
 
 def one(program, seed, index):
-    """The name of the disturbance, and what did not hold, or None; or no name where the command is none that can be disturbed."""
+    """The name of the disturbance, and what did not hold, or None."""
     chance = random.Random(f"{seed} {index}")
     with common.new_folder() as folder:
         case = Case(program, folder, chance, LIBRARY is not None)
@@ -341,7 +370,9 @@ def compiled_library(folder):
     """The OpenCL library that spoils calls; None where there is no compiler or no device."""
     source = os.path.join(os.path.dirname(os.path.abspath(__file__)), "opencl_faults.rs")
     path = os.path.join(folder, "libopencl_faults.so")
-    made = subprocess.run(["rustc", "--edition", "2024", "--crate-type", "cdylib", "-O", source, "-o", path], capture_output=True)
+    made = subprocess.run(
+        ["rustc", "--edition", "2024", "--crate-type", "cdylib", "-O", source, "-o", path], capture_output=True
+    )
     return path if made.returncode == 0 else None
 
 
