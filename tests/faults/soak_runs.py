@@ -225,8 +225,10 @@ def killed(case, right, before, seconds, words=None, output=None):
             damage(case.path(journal), chance)
             # One whose header is damaged is left to the user.
             refused = {INPUT}
-    if case.run(words, {DONE, *refused}) == INPUT:
-        case.run([*words, "--restart"], {DONE})
+    # What does not even begin as a journal is not removed by --restart.
+    if case.run(words, {DONE, *refused}) == INPUT and case.run([*words, "--restart"], {DONE, INPUT}) == INPUT:
+        os.remove(case.path(journal))
+        case.run(words, {DONE})
 
 
 def damage(path, chance):
