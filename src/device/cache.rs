@@ -67,12 +67,11 @@ pub struct Cache {
 
 /// Everything that a binary depends on, hashed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct CacheKey([u8; HASH_BYTES]);
+pub struct CacheKey([u8; HASH_BYTES]);
 
 impl CacheKey {
-    pub fn new(source: &str, options: &str, device: &DeviceInfo) -> Self {
-        let mut hash = Sha256::new();
-        let parts = [
+    pub(super) fn new(source: &str, options: &str, device: &DeviceInfo) -> Self {
+        CacheKey::of_parts(&[
             env!("CARGO_PKG_VERSION"),
             &device.platform_name,
             &device.platform_version,
@@ -80,7 +79,12 @@ impl CacheKey {
             &device.driver_version,
             options,
             source,
-        ];
+        ])
+    }
+
+    /// Of whatever a binary depends on.
+    pub fn of_parts(parts: &[&str]) -> Self {
+        let mut hash = Sha256::new();
         for part in parts {
             // The length first, so that no two lists of parts give the same bytes.
             hash.update((part.len() as u64).to_le_bytes());
@@ -153,9 +157,11 @@ impl Cache {
         self.folder.join(key.file_name())
     }
 
-    /// The binary for `key`; `None` if there is none or the folder cannot be read. The error says how a file is
-    /// damaged.
-    pub(super) fn load(&self, key: &CacheKey) -> std::result::Result<Option<Vec<u8>>, String> {
+    /// The binary for `key`; `None` if there is none or the folder cannot be read.
+    ///
+    /// # Errors
+    /// Says how the file is damaged.
+    pub fn load(&self, key: &CacheKey) -> std::result::Result<Option<Vec<u8>>, String> {
         let path = self.path(key);
         // A pipe would block.
         if path.metadata().is_ok_and(|found| !found.is_file()) {
@@ -177,9 +183,11 @@ impl Cache {
         format!("cached kernels in '{}' were not used: {why}", path.display())
     }
 
-    /// Writes the binary for `key`, and removes others beyond the limit. The error is for people, not for the program:
-    /// a run without a cache is as good.
-    pub(super) fn store(&self, key: &CacheKey, binary: &[u8]) -> std::result::Result<(), String> {
+    /// Writes the binary for `key`, and removes others beyond the limit.
+    ///
+    /// # Errors
+    /// Says what went wrong, for people, not for the program: a run without a cache is as good.
+    pub fn store(&self, key: &CacheKey, binary: &[u8]) -> std::result::Result<(), String> {
         let path = self.path(key);
         let bytes = (HEADER_BYTES + binary.len()) as u64;
         if bytes > self.limit_bytes {

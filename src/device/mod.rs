@@ -57,7 +57,7 @@ mod watchdog;
 mod wavefront;
 
 pub use buffer::Buffer;
-pub use cache::{Cache, cache_folder};
+pub use cache::{Cache, CacheKey, cache_folder};
 pub use context::DeviceContext;
 pub(crate) use defaults::{who_decides, work_group_size};
 pub use diagnosis::{Diagnosis, Problem};

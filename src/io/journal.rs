@@ -70,11 +70,21 @@ impl Journal {
         let new = File::options().read(true).write(true).create_new(true).open(path);
         let file = new.map_err(|error| Error::io("create", path, error))?;
         let mut journal = Journal { path: path.to_owned(), file, end: MAGIC.len() as u64, synced: Instant::now() };
-        lock(&journal.file, path)?;
-        journal.file.write_all(MAGIC).map_err(|error| Error::io("write", path, error))?;
-        journal.append(&[header])?;
-        journal.sync()?;
-        Ok(journal)
+        match journal.begin(header) {
+            Ok(()) => Ok(journal),
+            Err(error) => {
+                // What has no header is no journal, and nobody could go on with it, or remove it by beginning anew.
+                let _ = std::fs::remove_file(path);
+                Err(error)
+            }
+        }
+    }
+
+    fn begin(&mut self, header: &[u8]) -> Result<()> {
+        lock(&self.file, &self.path)?;
+        self.file.write_all(MAGIC).map_err(|error| Error::io("write", &self.path, error))?;
+        self.append(&[header])?;
+        self.sync()
     }
 
     /// Opens a journal to append to it. `take` gets the payload of every whole record, the header first; where it fails,

@@ -165,6 +165,19 @@ fn journals_that_promise_much_are_refused_at_once() {
     }
 }
 
+/// A disk that is full before a journal has its header: nothing is left that the next run would stumble over.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_journal_that_cannot_be_begun_is_not_left_behind() {
+    let folder = folder();
+    let at = folder.path();
+    let render = [&["render", "one.obj", "-o", "a.pfm", "--keep", "always"], &SMALL[..]].concat();
+    let output = limited(at, "-f 0", &render);
+    assert_fails(&output, 5, &["a.pfm.partial"]);
+    assert!(!at.join("a.pfm.partial").exists() && !at.join("a.pfm").exists());
+    assert!(raybrook(at, &render).status.success());
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn limits_of_the_shell_end_in_messages() {

@@ -45,6 +45,18 @@ def test_programs(program, tmp_path):
     assert run.stdout.count("\n| ") == 17
 
 
+def test_the_simulation_of_many_machines(tmp_path):
+    words = ["--machines=50", "--parts", "50", "400", "--runs=3"]
+    run = subprocess.run([sys.executable, ROOT / "benches" / "scale.py", *words], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in run.stdout.splitlines() if line[:1] == "|"
+    ]
+    idle = [int(row[5].rstrip("%")) for row in rows if row[0] in ("50", "400")]
+    # Of each of three pictures: more parts than machines leave fewer of these idle.
+    assert len(idle) == 6 and all(few > 2 * many for few, many in zip(idle[::2], idle[1::2])), idle
+
+
 def test_the_table_of_wrong_answers(tmp_path):
     model = ROOT / "scenes" / "vase.obj"
     command = [sys.executable, EXAMPLES / "wrong_answers.py", "--rays=200", model]

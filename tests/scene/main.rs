@@ -4,6 +4,7 @@
 mod common;
 
 mod builder;
+mod fuzzed;
 mod gltf_files;
 mod hostile;
 mod instances;
