@@ -360,7 +360,7 @@ mod tests {
             ("a terrain", sheet(40, hills), "terrain"),
             ("a terrain with things on it", [sheet(40, hills), moved(things(0.3), Vec3::Y * 0.4)].concat(), "terrain"),
             (
-                "a terrain with a ball beside it",
+                "a terrain with a box beside it",
                 [sheet(40, hills), cuboid(Vec3::splat(0.2), Vec3::X * 1.2)].concat(),
                 "terrain",
             ),
