@@ -23,11 +23,11 @@ use crate::io::rows::writing_bytes;
 use crate::options::{Decisions, Kernels, TraceOptions};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::reference::ReferenceBackend;
-use crate::scene::{Aim, Camera, Placed, Samples, Scene, WideCamera};
+use crate::scene::{Aim, Camera, Placed, Samples, Scene, WideCamera, up_by_shape};
 use crate::shared::RenderParams;
 use crate::tracer::{Adaptive, Backend, MOST_SAMPLES, Progress, RenderResult, Task};
 use crate::work::PixelWork;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// Width and height of a picture unless something else is asked for.
 pub const DEFAULT_SIZE: (u32, u32) = (1024, 768);
@@ -114,15 +114,20 @@ pub fn complete(scene: &mut Scene, aspect: f32) {
 /// [`Placed::check`] says so.
 pub fn complete_as(scene: &mut Scene, aspect: f32, aim: &Aim) -> Placed {
     let camera = WideCamera::choose(scene.camera, &std::mem::take(&mut scene.wide_cameras), aspect);
-    let placed = aim.place(camera, scene.up, aspect, |framing| {
-        let primitives = scene.hittable();
-        framing.camera(primitives.iter().map(|&i| scene.vertices(i as usize)))
-    });
+    let placed = place(scene, camera, aspect, aim);
     scene.camera = Some(placed.camera);
     if !scene.has_light() {
         scene.add_default_light(&placed);
     }
     placed
+}
+
+/// Places the camera of a scene whose own is `camera`, as `aim` says.
+fn place(scene: &Scene, camera: Option<Camera>, aspect: f32, aim: &Aim) -> Placed {
+    let hittable = LazyLock::new(|| scene.hittable());
+    let triangle = |i: usize| scene.vertices(hittable[i] as usize);
+    let shape_up = || up_by_shape(hittable.len(), &triangle);
+    aim.place(camera, scene.up, shape_up, aspect, |framing| framing.camera((0..hittable.len()).map(triangle)))
 }
 
 /// What a device's compiler takes of the host's memory where it runs in the process: 150 MB of PoCL's for a kernel that

@@ -25,7 +25,7 @@ fn decision(option: &'static str, value: String, origin: &Origin) -> Decision {
     let (source, reason) = match origin {
         Origin::Given => (Source::Given, ""),
         Origin::Scene => (Source::Scene, "its camera"),
-        Origin::Format => (Source::Scene, "z is up in files of its format"),
+        Origin::Format => (Source::Scene, "the rule of its format, or of the program that wrote the file"),
         Origin::Automatic(reason) => (Source::Model, reason.as_ref()),
     };
     Decision { option: option.into(), value, source, reason: reason.to_owned() }

@@ -3,7 +3,9 @@
 
 use crate::pack::SceneBuffers;
 use crate::renderer::complete_as;
-use crate::scene::{Aim, Camera, DefaultLight, DropReason, Framed, Framing, Scene};
+use crate::scene::{Aim, Camera, DefaultLight, DropReason, Framed, Framing, Scene, up_by_shape};
+use glam::Vec3;
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// A scene that has a light.
@@ -12,6 +14,8 @@ pub(super) struct LitScene<'a> {
     pub scene: Cow<'a, Scene>,
     /// The camera that frames it in pictures of the aspect, where there is none and the light needed one.
     pub framed: Option<(Framing, Framed)>,
+    /// Which way is up, where that is known without asking for the shape again.
+    pub up: Option<Vec3>,
     /// The light that was added, if any.
     pub added: Option<DefaultLight>,
 }
@@ -20,13 +24,15 @@ impl LitScene<'_> {
     /// `scene` with light for pictures of `aspect` = width / height.
     pub fn new(scene: &Scene, aspect: f32) -> LitScene<'_> {
         if scene.has_light() {
-            return LitScene { scene: Cow::Borrowed(scene), framed: None, added: None };
+            return LitScene { scene: Cow::Borrowed(scene), framed: None, up: scene.up, added: None };
         }
         let mut lit = scene.clone();
         let placed = complete_as(&mut lit, aspect, &Aim::default());
         // Rays need no camera: one that has no place is refused when a picture asks for it.
         (lit.camera, lit.wide_cameras) = (scene.camera, scene.wide_cameras.clone());
-        LitScene { scene: Cow::Owned(lit), framed: placed.framed, added: Some(scene.default_light) }
+        // The up of a camera that the scene has says nothing of other views.
+        let up = scene.up.or(scene.camera.is_none().then(|| placed.sky_up()));
+        LitScene { scene: Cow::Owned(lit), framed: placed.framed, up, added: Some(scene.default_light) }
     }
 }
 
@@ -35,6 +41,14 @@ pub(super) fn framing_camera(buffers: &SceneBuffers, framing: &Framing) -> Frame
     let triangles = (0..buffers.triangle_count() as u32).map(|i| buffers.given_triangle(i));
     let hittable = triangles.filter(|&triangle| DropReason::of(triangle).is_none());
     framing.camera(hittable)
+}
+
+/// Which way is up by the shape of `buffers`.
+pub(super) fn shape_up(buffers: &SceneBuffers) -> Vec3 {
+    let is_hittable = |&i: &u32| DropReason::of(buffers.given_triangle(i)).is_none();
+    let hittable: Vec<u32> = (0..buffers.triangle_count() as u32).into_par_iter().filter(is_hittable).collect();
+    let triangle = |i: usize| buffers.given_triangle(hittable[i]);
+    up_by_shape(hittable.len(), &triangle).map_or(Vec3::Y, |(up, _)| up)
 }
 
 /// Whether a camera has a place and looks at one.

@@ -2,7 +2,7 @@
 
 use super::all_hits::AllHits;
 use super::builder::TracerBuilder;
-use super::framing::{LitScene, framing_camera, is_placed};
+use super::framing::{LitScene, framing_camera, is_placed, shape_up};
 use super::picture::Picture;
 use super::point::ClosestPoint;
 use super::ray::{Hit, Hits, Ray};
@@ -98,7 +98,7 @@ pub struct Tracer {
     pub(super) defaults: PictureDefaults,
     camera: Option<Camera>,
     wide_cameras: Vec<WideCamera>,
-    /// Which way is up by the format of the scene's file.
+    /// Which way is up by the format of the scene's file, or by its shape once that was asked for.
     up: Option<Vec3>,
     /// The camera that was last placed so that it frames the scene; not yet known, or not needed, at first.
     framed: Option<(Framing, Framed)>,
@@ -143,7 +143,7 @@ impl Tracer {
     }
 
     pub(super) fn open(lit: &LitScene, depth: u32, chosen: Chosen) -> Result<Tracer> {
-        let LitScene { scene, framed, added } = lit;
+        let LitScene { scene, framed, up, added } = lit;
         let (device, cache, budget) = (chosen.device.as_ref(), chosen.cache.as_ref(), chosen.budget());
         let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
         let numbering = Arc::new(Numbering::of(scene, &buffers.used_materials));
@@ -154,7 +154,7 @@ impl Tracer {
             defaults: scene.picture,
             camera: scene.camera,
             wide_cameras: scene.wide_cameras.clone(),
-            up: scene.up,
+            up: *up,
             framed: *framed,
             numbering,
             added_light: *added,
@@ -202,7 +202,7 @@ impl Tracer {
         self.backend = Some(self.chosen.open(&buffers, self.depth)?);
         (self.buffers, self.is_closed) = (buffers, false);
         (self.points, self.winding) = (None, None);
-        (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, scene.up);
+        (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, lit.up);
         self.wide_cameras.clone_from(&scene.wide_cameras);
         (self.framed, self.added_light) = (lit.framed, lit.added);
         self.numbering = Arc::new(Numbering::of(scene, &self.buffers.used_materials));
@@ -530,10 +530,19 @@ impl Tracer {
     pub(super) fn aim(&mut self, frame: &Frame) -> Result<Camera> {
         let aspect = frame.samples.aspect(frame.size) as f32;
         let camera = WideCamera::choose(self.camera, &self.wide_cameras, aspect);
-        let placed = frame.aim.place(camera, self.up, aspect, |framing| match self.framed {
-            Some((known, framed)) if known == *framing => framed,
-            _ => framing_camera(&self.buffers, framing),
-        });
+        if self.up.is_none() && camera.is_none() && frame.aim.up.is_none() {
+            self.up = Some(shape_up(&self.buffers));
+        }
+        let placed = frame.aim.place(
+            camera,
+            self.up,
+            || None,
+            aspect,
+            |framing| match self.framed {
+                Some((known, framed)) if known == *framing => framed,
+                _ => framing_camera(&self.buffers, framing),
+            },
+        );
         if !is_placed(&placed.camera) {
             let message = "it is so large that no camera which shows it has a place in float32's range; give a camera";
             return Err(Error::Scene(message.to_owned()));

@@ -73,7 +73,8 @@ impl View {
     }
 
     /// Which way is up, a direction of any length. Where neither view nor scene says it, z is up in `.stl` and `.3mf`
-    /// files, and y in others.
+    /// files, y in scene files and glTF, and in others what the program that wrote the file, or the model's shape, tells
+    /// for sure: else y.
     #[must_use]
     pub fn up(self, up: [f32; 3]) -> View {
         View { aim: Aim { up: Some(up.into()), ..self.aim }, ..self }

@@ -62,7 +62,7 @@ pub enum Origin {
     Given,
     /// The scene's camera has it so.
     Scene,
-    /// The rule of the format that the scene's file has.
+    /// The rule of the format that the scene's file has, or of the program that wrote it.
     Format,
     /// The program chose it, for this reason.
     Automatic(Cow<'static, str>),
@@ -83,7 +83,8 @@ pub struct Placed {
     pub fov: Origin,
     /// The camera that was placed by itself, if there was need of one, and for what.
     pub(crate) framed: Option<(Framing, Framed)>,
-    is_inside: bool,
+    /// Where the lamp of a room hangs that the camera was put inside of.
+    room_lamp: Option<Vec3>,
     /// Which way was up before an up along the view made room for another.
     sky_up: Vec3,
 }
@@ -146,11 +147,13 @@ impl Aim {
     }
 
     /// The camera of a scene, for a picture of `aspect` = width / height. `scene` is the scene's own camera,
-    /// `format_up` the up of its format, and `frame` places a camera that shows everything.
+    /// `format_up` the up of its format, `shape_up` tells the up of its shape and why, and `frame` places a camera that
+    /// shows everything.
     pub(crate) fn place(
         &self,
         scene: Option<Camera>,
         format_up: Option<Vec3>,
+        shape_up: impl FnOnce() -> Option<(Vec3, &'static str)>,
         aspect: f32,
         frame: impl FnOnce(&Framing) -> Framed,
     ) -> Placed {
@@ -158,7 +161,11 @@ impl Aim {
             (Some(up), ..) => (up, Origin::Given),
             (None, Some(camera), _) => (camera.up, Origin::Scene),
             (None, None, Some(up)) => (up, Origin::Format),
-            (None, None, None) => (Vec3::Y, Origin::Automatic("y is up where neither scene nor format says".into())),
+            (None, None, None) => {
+                let (up, reason) =
+                    shape_up().unwrap_or((Vec3::Y, "y is up where neither scene, format nor shape says"));
+                (up, Origin::Automatic(reason.into()))
+            }
         };
         let own = scene.filter(|_| self.viewpoint.is_none());
         let has_places = own.is_some() || self.eye.is_some() && self.target.is_some();
@@ -187,8 +194,8 @@ impl Aim {
         let camera = Camera { eye, target, up, fov_degrees };
         let sky_up = up;
         let (camera, up) = self.with_fitting_up(camera, up_origin);
-        let is_inside = subject == Subject::Room;
-        Placed { camera, eye: eye_origin, target: target_origin, up, fov, framed, is_inside, sky_up }
+        let room_lamp = framed.and_then(|(_, framed)| framed.lamp);
+        Placed { camera, eye: eye_origin, target: target_origin, up, fov, framed, room_lamp, sky_up }
     }
 
     fn eye_reason(&self, subject: Subject) -> Cow<'static, str> {
@@ -262,7 +269,12 @@ impl Placed {
 
     /// Whether the camera was put inside of a scene.
     pub fn is_inside(&self) -> bool {
-        self.is_inside
+        self.room_lamp.is_some()
+    }
+
+    /// Where the lamp of a room hangs, world units, if the camera was put inside of one.
+    pub fn room_lamp(&self) -> Option<Vec3> {
+        self.room_lamp
     }
 
     /// How the camera was placed, where nobody gave its eye or target.
@@ -277,7 +289,7 @@ impl Placed {
     }
 
     /// Which way is up in the world, whatever the picture shows of it.
-    pub(super) fn sky_up(&self) -> Vec3 {
+    pub(crate) fn sky_up(&self) -> Vec3 {
         self.sky_up
     }
 }

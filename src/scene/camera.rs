@@ -14,6 +14,13 @@ pub(super) const INSIDE_FOV_DEGREES: f32 = 65.0;
 /// How much of the way from the middle of a room to what is behind a camera steps back: the rest keeps it out of walls.
 const STEP_BACK: f64 = 0.9;
 
+/// Where the lamp of a room hangs, in parts of the way from the middle to where a camera steps back to, from there up to
+/// what is above, and from there to what is on the left. From the camera itself it would light walls and what stands
+/// before them alike, without shadows; and under the ceiling that would have none of its light.
+const LAMP_BACK: f64 = 0.4;
+const LAMP_UP: f64 = 0.7;
+const LAMP_LEFT: f64 = 0.5;
+
 /// A pinhole camera that looks from `eye` towards `target`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
@@ -133,6 +140,8 @@ pub(crate) struct Framed {
     pub camera: Camera,
     /// What it shows.
     pub subject: Subject,
+    /// Where a lamp hangs in the room that it shows, if it shows one.
+    pub lamp: Option<Vec3>,
 }
 
 /// A little air around the model.
@@ -193,7 +202,8 @@ impl Framing {
             _ => subject(triangles.clone(), (low, high), may_enter.then(|| axes.automatic())),
         };
         if subject == Subject::Room {
-            return Framed { camera: self.inside(&axes, (low + high) / 2.0, triangles), subject };
+            let (camera, lamp) = self.inside(&axes, (low + high) / 2.0, triangles);
+            return Framed { camera, subject, lamp: Some(lamp) };
         }
 
         let diagonal = (high - low).length();
@@ -209,13 +219,19 @@ impl Framing {
         let distance = shown.flatten().map(|p| distance_to_show(p - center, axes, tangents)).fold(0.0, f64::max);
         let distance = if distance > 0.0 { distance } else { 1.0 };
         let eye = (center + back * distance).as_vec3();
-        Framed { camera: Camera { eye, target: center.as_vec3(), up: self.up, fov_degrees }, subject }
+        Framed { camera: Camera { eye, target: center.as_vec3(), up: self.up, fov_degrees }, subject, lamp: None }
     }
 
     /// A camera in the middle of the triangles' box that looks along the longer of its horizontal sides: to the right,
     /// or away from the front; but the other way where much more surface lies, as the end of a room may be open. Where
-    /// nobody asked for the inside, it steps back from the middle as far as there is room, to show more.
-    fn inside(&self, axes: &Axes, center: DVec3, triangles: impl Iterator<Item = [DVec3; 3]> + Clone) -> Camera {
+    /// nobody asked for the inside, it steps back from the middle as far as there is room, to show more. And the place of
+    /// a lamp that it sees walls, corners and form by.
+    fn inside(
+        &self,
+        axes: &Axes,
+        center: DVec3,
+        triangles: impl Iterator<Item = [DVec3; 3]> + Clone,
+    ) -> (Camera, Vec3) {
         let points = triangles.clone().flatten();
         let reach = |axis: DVec3| points.clone().map(|p| (p - center).dot(axis).abs()).fold(0.0, f64::max);
         let (across, along) = (reach(axes.right), reach(axes.front));
@@ -230,16 +246,22 @@ impl Framing {
         let is_behind = moment < OPEN_END * area * distance;
         let ahead = if is_behind { -ahead } else { ahead };
         let distance = if distance > 0.0 { distance } else { 1.0 };
-        let step = match self.viewpoint {
-            Some(_) => 0.0,
-            None => STEP_BACK * distance * free_way(triangles, center, -ahead * distance),
-        };
-        Camera {
+        let back = STEP_BACK * distance * free_way(triangles.clone(), center, -ahead * distance);
+        let step = if self.viewpoint.is_none() { back } else { 0.0 };
+        let camera = Camera {
             eye: (center - ahead * step).as_vec3(),
             target: (center + ahead * distance).as_vec3(),
             up: self.up,
             fov_degrees: self.fov_degrees.unwrap_or(INSIDE_FOV_DEGREES),
-        }
+        };
+        // From the line to the middle, along which nothing is in the way, up and then to the left as far as there is room.
+        let toward = |from: DVec3, axis: DVec3, share: f64| {
+            let way = axis * reach(axis);
+            from + way * share * free_way(triangles.clone(), from, way)
+        };
+        let above = toward(center - ahead * back * LAMP_BACK, axes.up, LAMP_UP);
+        let lamp = toward(above, axes.up.cross(ahead), LAMP_LEFT);
+        (camera, lamp.as_vec3())
     }
 }
 
@@ -333,13 +355,20 @@ mod tests {
             framing.camera(triangles.iter().copied())
         };
         let room = sides(low, high, true);
-        let Framed { camera: inside, subject } = camera(&room, true);
+        let Framed { camera: inside, subject, lamp } = camera(&room, true);
         assert_eq!((subject, inside.fov_degrees), (Subject::Room, INSIDE_FOV_DEGREES));
         assert_eq!((inside.eye, inside.target), (Vec3::new(-4.5, 1.5, 0.0), Vec3::new(5.0, 1.5, 0.0)));
+        // Between camera and middle, under the ceiling, on the left.
+        assert!(lamp.unwrap().distance(Vec3::new(-1.8, 2.55, -1.0)) < 1e-5, "{lamp:?}");
         // A cupboard from which a tenth is left to the middle.
         let cupboard = sides(Vec3::new(-3.0, 1.0, -0.5), Vec3::new(-2.0, 2.0, 0.5), false);
-        let before_it = camera(&[room.clone(), cupboard].concat(), true).camera;
+        let Framed { camera: before_it, lamp, .. } = camera(&[room.clone(), cupboard].concat(), true);
         assert_eq!(before_it.eye, Vec3::new(-1.8, 1.5, 0.0));
+        assert!(lamp.unwrap().distance(Vec3::new(-0.72, 2.55, -1.0)) < 1e-5, "{lamp:?}");
+        // What hangs from the ceiling is above the lamp, not around it.
+        let beam = sides(Vec3::new(-2.2, 2.0, -1.0), Vec3::new(-1.4, 3.0, 2.0), false);
+        let lamp = camera(&[room.clone(), beam].concat(), true).lamp;
+        assert!(lamp.unwrap().distance(Vec3::new(-1.8, 1.85, -1.0)) < 1e-5, "{lamp:?}");
         // Where it may not enter, and where it is no room.
         assert_eq!(camera(&room, false).subject, Subject::Everything);
         assert_eq!(camera(&sides(low, high, false), true).subject, Subject::Everything);

@@ -3,7 +3,7 @@
 //!
 //! A fault names the value at fault as scene files spell its key, so that a file's reader can find the line.
 
-use super::{Camera, Image, Light, LightKind, Material, Procedural, Scene, Sky, Texture, Toon, WideCamera};
+use super::{Camera, CameraKey, Image, Light, LightKind, Material, Procedural, Scene, Sky, Texture, Toon, WideCamera};
 use crate::error::{Error, Result};
 use crate::shared::NO_PRIMITIVE;
 use glam::{DVec3, Vec3};
@@ -25,6 +25,7 @@ pub(super) fn value_faults(scene: &Scene) -> Vec<String> {
         let fault = wide_camera_fault(wide);
         faults.extend(fault.map(|f| format!("camera of aspect {}: {} {}", wide.aspect, f.key, f.message)));
     }
+    faults.extend(key_faults(&scene.camera_keys));
     for (i, light) in scene.lights.iter().enumerate() {
         faults.extend(light_fault(light).map(|f| format!("light {i}: {} {}", f.key, f.message)));
     }
@@ -128,6 +129,18 @@ pub(super) fn wide_camera_fault(wide: &WideCamera) -> Option<Fault> {
     let is_aspect = wide.aspect > 0.0 && wide.aspect.is_finite();
     let message = || format!("is {}; it must be above 0", wide.aspect);
     if is_aspect { camera_fault(&wide.camera) } else { fault("aspect", message()) }
+}
+
+/// What is wrong with the keys of a moving camera.
+pub(super) fn key_faults(keys: &[CameraKey]) -> Vec<String> {
+    let of_camera = |key: &CameraKey| camera_fault(&key.camera).map(|fault| (key.frame, fault));
+    let of_frame = |pair: &[CameraKey]| {
+        let (before, frame) = (pair[0].frame, pair[1].frame);
+        let message = || format!("is not behind that of the key before it, {before}");
+        (frame <= before).then(|| (frame, Fault { key: "frame", message: message() }))
+    };
+    let faults = keys.iter().filter_map(of_camera).chain(keys.windows(2).filter_map(of_frame));
+    faults.map(|(frame, fault)| format!("camera key of frame {frame}: {} {}", fault.key, fault.message)).collect()
 }
 
 /// What is wrong with `sky`, if anything.

@@ -6,7 +6,9 @@
 //! middle never have the same cosines with both up and the viewer. There is no lamp behind the model: it would cost a
 //! shadow ray where it shines, to part dark outlines from a dark background, and this one is light.
 //!
-//! The key goes with the camera, and the rest stays as it is.
+//! The key goes with the camera, and the rest stays as it is. In a room, whose walls would keep the key out, a lamp hangs
+//! under the ceiling, left of the middle and nearer to the camera: at the camera it would light back wall and furniture
+//! alike, and cast no shadow that is seen. It stays there when the camera moves.
 
 use super::{Background, Camera, Light, Placed, Scene, Sky};
 use crate::names::names;
@@ -44,15 +46,16 @@ const PLAIN_KEY: f32 = 0.9;
 const PLAIN_AMBIENT: f32 = 0.15;
 
 impl DefaultLight {
-    /// The lamp of a picture from `camera`: directional, from above its left shoulder; inside of a scene, whose walls
-    /// would keep that out, at the camera.
-    pub fn lamp(self, camera: &Camera, is_inside: bool) -> Light {
+    /// The lamp of a picture from `camera`: directional, from above its left shoulder; of one inside of a room, where a
+    /// lamp hangs at `room_lamp`, there, and with plain light at the camera.
+    pub fn lamp(self, camera: &Camera, room_lamp: Option<Vec3>) -> Light {
         let intensity = Vec3::splat(match self {
             DefaultLight::Studio => KEY,
             DefaultLight::Plain => PLAIN_KEY,
         });
-        if is_inside {
-            return Light::point(camera.eye, intensity);
+        if let Some(place) = room_lamp {
+            let is_plain = self == DefaultLight::Plain;
+            return Light::point(if is_plain { camera.eye } else { place }, intensity);
         }
         let forward = (camera.target - camera.eye).normalize_or(Vec3::NEG_Z);
         let right = forward.cross(camera.up).normalize_or(Vec3::X);
@@ -98,7 +101,7 @@ impl Scene {
 impl Placed {
     /// The lamp that [`DefaultLight::lamp`] adds to a picture from this camera.
     pub fn lamp(&self, light: DefaultLight) -> Light {
-        light.lamp(&self.camera, self.is_inside())
+        light.lamp(&self.camera, self.room_lamp())
     }
 
     /// The sky that is added to it.
@@ -176,9 +179,14 @@ mod tests {
     }
 
     #[test]
-    fn inside_the_lamp_is_at_the_camera() {
-        let scene = completed(ball(|_| ()), Aim { viewpoint: Some(Viewpoint::Inside), ..Aim::default() });
-        assert_eq!(scene.lights[0].kind, LightKind::Point { position: scene.camera.unwrap().eye });
+    fn inside_the_lamp_hangs_above_on_the_left_or_is_at_the_camera_where_light_is_plain() {
+        let inside = Aim { viewpoint: Some(Viewpoint::Inside), ..Aim::default() };
+        let LightKind::Point { position } = completed(ball(|_| ()), inside).lights[0].kind else { panic!() };
+        // The camera is in the middle of the ball and looks along x or -z.
+        assert!((0.5..0.7).contains(&position.y), "{position}");
+        assert!((position * Vec3::new(1.0, 0.0, 1.0)).length() > 0.3, "{position}");
+        let plain = completed(ball(|b| _ = b.default_light(DefaultLight::Plain)), inside);
+        assert_eq!(plain.lights[0].kind, LightKind::Point { position: plain.camera.unwrap().eye });
     }
 
     #[test]

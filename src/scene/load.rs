@@ -4,6 +4,9 @@ use super::reading::{Loaders, ending, loader_of};
 use super::{Scene, SourceFile, file, gltf, nff, obj, off, ply, stl, threemf};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
+use crate::io::input::open_regular;
+use glam::Vec3;
+use std::io::Read;
 use std::path::Path;
 
 /// The files that hold a model: what an object of a scene file can name.
@@ -45,8 +48,39 @@ pub fn load_within(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<Scen
              .off, .3mf and Haines' .nff",
         )),
     }?;
+    scene.up = scene.up.or_else(|| up_of_file(path));
     scene.files.push(SourceFile { path: path.to_owned(), role: "the scene".to_owned() });
     Ok(scene)
+}
+
+/// Programs that write a kind of file with z up unless their users choose otherwise, though the format says nothing:
+/// the file's ending, and what a comment at its head says. Blender writes `.obj` files with y up: these have none.
+const WRITERS_WITH_Z_UP: &[(&str, &str)] = &[
+    ("ply", "comment Created by Blender"),
+    ("ply", "comment Created in Blender"),
+    ("obj", "# Created by FreeCAD"),
+    ("obj", "# OpenSCAD obj exporter"),
+];
+
+/// How much of a file is searched for the name of its writer, bytes.
+const HEAD_BYTES: u64 = 512;
+
+/// Which way is up by the rule of the format of the file at `path`, or of the program that wrote it. The loaders of
+/// formats with z up say so themselves.
+fn up_of_file(path: &Path) -> Option<Vec3> {
+    let ending = ending(path)?;
+    if ["toml", "gltf", "glb"].contains(&&*ending) {
+        return Some(Vec3::Y);
+    }
+    let comments: Vec<&str> = WRITERS_WITH_Z_UP.iter().filter(|(kind, _)| *kind == ending).map(|(_, c)| *c).collect();
+    if comments.is_empty() {
+        return None;
+    }
+    // The scene was read from it a moment ago: where that is over, nothing is known.
+    let mut head = Vec::new();
+    open_regular(path).ok()?.0.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
+    let says = |line: &[u8]| comments.iter().any(|comment| line.starts_with(comment.as_bytes()));
+    head.split(|&byte| byte == b'\n').any(says).then_some(Vec3::Z)
 }
 
 /// The line of a text on which vertex number `vertex` of [`Scene::positions`] stands, for messages: of an OBJ file.

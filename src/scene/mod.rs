@@ -38,6 +38,7 @@ mod texture;
 mod threemf;
 mod triangulate;
 mod unused;
+mod upright;
 mod words;
 
 pub use aim::{Aim, Origin, Placed, Viewpoint};
@@ -57,6 +58,7 @@ pub use procedural::{Pattern, Procedural, TextureSpace};
 pub use samples::Samples;
 pub use solids::MAX_SEGMENTS;
 pub use texture::{Image, Texture, TextureId};
+pub(crate) use upright::up_by_shape;
 
 use crate::error::Result;
 use bytemuck::Zeroable;
@@ -161,7 +163,8 @@ pub struct Scene {
     pub wide_cameras: Vec<WideCamera>,
     /// Where the camera is in some frames of an animation, in their order.
     pub camera_keys: Vec<CameraKey>,
-    /// Which way is up by the rule of the file's format; `None`: y. A camera says it for itself.
+    /// Which way is up by the rule of the file's format, or of the program that wrote it; `None`: as the scene's shape
+    /// tells, or else y. A camera says it for itself.
     pub up: Option<Vec3>,
     /// What rays that miss everything see.
     pub background: Background,

@@ -1,8 +1,10 @@
 //! Cameras that move: around a scene, or from key to key.
 
 use super::camera::orbit_distance;
+use super::check::{camera_fault, key_faults};
 use super::mesh::rotation;
 use super::{Camera, Placed, Scene};
+use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
 
 /// A camera that is given for a frame.
@@ -59,6 +61,28 @@ impl CameraPath {
             }
         }
         CameraPath::Turn { first, axis, looks_about: placed.is_inside(), step_degrees }
+    }
+
+    /// Checks the cameras of frames 1 to `frames` of keys: those between two keys may see nothing, too.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] names the keys at fault, or the first frame whose camera looks nowhere.
+    pub fn check(&self, frames: u32) -> Result<()> {
+        let CameraPath::Keys(keys) = self else { return Ok(()) };
+        let mut faults = key_faults(keys);
+        if keys.is_empty() {
+            faults.push("there are no camera keys".into());
+        }
+        if faults.is_empty() {
+            let fault = |frame| Some((frame, camera_fault(&self.camera(frame))?));
+            faults.extend((1..=frames).find_map(fault).map(|(frame, fault)| {
+                format!(
+                    "camera between two keys, in frame {frame}: {} {}; move a key, or add one",
+                    fault.key, fault.message
+                )
+            }));
+        }
+        if faults.is_empty() { Ok(()) } else { Err(Error::Scene(faults.join("; "))) }
     }
 
     /// The camera of frame number `frame`.
@@ -127,9 +151,48 @@ mod tests {
     use crate::scene::{Aim, Builder, Viewpoint};
 
     fn placed(scene: &Scene, aim: &Aim) -> Placed {
-        aim.place(scene.camera, scene.up, 1.5, |framing| {
-            framing.camera(scene.hittable().iter().map(|&i| scene.vertices(i as usize)))
-        })
+        aim.place(
+            scene.camera,
+            scene.up,
+            || None,
+            1.5,
+            |framing| framing.camera(scene.hittable().iter().map(|&i| scene.vertices(i as usize))),
+        )
+    }
+
+    #[test]
+    fn keys_and_frames_that_see_nothing_are_named() {
+        let key = |frame: u32, eye: Vec3, target: Vec3| CameraKey {
+            frame,
+            camera: Camera { eye, target, up: Vec3::Y, fov_degrees: 40.0 },
+        };
+        let good = || key(1, Vec3::Z, Vec3::ZERO);
+        let nan = key(5, Vec3::splat(f32::NAN), Vec3::ZERO);
+        let wide = CameraKey { camera: Camera { fov_degrees: 180.0, ..good().camera }, frame: 6 };
+        for (keys, words) in [
+            (vec![good()], None),
+            (vec![good(), key(9, Vec3::X, Vec3::ZERO)], None),
+            (vec![], Some("no camera keys")),
+            (vec![good(), nan], Some("frame 5: eye")),
+            (vec![good(), key(5, Vec3::X, Vec3::X)], Some("frame 5: target is the eye's own place")),
+            (vec![good(), key(5, Vec3::Y, Vec3::ZERO)], Some("frame 5: up is parallel")),
+            (vec![good(), wide], Some("frame 6: fov is 180")),
+            (vec![good(), good()], Some("frame 1: frame is not behind")),
+            // Each key is good, and in the middle the camera is where it looks.
+            (vec![good(), key(3, Vec3::NEG_Z, Vec3::ZERO)], Some("in frame 2: target")),
+        ] {
+            let scene = Scene { camera_keys: keys.clone(), ..Scene::default() };
+            let found = CameraPath::Keys(keys).check(3).map_err(|error| error.to_string());
+            match words {
+                None => assert_eq!((found, scene.check_values().is_ok()), (Ok(()), true)),
+                Some(words) => {
+                    let error = found.unwrap_err();
+                    assert!(error.contains(words), "{error}");
+                    let is_between = words.starts_with("in frame") || words.starts_with("no camera");
+                    assert_eq!(scene.check_values().is_ok(), is_between, "{error}");
+                }
+            }
+        }
     }
 
     #[test]

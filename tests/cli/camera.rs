@@ -74,10 +74,14 @@ fn every_part_of_the_camera_is_told_with_where_it_comes_from() {
         "[camera]\neye = [9, 1, 2]\ntarget = [0, 1, 0]\n[[object]]\nfile = \"one.stl\"\n",
     )
     .unwrap();
+    let ground = format!("{MODEL}v -9 -9 -3\nv 9 -9 -3\nv 9 9 -3\nv -9 9 -3\nf 10 11 12 13\n");
+    std::fs::write(at.join("lying.obj"), ground).unwrap();
     for (scene, arguments, lines) in [
         ("box.obj", &[][..], &["--target 0,0.5,0: model: ", "--up 0,1,0: model: ", "--fov 40: model: "][..]),
-        ("one.stl", &[], &["--target 2,1,3: model: ", "--up 0,0,1: scene: z is up in files of its format"]),
+        ("one.stl", &[], &["--target 2,1,3: model: ", "--up 0,0,1: scene: the rule of its format"]),
         ("one.stl", &["--up", "y"], &["--up 0,1,0: given on the command line"]),
+        ("lying.obj", &[], &["--up 0,0,1: model: the model has level ground across z"]),
+        ("lying.obj", &["--up", "y"], &["--up 0,1,0: given on the command line"]),
         (
             "scene.toml",
             &["--fov", "33"],
@@ -129,9 +133,9 @@ fn everything_is_in_the_picture_from_every_side() {
             seen.push(picture);
         }
     }
-    // From within nothing else is seen, and the lamp is at the camera: nothing lies in shadow.
+    // From within nothing else is seen, and nothing is black: where the lamp does not reach there is the sky.
     let inside = pixels(&rendered(at, "box.obj", &["--view", "inside"]).0);
-    assert!(inside.iter().all(|pixel| pixel[0] > 0.15), "{inside:?}");
+    assert!(inside.iter().all(|pixel| pixel[0] > 0.05), "{inside:?}");
 }
 
 /// The box turned inward is a room; on ground of a thousand times its size it fills the picture as without.
@@ -150,7 +154,15 @@ fn rooms_are_seen_from_inside_and_ground_does_not_count() {
     for words in ["--eye 0,0,2.7: model: ", "a room", "--target 0,0,-3: model: ", "--fov 65: model: "] {
         assert!(said.contains(words), "'{words}' is missing in {said}");
     }
-    assert!(pixels(&room).iter().all(|pixel| pixel[0] > 0.15));
+    // Seen by a lamp that hangs on the left: the right wall is lighter than the left one, and the floor than the ceiling.
+    let seen = pixels(&room);
+    assert!(seen.iter().all(|pixel| pixel[0] > 0.05));
+    let mean = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
+        let all = rows.flat_map(|row| columns.clone().map(move |column| row * 24 + column));
+        let values: Vec<f32> = all.map(|i| seen[i][0]).collect();
+        values.iter().sum::<f32>() / values.len() as f32
+    };
+    assert!(mean(8..10, 0..2) < 0.8 * mean(8..10, 22..24) && mean(16..18, 11..13) < 0.6 * mean(0..2, 11..13));
     let (outside, said) = rendered(at, "room.obj", &["--view", "front"]);
     assert!(said.contains("from where everything is in the picture") && outside != room, "{said}");
     let (_, said) = rendered(at, "room.obj", &["--eye", "1,2,9"]);

@@ -148,3 +148,50 @@ fn frames_of_something_else_are_not_mixed_in() {
     std::fs::remove_file(at.join("out/frame-turntable.json")).unwrap();
     assert_fails(&turntable(at, "tent.obj", &["--frames", "3", "-o", "out"]), 2, &["nothing that tells", "--restart"]);
 }
+
+/// Layers of frames have the bytes of `render`'s, and belong to what has to be there.
+#[test]
+fn layers_of_frames_are_those_of_their_pictures() {
+    let folder = model();
+    let at = folder.path();
+    let camera = ["--target", "0,1,0", "--fov", "50"];
+    let turn = |more: &[&str]| {
+        let arguments = [&["--frames", "2", "--degrees=-180", "--eye", "9,4,2"], &camera[..], more].concat();
+        turntable(at, "tent.obj", &arguments)
+    };
+    let read = |name: &str| std::fs::read(at.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    for (name, layers, beside) in [
+        ("flat.png", "depth,normal,steps", &["depth", "normal", "steps"][..]),
+        ("deep.exr", "depth,object,samples,tests", &[]),
+    ] {
+        let output = turn(&["--layers", layers, "-o", name]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let (stem, ending) = name.split_once('.').unwrap();
+        for (frame, eye) in [("0001", "9,4,2"), ("0002", "-2,4,9")] {
+            let picture = ["render", "tent.obj", "--layers", layers, "-o", name, "--eye", eye];
+            assert!(raybrook(at, &[&picture[..], &PICTURE[..], &camera[..]].concat()).status.success());
+            assert!(read(&format!("{stem}-{frame}.{ending}")) == read(name), "{name} {frame}");
+            for layer in beside {
+                let one = read(&format!("{stem}-{layer}.png"));
+                assert!(read(&format!("{stem}-{frame}-{layer}.png")) == one, "{name} {frame} {layer}");
+            }
+        }
+    }
+    let said = |output: &std::process::Output| String::from_utf8_lossy(&output.stdout).into_owned();
+    let flat = ["--layers", "depth,normal,steps", "-o", "flat.png"];
+    let before = read("flat-0002-normal.png");
+    std::fs::remove_file(at.join("flat-0002-normal.png")).unwrap();
+    let again = said(&turn(&flat));
+    assert!(again.contains("2 frames, of which 1 were there"), "{again}");
+    assert!(read("flat-0002-normal.png") == before);
+    // What the frames know is part of what they are.
+    let other = turn(&["--layers", "depth", "-o", "flat.png"]);
+    assert_fails(&other, 2, &["another layers", "--restart"]);
+    let anew = turn(&["-o", "flat.png", "--restart"]);
+    assert!(anew.status.success() && !said(&anew).contains("were there"), "{}", stderr(&anew));
+    for layer in ["depth", "normal", "steps"] {
+        assert!(!at.join(format!("flat-0001-{layer}.png")).exists(), "{layer}");
+    }
+    assert_fails(&turn(&["--layers", "depth", "-o", "no.pfm"]), 2, &["--layers", ".exr"]);
+    assert_fails(&turn(&["--layers", "error", "-o", "no.png"]), 2, &["--layers"]);
+}

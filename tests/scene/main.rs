@@ -19,3 +19,4 @@ mod scene_file;
 mod spd;
 mod stl_files;
 mod threemf_files;
+mod upright;

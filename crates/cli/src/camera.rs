@@ -30,8 +30,11 @@ pub struct CameraArgs {
         value_parser = parse_vector,
     )]
     target: Option<Vec3>,
-    /// Which way is up: an axis, or a direction X,Y,Z [default: the scene's, else z in .stl and .3mf files and y in
-    /// others].
+    /// Which way is up: an axis, or a direction X,Y,Z [default: the scene's, else that of its format or its shape].
+    ///
+    /// z in .stl and .3mf files, y in scene files, .gltf and .glb. Of others some programs that write them are known to
+    /// have z up; and a model is seen with z up that has level ground across z and none across y, is a terrain over x and
+    /// y, or stands on a flat base across z and would tip over along y. All else has y up. --explain tells.
     #[arg(
         long,
         help_heading = heading::CAMERA,

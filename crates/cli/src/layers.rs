@@ -1,7 +1,6 @@
 //! What a picture knows beside light, on the command line: channels of an .exr file, or pictures beside a .png.
 
 use super::files::Files;
-use super::progress::Bar;
 use super::values::Named;
 use super::{Talk, heading, work};
 use clap::builder::TypedValueParser;
@@ -14,7 +13,7 @@ use raybrook::low_level::planes::{Plane, PlaneGroup, write_exr};
 use raybrook::low_level::renderer::{Crop, Picture};
 use raybrook::low_level::scene::{Numbering, Samples, Scene};
 use raybrook::low_level::shared::WorkCounter;
-use raybrook::low_level::tracer::{Backend, RenderResult, Sampling};
+use raybrook::low_level::tracer::{Backend, Progress, RenderResult, Sampling};
 use raybrook::low_level::work::PixelWork;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -30,6 +29,17 @@ enum Asked {
 fn names() -> Vec<&'static str> {
     let layers = Layer::ALL.iter().map(|layer| layer.name());
     layers.chain(WorkCounter::ALL.iter().map(|counter| counter.name())).collect()
+}
+
+/// The layer or counter of this name: whatever a file says, no other is the name of a file.
+pub fn known(name: &str) -> Option<&'static str> {
+    names().into_iter().find(|known| *known == name)
+}
+
+/// What layers and counters of these names may have been written to beside `output`.
+pub fn files_of(output: &Path, names: &[&str]) -> Vec<PathBuf> {
+    let ending = output.extension().and_then(|ending| ending.to_str()).unwrap_or("png");
+    names.iter().flat_map(|name| ["png", ending].map(|ending| work::beside(output, name, ending))).collect()
 }
 
 fn parse(text: &str) -> std::result::Result<Asked, String> {
@@ -154,25 +164,25 @@ impl LayerArgs {
         (buffers, scene): (&SceneBuffers, &Scene),
         picture: &Picture,
         (part, sampling): (Option<Crop>, Option<&Sampling>),
-        talk: Talk,
+        progress: Progress,
     ) -> Result<Vec<PlaneGroup>> {
         let layers = self.layers();
-        if layers.is_empty() {
-            return Ok(Vec::new());
-        }
-        let bar = Bar::new("layers", talk);
-        let (width, height) = part.map_or(picture.size, |part| part.size);
-        let rays = f64::from(width) * f64::from(height) / 1e6;
-        let progress = |done: f64| bar.update(done, rays, "M rays");
-        trace_layers(
-            tracer,
-            (buffers, &Numbering::of(scene, &buffers.used_materials)),
-            picture,
-            part,
-            &layers,
-            sampling,
-            &progress,
-        )
+        let numbering = Numbering::of(scene, &buffers.used_materials);
+        trace_layers(tracer, (buffers, &numbering), picture, part, &layers, sampling, progress)
+    }
+
+    /// The names of all that was asked for, in its order.
+    pub fn names(&self) -> Vec<&'static str> {
+        let name = |asked: &Asked| match asked {
+            Asked::Layer(layer) => layer.name(),
+            Asked::Counter(counter) => counter.name(),
+        };
+        self.layers.iter().map(name).chain(self.aov.iter().map(|counter| counter.name())).collect()
+    }
+
+    /// All files beside the picture.
+    pub fn files(&self, output: &Path, format: ImageFormat) -> Vec<PathBuf> {
+        self.pictures(output, format).chain(work::aov_files(output, format, &self.aovs(format))).collect()
     }
 
     /// Writes the picture, with its layers in it or beside it; tells what the colours of those mean.

@@ -40,7 +40,7 @@ impl Loaded {
     /// The lamp that was added to a scene without light, in a picture from `camera`.
     pub fn added_lamp(&self, camera: &Camera) -> Option<Light> {
         let placed = self.placed.as_ref().filter(|_| self.has_added_light)?;
-        Some(self.scene.default_light.lamp(camera, placed.is_inside()))
+        Some(self.scene.default_light.lamp(camera, placed.room_lamp()))
     }
 }
 

@@ -15,13 +15,14 @@ use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open,
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{Film, ImageFormat, check_output};
 use raybrook::low_level::output::check_writable;
+use raybrook::low_level::planes::PlaneGroup;
 use raybrook::low_level::renderer::{
     Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part_noting,
 };
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{FullPicture, RayCounts, RunStats, WorkStats};
-use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Task};
+use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Sampling, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -326,8 +327,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     }
     let tracing_layers = Instant::now();
     let trace_layers = |opened: &mut Opened| {
-        let (tracer, scene) = (opened.tracer.as_mut(), (&*opened.buffers, &loaded.scene));
-        args.layers.trace(tracer, scene, &picture, (args.crop, result.sampling.as_ref()), talk)
+        let of = (&picture, blocks.size(), result.sampling.as_ref());
+        trace_layers(args, (opened, &loaded.scene), of, talk)
     };
     let layers = opened.as_mut().map(trace_layers).transpose()?.unwrap_or_default();
     let layers_s = args.layers.any().then(|| tracing_layers.elapsed().as_secs_f64());
@@ -367,6 +368,22 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     tell_result(&output, (&stats, &result.film), talk);
     args.explain.print_times(&stats, talk);
     Ok(SUCCESS)
+}
+
+/// The layers of a picture, or of the part of this size that is rendered of it.
+fn trace_layers(
+    args: &RenderArgs,
+    (opened, scene): (&mut Opened, &Scene),
+    (picture, size, sampling): (&Picture, (u32, u32), Option<&Sampling>),
+    talk: Talk,
+) -> Result<Vec<PlaneGroup>> {
+    if !args.layers.any() {
+        return Ok(Vec::new());
+    }
+    let bar = Bar::new("layers", talk);
+    let rays = f64::from(size.0) * f64::from(size.1) / 1e6;
+    let progress = |done: f64| bar.update(done, rays, "M rays");
+    args.layers.trace(opened.tracer.as_mut(), (&opened.buffers, scene), picture, (args.crop, sampling), &progress)
 }
 
 /// What was rendered, and by what.

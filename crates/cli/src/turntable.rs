@@ -6,22 +6,23 @@ mod manifest;
 use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
+use super::layers::LayerArgs;
 use super::limit::{Limit, LimitArgs};
 use super::open::{self, Loaded};
 use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
-use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading};
+use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, work};
 use frames::Frames;
 use manifest::Manifest;
 use raybrook::low_level::animation::write_animation;
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::{Picture, render};
+use raybrook::low_level::renderer::{Picture, render_part_noting};
 use raybrook::low_level::scene::{Camera, CameraKey, CameraPath, Samples, Scene};
-use raybrook::low_level::tracer::{Backend, Task};
+use raybrook::low_level::tracer::{Backend, Progress, Task};
 use raybrook::{Error, Result};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -61,6 +62,8 @@ pub struct TurntableArgs {
     output: Option<PathBuf>,
     #[command(flatten)]
     file: PictureFileArgs,
+    #[command(flatten)]
+    layers: LayerArgs,
     /// Write all frames to one animated .png as well, once they are there.
     #[arg(long, value_name = "FILE", help_heading = heading::OUTPUT)]
     animation: Option<PathBuf>,
@@ -125,6 +128,11 @@ impl TurntableArgs {
         Some(scene.camera_keys.iter().map(with_options).collect())
     }
 
+    /// The files beside a frame.
+    fn beside(&self, format: ImageFormat) -> impl Fn(&Path) -> Vec<PathBuf> + '_ {
+        move |frame| self.layers.files(frame, format)
+    }
+
     /// Checks that the frames can be in an animation, and keeps that it is written.
     fn claim_animation(&self, format: ImageFormat, files: &mut Files) -> Result<()> {
         let Some(path) = &self.animation else { return Ok(()) };
@@ -140,21 +148,26 @@ impl TurntableArgs {
 pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     let start = Instant::now();
     let limit = args.limit.begin(start);
-    let options = args.method.check(false)?;
+    let counters = args.layers.wants_counters();
+    let options = args.method.check(counters)?;
     let mut frames = args.frames()?;
     let format = args.file.format(&frames.path(1))?;
+    args.layers.check(format)?;
     let mut files = Files::default();
     files.read(&args.scene.scene, "the scene");
     let claim = |frames: &Frames, mut files: Files| {
         frames.claim(&mut files)?;
+        frames.paths().iter().try_for_each(|frame| args.layers.claim(frame, format, &mut files))?;
         args.claim_animation(format, &mut files)
     };
     claim(&frames, files.clone())?;
     args.animation.as_deref().map_or(Ok(()), check_writable)?;
     let device = open::choose(&args.device, talk)?;
     let budget = args.scene.memory.budget();
-    let check_picture =
-        |size, samples| open::check_picture((size, 0), samples, &options, device.as_ref(), format, &budget);
+    let check_picture = |size, samples| {
+        let of = (size, args.layers.bytes(size));
+        open::check_picture(of, samples, &options, device.as_ref(), format, &budget)
+    };
     if let Some(size) = args.picture.size {
         check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
     }
@@ -163,29 +176,36 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     let keys = args.keys(&loaded.scene);
     frames = frames.with_count(args.count(keys.as_deref())?);
     claim(&frames, files)?;
-    let chooser =
-        Chooser { pictures: true, ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk) };
+    let chooser = Chooser {
+        counters,
+        pictures: true,
+        ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
+    };
     let chosen = chooser.choose(&loaded)?;
     let picture = args.picture.picture(&loaded.scene);
     check_picture(picture.size, picture.samples)?;
+    args.layers.check_samples(picture.samples)?;
     let way = match keys {
         Some(keys) => CameraPath::Keys(keys),
         None => turn(args, &loaded, &picture, frames.count())?,
     };
+    way.check(frames.count())?;
     let manifest = Manifest::new(args, &loaded.scene, (&way, frames.count()), (&picture, format), &chosen.options);
     frames.make_folder()?;
-    manifest.take_over(&frames, args.restart)?;
+    manifest.take_over(&frames, args.restart, args.beside(format))?;
     check_writable(&frames.path(1))?;
-    let missing = frames.missing();
+    args.layers.check_writable(&frames.path(1), format)?;
+    let missing = frames.missing(args.beside(format));
     if !missing.is_empty() {
-        let tasks = (&[Task::Picture][..], &budget);
+        let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
+        let tasks = (tasks, &budget);
         let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
         check_picture(picture.size, picture.samples)?;
         let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
         let mut render = || turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), (limit, talk));
         if limit.within(&mut render)?.is_none() {
             if !talk.quiet {
-                let (done, of) = (frames.count() as usize - frames.missing().len(), frames.count());
+                let (done, of) = (frames.count() as usize - frames.missing(args.beside(format)).len(), frames.count());
                 let name = frames.name().display();
                 tell!("note: {done} of {of} frames are in '{name}'; the same command makes the others");
             }
@@ -234,11 +254,39 @@ impl Turntable<'_> {
                 limit.check();
                 bar.update((made as f64 + done) / missing.len() as f64, missing.len() as f64, "frames");
             };
-            let picture = Picture { camera: self.way.camera(frame), ..*self.picture };
-            self.light(picture.camera, (tracer, buffers))?;
-            let mut film = render(tracer, buffers, &picture, &progress)?.film;
-            self.args.file.finish(&mut film, &format!("frame {frame}"), talk)?;
-            film.write(self.frames.path(frame), Some(self.format))?;
+            self.render_frame(frame, (tracer, buffers), &progress, (talk, made == 0))?;
+        }
+        Ok(())
+    }
+
+    fn render_frame(
+        &self,
+        frame: u32,
+        (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        progress: Progress,
+        (talk, is_first): (Talk, bool),
+    ) -> Result<()> {
+        let Turntable { args, format, .. } = *self;
+        let picture = Picture { camera: self.way.camera(frame), ..*self.picture };
+        self.light(picture.camera, (tracer, buffers))?;
+        let notes_sampling = args.layers.wants_sampling();
+        let mut result = render_part_noting(tracer, buffers, &picture, None, notes_sampling, progress)?;
+        let of = (buffers, &self.loaded.scene);
+        let sampling = result.sampling.as_ref();
+        let layers = match args.layers.any() {
+            true => args.layers.trace(tracer, of, &picture, (None, sampling), &|_| progress(1.0))?,
+            false => Vec::new(),
+        };
+        args.file.finish(&mut result.film, &format!("frame {frame}"), talk)?;
+        let path = self.frames.path(frame);
+        // What the colours of layers mean is told once.
+        let talk = Talk { quiet: talk.quiet || !is_first && !talk.verbose, ..talk };
+        args.layers.write((&path, format), &result, layers, talk)?;
+        if let Some(work) = &result.work {
+            let ranges = args.layers.write_aovs((&path, format), work, picture.size)?;
+            if !talk.quiet {
+                work::say_ranges(&path, &ranges);
+            }
         }
         Ok(())
     }

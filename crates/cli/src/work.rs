@@ -28,14 +28,18 @@ fn aov_paths(output: &Path, format: ImageFormat, counter: WorkCounter) -> (PathB
     (beside(output, counter.name(), "png"), numbers.map(|ending| beside(output, counter.name(), ending)))
 }
 
+/// The files of all `counters`.
+pub fn aov_files(output: &Path, format: ImageFormat, counters: &[WorkCounter]) -> Vec<PathBuf> {
+    let of_counter = |&counter: &WorkCounter| {
+        let (colours, numbers) = aov_paths(output, format, counter);
+        [Some(colours), numbers].into_iter().flatten()
+    };
+    counters.iter().flat_map(of_counter).collect()
+}
+
 /// Checks that all files can be written.
 pub fn check_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter]) -> Result<()> {
-    for &counter in counters {
-        let (colours, numbers) = aov_paths(output, format, counter);
-        check_writable(&colours)?;
-        numbers.as_deref().map_or(Ok(()), check_writable)?;
-    }
-    Ok(())
+    aov_files(output, format, counters).iter().try_for_each(|path| check_writable(path))
 }
 
 /// Keeps that `option` has these files written.
@@ -46,12 +50,7 @@ pub fn claim_aovs(
     option: &str,
     files: &mut Files,
 ) -> Result<()> {
-    for &counter in counters {
-        let (colours, numbers) = aov_paths(output, format, counter);
-        files.write(&colours, option)?;
-        files.write_if(numbers.as_deref(), option)?;
-    }
-    Ok(())
+    aov_files(output, format, counters).iter().try_for_each(|path| files.write(path, option))
 }
 
 /// Writes the pictures of `counters` beside `output` and returns what their colours mean.

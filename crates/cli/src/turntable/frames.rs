@@ -73,9 +73,10 @@ impl Frames {
         self.folder.join(format!("{}-turntable.json", self.stem))
     }
 
-    /// The frames that are not there.
-    pub fn missing(&self) -> Vec<u32> {
-        self.all().filter(|&frame| !self.path(frame).exists()).collect()
+    /// The frames that are not there, or of which one of the files `beside` is not.
+    pub fn missing(&self, beside: impl Fn(&Path) -> Vec<PathBuf>) -> Vec<u32> {
+        let is_there = |path: PathBuf| path.exists() && beside(&path).iter().all(|file| file.exists());
+        self.all().filter(|&frame| !is_there(self.path(frame))).collect()
     }
 
     /// Whether some frame is there.
@@ -91,10 +92,14 @@ impl Frames {
         std::fs::create_dir_all(&self.folder).map_err(|e| Error::io("create", &self.folder, e))
     }
 
-    /// Removes all frames that are there, up to number `last` or the last one.
-    pub fn remove(&self, last: u32) -> Result<()> {
-        for path in (1..=self.count.max(last)).map(|frame| self.path(frame)).filter(|path| path.exists()) {
-            std::fs::remove_file(&path).map_err(|e| Error::io("remove", &path, e))?;
+    /// Removes all frames that are there, up to number `last` or the last one, with the files `beside` them.
+    pub fn remove(&self, last: u32, beside: impl Fn(&Path) -> Vec<PathBuf>) -> Result<()> {
+        for frame in (1..=self.count.max(last)).map(|frame| self.path(frame)) {
+            // The frame first: one without a file beside it is made anew, and is never taken for another one.
+            let files = std::iter::once(frame.clone()).chain(beside(&frame));
+            for path in files.filter(|path| path.exists()) {
+                std::fs::remove_file(&path).map_err(|e| Error::io("remove", &path, e))?;
+            }
         }
         Ok(())
     }
@@ -119,7 +124,7 @@ mod tests {
         ] {
             let frames = Frames::of(Path::new(output), 3).unwrap();
             assert_eq!((frames.path(1), frames.manifest()), (first.into(), manifest.into()));
-            assert_eq!(frames.missing(), [1, 2, 3]);
+            assert_eq!(frames.missing(|_| Vec::new()), [1, 2, 3]);
         }
         assert_eq!(Frames::of(Path::new("a.gif"), 3).err().map(|error| error.exit_code()), Some(2));
         assert_eq!(Frames::of(Path::new("x"), 99_999).unwrap().path(12_345), Path::new("x/frame-12345.png"));

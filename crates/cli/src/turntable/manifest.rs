@@ -2,6 +2,7 @@
 
 use super::TurntableArgs;
 use super::frames::Frames;
+use crate::layers;
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::write_json;
@@ -9,7 +10,7 @@ use raybrook::low_level::renderer::{Picture, PictureId};
 use raybrook::low_level::scene::{CameraPath, Scene};
 use raybrook::{Error, Result};
 use serde_json::{Map, Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Of what kind the file is.
 const KIND: &str = "raybrook turntable";
@@ -39,6 +40,7 @@ impl Manifest {
             "up": text(&first.up),
             "fov": first.fov_degrees,
             "exposure": args.file.exposure,
+            "layers": (!args.layers.names().is_empty()).then(|| args.layers.names()),
             "format": text(&format),
         });
         if let (Value::Object(values), Value::Object(of_frames)) = (&mut values, of_frames) {
@@ -50,17 +52,20 @@ impl Manifest {
         }
     }
 
-    /// Keeps the frames that are there, if they are of the same turntable; with `restart` removes them. The manifest is
-    /// there then.
+    /// Keeps the frames that are there, if they are of the same turntable; with `restart` removes them and what was
+    /// written `beside` them. The manifest is there then.
     ///
     /// # Errors
     /// [`Error::Option`] when they are of another one, or of nobody knows what.
-    pub fn take_over(&self, frames: &Frames, restart: bool) -> Result<()> {
+    pub fn take_over(&self, frames: &Frames, restart: bool, beside: impl Fn(&Path) -> Vec<PathBuf>) -> Result<()> {
         let path = frames.manifest();
         let found = read(&path)?;
         if restart {
             let last = found.as_ref().and_then(|found| found.get("frames")?.as_u64());
-            frames.remove(last.and_then(|last| u32::try_from(last).ok()).unwrap_or(0))?;
+            let layers = found.as_ref().and_then(|found| found.get("layers")?.as_array().cloned()).unwrap_or_default();
+            let layers: Vec<&str> = layers.iter().filter_map(|name| layers::known(name.as_str()?)).collect();
+            let all = |frame: &Path| [beside(frame), layers::files_of(frame, &layers)].concat();
+            frames.remove(last.and_then(|last| u32::try_from(last).ok()).unwrap_or(0), all)?;
         } else if let Some(found) = found {
             return self.check(&found, frames);
         } else if frames.any() {
@@ -75,7 +80,9 @@ impl Manifest {
     }
 
     fn check(&self, found: &Map<String, Value>, frames: &Frames) -> Result<()> {
-        let differs = |key: &&String| found.get(*key) != self.0.get(*key);
+        // What an older version did not write is as if nobody had asked for it.
+        let of = |values: &Map<String, Value>, key: &str| values.get(key).cloned().unwrap_or_default();
+        let differs = |key: &&String| of(found, key) != of(&self.0, key);
         let names: Vec<&str> = self.0.keys().filter(differs).map(String::as_str).collect();
         if names.is_empty() {
             return Ok(());
