@@ -7,6 +7,7 @@ use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
 use super::limit::{Limit, LimitArgs};
+use super::loss::LossArgs;
 use super::open::{self, Loaded};
 use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
@@ -34,6 +35,8 @@ pub struct TurntableArgs {
     scene: SceneArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    loss: LossArgs,
     /// How many pictures to make [default: up to the scene's last camera key].
     #[arg(
         long,
@@ -179,8 +182,9 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     let missing = frames.missing();
     if !missing.is_empty() {
         let tasks = (&[Task::Picture][..], &budget);
-        let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
+        let opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
         check_picture(picture.size, picture.samples)?;
+        let mut opened = args.loss.guard(opened, device.as_ref(), talk);
         let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
         let mut render = || turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), (limit, talk));
         if limit.within(&mut render)?.is_none() {
