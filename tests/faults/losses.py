@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Breaks long work once in every way, has the same command go on, and tells what that cost: a table of faults and commands.
+"""Breaks long work once in every way, has the same command go on, and tells in a table what that cost.
 
 A fault hits in the middle of the run. Then the command is run again: the output must have an undisturbed run's bytes.
 FAULTS_LIBRARY names the library of opencl_faults.rs where it is compiled already.
@@ -115,7 +115,7 @@ def begun_with(said):
 
 
 def one(program, command, fault, library, chance):
-    """A row: exit code, what was kept, the exit code of the same command, whether the bits are equal; and what is wrong."""
+    """A row: exit code, what was kept, that of the same command, whether the bits are equal; and what is wrong."""
     is_of_device = fault.startswith("device")
     words = [*COMMANDS[command][0], *(SMALL if is_of_device else REFERENCE if command != "merge" else [])]
     with common.new_folder() as folder:
