@@ -138,6 +138,17 @@ impl Error {
         Error::Option { option: option.into(), message: message.into() }
     }
 
+    /// Whether a device cannot do what others may.
+    pub(crate) fn is_of_device(&self) -> bool {
+        let cannot_begin = matches!(self, Error::NoDevice(_) | Error::Build { .. } | Error::TooLarge { .. });
+        cannot_begin || self.is_lost_device()
+    }
+
+    /// Whether a call of a driver failed. Of a device that was ready to work it is the end.
+    pub(crate) fn is_lost_device(&self) -> bool {
+        matches!(self, Error::OpenCl { .. } | Error::Hang { .. })
+    }
+
     /// The documented exit code of the binary for this error: 2 usage, 3 input, 4 device, 5 output, 130 stopped.
     pub fn exit_code(&self) -> u8 {
         match self {

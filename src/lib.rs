@@ -58,6 +58,7 @@
 //! | [`precision`](TracerBuilder::precision) | [`Precision::Exact`], [`Precision::Fast`] | exact |
 //! | [`progress`](TracerBuilder::progress) | a function | none |
 //! | [`stop`](TracerBuilder::stop) | a flag that stops calls | none |
+//! | [`fall_back`](TracerBuilder::fall_back) | whether the reference goes on where a device is lost | no |
 //! | [`memory_limit`](TracerBuilder::memory_limit) | bytes | nine tenths of what is left |
 //! | [`cache`](TracerBuilder::cache), [`cache_folder`](TracerBuilder::cache_folder) | whether and where compiled kernels are kept | the user's cache |
 //!
@@ -91,6 +92,7 @@
 //! | [`budget`](low_level::budget) | how much memory may be taken |
 //! | [`layers`](low_level::layers), [`planes`](low_level::planes), [`animation`](low_level::animation) | what a picture knows beside light, and its files; pictures one after the other |
 //! | [`film`](low_level::film), [`output`](low_level::output), [`rays`](low_level::rays) | files of pictures and rays |
+//! | [`several`](low_level::several) | work by several devices at once |
 //! | [`runs`](low_level::runs), [`journal`](low_level::journal) | batches of rays in runs; files that long work is kept in |
 //! | [`stats`](low_level::stats), [`work`](low_level::work), [`aov`](low_level::aov), [`compare`](low_level::compare) | statistics, counted work, comparisons |
 //! | `cl/` | kernels: `intersect/` and `traverse/` have one method a file |
@@ -138,6 +140,7 @@ mod reference;
 mod renderer;
 mod runs;
 pub mod scene;
+mod several;
 mod shared;
 mod stats;
 mod tracer;

@@ -79,6 +79,8 @@ rooms! {
     runs,
     /// Scenes in world units, and their loaders.
     scene,
+    /// Work in pieces by several devices at once: blocks of pictures, runs of batches.
+    several,
     /// The structs and constants that host and kernels share.
     shared,
     /// Statistics of a run.

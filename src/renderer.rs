@@ -2,14 +2,16 @@
 
 mod blocks;
 mod crop;
+mod fall_back;
 mod kept;
 mod several;
 mod stored;
 
 pub use blocks::{PictureBlocks, render_blocks};
 pub use crop::{Crop, render_part, render_part_noting};
+pub use fall_back::{FallBack, OnLoss};
 pub use kept::{Kept, KeptBlock, KeptRows, Part, PictureId, PictureJournal, read_kept};
-pub use several::{Renderer, Watcher, render_by_several};
+pub use several::{TakeBlocks, render_by_several};
 pub use stored::{RowsInOrder, StoredBlocks};
 
 use crate::adaptive::{PART_PIXELS, estimated_bytes, render_all, sample_sequence};

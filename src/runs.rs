@@ -11,9 +11,11 @@
 
 mod answers;
 mod kept;
+mod several;
 
 pub use answers::{Answers, Asked, hit_batch, list_batch, write_answers};
 pub use kept::{BatchId, BatchJournal, KeptRuns, RunEntry, TakeRun, read_kept_runs};
+pub use several::{TakeRuns, trace_by_several};
 
 use crate::budget::MemoryBudget;
 use crate::crossings::count_crossings;
@@ -38,6 +40,9 @@ pub const RUN_RAYS: usize = 1 << 20;
 const GROUP_TIME: Duration = Duration::from_secs(1);
 /// How many times as many runs are traced together next, at the most.
 const GROWTH: usize = 64;
+/// The most runs that are traced together, so that a device need not have room for all rays: 33 million, a gigabyte,
+/// and half of one for their hits.
+const MOST_TOGETHER: usize = 32;
 
 /// How a batch is cut into runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -198,7 +203,7 @@ pub fn trace_runs(
 /// How many runs are traced together next, if so many took so long.
 fn next_most(runs: usize, took: Duration) -> usize {
     let in_time = runs as f64 * GROUP_TIME.as_secs_f64() / took.as_secs_f64().max(1e-3);
-    (in_time as usize).clamp(1, runs.saturating_mul(GROWTH))
+    (in_time as usize).clamp(1, runs.saturating_mul(GROWTH).min(MOST_TOGETHER))
 }
 
 impl BatchJob<'_> {

@@ -16,7 +16,7 @@ use crate::io::output::write_json;
 use crate::options::TraceOptions;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
-use crate::tracer::{AdaptiveStats, DeviceShare, WavefrontStats};
+use crate::tracer::{AdaptiveStats, DeviceShare, LostDevice, WavefrontStats};
 use crate::work::WorkSum;
 
 /// Rays of one kind.
@@ -88,6 +88,9 @@ pub struct RunStats {
     /// Of several devices what each did.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shares: Vec<DeviceShare>,
+    /// Devices that failed on the way; others did their work, or the reference.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lost: Vec<LostDevice>,
     /// What the user handed to the device's compiler.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compiler_options: Option<String>,

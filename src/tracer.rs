@@ -212,13 +212,13 @@ impl Spent {
     }
 }
 
-/// What one of several devices did for a picture.
+/// What one of several devices did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DeviceShare {
     /// The device.
     pub name: String,
-    /// Blocks of the picture that are its.
-    pub blocks: usize,
+    /// Blocks of the picture that are its, or runs of the batch.
+    pub pieces: usize,
     /// Seconds from the time when it was ready until it found nothing more to do.
     pub busy_s: f64,
 }
@@ -317,6 +317,15 @@ pub struct AdaptiveStats {
     pub decide_s: f64,
 }
 
+/// A device that failed in the middle of its work.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LostDevice {
+    /// Its name.
+    pub device: String,
+    /// What failed.
+    pub error: String,
+}
+
 /// Called from time to time with the part of the work that is done, 0..=1.
 pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
 
@@ -375,6 +384,12 @@ pub trait Backend: Send {
     /// What a curious user should know, such as a kernel cache that cannot be used; one sentence each.
     fn notes(&self) -> &[String] {
         &[]
+    }
+
+    /// The device that was lost, where the reference has taken its place
+    /// ([`FallBack`](crate::renderer::FallBack)).
+    fn lost(&self) -> Option<&LostDevice> {
+        None
     }
 
     /// Has `lights` shine from now on in place of those of the scene; as many of them, and no brighter. What

@@ -56,6 +56,7 @@ pub struct TracerBuilder<'a> {
     precision: Option<Precision>,
     progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
     stop: Option<Arc<AtomicBool>>,
+    falls_back: bool,
     memory_limit: Option<u64>,
     place: Place,
 }
@@ -69,6 +70,7 @@ impl<'a> TracerBuilder<'a> {
             precision: None,
             progress: None,
             stop: None,
+            falls_back: false,
             memory_limit: None,
             place: Place::Usual,
         }
@@ -111,6 +113,22 @@ impl<'a> TracerBuilder<'a> {
     /// tracer is as good as before. Set it to false again before the next call. Default: nothing stops them.
     pub fn stop(mut self, stop: Arc<AtomicBool>) -> Self {
         self.stop = Some(stop);
+        self
+    }
+
+    /// Whether the reference goes on where the driver fails in the middle of the work: with the same answers, many times
+    /// as slowly, for all that is asked from then on. [`Tracer::notes`] tells of it, and [`Tracer::device_name`] is
+    /// `reference` then. What the device had is not released, because a driver that failed may hang in that. Default: no,
+    /// the call ends with [`Error::OpenCl`].
+    ///
+    /// ```
+    /// # use raybrook::{Scene, Tracer};
+    /// # let scene = Scene::from_mesh(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+    /// let tracer = Tracer::builder(&scene).fall_back(true).build()?;
+    /// # Ok::<(), raybrook::Error>(())
+    /// ```
+    pub fn fall_back(mut self, falls_back: bool) -> Self {
+        self.falls_back = falls_back;
         self
     }
 
@@ -172,7 +190,8 @@ impl<'a> TracerBuilder<'a> {
         let choices = chosen.decisions.iter().map(ToString::to_string).collect();
         let limit = self.memory_limit.map(MemoryBudget::of_bytes);
         let options = chosen.options;
-        let chosen = Chosen { device, options, cache, limit, notes, choices, progress: self.progress, stop: self.stop };
+        let TracerBuilder { progress, stop, falls_back, .. } = self;
+        let chosen = Chosen { device, options, cache, limit, notes, choices, progress, stop, falls_back };
         Tracer::open(&lit, depth, chosen)
     }
 

@@ -18,12 +18,12 @@ use crate::layers::{layers_bytes, trace_layers};
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
 use crate::reference::extreme::TracingBatch;
-use crate::renderer::{self, Crop, build_and_open_within, open_tracer, picture_bytes, picture_bytes_by_rows};
+use crate::renderer::{self, Crop, FallBack, build_and_open_within, open_tracer, picture_bytes, picture_bytes_by_rows};
 use crate::scene::{
     Camera, DefaultLight, Framed, Framing, Numbering, PictureDefaults, Placed, Samples, Scene, WideCamera,
 };
 use crate::shared;
-use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
+use crate::tracer::{self, AllHitsJob, Backend, LostDevice, Progress, is_hit};
 use crate::winding::WindingTree;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -44,6 +44,8 @@ pub(super) struct Chosen {
     pub choices: Vec<String>,
     pub progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
     pub stop: Option<Arc<AtomicBool>>,
+    /// Whether the reference takes the place of a device that is lost.
+    pub falls_back: bool,
 }
 
 impl Chosen {
@@ -57,17 +59,31 @@ impl Chosen {
         if is_stopped { Err(Error::Stopped) } else { Ok(()) }
     }
 
-    /// `backend`, which the flag stops.
-    fn stoppable(&self, mut backend: Box<dyn Backend>) -> Box<dyn Backend> {
+    /// `backend` of `buffers`, which the flag stops, and whose place the reference may take.
+    fn equipped(&self, backend: Box<dyn Backend>, buffers: &Arc<SceneBuffers>) -> Box<dyn Backend> {
+        let mut backend: Box<dyn Backend> = match self.falls_back && self.device.is_some() {
+            true => Box::new(FallBack::new(backend, buffers, Box::new(|_| ()))),
+            false => backend,
+        };
         self.stop.iter().for_each(|stop| backend.stop_when(stop.clone()));
         backend
+    }
+
+    /// Takes note of a device that is lost: it is not opened again.
+    fn lose(&mut self, lost: &LostDevice) {
+        self.device = None;
+        self.notes.push(note_of(lost));
     }
 
     /// Opens a tracer of `buffers`.
     fn open(&self, buffers: &Arc<SceneBuffers>, depth: u32) -> Result<Box<dyn Backend>> {
         let backend = open_tracer(self.device.as_ref(), buffers, &self.options, depth, self.cache.as_ref())?;
-        Ok(self.stoppable(backend))
+        Ok(self.equipped(backend, buffers))
     }
+}
+
+fn note_of(lost: &LostDevice) -> String {
+    format!("the reference traces in place of '{}', which failed: {}", lost.device, lost.error)
 }
 
 /// A scene on a device, ready for rays and pictures.
@@ -148,8 +164,8 @@ impl Tracer {
         let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
         let numbering = Arc::new(Numbering::of(scene, &buffers.used_materials));
         Ok(Tracer {
+            backend: Some(chosen.equipped(backend, &buffers)),
             buffers,
-            backend: Some(chosen.stoppable(backend)),
             depth,
             defaults: scene.picture,
             camera: scene.camera,
@@ -198,7 +214,7 @@ impl Tracer {
         let (options, budget) = (&self.chosen.options, self.chosen.budget());
         let buffers = Arc::new(SceneBuffers::after(&mut self.kept, &lit.scene, options, &budget)?);
         // A device may have no room for both; then what was there is opened again when it is needed.
-        self.backend = None;
+        self.close();
         self.backend = Some(self.chosen.open(&buffers, self.depth)?);
         (self.buffers, self.is_closed) = (buffers, false);
         (self.points, self.winding) = (None, None);
@@ -560,7 +576,8 @@ impl Tracer {
     fn place_light(&mut self, light: DefaultLight, placed: &Placed) -> Result<()> {
         let relit = self.buffers.relit(&placed.lamp(light), placed.sky(light))?;
         if !relit.is_of(&self.buffers) {
-            (self.backend, self.points) = (None, None); // they share the arrays
+            self.close();
+            self.points = None; // they share the arrays
             relit.replace(Arc::make_mut(&mut self.buffers));
         }
         Ok(())
@@ -597,10 +614,17 @@ impl Tracer {
         traced
     }
 
+    /// Lets go of what traces.
+    fn close(&mut self) {
+        if let Some(lost) = self.backend.take().and_then(|backend| backend.lost().cloned()) {
+            self.chosen.lose(&lost);
+        }
+    }
+
     /// What traces chains of up to `depth` rays, opened anew if need be; and what is told of its progress.
     fn backend(&mut self, depth: u32) -> Result<(&mut dyn Backend, Progress<'_>)> {
         if depth > self.depth {
-            self.backend = None;
+            self.close();
             self.depth = depth;
         }
         let backend = match self.backend.take() {
@@ -635,10 +659,11 @@ impl Tracer {
     }
 
     /// What a curious user should know, a sentence each: why a device was passed over, that there is no OpenCL, that a
-    /// cache cannot be used. What a scene's file has that is not usable is in [`Scene::warnings`] instead.
+    /// cache cannot be used, that a device was lost. What a scene's file has that is not usable is in [`Scene::warnings`] instead.
     pub fn notes(&self) -> Vec<String> {
         let of_backend = self.backend.iter().flat_map(|backend| backend.notes());
-        self.chosen.notes.iter().chain(of_backend).cloned().collect()
+        let lost = self.backend.iter().filter_map(|backend| backend.lost()).map(note_of);
+        self.chosen.notes.iter().chain(of_backend).cloned().chain(lost).collect()
     }
 }
 

@@ -19,8 +19,9 @@ use std::path::Path;
 pub struct BatchId {
     /// Version of raybrook.
     version: String,
-    /// [`Scene::digest`].
-    scene: String,
+    /// [`Scene::geometry_digest`]: of the scene nothing else is read. Journals that had all of the scene here are not
+    /// read.
+    geometry: String,
     /// SHA-256 of the rays' numbers.
     rays: String,
     count: usize,
@@ -38,7 +39,7 @@ impl BatchId {
     pub fn new(scene: &Scene, (batch, runs): (&RayBatch, Runs), asked: Asked, options: &TraceOptions) -> BatchId {
         BatchId {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            scene: scene.digest(),
+            geometry: scene.geometry_digest(),
             rays: digest_of(batch, runs),
             count: batch.len(),
             run: runs.length,
@@ -82,7 +83,8 @@ impl BatchId {
             ("method", or_none(&self.method), or_none(&other.method)),
         ];
         let differs = fields.iter().find(|(_, a, b)| a != b).map(|(name, a, b)| format!("its {name} is {b}, not {a}"));
-        let differs = differs.or_else(|| (self.scene != other.scene).then(|| "its scene is another".to_owned()));
+        let differs =
+            differs.or_else(|| (self.geometry != other.geometry).then(|| "its scene has other triangles".to_owned()));
         differs.or_else(|| (self != other).then(|| "its rays are others".to_owned()))
     }
 }

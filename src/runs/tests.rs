@@ -136,7 +136,7 @@ fn many_runs_are_traced_together_where_that_changes_nothing() {
     }
     assert_eq!(next_most(4, Duration::from_secs(2)), 2);
     assert_eq!(next_most(4, Duration::from_millis(500)), 8);
-    assert_eq!([next_most(2, Duration::ZERO), next_most(1, Duration::from_secs(99))], [128, 1]);
+    assert_eq!([next_most(2, Duration::ZERO), next_most(1, Duration::from_secs(99))], [MOST_TOGETHER, 1]);
 }
 
 #[test]
@@ -169,13 +169,19 @@ fn journals_of_other_batches_are_refused() {
         ((|bench| bench.given.origins[RAYS - 1][2] = -0.0) as fn(&mut Bench), "its rays are others"),
         (|bench| bench.given.t_max = None, "its rays are others"),
         (|bench| bench.given.next_directions = None, "its rays are others"),
-        (|bench| bench.scene.positions[4].x += 1.0, "its scene is another"),
+        (|bench| bench.scene.positions[4].x += 1.0, "its scene has other triangles"),
     ] {
         let mut other = Bench::new();
         change(&mut other);
         let message = refusal(&other.id(Asked::Closest), part);
         assert!(message.contains("of another batch") && message.contains(says), "{message}");
     }
+    // What batches do not read may be another.
+    let mut other = Bench::new();
+    other.scene.materials[0].diffuse *= 0.5;
+    other.scene.background.top.x += 1.0;
+    other.scene.lights.push(crate::scene::Light::directional(glam::Vec3::Y, glam::Vec3::ONE));
+    assert_eq!(other.id(Asked::Closest).difference(&id), None);
     let inexact = TraceOptions { intersector: crate::options::Intersector::Plucker, ..TraceOptions::DEFAULT };
     let inexact = BatchId::new(&bench.scene, (&bench.given, bench.runs()), Asked::Closest, &inexact);
     assert!(refusal(&inexact, part).contains("its method is none, not"));

@@ -223,6 +223,68 @@ fn every_kind_of_call_may_fail_once_or_for_ever() {
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), faults.len(), wrong.join("\n"));
 }
 
+/// The last calls of these names: those before may belong to the opening of the device.
+fn last_of<'n>(undisturbed: &Ended, names: &'n [&'n str]) -> impl Iterator<Item = (&'n str, usize)> {
+    let last = |name: &str| undisturbed.calls.iter().rposition(|call| call == name).map(|i| i + 1);
+    names
+        .iter()
+        .map(move |&name| (name, last(name)))
+        .filter_map(|(name, last)| Some((name, last?)))
+        .collect::<Vec<_>>()
+        .into_iter()
+}
+
+#[test]
+fn the_reference_goes_on_where_a_device_is_lost() {
+    let Some(_) = small_picture() else { return };
+    let _lock = COMPILES.lock().unwrap_or_else(PoisonError::into_inner);
+    // Scenes without light have a lamp that goes with the camera: the reference must know where it is.
+    let turntable = "turntable one.obj --frames 3 --size 9x7 --samples 1 -o t.pfm";
+    let cases = [
+        Case::render(),
+        Case::new("trace", "trace one.obj rays.npz -o h.npz --stats s.json", &["h.npz"]),
+        Case::new("turntable", turntable, &["t-0001.pfm", "t-0002.pfm", "t-0003.pfm"]),
+    ];
+    for mut case in cases {
+        if !case.arguments.contains(&"brute") {
+            case.arguments.extend(SMALL);
+        }
+        let Some(undisturbed) = undisturbed(&case) else { return };
+        for (name, number) in last_of(&undisturbed, &["clEnqueueNDRangeKernel", "clEnqueueReadBuffer", "clFlush"]) {
+            let fault = format!("from:{number}:-36");
+            let ended = run(&case, &fault, &[]);
+            let said = ended.stderr();
+            assert!(ended.output.status.success() && ended.files == undisturbed.files, "{} {name}: {said}", case.name);
+            assert!(said.contains("note: the reference goes on in place of") && said.contains(name), "{said}");
+            case.arguments.push("--strict-device");
+            let ended = run(&case, &fault, &[]);
+            case.arguments.pop();
+            let (errors, said) = (ended.errors(), ended.stderr());
+            assert!(ended.output.status.code() == Some(4) && errors.len() == 1, "{} {name}: {said}", case.name);
+            assert!(errors[0].contains(name) && !said.contains("goes on"), "{said}");
+        }
+    }
+}
+
+#[test]
+fn the_reference_goes_on_where_all_of_several_devices_are_lost() {
+    let Some(undisturbed) = small_picture() else { return };
+    let _lock = COMPILES.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut case = Case::render();
+    case.arguments.extend(["--device", "all"]);
+    let fault = "from:clEnqueueNDRangeKernel:-36";
+    let ended = run(&case, fault, &[("POCL_DEVICES", "pthread basic")]);
+    let said = ended.stderr();
+    assert!(ended.output.status.success() && ended.files == undisturbed.files, "{said}");
+    assert!(said.contains("note: the other devices go on without") && said.contains("clEnqueueNDRange"), "{said}");
+    assert!(said.contains("note: the reference goes on in place of"), "{said}");
+    case.arguments.push("--strict-device");
+    let ended = run(&case, fault, &[("POCL_DEVICES", "pthread basic")]);
+    let (errors, said) = (ended.errors(), ended.stderr());
+    assert!(ended.output.status.code() == Some(4) && errors.len() == 1, "{said}");
+    assert!(errors[0].contains("clEnqueueNDRange") && !said.contains("go on"), "{said}");
+}
+
 #[test]
 fn a_call_that_hangs_ends_the_program() {
     let case = Case::render();

@@ -197,7 +197,7 @@ fn pictures_by_their_error_are_merged_from_parts_of_any_device() {
 }
 
 /// PoCL has two kinds of devices for the same processor.
-const TWO_DEVICES: [(&str, &str); 1] = [("POCL_DEVICES", "pthread basic")];
+pub const TWO_DEVICES: [(&str, &str); 1] = [("POCL_DEVICES", "pthread basic")];
 
 #[test]
 fn several_devices_make_the_same_picture() {
@@ -218,7 +218,7 @@ fn several_devices_make_the_same_picture() {
             assert!(bytes(at, "several.pfm") == bytes(at, "one.pfm"), "{devices} {picture}");
             let stats: serde_json::Value = serde_json::from_slice(&bytes(at, "several.json")).unwrap();
             let shares = stats["shares"].as_array().unwrap();
-            let blocks: u64 = shares.iter().map(|share| share["blocks"].as_u64().unwrap()).sum();
+            let blocks: u64 = shares.iter().map(|share| share["pieces"].as_u64().unwrap()).sum();
             assert!(shares.len() >= 2 && blocks >= 3, "{shares:?}");
         }
     }

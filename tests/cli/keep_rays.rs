@@ -1,5 +1,6 @@
 //! Batches of rays that are kept on their way: `trace` with `OUT.partial`, `--part`, and `raybrook merge`.
 
+use super::keep::TWO_DEVICES;
 use super::{assert_fails, folder, raybrook, raybrook_with, stderr};
 use raybrook::low_level::rays::RayBatch;
 use raybrook::low_level::runs::RUN_RAYS;
@@ -81,7 +82,7 @@ fn a_batch_that_was_stopped_goes_on_with_the_same_bits() {
     );
     std::fs::write(at.join("two.obj"), "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let other = raybrook(at, &words("trace two.obj rays.npz --device reference -o hits.npz"));
-    assert_fails(&other, 3, &["hits.npz.partial", "its scene is another", "--restart"]);
+    assert_fails(&other, 3, &["hits.npz.partial", "its scene has other triangles", "--restart"]);
     let mut others = batch();
     others.origins[RUN_RAYS][0] += 1.0;
     others.write(at.join("others.npz")).unwrap();
@@ -171,4 +172,43 @@ fn a_full_disk_leaves_the_runs_before() {
     assert!(told.contains(" of 4 runs are finished") && !told.contains(": 0 of 4"), "{told}");
     assert_succeeds(&trace(at, "--keep never -o whole.npz"));
     assert!(bytes(at, "hits.npz") == bytes(at, "whole.npz"));
+}
+
+#[test]
+fn several_devices_trace_the_same_batch() {
+    if crate::common::device().is_none() {
+        return;
+    }
+    let folder = with_rays();
+    let at = folder.path();
+    // The smallest kernels, which compile in a moment.
+    let small = "--structure brute --intersector moller-trumbore --packet-size 1";
+    let run = |device: &str, more: &str| {
+        let command = format!("trace one.obj rays.npz {small} --device {device} {more}");
+        raybrook_with(at, &words(&command), &TWO_DEVICES)
+    };
+    for asked in ["", " --count"] {
+        assert_succeeds(&run("reference", &format!("-o one.npz{asked}")));
+        for devices in ["all", "0,reference"] {
+            let told = assert_succeeds(&run(devices, &format!("-o several.npz --stats several.json{asked}")));
+            assert!(told.contains(&format!("{} rays", 3 * RUN_RAYS + 1000)) && told.contains(" + "), "{told}");
+            assert!(bytes(at, "several.npz") == bytes(at, "one.npz"), "{devices}{asked}");
+            let stats: serde_json::Value = serde_json::from_slice(&bytes(at, "several.json")).unwrap();
+            let shares = stats["shares"].as_array().unwrap();
+            let runs: u64 = shares.iter().map(|share| share["pieces"].as_u64().unwrap()).sum();
+            assert!(shares.len() == 2 && runs == 4, "{shares:?}");
+        }
+    }
+    // A part by several devices, one that one device has begun, and no output at all.
+    assert_succeeds(&run("0,reference", "--count -o a.npz --part 1/2"));
+    assert_fails(&run("reference", "--count -o a.npz --part 2/2 --time-limit 1us"), 124, &["0 of 2 runs are kept"]);
+    let limited = run("all", "--count -o a.npz --part 2/2 --time-limit 1us");
+    assert_fails(&limited, 124, &["runs are kept", "the same command goes on", "stopped by --time-limit"]);
+    let told = assert_succeeds(&run("all", "--count -o a.npz --part 2/2"));
+    assert!(told.contains("goes on with 'a.npz.part-2-of-2'"), "{told}");
+    assert_succeeds(&raybrook(at, &words("merge a.npz.part-1-of-2 a.npz.part-2-of-2 -o a.npz")));
+    assert!(bytes(at, "a.npz") == bytes(at, "one.npz"));
+    assert!(assert_succeeds(&run("all", "--count")).contains(" rays, "));
+    assert_fails(&run("all", "-o a.npz --counters"), 2, &["--device", "name one"]);
+    assert_fails(&run("all", "-o a.npz --repeat 2"), 2, &["--device", "name one"]);
 }

@@ -79,10 +79,10 @@ def until_done(program, words, kills, seconds, chance):
             return (None if file.read() == found else "other bytes"), killed
 
 
-def many(path, chance):
-    """Writes a batch of six million rays towards a sphere, of which some miss."""
+def many(path, chance, times=1500):
+    """Writes a batch of rays towards a sphere, six million unless told otherwise, of which some miss."""
     origins = [(chance.uniform(-1.2, 1.2), chance.uniform(-1.2, 1.2), 3.0) for _ in range(4096)]
-    common.npz(path, {"origin": origins, "direction": [(0.0, 0.0, -1.0)] * len(origins)}, 1500)
+    common.npz(path, {"origin": origins, "direction": [(0.0, 0.0, -1.0)] * len(origins)}, times)
 
 
 def spoil(journal, chance):

@@ -6,10 +6,27 @@ use raybrook::Error;
 use raybrook::low_level::device::watch_driver;
 use std::ffi::c_int;
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 unsafe extern "C" {
     /// Ends the process without exit handlers.
     fn _exit(code: c_int) -> !;
+}
+
+/// Whether a device failed while others went on.
+static LOST_A_DEVICE: AtomicBool = AtomicBool::new(false);
+
+/// A device failed, and the run goes on without it.
+pub fn lost_a_device() {
+    LOST_A_DEVICE.store(true, Ordering::Relaxed);
+}
+
+/// The exit code of a run that is at its end. Where a device failed on the way, the process ends here.
+pub fn leave(code: Code) -> Code {
+    if LOST_A_DEVICE.load(Ordering::Relaxed) {
+        end_now(code);
+    }
+    code
 }
 
 /// Prints the chain of errors and gives the documented code, after which the process ends.

@@ -3,20 +3,22 @@
 
 use super::limit::Limit;
 use super::log::Log;
+use super::loss::{LossArgs, Watching};
 use super::open::Opened;
 use super::progress::Bar;
-use super::{Talk, chain, heading};
+use super::{Talk, heading};
 use clap::ValueEnum;
 use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
-    KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, Renderer, RowsInOrder, Watcher, is_large,
-    read_kept, render_blocks, render_by_several,
+    KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, RowsInOrder, is_large, read_kept,
+    render_blocks, render_by_several,
 };
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::Samples;
-use raybrook::low_level::tracer::{DeviceShare, Finished, RenderResult, Spent};
+use raybrook::low_level::several::Devices;
+use raybrook::low_level::tracer::{DeviceShare, Finished, LostDevice, RenderResult, Spent};
 use raybrook::{Error, Result};
 use std::ffi::OsString;
 use std::ops::Range;
@@ -86,6 +88,17 @@ impl KeepArgs {
             std::fs::remove_file(path).map_err(|error| Error::io("remove", path, error))?;
         }
         Ok(())
+    }
+
+    /// Keeps nothing.
+    pub fn nothing() -> KeepArgs {
+        KeepArgs { keep: Keep::Never, restart: false }
+    }
+
+    /// The same for this output. Beside a pipe or a device, such as /dev/stdout, nothing is kept unless it is asked for.
+    pub fn beside(self, output: &Path) -> KeepArgs {
+        let is_no_file = output.metadata().is_ok_and(|found| !found.is_file());
+        if self.keep == Keep::Auto && is_no_file { KeepArgs { keep: Keep::Never, ..self } } else { self }
     }
 
     /// The same where work may end because its time is up: then everything that is finished is kept.
@@ -161,7 +174,7 @@ impl<'a> Keeper<'a> {
         (id, blocks, canvas): (LazyId<'a>, PictureBlocks, Canvas),
         talk: Talk,
     ) -> Result<Keeper<'a>> {
-        let (args, path) = (args.within(limit)?, journal_of(output, part));
+        let (args, path) = (args.beside(output).within(limit)?, journal_of(output, part));
         args.restart(&path)?;
         let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
         let film = (canvas == Canvas::Film).then(|| blocks.empty_film());
@@ -268,22 +281,26 @@ impl<'a> Keeper<'a> {
         self.put_rest(&(0..self.blocks.size().1 as usize), put, talk)
     }
 
-    /// As [`Keeper::render`], by several devices.
+    /// As [`Keeper::render`], by several devices; tells, too, what each did, and which failed.
     ///
     /// # Errors
     /// As [`render_by_several`], and where the journal cannot be made or written.
     pub fn render_by(
         &mut self,
-        renderers: Vec<Renderer>,
+        devices: Devices,
         picture: &Picture,
-        talk: Talk,
-    ) -> Result<(RenderResult, Vec<DeviceShare>)> {
+        (loss, talk): (LossArgs, Talk),
+    ) -> Result<(RenderResult, Vec<DeviceShare>, Vec<LostDevice>)> {
         self.start = Instant::now();
-        let watching = Watching { bar: Bar::new("render", talk), rays: self.rays(picture), keeper: self, talk };
-        let shares = render_by_several(renderers, picture, &self.blocks, &self.rest, &watching)?;
-        drop(watching);
+        let work = (self.rays(picture), "M camera rays");
+        let watching = Watching::new(Bar::new("render", talk), work, loss, talk);
+        let take = |finished: &Finished| {
+            self.take(finished)?;
+            if self.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
+        };
+        let shares = render_by_several(devices, picture, (&self.blocks, &self.rest), &take, &watching)?;
         let film = self.log.lock().more.film.take().unwrap_or_else(|| self.blocks.empty_film());
-        Ok((self.with_all(RenderResult::of_film(film)), shares))
+        Ok((self.with_all(RenderResult::of_film(film)), shares, watching.into_lost()))
     }
 
     /// About how many millions of camera rays are at least to be traced.
@@ -332,32 +349,6 @@ impl<'a> Keeper<'a> {
     /// The journal cannot be brought to the disk.
     pub fn finish_part(self, part: Part, talk: Talk) -> Result<()> {
         self.log.end_part(&self.path, part, self.start, talk)
-    }
-}
-
-/// Keeps what several devices finish.
-struct Watching<'k, 'a> {
-    keeper: &'k Keeper<'a>,
-    bar: Bar,
-    rays: f64,
-    talk: Talk,
-}
-
-impl Watcher for Watching<'_, '_> {
-    fn done(&self, finished: &Finished) -> Result<()> {
-        self.keeper.take(finished)?;
-        if self.keeper.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
-    }
-
-    fn progress(&self, done: f64) {
-        self.bar.update(done, self.rays, "M camera rays");
-    }
-
-    fn lost(&self, name: &str, error: Error) -> Result<()> {
-        if !self.talk.quiet {
-            tell!("note: the other devices go on without '{name}', which failed: {}", chain(&error));
-        }
-        Ok(())
     }
 }
 

@@ -36,6 +36,7 @@ mod kernels;
 mod layers;
 mod limit;
 mod log;
+mod loss;
 mod merge;
 mod merge_rays;
 mod method;
@@ -167,9 +168,9 @@ const DEVICE_VARIABLE: &str = "RAYBROOK_DEVICE";
 struct DeviceArgs {
     /// gpu, cpu, reference (no OpenCL), or a number or part of a name of `raybrook devices` [default: the fastest].
     ///
-    /// The default is the fastest GPU, else a CPU, else the reference, which is scalar code on all cores. `render` takes
-    /// several, such as 0,2 or gpu+cpu, or all, which is all GPUs where there are any: they share the work, and the
-    /// picture has the same bits.
+    /// The default is the fastest GPU, else a CPU, else the reference, which is scalar code on all cores. `render` and
+    /// `trace` take several, such as 0,2 or gpu+cpu, or all, which is all GPUs where there are any: they share the
+    /// work, and the bits are the same.
     #[arg(long, help_heading = heading::DEVICE, value_name = "DEVICE", env = DEVICE_VARIABLE, hide_env_values = true)]
     device: Option<String>,
     /// Compile kernels anew, ignore what `raybrook tune` found, and keep nothing.
@@ -336,7 +337,7 @@ fn words() -> impl Iterator<Item = &'static OsString> {
 /// signals are this program's from then on.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = ARGUMENTS.get_or_init(|| arguments.into_iter().collect());
-    let code = print::finish(obey(arguments).unwrap_or_else(|error| fail(&error)));
+    let code = end::leave(print::finish(obey(arguments).unwrap_or_else(|error| fail(&error))));
     progress::end_json(code);
     code
 }

@@ -2,6 +2,7 @@
 
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
+use super::loss::LossArgs;
 use super::open::Opened;
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, open};
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
@@ -25,6 +26,8 @@ pub struct PointArgs {
     pub method: MethodArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    loss: LossArgs,
     #[command(flatten)]
     explain: ExplainArgs,
 }
@@ -69,6 +72,7 @@ impl PointArgs {
         let remedy = "split the points, or raise --memory-limit";
         let bytes = (points.len() * bytes) as u64;
         budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
+        let opened = self.loss.guard(opened, device.as_ref(), talk);
         Ok(OpenedPoints { points, opened, budget })
     }
 

@@ -6,11 +6,12 @@ use super::files::{self, Files};
 use super::keep::{Canvas, KeepArgs, Keeper, LazyId, journal_of};
 use super::layers::LayerArgs;
 use super::limit::{Limit, LimitArgs};
+use super::loss::LossArgs;
 use super::open::Opened;
 use super::part::PartChoice;
 use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
-use super::several;
+use super::several::{self, Built};
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
 use raybrook::low_level::compare::compare_films;
 use raybrook::low_level::film::{Film, ImageFormat, check_output};
@@ -38,6 +39,8 @@ pub struct RenderArgs {
     scene: SceneArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    loss: LossArgs,
     /// Picture to write: .png (sRGB), .exr or .pfm (linear) [default: the scene's name with .png].
     ///
     /// The default is in this folder, and has -render.png where .png is one of the scene's files.
@@ -289,16 +292,17 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     let (mut opened, mut so_far) = (None, None);
     let mut render = |rows: Option<PutRows>| match &mut keeper {
         Some(keeper) if devices.len() > 1 => {
-            let by = (&devices[..], &args.device);
-            let rendered = several::render(keeper, &loaded, by, &chosen, (&picture, &budget), talk)?;
+            let built = Built::new(&loaded, (&devices, &chosen), &budget)?;
+            let by = built.devices(&args.device, (Task::Picture, picture.depth), args.loss)?;
+            let (result, shares, lost) = keeper.render_by(by, &picture, (args.loss, talk))?;
             rows.map_or(Ok(()), |put| keeper.put_all(put, talk))?;
-            Ok(rendered)
+            Ok((result, built.stats(shares, lost)))
         }
         keeper => {
             let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
             let (tasks, chosen) = ((tasks, &budget), chosen.swap_remove(0));
             let one = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
-            let opened = opened.insert(one);
+            let opened = opened.insert(args.loss.strict_if(counters).guard(one, device.as_ref(), talk));
             check_picture(picture.size, picture.samples)?;
             let result = match keeper {
                 Some(keeper) => {
@@ -356,6 +360,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     if let Some(opened) = &opened {
         stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
         stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
+        stats.lost.extend(opened.tracer.lost().cloned());
         stats.set_rate();
     }
     stats.total_s = start.elapsed().as_secs_f64();

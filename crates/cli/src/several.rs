@@ -1,7 +1,7 @@
-//! Several devices for one picture: `--device all`, `--device 0,2`, `--device gpu+cpu`.
+//! Several devices for one picture or batch of rays: `--device all`, `--device 0,2`, `--device gpu+cpu`.
 
 use super::explain::Chooser;
-use super::keep::Keeper;
+use super::loss::LossArgs;
 use super::open::{self, Loaded};
 use super::{DeviceArgs, Talk};
 use raybrook::low_level::budget::MemoryBudget;
@@ -9,9 +9,10 @@ use raybrook::low_level::choose::Chosen;
 use raybrook::low_level::device::{DeviceHandle, DeviceKind, list_devices};
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::{Picture, Renderer, open_tracer};
+use raybrook::low_level::renderer::open_tracer;
+use raybrook::low_level::several::{DeviceTracer, Devices};
 use raybrook::low_level::stats::RunStats;
-use raybrook::low_level::tracer::{RenderResult, Task};
+use raybrook::low_level::tracer::{DeviceShare, LostDevice, Task};
 use raybrook::{Error, Result};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -55,59 +56,94 @@ fn choose_all(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>
     if devices.is_empty() { Ok(vec![open::choose_best(args, talk)?]) } else { Ok(devices) }
 }
 
-/// Renders what `keeper` has not kept yet by several devices, each of which has what was chosen for it.
-///
-/// # Errors
-/// As [`Keeper::render_by`]; and there is no memory for a structure.
-pub fn render(
-    keeper: &mut Keeper,
-    loaded: &Loaded,
-    (devices, args): (&[Option<DeviceHandle>], &DeviceArgs),
-    chosen: &[Chosen],
-    (picture, budget): (&Picture, &MemoryBudget),
-    talk: Talk,
-) -> Result<(RenderResult, RunStats)> {
-    let mut built: Vec<(TraceOptions, Arc<SceneBuffers>)> = Vec::new();
-    for Chosen { options, .. } in chosen {
-        if !built.iter().any(|(known, _)| known == options) {
-            built.push((*options, Arc::new(SceneBuffers::within(&loaded.scene, options, budget)?)));
-        }
-    }
-    let cache = args.cache()?;
-    let renderer = |(device, Chosen { options, .. }): (&Option<DeviceHandle>, &Chosen)| {
-        let (device, options, cache) = (device.clone(), *options, cache.clone());
-        let buffers = built.iter().find(|(known, _)| *known == options).map(|(_, buffers)| buffers.clone());
-        let name = device.as_ref().map_or("reference".to_owned(), |device| device.info.name.clone());
-        let open = move || {
-            let buffers = buffers.ok_or_else(|| Error::Scene("a structure is missing".to_owned()))?;
-            let mut tracer = open_tracer(device.as_ref(), &buffers, &options, picture.depth, cache.as_ref())?;
-            tracer.prepare(Task::Picture)?;
-            Ok((buffers, tracer))
-        };
-        Renderer { name, open: Box::new(open) }
-    };
-    let renderers: Vec<Renderer> = devices.iter().zip(chosen).map(renderer).collect();
-    let names: Vec<String> = renderers.iter().map(|renderer| renderer.name.clone()).collect();
-    let (result, shares) = keeper.render_by(renderers, picture, talk)?;
-    let stats = RunStats {
-        device: names.join(" + "),
-        device_kind: "several".to_owned(),
-        shares,
-        options: chosen[0].options,
-        choices: chosen[0].decisions.clone(),
-        load_s: Some(loaded.load_s),
-        build_s: Some(built.iter().map(|(_, buffers)| buffers.build_s).sum()),
-        triangle_count: loaded.scene.triangle_count() as u64,
-        ..RunStats::default()
-    };
-    Ok((result, stats))
+/// The structures that several devices share where their choices agree.
+pub struct Built<'a> {
+    loaded: &'a Loaded,
+    devices: &'a [Option<DeviceHandle>],
+    chosen: &'a [Chosen],
+    structures: Vec<(TraceOptions, Arc<SceneBuffers>)>,
 }
 
-/// What is chosen for each device.
+impl<'a> Built<'a> {
+    /// Builds what was chosen for each device.
+    ///
+    /// # Errors
+    /// There is no memory for a structure.
+    pub fn new(
+        loaded: &'a Loaded,
+        (devices, chosen): (&'a [Option<DeviceHandle>], &'a [Chosen]),
+        budget: &MemoryBudget,
+    ) -> Result<Built<'a>> {
+        let mut structures: Vec<(TraceOptions, Arc<SceneBuffers>)> = Vec::new();
+        for Chosen { options, .. } in chosen {
+            if !structures.iter().any(|(known, _)| known == options) {
+                structures.push((*options, Arc::new(SceneBuffers::within(&loaded.scene, options, budget)?)));
+            }
+        }
+        Ok(Built { loaded, devices, chosen, structures })
+    }
+
+    /// The structure of the first device.
+    pub fn first(&self) -> &Arc<SceneBuffers> {
+        &self.structures[0].1
+    }
+
+    /// The devices, to be opened for `task` and chains of up to `depth` rays, and the reference where it is to take
+    /// what they leave.
+    ///
+    /// # Errors
+    /// The cache's folder has no name.
+    pub fn devices(&self, args: &DeviceArgs, (task, depth): (Task, u32), loss: LossArgs) -> Result<Devices<'a>> {
+        let cache = args.cache()?;
+        let tracer = |device: Option<DeviceHandle>, options: TraceOptions| {
+            let found = self.structures.iter().find(|(known, _)| *known == options);
+            let (buffers, cache) = (found.map(|(_, buffers)| buffers.clone()), cache.clone());
+            let name = device.as_ref().map_or("reference".to_owned(), |device| device.info.name.clone());
+            let open = move || {
+                let buffers = buffers.ok_or_else(|| Error::Scene("a structure is missing".to_owned()))?;
+                let mut tracer = open_tracer(device.as_ref(), &buffers, &options, depth, cache.as_ref())?;
+                tracer.prepare(task)?;
+                Ok((buffers, tracer))
+            };
+            DeviceTracer { name, open: Box::new(open) }
+        };
+        let all = self.devices.iter().zip(self.chosen);
+        let devices = all.map(|(device, chosen)| tracer(device.clone(), chosen.options)).collect();
+        let needs_none = loss.is_strict() || self.devices.iter().any(Option::is_none);
+        let last_resort = (!needs_none).then(|| tracer(None, self.chosen[0].options));
+        Ok(Devices { devices, last_resort })
+    }
+
+    /// What is told of a run.
+    pub fn stats(&self, shares: Vec<DeviceShare>, lost: Vec<LostDevice>) -> RunStats {
+        let names: Vec<&str> = shares.iter().map(|share| share.name.as_str()).collect();
+        RunStats {
+            device: names.join(" + "),
+            device_kind: "several".to_owned(),
+            shares,
+            lost,
+            options: self.chosen[0].options,
+            choices: self.chosen[0].decisions.clone(),
+            load_s: Some(self.loaded.load_s),
+            build_s: Some(self.structures.iter().map(|(_, buffers)| buffers.build_s).sum()),
+            triangle_count: self.loaded.scene.triangle_count() as u64,
+            ..RunStats::default()
+        }
+    }
+}
+
+/// What is chosen for each device; where hits are not exact, for all what is chosen for the first, so that they have
+/// the same bits.
 ///
 /// # Errors
 /// As [`Chooser::choose`].
 pub fn choose_methods(chooser: &Chooser, devices: &[Option<DeviceHandle>], loaded: &Loaded) -> Result<Vec<Chosen>> {
     let of_device = |device: &Option<DeviceHandle>| Chooser { device: device.as_ref(), ..*chooser }.choose(loaded);
-    devices.iter().map(of_device).collect()
+    let mut chosen = devices.iter().map(of_device).collect::<Result<Vec<_>>>()?;
+    if let Some((first, others)) = chosen.split_first_mut()
+        && !first.options.is_exact()
+    {
+        others.iter_mut().for_each(|other| other.options = first.options);
+    }
+    Ok(chosen)
 }

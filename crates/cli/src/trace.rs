@@ -5,13 +5,18 @@ use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
 use super::keep::{KeepArgs, journal_of};
 use super::keep_rays::{LazyId, RayKeeper};
-use super::limit::LimitArgs;
+use super::limit::{Limit, LimitArgs};
+use super::loss::LossArgs;
+use super::open::Loaded;
 use super::part::PartChoice;
 use super::progress::Bar;
+use super::several::{self, Built};
 use super::{DeviceArgs, MethodArgs, SceneArgs, Talk, heading, open, work};
 use glam::Vec3;
 use raybrook::low_level::budget::{DecidedBy, MemoryBudget, Need};
+use raybrook::low_level::choose::Chosen;
 use raybrook::low_level::crossings::require_exact;
+use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::extreme::TracingBatch;
 use raybrook::low_level::journal::is_journal;
 use raybrook::low_level::layout::Float4;
@@ -22,7 +27,7 @@ use raybrook::low_level::rays::{AllHitsBatch, HitBatch, RayBatch};
 use raybrook::low_level::renderer::Part;
 use raybrook::low_level::runs::{Answers, Asked, BatchId, BatchJob, Found, Runs, Took, hit_batch, list_batch};
 use raybrook::low_level::shared::{Hit, TraceRay};
-use raybrook::low_level::stats::{RayCount, WorkStats};
+use raybrook::low_level::stats::{RayCount, RunStats, WorkStats};
 use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, Progress, Task, is_hit};
 use raybrook::low_level::work::{RayWork, WorkSum};
 use raybrook::{Error, Result};
@@ -81,6 +86,8 @@ pub struct TraceArgs {
     #[command(flatten)]
     device: DeviceArgs,
     #[command(flatten)]
+    loss: LossArgs,
+    #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the hits stay the same).
     #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
@@ -117,7 +124,12 @@ impl TraceArgs {
 
     /// The output, if the batch is kept on the way to it: nothing else than its answers is asked for.
     fn kept_output(&self) -> Option<&Path> {
-        self.output.as_deref().filter(|_| !self.counters && self.repeat == 1)
+        self.output.as_deref().filter(|_| !self.measures())
+    }
+
+    /// Whether what is told is of the device: counted work, or times.
+    fn measures(&self) -> bool {
+        self.counters || self.repeat > 1
     }
 
     /// The option, if there is one, with which there are no second rays.
@@ -155,6 +167,27 @@ impl Told {
         let all_hits = asked.most().map(|_| hits);
         let kernel_s = vec![kernel_s];
         Told { rays_that_hit, all_hits, work: None, kernel_s, second_pass, sort_s, extreme_s, upload_s, read_s }
+    }
+
+    /// Has it in the statistics of a batch of so many rays.
+    fn put(&self, rays: usize, stats: &mut RunStats) {
+        let hits = self.rays_that_hit;
+        // The rays of a batch count as camera rays, whatever the caller makes of them.
+        stats.rays.camera = RayCount { cast: rays as u64, hit: hits };
+        if let Some([first, next]) = &self.work {
+            // A ray that missed has no second one.
+            let next_count = if next.is_empty() { 0 } else { hits };
+            stats.work = Some(WorkStats {
+                camera: WorkSum::new(rays as u64, first.iter().copied()),
+                all: WorkSum::new(rays as u64 + next_count, first.iter().chain(next).copied()),
+                aovs: Vec::new(),
+            });
+        }
+        stats.sort_s = self.sort_s;
+        stats.extreme_s = self.extreme_s;
+        stats.second_pass = self.second_pass;
+        stats.upload_s = Some(stats.upload_s.unwrap_or(0.0) + self.upload_s);
+        stats.read_s = Some(self.read_s);
     }
 }
 
@@ -255,14 +288,103 @@ fn check_memory(batch: &RayBatch, args: &TraceArgs, budget: &MemoryBudget) -> Re
     budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
 }
 
-/// Traces a batch of which more is told than its answers, and which is not kept on its way.
-fn trace_at_once(args: &TraceArgs, job: &BatchJob, opened: &mut open::Opened, talk: Talk) -> Result<Told> {
-    let bar = Bar::new("trace", talk);
-    let million_rays = job.given.len() as f64 * f64::from(args.repeat) / 1e6;
-    let progress = |done: f64| bar.update(done, million_rays, "M rays");
-    match job.asked.most() {
-        Some(most) => trace_all(args, (job, most), (opened.tracer.as_mut(), opened.buffers.as_ref()), &progress),
-        None => trace(args, job, opened.tracer.as_mut(), &progress),
+/// What is to be traced.
+struct Work<'a> {
+    args: &'a TraceArgs,
+    batch: &'a RayBatch,
+    asked: Asked,
+    budget: MemoryBudget,
+    limit: Limit,
+    talk: Talk,
+}
+
+/// What was traced, and what is told of it; nothing when the time was up before.
+type Traced = Option<(Told, RunStats)>;
+
+impl Work<'_> {
+    /// The rays as the tracers of the scene take them.
+    fn rays(&self, buffers: &SceneBuffers) -> TracingBatch {
+        let rays = tracing_batch(self.batch, buffers);
+        if !rays.extreme.is_empty() && !self.talk.quiet {
+            let count = rays.extreme.len();
+            tell!(
+                "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (see the page on exactness in the book)"
+            );
+        }
+        rays
+    }
+
+    fn job<'j>(&'j self, rays: &'j TracingBatch) -> BatchJob<'j> {
+        BatchJob { given: self.batch, rays, asked: self.asked, budget: self.budget }
+    }
+
+    /// What tracers are to be prepared for.
+    fn task(&self) -> Task {
+        if self.asked.most().is_some() { Task::AllHits } else { Task::Batch }
+    }
+
+    /// Traces on one device.
+    fn by_one(
+        &self,
+        keeper: Option<&mut RayKeeper>,
+        (loaded, device): (&Loaded, Option<&DeviceHandle>),
+        chosen: Chosen,
+    ) -> Result<Traced> {
+        let (args, talk) = (self.args, self.talk);
+        let tasks = (&[self.task()][..], &self.budget);
+        let opened = open::open(loaded, device, &args.device, chosen, 1, tasks, talk)?;
+        check_memory(self.batch, args, &self.budget)?;
+        let mut opened = args.loss.strict_if(args.measures()).guard(opened, device, talk);
+        let rays = self.rays(&opened.buffers);
+        let job = self.job(&rays);
+        let told = match keeper {
+            Some(keeper) => match self.limit.within(|| keeper.trace(&mut opened, &job, talk))? {
+                Some(traced) => Told::of_runs(self.asked, traced),
+                None => return Ok(None),
+            },
+            None => self.at_once(&job, &mut opened)?,
+        };
+        let mut stats = std::mem::take(&mut opened.stats);
+        told.put(self.batch.len(), &mut stats);
+        stats.kernel_s = open::device_times(opened.tracer.as_ref(), told.kernel_s.clone(), talk);
+        stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
+        stats.lost.extend(opened.tracer.lost().cloned());
+        stats.set_rate();
+        Ok(Some((told, stats)))
+    }
+
+    /// Traces a batch of which more is told than its answers, and which is not kept on its way.
+    fn at_once(&self, job: &BatchJob, opened: &mut open::Opened) -> Result<Told> {
+        let (args, bar) = (self.args, Bar::new("trace", self.talk));
+        let million_rays = job.given.len() as f64 * f64::from(args.repeat) / 1e6;
+        let progress = |done: f64| bar.update(done, million_rays, "M rays");
+        match job.asked.most() {
+            Some(most) => trace_all(args, (job, most), (opened.tracer.as_mut(), opened.buffers.as_ref()), &progress),
+            None => trace(args, job, opened.tracer.as_mut(), &progress),
+        }
+    }
+
+    /// Traces on several devices.
+    fn by_several(
+        &self,
+        keeper: &mut RayKeeper,
+        (loaded, devices): (&Loaded, &[Option<DeviceHandle>]),
+        chosen: &[Chosen],
+    ) -> Result<Traced> {
+        let (args, talk) = (self.args, self.talk);
+        let built = Built::new(loaded, (devices, chosen), &self.budget)?;
+        check_memory(self.batch, args, &self.budget)?;
+        // Tracing space is the same for every structure.
+        let rays = self.rays(built.first());
+        let devices = built.devices(&args.device, (self.task(), 1), args.loss)?;
+        let (traced, shares, lost) = match keeper.trace_by(devices, &self.job(&rays), (args.loss, talk)) {
+            Err(Error::Stopped) if self.limit.is_over() => return Ok(None),
+            other => other?,
+        };
+        let told = Told::of_runs(self.asked, traced);
+        let mut stats = built.stats(shares, lost);
+        told.put(self.batch.len(), &mut stats);
+        Ok(Some((told, stats)))
     }
 }
 
@@ -287,7 +409,12 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     for output in args.output.iter().chain(&args.stats) {
         check_writable(output)?;
     }
-    let device = open::choose(&args.device, talk)?;
+    let devices = several::choose(&args.device, talk)?;
+    if devices.len() > 1 && args.measures() {
+        let message = "work is counted, and batches are timed again and again, on one device; name one";
+        return Err(Error::option("--device", message));
+    }
+    let device = devices.first().cloned().flatten();
     let budget = args.scene.memory.budget();
     let batch = RayBatch::read_within(&args.rays, &budget)?;
     if let Some(option) = args.without_second_rays()
@@ -306,72 +433,46 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
         counters: args.counters,
         ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
     };
-    let chosen = chooser.choose(&loaded)?;
+    let mut chosen = several::choose_methods(&chooser, &devices, &loaded)?;
     if args.crossings {
-        require_exact(chosen.options.intersector)?;
+        require_exact(chosen[0].options.intersector)?;
     }
     let asked = args.asked();
     let runs = Runs::new(batch.len());
-    let (scene, given, options) = (&loaded.scene, &batch, chosen.options);
+    let (scene, given, options) = (&loaded.scene, &batch, chosen[0].options);
     let id = LazyId::new(Box::new(move || BatchId::new(scene, (given, runs), asked, &options)));
-    let open_keeper = |output| RayKeeper::open((&args.keep, limit), (output, part), (id, runs), talk);
-    let mut keeper = args.kept_output().map(open_keeper).transpose()?;
-    let task = if asked.most().is_some() { Task::AllHits } else { Task::Batch };
-    let tasks = (&[task][..], &budget);
-    let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, 1, tasks, talk)?;
-    check_memory(&batch, args, &budget)?;
-
-    let rays = tracing_batch(&batch, &opened.buffers);
-    if !rays.extreme.is_empty() && !talk.quiet {
-        let count = rays.extreme.len();
-        tell!(
-            "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (see the page on exactness in the book)"
-        );
-    }
-    let job = BatchJob { given: &batch, rays: &rays, asked, budget };
-    let told = match &mut keeper {
-        Some(keeper) => match limit.within(|| keeper.trace(&mut opened, &job, talk))? {
-            Some(traced) => Told::of_runs(asked, traced),
-            None => return Ok(limit.end(talk)),
-        },
-        None => trace_at_once(args, &job, &mut opened, talk)?,
+    let mut keeper = match (args.kept_output(), devices.len()) {
+        (Some(output), _) => Some(RayKeeper::open((&args.keep, limit), (output, part), (id, runs), talk)?),
+        (None, 1) => None,
+        // Without an output there is no place for a journal.
+        (None, _) => Some(RayKeeper::open((&KeepArgs::nothing(), limit), (Path::new(""), None), (id, runs), talk)?),
     };
+    let work = Work { args, batch: &batch, asked, budget, limit, talk };
+    let traced = match (&mut keeper, devices.len()) {
+        (Some(keeper), 2..) => work.by_several(keeper, (&loaded, &devices), &chosen)?,
+        (keeper, _) => work.by_one(keeper.as_mut(), (&loaded, device.as_ref()), chosen.swap_remove(0))?,
+    };
+    let Some((told, mut stats)) = traced else { return Ok(limit.end(talk)) };
     match (keeper, part, args.kept_output()) {
         (Some(keeper), Some(part), _) => return keeper.finish_part(part, talk).map(|()| SUCCESS),
         (Some(keeper), None, Some(output)) => keeper.write(output, asked, batch.next_directions.is_some())?,
         _ => {}
     }
-
-    let hits = told.rays_that_hit;
-    let stats = &mut opened.stats;
-    // The rays of a batch count as camera rays, whatever the caller makes of them.
-    stats.rays.camera = RayCount { cast: batch.len() as u64, hit: hits };
-    if let Some([first, next]) = &told.work {
-        // A ray that missed has no second one.
-        let next_count = if next.is_empty() { 0 } else { hits };
-        stats.work = Some(WorkStats {
-            camera: WorkSum::new(batch.len() as u64, first.iter().copied()),
-            all: WorkSum::new(batch.len() as u64 + next_count, first.iter().chain(next).copied()),
-            aovs: Vec::new(),
-        });
-    }
-    stats.kernel_s = open::device_times(opened.tracer.as_ref(), told.kernel_s, talk);
-    stats.sort_s = told.sort_s;
-    stats.extreme_s = told.extreme_s;
-    stats.second_pass = told.second_pass;
-    stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
-    stats.set_rate();
-    stats.upload_s = stats.upload_s.map(|s| s + told.upload_s);
-    stats.read_s = Some(told.read_s);
     stats.total_s = start.elapsed().as_secs_f64();
     if let Some(path) = &args.stats {
         stats.write(path)?;
     }
+    say_traced(batch.len(), &told, &stats, talk);
+    Ok(SUCCESS)
+}
+
+/// Tells what came of a batch of so many rays.
+fn say_traced(rays: usize, told: &Told, stats: &RunStats, talk: Talk) {
     if !talk.quiet {
         let sorted = stats.sort_s.map_or(String::new(), |s| format!(" (sorted in {s:.3} s)"));
         say!(
-            "{} rays{sorted}, {hits} hit{}, {} triangles on {}{}, {:.2} s",
-            batch.len(),
+            "{rays} rays{sorted}, {} hit{}, {} triangles on {}{}, {:.2} s",
+            told.rays_that_hit,
             told.all_hits.map_or(String::new(), |all| format!(" {all} times")),
             stats.triangle_count,
             stats.device,
@@ -382,5 +483,4 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     if let Some(counted) = &stats.work {
         work::say_work(counted, talk);
     }
-    Ok(SUCCESS)
 }

@@ -8,6 +8,7 @@ use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
 use super::layers::LayerArgs;
 use super::limit::{Limit, LimitArgs};
+use super::loss::LossArgs;
 use super::open::{self, Loaded};
 use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
@@ -35,6 +36,8 @@ pub struct TurntableArgs {
     scene: SceneArgs,
     #[command(flatten)]
     device: DeviceArgs,
+    #[command(flatten)]
+    loss: LossArgs,
     /// How many pictures to make [default: up to the scene's last camera key].
     #[arg(
         long,
@@ -199,8 +202,10 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     if !missing.is_empty() {
         let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
         let tasks = (tasks, &budget);
-        let mut opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
+        let opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
         check_picture(picture.size, picture.samples)?;
+        let loss = args.loss.strict_if(args.layers.wants_counters());
+        let mut opened = loss.guard(opened, device.as_ref(), talk);
         let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
         let mut render = || turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), (limit, talk));
         if limit.within(&mut render)?.is_none() {
