@@ -11,7 +11,7 @@ use std::str::FromStr;
 /// A line for each option.
 pub fn options(data: &[u8]) -> bool {
     let text = String::from_utf8_lossy(data);
-    text.lines().map(check_line).fold(true, |all, is_known| all && is_known)
+    text.lines().map(check_line).filter(|is_known| !is_known).count() == 0
 }
 
 fn check_line(line: &str) -> bool {
