@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// The first byte of a header; records of work begin with others.
-pub(crate) const HEADER: u8 = b'H';
+pub const HEADER: u8 = b'H';
 
 const MAGIC: &[u8; 16] = b"raybrook journal";
 const RECORD: &[u8; 4] = b"rec\n";
@@ -112,12 +112,15 @@ impl Journal {
     ///
     /// # Errors
     /// As [`Journal::create`].
-    pub(crate) fn create_for(path: &Path, header: &impl Serialize) -> Result<Journal> {
+    pub fn create_for(path: &Path, header: &impl Serialize) -> Result<Journal> {
         Journal::create(path, &[&[HEADER], &json(path, header)?[..]].concat())
     }
 
-    /// What a record of work begins with: its first byte, and what [`entry_of`] reads. Numbers follow.
-    pub(crate) fn begin_record(&self, first: u8, entry: &impl Serialize) -> Result<Vec<u8>> {
+    /// What a record of work begins with: its first byte, and what [`entry_of`] reads. Numbers may follow.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the entry cannot be written as JSON.
+    pub fn begin_record(&self, first: u8, entry: &impl Serialize) -> Result<Vec<u8>> {
         let entry = json(&self.path, entry)?;
         Ok([&[first], &(entry.len() as u32).to_le_bytes()[..], &entry].concat())
     }
@@ -208,15 +211,18 @@ pub enum Subject {
     Picture,
     /// A batch of rays, or a part of one.
     Batch,
+    /// A stress test.
+    Stress,
 }
 
 impl Subject {
-    const ALL: [Subject; 2] = [Subject::Picture, Subject::Batch];
+    const ALL: [Subject; 3] = [Subject::Picture, Subject::Batch, Subject::Stress];
 
     fn key(self) -> &'static str {
         match self {
             Subject::Picture => "picture",
             Subject::Batch => "batch",
+            Subject::Stress => "stress",
         }
     }
 
@@ -225,6 +231,7 @@ impl Subject {
         match self {
             Subject::Picture => "a picture",
             Subject::Batch => "a batch of rays",
+            Subject::Stress => "a stress test",
         }
     }
 
@@ -248,7 +255,7 @@ impl Subject {
     }
 
     /// Why a header, without its first byte, is none of a journal of this subject.
-    pub(crate) fn refusal(self, header: &[u8], error: &serde_json::Error) -> String {
+    pub fn refusal(self, header: &[u8], error: &serde_json::Error) -> String {
         match Subject::of(header).filter(|&found| found != self) {
             Some(found) => format!("the journal is of {}, not of {}", found.name(), self.name()),
             None => {
@@ -263,7 +270,10 @@ fn json(path: &Path, value: &impl Serialize) -> Result<Vec<u8>> {
 }
 
 /// The entry that a record of work has behind its first byte, and the bytes behind it.
-pub(crate) fn entry_of<'r, T: DeserializeOwned>(path: &Path, rest: &'r [u8]) -> Result<(T, &'r [u8])> {
+///
+/// # Errors
+/// [`Error::Input`] when it has none of this kind.
+pub fn entry_of<'r, T: DeserializeOwned>(path: &Path, rest: &'r [u8]) -> Result<(T, &'r [u8])> {
     let split = || {
         let (length, rest) = rest.split_first_chunk::<4>()?;
         let (entry, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
@@ -273,12 +283,12 @@ pub(crate) fn entry_of<'r, T: DeserializeOwned>(path: &Path, rest: &'r [u8]) -> 
 }
 
 /// The error of a record whose content does not fit together.
-pub(crate) fn wrong_record(path: &Path) -> Error {
+pub fn wrong_record(path: &Path) -> Error {
     Error::input(path, None, "a record of the journal does not hold what it says")
 }
 
 /// The error of a journal of which nobody knows what is in it.
-pub(crate) fn no_header(path: &Path) -> Error {
+pub fn no_header(path: &Path) -> Error {
     Error::input(path, None, "the journal's header is damaged or missing; remove the file to begin anew")
 }
 

@@ -14,6 +14,7 @@ mod distance;
 mod explain;
 mod keep;
 mod keep_rays;
+mod keep_stress;
 mod layers;
 mod limits;
 mod losses;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Breaks long work once in every way, has the same command go on, and tells in a table what that cost.
+"""Breaks long work once in every way, has the same command go on, and tells what that cost: a table of faults and commands.
 
 A fault hits in the middle of the run. Then the command is run again: the output must have an undisturbed run's bytes.
 FAULTS_LIBRARY names the library of opencl_faults.rs where it is compiled already.
@@ -21,11 +21,13 @@ RAYS = ["trace", "scene.toml", "many.npz", "-o", "out.npz", "--keep", "always"]
 PICTURE = ["render", "scene.toml", "--size", "1600x1200"]
 KEPT = ["-o", "out.pfm", "--keep", "always"]
 TURN = ["turntable", "scene.toml", "--size", "400x300", "--samples", "4", "--frames", "12", "-o", "out.pfm"]
+STRESS = ["stress", "--rays", "400", "--intersector", "thesis", "--json", "out.json", "--keep", "always"]
 COMMANDS = {
     "render": ([*PICTURE, "--samples", "16", *KEPT], "out.pfm"),
     "render --error": ([*PICTURE, "--error", "0.3", *KEPT], "out.pfm"),
     "trace": (RAYS, "out.npz"),
     "turntable": (TURN, "out-0001.pfm"),
+    "stress": (STRESS, "out.json"),
     "merge": (["merge", "part.pfm.part-1-of-2", "part.pfm.part-2-of-2", "-o", "out.pfm"], "out.pfm"),
 }
 PART = [*PICTURE, "--samples", "16", "-o", "part.pfm", "--device", "reference", "--part"]
@@ -84,7 +86,7 @@ def hit(program, folder, command, words, fault_and_middle, library):
         return ended(child)
     if fault == "disk full":
         # Blocks of 512 bytes in dash, of 1024 in others: less than the output takes.
-        size = {"turntable": 1200, "merge": 12000, "trace": 80000}.get(command, 24000)
+        size = {"stress": 4, "turntable": 1200, "merge": 12000, "trace": 80000}.get(command, 24000)
         limited = ["-c", f'ulimit -f {size}; exec "$0" "$@"', program, *words]
         return ended(start("sh", folder, limited, {}))
     variables = {"OPENCL_DYLIB_PATH": library, "OPENCL_FAULT": f"from:{middle}:-36"}
@@ -95,7 +97,7 @@ def launch_in_the_middle(program, folder, words, library):
     """The number of a call of an undisturbed run."""
     log = os.path.join(folder, "log")
     code, said = ended(start(program, folder, words, {"OPENCL_DYLIB_PATH": library, "OPENCL_FAULT_LOG": log}))
-    if code != 0:
+    if code not in (0, 1):
         sys.exit(f"{' '.join(words)} ends with {code}: {said}")
     with open(log) as file:
         launches = [number for number, name in enumerate(file, 1) if name.strip() == "clEnqueueNDRangeKernel"]
@@ -115,7 +117,7 @@ def begun_with(said):
 
 
 def one(program, command, fault, library, chance):
-    """A row: exit code, what was kept, that of the same command, whether the bits are equal; and what is wrong."""
+    """A row: exit code, what was kept, the exit code of the same command, whether the bits are equal; and what is wrong."""
     is_of_device = fault.startswith("device")
     words = [*COMMANDS[command][0], *(SMALL if is_of_device else REFERENCE if command != "merge" else [])]
     with common.new_folder() as folder:
@@ -140,27 +142,31 @@ def one(program, command, fault, library, chance):
             if os.path.exists(journal):
                 resume.spoil(journal, chance)
         frames = len(outputs(folder))
-        again, text = (code, said) if code == 0 else ended(start(program, folder, words, {}))
+        again, text = (code, said) if code in (0, 1) else ended(start(program, folder, words, {}))
         is_equal = outputs(folder) == undisturbed
         names = common.files(folder)
         left = [name for name in names if name.endswith(".partial") or os.path.basename(name).startswith(".raybrook-")]
-        has_note = fault != LOST or "goes on in place of" in said
-        is_right = again == 0 and is_equal and not left and has_note and is_expected(command, fault, code)
-        kept = "all" if code == 0 else f"{frames} of 12 frames" if command == "turntable" else begun_with(text)
+        has_note = fault != LOST or command == "stress" or "goes on in place of" in said
+        is_right = again in (0, 1) and is_equal and not left and has_note and is_expected(command, fault, code)
+        kept = "all" if code in (0, 1) else f"{frames} of 12 frames" if command == "turntable" else begun_with(text)
         row = (code, kept, again, "yes" if is_equal else "no")
         return row, None if is_right else f"{said}{text}{left}"
 
 
 def is_expected(command, fault, code):
     """Whether a run that a fault hit may end so: whoever is late finds it at its end."""
-    return code in CODES[fault] or fault in TIMED and code == 0
+    if command == "stress" and fault == LOST:
+        return code == 4
+    return code in CODES[fault] or fault in TIMED and code in (0, 1)
 
 
 def faults_of(command):
     faults = [*SIGNALS, "disk full"]
     if command not in WITHOUT_JOURNAL:
         faults.append(DAMAGED)
-    if command not in ("merge", "render --error"):
+    if command == "stress":
+        faults.append(LOST)
+    elif command not in ("merge", "render --error"):
         faults += [LOST, STRICT]
     return faults
 

@@ -90,6 +90,12 @@ impl KeepArgs {
         Ok(())
     }
 
+    /// The option, if there is one, by which something is said.
+    pub fn is_given(&self) -> Option<&'static str> {
+        let options = [(self.restart, "--restart"), (self.keep != Keep::Auto, "--keep")];
+        options.into_iter().find_map(|(is_given, option)| is_given.then_some(option))
+    }
+
     /// Keeps nothing.
     pub fn nothing() -> KeepArgs {
         KeepArgs { keep: Keep::Never, restart: false }

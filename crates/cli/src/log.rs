@@ -1,4 +1,4 @@
-//! What is finished of work that is done in pieces, and the journal that keeps it: of pictures and of batches of rays.
+//! What is finished of work that is done in pieces, and the journal that keeps it: of pictures, of batches of rays, of stress tests.
 
 use super::{Talk, stop};
 use raybrook::low_level::renderer::{Part, PictureJournal};
@@ -101,8 +101,13 @@ impl<J: OnDisk, M: Send + 'static> Log<J, M> {
 
     /// Has the journal brought to the disk, and told of, where the run is stopped.
     pub fn watch(&self, talk: Talk) {
+        stop::before_stop(self.last_words(talk));
+    }
+
+    /// Brings the journal to the disk, and tells of it.
+    pub fn last_words(&self, talk: Talk) -> impl FnOnce() + Send + use<J, M> {
         let log = Log(self.0.clone());
-        stop::before_stop(move || {
+        move || {
             // What is being appended is appended: whoever wants to append more waits for the lock.
             let mut done = log.lock();
             let (kept, of, called) = (done.pieces - done.unkept, done.of, done.called);
@@ -110,7 +115,7 @@ impl<J: OnDisk, M: Send + 'static> Log<J, M> {
             if journal.sync().is_ok() && !talk.quiet {
                 tell_kept(journal.path(), (kept, of, called));
             }
-        });
+        }
     }
 
     /// Ends keeping: the journal, if there is one, is the caller's.

@@ -1,10 +1,16 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
+mod kept;
+mod table;
+
 use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::files::Files;
+use super::keep::{KeepArgs, journal_of};
+use super::limit::{Limit, LimitArgs};
 use super::values::Named;
 use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, asked, closed, flags, open, print, stop};
 use clap::builder::{PossibleValue, StringValueParser};
+use kept::{Cell, Counts, StressId, StressKeeper};
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{Intersector, StructureKind, TraceOptions};
 use raybrook::low_level::output::{check_writable, write_json};
@@ -13,6 +19,8 @@ use raybrook::{Error, Result};
 use raybrook_lab::stress::{Case, Exact, Fault, Kind, Method, Question, Replay};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
+use table::Table;
 
 /// Exact answers take about a kilobyte each, and all of a kind are kept until every method is judged. More rays come
 /// from other seeds.
@@ -80,9 +88,13 @@ pub struct StressArgs {
     /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.
     #[arg(long, value_name = "DIR")]
     pub(super) write: Option<PathBuf>,
-    /// Write the counts to a JSON file.
+    /// Write the counts to a JSON file. On the way there what is found is kept in FILE.partial.
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,
+    #[command(flatten)]
+    keep: KeepArgs,
+    #[command(flatten)]
+    limit: LimitArgs,
     #[command(flatten)]
     pub(super) method: MethodArgs,
     #[command(flatten)]
@@ -144,6 +156,7 @@ struct Run<'a> {
     cache: Option<Cache>,
     /// Of each kind.
     rays: usize,
+    limit: Limit,
 }
 
 pub fn run(args: &StressArgs, talk: Talk) -> Result<Code> {
@@ -153,6 +166,8 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<Code> {
         }
         return Ok(SUCCESS);
     }
+    let limit = args.limit.begin(Instant::now());
+    check_keep(args, limit)?;
     let options = args.method.options(StructureKind::Kd, false)?;
     if let Some(models) = &args.closed {
         return closed::run(args, models, talk);
@@ -175,22 +190,39 @@ pub fn run(args: &StressArgs, talk: Talk) -> Result<Code> {
         let message = format!("{rays} is more than {MAX_RAYS} of each kind; other rays come from another --seed");
         return Err(Error::option("--rays", message));
     }
-    let run = Run { args, talk, device, cache, rays: rays as usize };
+    let run = Run { args, talk, device, cache, rays: rays as usize, limit };
     let mut sheets: Vec<Sheet> = methods.iter().map(|method| run.sheet(method)).collect();
     let done = match &args.replay {
-        Some(files) => run.replay(files, &methods[0], &mut sheets[0]),
+        Some(files) => run.replay(files, &methods[0], &mut sheets[0]).map(|()| None),
         None => run.all_kinds(&kinds, &methods, &mut sheets),
     };
-    if done.is_err() {
-        stop::work_now();
-    }
-    done?;
+    let keeper = match done {
+        Err(Error::Stopped) if limit.is_over() => return Ok(limit.end(talk)),
+        Err(error) => {
+            stop::work_now();
+            return Err(error);
+        }
+        Ok(keeper) => keeper,
+    };
     let wrong: usize = sheets.iter().map(|sheet| sheet.wrong).sum();
     if let Some(path) = &args.json {
         let report = run.report(sheets, true);
         stop::finish(|| write_json(path, &report))?;
     }
+    keeper.map_or(Ok(()), StressKeeper::finish)?;
     Ok(if wrong == 0 { SUCCESS } else { FOUND_A_DIFFERENCE })
+}
+
+/// Checks that there is a place for what is to be kept.
+fn check_keep(args: &StressArgs, limit: Limit) -> Result<()> {
+    let has_place = args.json.is_some() && args.closed.is_none() && args.replay.is_none();
+    let message = "what is found is kept beside the file of --json, and neither with --closed nor with --replay";
+    match args.keep.is_given() {
+        _ if has_place => Ok(()),
+        Some(option) => Err(Error::option(option, message)),
+        None if limit.is_set() => Err(Error::option(limit.option(), message)),
+        None => Ok(()),
+    }
 }
 
 /// Checks that nothing is written that is read, or written twice.
@@ -200,6 +232,8 @@ fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
         files.read(path, "what --replay traces");
     }
     files.write_if(args.json.as_deref(), "--json")?;
+    let journal = args.json.as_deref().map(|path| journal_of(path, None));
+    files.write_if(journal.as_deref(), "--json, on its way,")?;
     let Some(folder) = &args.write else { return Ok(()) };
     let rays = args.rays.unwrap_or(DEFAULT_RAYS) as usize;
     for (kind, scene) in kinds.iter().flat_map(|kind| (0..kind.scene_count(rays)).map(move |scene| (kind, scene))) {
@@ -247,40 +281,60 @@ impl Run<'_> {
         }
     }
 
+    fn device_name(&self) -> &str {
+        self.device.as_ref().map_or("reference", |device| &device.info.name)
+    }
+
     fn report(&self, methods: Vec<Sheet>, finished: bool) -> Report {
-        let device = self.device.as_ref().map_or("reference", |device| &device.info.name).to_owned();
+        let device = self.device_name().to_owned();
         let seed = self.args.replay.is_none().then_some(self.args.seed);
         Report { seed, device, asked: self.args.ask.name(), finished, methods }
     }
 
-    fn all_kinds(&self, kinds: &[&Kind], methods: &[Method], sheets: &mut [Sheet]) -> Result<()> {
+    /// What the answers of this run depend on.
+    fn id(&self, kinds: &[&Kind], methods: &[Method], sheets: &[Sheet]) -> StressId {
+        StressId {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: self.args.seed,
+            rays: self.rays,
+            question: self.args.ask.name().to_owned(),
+            kinds: kinds.iter().map(|kind| kind.name.to_owned()).collect(),
+            methods: methods.iter().map(|method| format!("{}: {:?}", method.name, method.options)).collect(),
+            strict: sheets.iter().map(|sheet| sheet.strict).collect(),
+            device: self.device_name().to_owned(),
+            compiler_options: self.args.device.compiler.compiler_options.clone(),
+            write: self.args.write.as_ref().map(|folder| folder.display().to_string()),
+        }
+    }
+
+    /// Judges every kind. What is found is kept, and returned where there is a place for it.
+    fn all_kinds(&self, kinds: &[&Kind], methods: &[Method], sheets: &mut [Sheet]) -> Result<Option<StressKeeper>> {
         let table = Table { methods, question: self.args.ask, is_wide: self.args.methods.is_some() };
         let mut commands = Vec::new();
+        let of = kinds.iter().map(|kind| kind.scene_count(self.rays)).sum();
+        let open = |output: &PathBuf| {
+            let id = self.id(kinds, methods, sheets);
+            StressKeeper::open((&self.args.keep, self.limit), output, (id, of), self.talk)
+        };
+        let keeper = self.args.json.as_ref().map(open).transpose()?;
+        self.before_stop(keeper.as_ref(), sheets);
         if !self.talk.quiet {
             table.say_head();
         }
         for kind in kinds {
-            let mut faults = vec![Vec::new(); methods.len()];
-            let mut hits = None;
-            for (scene, case) in kind.cases(self.args.seed, self.rays).enumerate() {
-                let exact = Exact::new(self.args.ask, &case);
-                hits = exact.hit_count(&case).map(|count| count + hits.unwrap_or(0));
-                for ((method, sheet), faults) in methods.iter().zip(&*sheets).zip(&mut faults) {
-                    let given = exact.ask(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
-                    let of_case = exact.faults(&given, sheet.strict);
-                    if let Some(folder) = self.args.write.as_deref().filter(|_| !of_case.is_empty()) {
-                        commands.push(self.write(folder, (kind, scene), &case, method, &of_case)?);
-                    }
-                    faults.extend(of_case);
+            let (mut counts, mut hits) = (vec![Counts::new(); methods.len()], None);
+            for scene in 0..kind.scene_count(self.rays) {
+                let cell = self.cell((kind, scene), methods, (sheets, keeper.as_ref()))?;
+                hits = cell.hits.map(|count| count + hits.unwrap_or(0));
+                for (sums, of_method) in counts.iter_mut().zip(&cell.faults) {
+                    of_method.iter().for_each(|(fault, count)| *sums.entry(fault.clone()).or_default() += count);
                 }
+                commands.extend(cell.commands);
             }
-            for (sheet, faults) in sheets.iter_mut().zip(&faults) {
-                sheet.add(kind.name, (self.rays, hits), faults);
+            for (sheet, counts) in sheets.iter_mut().zip(&counts) {
+                sheet.add(kind.name, (self.rays, hits), counts);
             }
-            if let Some(path) = self.args.json.clone() {
-                let report = self.report(sheets.to_vec(), false);
-                stop::before_stop(move || keep(&path, &report));
-            }
+            self.before_stop(keeper.as_ref(), sheets);
             if !self.talk.quiet {
                 table.say_row(kind.name, sheets.iter().filter_map(|sheet| sheet.kinds.last()));
             }
@@ -291,7 +345,50 @@ impl Run<'_> {
                 say!("{command}");
             }
         }
-        Ok(())
+        Ok(keeper)
+    }
+
+    /// Has the report of what is finished be written, and told what is kept, where the run is stopped.
+    fn before_stop(&self, keeper: Option<&StressKeeper>, sheets: &[Sheet]) {
+        let Some(path) = self.args.json.clone() else { return };
+        let report = self.report(sheets.to_vec(), false);
+        let last_words = keeper.map(|keeper| keeper.last_words(self.talk));
+        stop::before_stop(move || {
+            // No report of nothing takes the place of one that is there.
+            if report.methods.iter().any(|sheet| !sheet.kinds.is_empty()) {
+                keep(&path, &report);
+            }
+            last_words.into_iter().for_each(|work| work());
+        });
+    }
+
+    /// What all methods make of one scene of a kind: it is kept, or found now.
+    fn cell(
+        &self,
+        (kind, scene): (&Kind, usize),
+        methods: &[Method],
+        (sheets, keeper): (&[Sheet], Option<&StressKeeper>),
+    ) -> Result<Cell> {
+        if let Some(cell) = keeper.and_then(|keeper| keeper.kept(kind.name, scene)) {
+            return Ok(cell.clone());
+        }
+        if self.limit.is_over() {
+            return Err(Error::Stopped);
+        }
+        let case = kind.case_of_scene(self.args.seed, self.rays, scene);
+        let exact = Exact::new(self.args.ask, &case);
+        let hits = exact.hit_count(&case);
+        let mut cell = Cell { kind: kind.name.to_owned(), scene, hits, ..Cell::default() };
+        for (method, sheet) in methods.iter().zip(sheets) {
+            let given = exact.ask(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
+            let faults = exact.faults(&given, sheet.strict);
+            if let Some(folder) = self.args.write.as_deref().filter(|_| !faults.is_empty()) {
+                cell.commands.push(self.write(folder, (kind, scene), &case, method, &faults)?);
+            }
+            cell.faults.push(counts_of(&faults));
+        }
+        keeper.map_or(Ok(()), |keeper| keeper.take(&cell))?;
+        Ok(cell)
     }
 
     /// Writes the rays that went wrong, and tells how to trace them again.
@@ -324,7 +421,7 @@ impl Run<'_> {
         let exact = Exact::new(self.args.ask, &case);
         let given = exact.ask(&case, &method.options, self.device.as_ref(), self.cache.as_ref())?;
         let faults = exact.faults(&given, sheet.strict);
-        sheet.add(&rays.display().to_string(), (case.rays.len(), exact.hit_count(&case)), &faults);
+        sheet.add(&rays.display().to_string(), (case.rays.len(), exact.hit_count(&case)), &counts_of(&faults));
         if self.talk.quiet {
             return Ok(());
         }
@@ -335,6 +432,13 @@ impl Run<'_> {
         say!("{} of {} rays wrong", sheet.wrong, sheet.rays);
         Ok(())
     }
+}
+
+/// How many wrong answers there are of each sort.
+fn counts_of(faults: &[(usize, Fault)]) -> Counts {
+    let mut counts = Counts::new();
+    faults.iter().for_each(|(_, fault)| *counts.entry(fault.name().to_owned()).or_default() += 1);
+    counts
 }
 
 /// One of `--methods`.
@@ -359,78 +463,18 @@ pub(super) fn replay_command(replay: &Replay, any_hit: bool, method: &Method, ar
 }
 
 impl Sheet {
-    fn add(&mut self, kind: &str, (rays, hits): (usize, Option<usize>), faults: &[(usize, Fault)]) {
-        let count = |sort: Fault| faults.iter().filter(|&&(_, fault)| fault == sort).count();
+    fn add(&mut self, kind: &str, (rays, hits): (usize, Option<usize>), counts: &Counts) {
+        let count = |sort: Fault| counts.get(sort.name()).copied().unwrap_or(0);
+        let wrong: usize = counts.values().sum();
         self.kinds.push(Row {
             kind: kind.to_owned(),
             rays,
-            wrong: faults.len(),
+            wrong,
             hits,
             faults: self.question.faults().iter().map(|&sort| (sort.name().to_owned(), count(sort).into())).collect(),
         });
         self.rays += rays;
-        self.wrong += faults.len();
+        self.wrong += wrong;
         self.wrong_per_million = 1e6 * self.wrong as f64 / self.rays as f64;
-    }
-}
-
-/// Counts in columns: the sorts of one method's faults, or wrong answers by method.
-struct Table<'a> {
-    methods: &'a [Method],
-    question: Question,
-    is_wide: bool,
-}
-
-impl Table<'_> {
-    const SORT_WIDTH: usize = 7;
-
-    fn method_width(method: &Method) -> usize {
-        method.name.chars().count().max(Self::SORT_WIDTH)
-    }
-
-    fn say_head(&self) {
-        let columns: String = if self.is_wide {
-            self.methods.iter().map(|m| format!(" {:>1$}", m.name, Self::method_width(m))).collect()
-        } else {
-            self.question.faults().iter().map(|sort| format!(" {:>1$}", sort.name(), Self::SORT_WIDTH)).collect()
-        };
-        let wrong = if self.is_wide { "" } else { "   wrong" };
-        let hits = if self.question == Question::Closest { "" } else { "      hits" };
-        say!("{:16} {:>8}{hits}{wrong}{columns}", "kind", "rays");
-    }
-
-    fn say_row<'r>(&self, kind: &str, rows: impl Iterator<Item = &'r Row>) {
-        let mut line = String::new();
-        for (row, method) in rows.zip(self.methods) {
-            if line.is_empty() {
-                line = format!("{kind:16} {:>8}", row.rays);
-                line += &row.hits.map_or_else(String::new, |hits| format!(" {hits:>9}"));
-            }
-            if self.is_wide {
-                line += &format!(" {:>1$}", row.wrong, Self::method_width(method));
-            } else {
-                line += &format!(" {:>1$}", row.wrong, Self::SORT_WIDTH);
-                for count in row.faults.values() {
-                    let text = if *count == 0 { String::new() } else { count.to_string() };
-                    line += &format!(" {text:>0$}", Self::SORT_WIDTH);
-                }
-            }
-        }
-        say!("{}", line.trim_end());
-    }
-
-    fn say_foot(&self, sheets: &[Sheet]) {
-        if !self.is_wide {
-            let sheet = &sheets[0];
-            say!("{} wrong of {} rays, {:.1} per million", sheet.wrong, sheet.rays, sheet.wrong_per_million);
-            return;
-        }
-        let columns = |text: &dyn Fn(&Sheet) -> String| -> String {
-            let pairs = sheets.iter().zip(self.methods);
-            pairs.map(|(sheet, method)| format!(" {:>1$}", text(sheet), Self::method_width(method))).collect()
-        };
-        let width = if self.question == Question::Closest { 25 } else { 35 };
-        say!("{:width$}{}", "wrong", columns(&|sheet| sheet.wrong.to_string()));
-        say!("{:width$}{}", "per million", columns(&|sheet| format!("{:.0}", sheet.wrong_per_million)));
     }
 }

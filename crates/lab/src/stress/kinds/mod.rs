@@ -76,11 +76,14 @@ impl Kind {
     /// The cases of this kind that belong to `seed`, with `rays` rays together: one, or of kinds whose scenes are small
     /// many.
     pub fn cases(&self, seed: u64, rays: usize) -> impl Iterator<Item = Case> {
-        let scenes = self.scene_count(rays);
-        (0..scenes).map(move |i| {
-            let seed = if i == 0 { seed } else { Random::new(seed ^ (i as u64) << 40).bits() };
-            self.case(seed, rays * (i + 1) / scenes - rays * i / scenes)
-        })
+        (0..self.scene_count(rays)).map(move |scene| self.case_of_scene(seed, rays, scene))
+    }
+
+    /// Number `scene` of [`Kind::cases`].
+    pub fn case_of_scene(&self, seed: u64, rays: usize, scene: usize) -> Case {
+        let (scenes, i) = (self.scene_count(rays), scene);
+        let seed = if i == 0 { seed } else { Random::new(seed ^ (i as u64) << 40).bits() };
+        self.case(seed, rays * (i + 1) / scenes - rays * i / scenes)
     }
 
     /// The case of this kind that belongs to `seed`, with `rays` rays: always the same, whatever else is made.
