@@ -1,4 +1,5 @@
-//! What is finished of work that is done in pieces, and the journal that keeps it: of pictures, of batches of rays, of stress tests.
+//! What is finished of work that is done in pieces, and the journal that keeps it: of pictures, of batches of rays, of
+//! stress tests.
 
 use super::{Talk, stop};
 use raybrook::low_level::renderer::{Part, PictureJournal};
