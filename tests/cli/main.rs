@@ -10,6 +10,7 @@ mod choice;
 mod closed;
 mod compiler_options;
 mod device_faults;
+mod display;
 mod distance;
 mod explain;
 mod keep;

@@ -1,6 +1,7 @@
 //! Pictures on their way are kept beside their output, in `OUT.partial`: what stops the program costs no more than the
 //! last second, and the same command goes on.
 
+use super::display::Display;
 use super::limit::Limit;
 use super::log::Log;
 use super::loss::{LossArgs, Watching};
@@ -160,6 +161,7 @@ pub struct Keeper<'a> {
     rest: Vec<usize>,
     of: usize,
     start: Instant,
+    display: Option<Display>,
 }
 
 /// What there is of a picture beside its journal.
@@ -178,7 +180,7 @@ impl<'a> Keeper<'a> {
         (args, limit): (&KeepArgs, Limit),
         (output, part): (&Path, Option<Part>),
         (id, blocks, canvas): (LazyId<'a>, PictureBlocks, Canvas),
-        talk: Talk,
+        (display, talk): (Option<Display>, Talk),
     ) -> Result<Keeper<'a>> {
         let (args, path) = (args.beside(output).within(limit)?, journal_of(output, part));
         args.restart(&path)?;
@@ -186,7 +188,7 @@ impl<'a> Keeper<'a> {
         let film = (canvas == Canvas::Film).then(|| blocks.empty_film());
         let (of, start) = (rest.len(), Instant::now());
         let log = Log::new(of, "blocks", Painted { spent: Spent::default(), film });
-        let mut keeper = Keeper { log, path, id, part, keep: args.keep, limit, blocks, rest, of, start };
+        let mut keeper = Keeper { log, path, id, part, keep: args.keep, limit, blocks, rest, of, start, display };
         if args.goes_on(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
         } else if canvas == Canvas::Journal || args.keep == Keep::Always {
@@ -203,8 +205,9 @@ impl<'a> Keeper<'a> {
     /// Takes what an earlier run has kept.
     fn go_on(&mut self, talk: Talk) -> Result<()> {
         let mut done = self.log.lock();
-        let film = &mut done.more.film;
+        let (film, display) = (&mut done.more.film, &self.display);
         let mut take = |blocks: &PictureBlocks, block: &KeptBlock| {
+            display.iter().for_each(|display| display.show_kept(blocks, block.number, block.pixels));
             film.as_mut().map_or(Ok(()), |film| blocks.scatter(block.number, block.pixels, film))
         };
         let (journal, kept) = PictureJournal::open(&self.path, &self.id, self.part, &self.blocks, &mut take)?;
@@ -216,6 +219,7 @@ impl<'a> Keeper<'a> {
 
     /// Takes note of blocks that are finished.
     fn take(&self, finished: &Finished) -> Result<()> {
+        self.display.iter().for_each(|display| display.show(&self.blocks, finished));
         let mut done = self.log.lock();
         done.more.spent.add(&finished.spent);
         // Of several devices; a single one has the film.

@@ -23,6 +23,7 @@ mod check;
 mod closed;
 mod code;
 mod devices;
+mod display;
 mod distance;
 mod end;
 mod explain;

@@ -1,6 +1,7 @@
 //! `raybrook render`.
 
 use super::code::{Code, SUCCESS};
+use super::display::DisplayArgs;
 use super::explain::{Chooser, ExplainArgs};
 use super::files::{self, Files};
 use super::keep::{Canvas, KeepArgs, Keeper, LazyId, journal_of};
@@ -66,6 +67,8 @@ pub struct RenderArgs {
     keep: KeepArgs,
     #[command(flatten)]
     limit: LimitArgs,
+    #[command(flatten)]
+    display: DisplayArgs,
     #[command(flatten)]
     explain: ExplainArgs,
     /// Count the work on every ray: steps, leaves, tests, bytes, ... (slower; the picture stays the same).
@@ -219,6 +222,10 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         let message = "work is counted and layers are traced of pictures that are finished; leave out one of both";
         return Err(Error::option(limit.option(), message));
     }
+    if args.display.is_given() && !args.is_kept() {
+        let message = "pictures whose work or samples are told are shown when they are finished; leave out one of both";
+        return Err(Error::option("--display", message));
+    }
     let options = args.method.check(counters)?;
     let part = args.part.map(PartChoice::part).transpose()?;
     let wanted = match &args.output {
@@ -285,7 +292,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     let mut keeper = match args.is_kept() {
         true => {
             let of = (LazyId::new(Box::new(id)), blocks, canvas);
-            Some(Keeper::open((&args.keep, limit), (&output, part), of, talk)?)
+            let display = args.display.open(&output, blocks.size(), talk)?;
+            Some(Keeper::open((&args.keep, limit), (&output, part), of, (display, talk))?)
         }
         false => None,
     };
