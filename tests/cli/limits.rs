@@ -132,7 +132,7 @@ fn journals_that_promise_much_are_refused_at_once() {
     let at = folder.path();
     let batch = |count: u64, run: u64, part: &str| {
         format!(
-            r#"H{{"batch": {{"version": "0.1.0", "scene": "", "rays": "", "count": {count}, "run": {run}, "asked": "counts",
+            r#"H{{"batch": {{"version": "0.1.0", "geometry": "", "rays": "", "count": {count}, "run": {run}, "asked": "counts",
             "has_second": false, "method": null}}, "part": {part}}}"#
         )
     };

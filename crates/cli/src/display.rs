@@ -64,7 +64,8 @@ impl DisplayArgs {
             client.send(PacketCreateImage { image_name, grab_focus: true, width, height, channel_names })?;
             Ok(client)
         };
-        let client = begin().map_err(|error| Error::io("show the picture in tev (is it running?) at", address, error))?;
+        let client =
+            begin().map_err(|error| Error::io("show the picture in tev (is it running?) at", address, error))?;
         Ok(Some(Display { client: Mutex::new(Some(client)), name, talk }))
     }
 }
