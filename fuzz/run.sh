@@ -16,8 +16,10 @@ if [[ ${#targets[@]} -eq 0 ]]; then
 fi
 
 # The versions of what the library depends on are those that it is tested with.
-[[ -e Cargo.lock ]] || cp ../Cargo.lock .
-cargo +nightly fuzz build --fuzz-dir . --codegen-units 16
+[[ Cargo.lock -nt ../Cargo.lock ]] || cp ../Cargo.lock .
+# cargo-fuzz builds for what it was built for itself, which may be musl: no sanitizer has that.
+host=$(rustc +nightly --print host-tuple)
+cargo +nightly fuzz build --fuzz-dir . --target "$host" --target-dir target --codegen-units 16
 
 # Most of the time would go into a disk.
 [[ -n ${TMPDIR:-} || ! -d /dev/shm ]] || export TMPDIR=/dev/shm
@@ -51,7 +53,7 @@ for target in "${targets[@]}"; do
     dictionary=()
     [[ ! -e dictionaries/$target.dict ]] || dictionary=("-dict=dictionaries/$target.dict")
     result=holds
-    "target/$(rustc +nightly --print host-tuple)/release/$target" "${limits[@]}" "${dictionary[@]}" \
+    "target/$host/release/$target" "${limits[@]}" "${dictionary[@]}" \
         "-max_total_time=$seconds" "-artifact_prefix=artifacts/$target/" -print_final_stats=1 \
         "corpus/$target" "seeds/$target" "$scratch/more" >"$scratch/log" 2>&1 </dev/null || result=FAILS
     inputs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$scratch/log")
@@ -59,7 +61,8 @@ for target in "${targets[@]}"; do
     printf '%-16s %12s %9s  %s\n' "$target" "${inputs:-?}" "${branches:-?}" "$result"
     if [[ $result != holds ]]; then
         failed=1
-        grep -E "panicked|ERROR|SUMMARY|artifact|^assertion|left:|right:" -A 1 "$scratch/log" | head -n 20 >&2
+        told='panicked|ERROR|SUMMARY|artifact|^assertion|left:|right:'
+        { grep -E "$told" -A 1 "$scratch/log" || tail -n 20 "$scratch/log"; } | head -n 20 >&2 || true
     fi
     rm -rf "$scratch/more"
 done

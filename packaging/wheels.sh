@@ -28,9 +28,12 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 
 # What builds and what checks, in an environment of its own.
-python3 -m venv "$scratch/tools"
-"$scratch/tools/bin/pip" install --quiet 'maturin[zig]>=1.9.4,<2' 'auditwheel>=6'
-PATH=$scratch/tools/bin:$PATH
+tools() {
+    [[ ! -e $scratch/tools ]] || return 0
+    python3 -m venv "$scratch/tools"
+    "$scratch/tools/bin/pip" install --quiet 'maturin[zig]>=1.9.4,<2' 'auditwheel>=6'
+    PATH=$scratch/tools/bin:$PATH
+}
 
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
 
@@ -71,8 +74,14 @@ try_wheel() {
 
 for part in "${parts[@]}"; do
     case $part in
-        x86_64 | aarch64) wheel "$part" ;;
-        sdist) sdist ;;
+        x86_64 | aarch64)
+            tools
+            wheel "$part"
+            ;;
+        sdist)
+            tools
+            sdist
+            ;;
         try) try_wheel ;;
     esac
 done

@@ -145,7 +145,7 @@ impl Error {
     }
 
     /// Whether a call of a driver failed. Of a device that was ready to work it is the end.
-    pub(crate) fn is_lost_device(&self) -> bool {
+    pub fn is_lost_device(&self) -> bool {
         matches!(self, Error::OpenCl { .. } | Error::Hang { .. })
     }
 

@@ -16,7 +16,7 @@ use crate::io::output::write_json;
 use crate::options::TraceOptions;
 use crate::scene::Samples;
 use crate::shared::COUNTERS;
-use crate::tracer::{AdaptiveStats, DeviceShare, LostDevice, WavefrontStats};
+use crate::tracer::{AdaptiveStats, DeviceShare, LostDevice, Spent, WavefrontStats};
 use crate::work::WorkSum;
 
 /// Rays of one kind.
@@ -186,8 +186,9 @@ impl RunStats {
     }
 
     /// The parts of `total_s` that took any time, with their seconds, the longest first; what has no name is the last.
-    /// Compiling while the structure is built is no part: nobody waits for it.
-    pub fn parts(&self) -> Vec<(&'static str, f64)> {
+    /// `earlier`: what earlier runs of the program took of a picture that this one went on with. Compiling while the
+    /// structure is built is no part: nobody waits for it.
+    pub fn parts(&self, earlier: &Spent) -> Vec<(&'static str, f64)> {
         let named = [
             ("finding the device", self.device_s),
             ("reading the scene", self.load_s),
@@ -196,10 +197,10 @@ impl RunStats {
             ("copying the scene to the device", self.upload_s),
             ("sorting rays", self.sort_s),
             ("rays that the host takes", self.extreme_s),
-            ("running kernels", Some(self.kernel_s.iter().sum())),
-            ("deciding what is traced next", self.adaptive.map(|adaptive| adaptive.decide_s)),
+            ("running kernels", Some(self.kernel_s.iter().sum::<f64>() - earlier.kernel_s)),
+            ("deciding what is traced next", self.adaptive.map(|adaptive| adaptive.decide_s - earlier.decide_s)),
             ("textures on the host", self.wavefront.map(|wavefront| wavefront.host_pass_s)),
-            ("copying the result back", self.read_s),
+            ("copying the result back", self.read_s.map(|read_s| read_s - earlier.read_s)),
             ("layers", self.layers_s),
             ("encoding and writing", self.write_s),
         ];
@@ -260,9 +261,12 @@ mod tests {
             ("reading the scene", 0.25),
             ("the rest", 0.375),
         ];
-        assert_eq!(stats.parts(), expected);
+        let nothing = Spent::default();
+        assert_eq!(stats.parts(&nothing), expected);
+        let earlier = Spent { kernel_s: 0.25, ..nothing };
+        assert_eq!(stats.parts(&earlier)[2], ("running kernels", 0.125));
         // Parts that ran at the same time leave no time less than none.
-        assert_eq!(RunStats { total_s: 1.0, ..stats }.parts().last(), Some(&("the rest", 0.0)));
+        assert_eq!(RunStats { total_s: 1.0, ..stats }.parts(&nothing).last(), Some(&("the rest", 0.0)));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::tracer::Tracer;
 use super::view::{Frame, View};
 use crate::error::{Error, Result};
+use crate::io::film::Film;
 use crate::renderer::{self, PictureBlocks, render_blocks};
 use crate::scene::Scene;
 use crate::tracer::{Finished, Progress};
@@ -53,7 +54,8 @@ impl Tracer {
         wanted.sort_unstable();
         wanted.dedup();
         let camera = self.aim(&frame)?;
-        self.check_blocks((size, crop), samples)?;
+        let kept = wanted.iter().map(|&number| blocks.pixels(number) as u64).sum::<u64>() * Film::PIXEL_BYTES;
+        self.check_blocks((size, crop), samples, kept)?;
         let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
         let (buffers, mut found) = (self.buffers.clone(), vec![Vec::new(); wanted.len()]);
         let mut take = |finished: &Finished| {

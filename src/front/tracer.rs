@@ -591,12 +591,17 @@ impl Tracer {
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }
 
-    /// Checks that there is memory for the blocks of a picture that are in flight.
-    pub(super) fn check_blocks(&self, (size, crop): ((u32, u32), Option<Crop>), samples: Samples) -> Result<()> {
+    /// Checks that there is memory for the blocks of a picture that are in flight, and for `kept` bytes of pixels.
+    pub(super) fn check_blocks(
+        &self,
+        (size, crop): ((u32, u32), Option<Crop>),
+        samples: Samples,
+        kept: u64,
+    ) -> Result<()> {
         let what = format!("blocks of a picture of {}x{} pixels", size.0, size.1);
         let device = self.chosen.device.as_ref();
-        let bytes = picture_bytes_by_rows((size, crop), samples, &self.chosen.options, device, None);
-        let remedy = "raise the memory limit";
+        let bytes = picture_bytes_by_rows((size, crop), samples, &self.chosen.options, device, None) + kept;
+        let remedy = "ask for fewer blocks at a time, or raise the memory limit";
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }
 
@@ -640,7 +645,8 @@ impl Tracer {
 
     /// What kind of device it traces on; `None`: the reference.
     pub fn device_kind(&self) -> Option<DeviceKind> {
-        self.chosen.device.as_ref().map(|device| device.info.kind)
+        let is_lost = self.backend.as_ref().is_some_and(|backend| backend.lost().is_some());
+        self.chosen.device.as_ref().filter(|_| !is_lost).map(|device| device.info.kind)
     }
 
     /// The device's name; `reference` for the scalar reference.

@@ -45,7 +45,6 @@ pub(super) struct PngRows<'a, W: Write> {
     /// The end of what is compressed, as it was before.
     window: Vec<u8>,
     check: Adler32,
-    is_begun: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -63,10 +62,11 @@ struct Batch {
 }
 
 impl<'a, W: Write> PngRows<'a, W> {
-    /// For rows of `row_bytes`, with `pixel_bytes` for each pixel.
-    pub fn new(writer: &'a mut png::Writer<W>, row_bytes: usize, pixel_bytes: usize) -> Self {
+    /// Begins the stream, for rows of `row_bytes`, with `pixel_bytes` for each pixel.
+    pub fn begin(writer: &'a mut png::Writer<W>, row_bytes: usize, pixel_bytes: usize) -> io::Result<Self> {
+        writer.write_chunk(png::chunk::IDAT, &ZLIB_HEADER)?;
         let part_bytes = (PART_BYTES / row_bytes).max(1) * row_bytes;
-        PngRows {
+        Ok(PngRows {
             writer,
             shape: Shape { row_bytes, pixel_bytes, part_bytes },
             waiting: Vec::new(),
@@ -74,8 +74,7 @@ impl<'a, W: Write> PngRows<'a, W> {
             running: None,
             window: Vec::new(),
             check: Adler32::new(),
-            is_begun: false,
-        }
+        })
     }
 
     /// Takes the next bytes of rows, of any number.
@@ -122,11 +121,7 @@ impl<'a, W: Write> PngRows<'a, W> {
     /// Waits for what is being compressed, and writes it.
     fn write_running(&mut self) -> io::Result<()> {
         let Some(running) = self.running.take() else { return Ok(()) };
-        let Batch { filtered, mut compressed } = wait(&running)?;
-        if let Some(first) = compressed.first_mut().filter(|_| !self.is_begun) {
-            first.splice(0..0, ZLIB_HEADER);
-            self.is_begun = true;
-        }
+        let Batch { filtered, compressed } = wait(&running)?;
         for (filtered, compressed) in filtered.iter().zip(&compressed) {
             self.check.write(filtered);
             self.writer.write_chunk(png::chunk::IDAT, compressed)?;
@@ -265,7 +260,7 @@ mod tests {
         encoder.set_depth(if is_deep { png::BitDepth::Sixteen } else { png::BitDepth::Eight });
         let mut writer = encoder.write_header().unwrap();
         let pixel_bytes = if is_deep { 6 } else { 3 };
-        let mut rows = PngRows::new(&mut writer, width * pixel_bytes, pixel_bytes);
+        let mut rows = PngRows::begin(&mut writer, width * pixel_bytes, pixel_bytes).unwrap();
         picture.chunks(at_a_time).for_each(|bytes| rows.put(bytes).unwrap());
         rows.finish().unwrap();
         writer.finish().unwrap();

@@ -117,7 +117,7 @@ fn write_png(
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header()?;
     let pixel_bytes = if is_deep { 6 } else { 3 };
-    let mut rows = PngRows::new(&mut writer, pixel_bytes * width as usize, pixel_bytes);
+    let mut rows = PngRows::begin(&mut writer, pixel_bytes * width as usize, pixel_bytes)?;
     fill(&mut |pixels| {
         pixels.chunks(PIECE_PIXELS).try_for_each(|piece| match is_deep {
             false => rows.put(srgb8(piece).as_flattened()),

@@ -131,14 +131,17 @@ pub(super) fn wide_camera_fault(wide: &WideCamera) -> Option<Fault> {
     if is_aspect { camera_fault(&wide.camera) } else { fault("aspect", message()) }
 }
 
+/// What is wrong with the frame of a key that comes behind one of frame `before`, if anything.
+pub(super) fn frame_fault(before: Option<u32>, frame: u32) -> Option<Fault> {
+    let before = before.filter(|&before| frame <= before)?;
+    fault("frame", format!("is not behind that of the key before it, {before}"))
+}
+
 /// What is wrong with the keys of a moving camera.
 pub(super) fn key_faults(keys: &[CameraKey]) -> Vec<String> {
     let of_camera = |key: &CameraKey| camera_fault(&key.camera).map(|fault| (key.frame, fault));
-    let of_frame = |pair: &[CameraKey]| {
-        let (before, frame) = (pair[0].frame, pair[1].frame);
-        let message = || format!("is not behind that of the key before it, {before}");
-        (frame <= before).then(|| (frame, Fault { key: "frame", message: message() }))
-    };
+    let of_frame =
+        |pair: &[CameraKey]| frame_fault(Some(pair[0].frame), pair[1].frame).map(|fault| (pair[1].frame, fault));
     let faults = keys.iter().filter_map(of_camera).chain(keys.windows(2).filter_map(of_frame));
     faults.map(|(frame, fault)| format!("camera key of frame {frame}: {} {}", fault.key, fault.message)).collect()
 }

@@ -8,7 +8,7 @@ mod object;
 mod table;
 mod texture;
 
-use super::check::{Fault, camera_fault, light_fault, material_fault, sky_fault, wide_camera_fault};
+use super::check::{Fault, camera_fault, frame_fault, light_fault, material_fault, sky_fault, wide_camera_fault};
 use super::reading::Loaders;
 use super::{
     Background, Builder, Camera, CameraKey, DefaultLight, Falloff, Light, LightKind, Material, MaterialId,
@@ -197,9 +197,7 @@ impl<'a> Reader<'a> {
         for value in self.array_of_tables(camera, "camera.key")? {
             let table = Table::of(self.source, NAME, value)?.allow(NAME, &["frame", "eye", "target", "up", "fov"])?;
             let frame = table.required("frame", table.whole("frame", 1..=MAX_FRAMES)?)?;
-            if let Some(last) = keys.last().filter(|last| last.frame >= frame) {
-                return Err(table.error("frame", format!("is not behind that of the key before it, {}", last.frame)));
-            }
+            table.check(frame_fault(keys.last().map(|key| key.frame), frame), "frame")?;
             eye = table.vector("eye")?.or(eye);
             target = table.vector("target")?.or(target);
             up = table.vector("up")?.unwrap_or(up);

@@ -70,7 +70,7 @@ pub(crate) fn up_by_shape(
     let reason = if share(ground) >= NEARLY_ALL {
         let stands = shape.height() >= HIGH || shape.is_tall_above(level + 2.0 * LEVEL);
         stands.then_some("the model has level ground across z, and none across y")
-    } else if shape.is_terrain(&along_z) {
+    } else if shape.is_terrain(&along_y, &along_z) {
         Some("the model is a terrain over x and y")
     } else {
         shape.has_base(&along_z).then_some("the model stands on a flat base across z, and would tip over along y")
@@ -128,14 +128,14 @@ impl<F: Fn(usize) -> [Vec3; 3] + Sync> Shape<'_, F> {
         })
     }
 
-    fn is_terrain(&self, along_z: &Lines) -> bool {
+    fn is_terrain(&self, along_y: &Lines, along_z: &Lines) -> bool {
         let is_sheet = along_z.sheet().is_some_and(|sheet| share(sheet) >= TERRAIN_SHARE);
         if !is_sheet || self.count < TERRAIN_TRIANGLES || self.height() < TERRAIN_HEIGHT {
             return false;
         }
-        // How much surface is seen along an axis.
-        let seen = |axis: usize, side: f64| self.lines(axis).crossings() as f64 * side;
-        let (x, y) = (seen(0, self.size.y), seen(1, self.size.x));
+        // How much surface is seen along x, and along y.
+        let x = self.lines(0).crossings() as f64 * self.size.y;
+        let y = along_y.crossings() as f64 * self.size.x;
         x.min(y) >= SLOPES * x.max(y)
     }
 

@@ -27,6 +27,8 @@ pub(super) struct State {
     alive: usize,
     /// Whether any device was ready to work.
     pub was_ready: bool,
+    /// Whether a device was lost in the middle of its work.
+    was_lost: bool,
     /// Whether something takes what is left where no device is.
     has_last_resort: bool,
     pub failure: Option<Error>,
@@ -67,6 +69,7 @@ impl Queue {
             last: vec![0; workers],
             alive: devices,
             was_ready: false,
+            was_lost: false,
             has_last_resort,
             failure: None,
         };
@@ -119,6 +122,7 @@ impl Queue {
                 state.units.push_front(left);
             }
         }
+        state.was_lost |= state.was_ready && error.is_lost_device();
         let ended = match state.takeover(&error) {
             Some(takeover) => watcher.lost(name, error, takeover),
             None => Err(error),
@@ -148,7 +152,7 @@ impl State {
         match self.alive {
             _ if !error.is_of_device() => None,
             // What keeps every device from beginning is to be mended; it is not a device that is lost.
-            0 => (self.has_last_resort && self.was_ready && error.is_lost_device()).then_some(Takeover::LastResort),
+            0 => (self.has_last_resort && self.was_lost).then_some(Takeover::LastResort),
             _ => Some(Takeover::OtherDevices),
         }
     }
@@ -289,6 +293,20 @@ mod tests {
         assert_eq!(take(&queue, 1), [0]);
         queue.lose(1, "reference", lost("reference"), &Nobody);
         assert!(failure(&queue).contains("'reference'") && !queue.begin_last_resort());
+        // In whatever order: one is lost, and another cannot begin.
+        let no_device = || Error::NoDevice("b".to_owned());
+        for is_lost_first in [true, false] {
+            let queue = Queue::new(vec![vec![0], vec![1]], 2, true);
+            queue.lock().was_ready = true;
+            if is_lost_first {
+                queue.lose(0, "a", lost("a"), &Nobody);
+                queue.lose(1, "b", no_device(), &Nobody);
+            } else {
+                queue.lose(1, "b", no_device(), &Nobody);
+                queue.lose(0, "a", lost("a"), &Nobody);
+            }
+            assert!(queue.begin_last_resort(), "{is_lost_first}");
+        }
         // What fails before it begins, and what fails on the host, is an error.
         let queue = with_last_resort();
         queue.lose(0, "a", lost("a"), &Nobody);

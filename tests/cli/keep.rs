@@ -2,7 +2,7 @@
 
 use super::{assert_fails, folder, raybrook, raybrook_with, stderr};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Renders the scene of one triangle into a picture of eight bands.
@@ -44,6 +44,20 @@ fn wait_for(run: &mut Child, journal: &Path, bytes: u64) -> bool {
         std::thread::sleep(Duration::from_millis(2));
     }
     panic!("nothing was kept in a minute");
+}
+
+/// Starts a run, and stops it by a signal as soon as its journal is longer than `kept` bytes; or it was faster than that.
+pub fn stopped(at: &Path, words: &str, journal: &str, (signal, kept): (&str, u64)) -> Output {
+    let mut run = Command::new(env!("CARGO_BIN_EXE_raybrook"))
+        .args(words.split_whitespace())
+        .current_dir(at)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for(&mut run, &at.join(journal), kept);
+    let _ = Command::new("kill").args([signal, &run.id().to_string()]).stderr(Stdio::null()).status();
+    run.wait_with_output().unwrap()
 }
 
 #[test]

@@ -5,8 +5,7 @@ use super::{assert_fails, folder, raybrook, raybrook_with, stderr};
 use raybrook::low_level::rays::RayBatch;
 use raybrook::low_level::runs::RUN_RAYS;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Output};
 
 /// A batch of four runs, the last of which is short. A third of the rays hit the triangle.
 fn batch() -> RayBatch {
@@ -45,21 +44,12 @@ fn assert_succeeds(output: &Output) -> String {
 
 /// Starts a trace that is kept, and stops it by a signal as soon as something is; or it was faster than that.
 fn stopped(at: &Path, signal: &str, kept: u64) -> Output {
-    let journal = at.join("hits.npz.partial");
-    let mut run = Command::new(env!("CARGO_BIN_EXE_raybrook"))
-        .args(words("trace one.obj rays.npz --device reference --keep always -o hits.npz"))
-        .current_dir(at)
-        .stderr(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    while !journal.metadata().is_ok_and(|found| found.len() > kept) && run.try_wait().unwrap().is_none() {
-        assert!(start.elapsed() < Duration::from_secs(60), "nothing was kept in a minute");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    let _ = Command::new("kill").args([signal, &run.id().to_string()]).stderr(Stdio::null()).status();
-    run.wait_with_output().unwrap()
+    super::keep::stopped(
+        at,
+        "trace one.obj rays.npz --device reference --keep always -o hits.npz",
+        "hits.npz.partial",
+        (signal, kept),
+    )
 }
 
 #[cfg(unix)]

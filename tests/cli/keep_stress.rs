@@ -2,8 +2,7 @@
 
 use super::{assert_fails, raybrook, stderr};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Output;
 
 const RUN: &str = "stress --rays 100 --intersector thesis --device reference --write wrong";
 
@@ -14,21 +13,7 @@ fn stress(at: &Path, more: &str) -> Output {
 
 /// Starts a run that is kept, and stops it by a signal as soon as something is; or it was faster than that.
 fn stopped(at: &Path, signal: &str, kept: u64) -> Output {
-    let journal = at.join("a.json.partial");
-    let mut run = Command::new(env!("CARGO_BIN_EXE_raybrook"))
-        .args(format!("{RUN} --json a.json --keep always").split(' '))
-        .current_dir(at)
-        .stderr(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    while !journal.metadata().is_ok_and(|found| found.len() > kept) && run.try_wait().unwrap().is_none() {
-        assert!(start.elapsed() < Duration::from_secs(60), "nothing was kept in a minute");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    let _ = Command::new("kill").args([signal, &run.id().to_string()]).stderr(Stdio::null()).status();
-    run.wait_with_output().unwrap()
+    super::keep::stopped(at, &format!("{RUN} --json a.json --keep always"), "a.json.partial", (signal, kept))
 }
 
 #[cfg(unix)]
@@ -56,6 +41,7 @@ fn a_stress_test_that_was_stopped_goes_on() {
             assert_fails(&other, 3, &["a.json.partial", "another run", says, "--restart"]);
         }
         assert_fails(&raybrook(at, &["merge", "a.json.partial", "-o", "a.png"]), 3, &["is of a stress test"]);
+        assert_fails(&stress(at, "--json a.json.partial"), 2, &["--json", "is a journal, which would be lost"]);
         // A scene whose record is damaged is judged again.
         let mut damaged = kept.clone();
         let place = damaged.len() * 3 / 4;

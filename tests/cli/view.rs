@@ -191,13 +191,15 @@ fn the_finished_picture_is_the_one_that_render_writes() {
     let folder = folder();
     let at = folder.path();
     let viewer = Viewer::start(at, "one.obj", &SMALL);
-    let mut page = viewer.begin();
-    let told = page.until_done();
-    let labels: Vec<_> = told.iter().filter_map(|told| told["picture"]["label"].as_str()).collect();
-    // A page on a busy machine may have come too late for the first ones.
-    let is_earlier = |label: &&str| label.starts_with("1 ray for") || ["error 8", "error 2.5"].contains(label);
-    let (last, earlier) = labels.split_last().unwrap();
-    assert!(*last == "error 1" && earlier.iter().all(is_earlier), "{labels:?}");
+    // On a busy machine a page may come too late for its first picture, but not page after page.
+    let begun = || {
+        let mut page = viewer.begin();
+        let told = page.until_done();
+        let labels: Vec<_> = told.iter().filter_map(|told| told["picture"]["label"].as_str()).collect();
+        assert_eq!(labels.last(), Some(&"error 1"), "{labels:?}");
+        labels[0].starts_with("1 ray for").then_some((page, told))
+    };
+    let (mut page, told) = (0..20).find_map(|_| begun()).expect("a page has its first picture");
     let first = rendered(at, told.last().unwrap(), "first.png");
     assert_eq!(page.saved("png"), first);
     assert_eq!(pixels(&page.png), pixels(&first), "what is shown is what is saved");

@@ -48,6 +48,20 @@ def environment(folder):
     return changed
 
 
+def faults_library(folder):
+    """The library of opencl_faults.rs; FAULTS_LIBRARY names one that is compiled already. None without a compiler."""
+    if given := os.environ.get("FAULTS_LIBRARY"):
+        return given
+    source = os.path.join(os.path.dirname(os.path.abspath(__file__)), "opencl_faults.rs")
+    path = os.path.join(folder, "libopencl_faults.so")
+    words = ["rustc", "--edition", "2024", "--crate-type", "cdylib", "-o", path, source]
+    try:
+        made = subprocess.run(words, capture_output=True)
+    except FileNotFoundError:
+        return None
+    return path if made.returncode == 0 else None
+
+
 def run(program, folder, words, **more):
     """Exit code and both outputs, as bytes; None for an output that goes elsewhere."""
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL, **more}

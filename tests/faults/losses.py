@@ -15,7 +15,6 @@ import time
 import common
 import resume
 
-HERE = os.path.dirname(os.path.abspath(__file__))
 RAYS = ["trace", "scene.toml", "many.npz", "-o", "out.npz", "--keep", "always"]
 # Arguments without a device, and what the undisturbed run writes.
 PICTURE = ["render", "scene.toml", "--size", "1600x1200"]
@@ -72,8 +71,13 @@ def start(program, folder, words, variables):
 
 
 def ended(child):
-    said = b"".join(child.communicate(timeout=common.LIMIT)).decode(errors="replace")
-    return child.returncode, said
+    try:
+        said = b"".join(child.communicate(timeout=common.LIMIT))
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.communicate()
+        return "hangs", ""
+    return child.returncode, said.decode(errors="replace")
 
 
 def hit(program, folder, command, words, fault_and_middle, library):
@@ -179,11 +183,7 @@ def main():
     chance = random.Random(1)
     failures = 0
     with common.new_folder() as folder:
-        library = os.environ.get("FAULTS_LIBRARY")
-        if library is None:
-            library = os.path.join(folder, "libopencl_faults.so")
-            source = os.path.join(HERE, "opencl_faults.rs")
-            subprocess.run(["rustc", "--edition", "2024", "--crate-type", "cdylib", "-o", library, source], check=True)
+        library = common.faults_library(folder) or sys.exit("rustc is missing, or cannot compile opencl_faults.rs")
         print("| command | fault | exit code | kept | the same command again | same bits |\n|---|---|--:|---|--:|---|")
         for command in wanted:
             for fault in faults_of(command):

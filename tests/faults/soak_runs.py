@@ -154,13 +154,9 @@ class Case:
     def path(self, name=None):
         return os.path.join(self.folder, name or self.output)
 
-    def environment(self, changed):
-        return dict(os.environ, RAYBROOK_CACHE_DIR=CACHE, RAYBROOK_DEVICE="", **changed)
-
     def start(self, words, changed=None, **more):
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
-        environment = self.environment(changed or {})
-        environment.pop("RAYBROOK_DEVICE")
+        environment = {**common.environment(self.folder), "RAYBROOK_CACHE_DIR": CACHE, **(changed or {})}
         return subprocess.Popen([self.program, *words], cwd=self.folder, env=environment, **pipes, **more)
 
     def end(self, child, codes):
@@ -169,6 +165,7 @@ class Case:
             texts = child.communicate(timeout=common.LIMIT)
         except subprocess.TimeoutExpired:
             child.kill()
+            child.communicate()
             raise Failure("hangs") from None
         text = b"".join(texts)
         if any(word in text for word in PANIC):
@@ -368,16 +365,6 @@ def one(program, seed, index):
             return disturb.__name__, f"--seed {seed} --case {index}: {' '.join(case.words)}: {failure}"
 
 
-def compiled_library(folder):
-    """The OpenCL library that spoils calls; None where there is no compiler or no device."""
-    source = os.path.join(os.path.dirname(os.path.abspath(__file__)), "opencl_faults.rs")
-    path = os.path.join(folder, "libopencl_faults.so")
-    made = subprocess.run(
-        ["rustc", "--edition", "2024", "--crate-type", "cdylib", "-O", source, "-o", path], capture_output=True
-    )
-    return path if made.returncode == 0 else None
-
-
 def main():
     global CACHE, LIBRARY
     about = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -385,12 +372,12 @@ def main():
     about.add_argument("seconds", type=int, nargs="?", default=1800)
     about.add_argument("--seed", type=int, default=1)
     about.add_argument("--case", type=int, help="this one alone")
-    about.add_argument("--no-device", action="store_true", help="the reference alone")
+    about.add_argument("--no-device", action="store_true", help="the reference alone; without a compiler, too")
     given = about.parse_args()
     program, table = os.path.abspath(given.program), common.Table()
     with tempfile.TemporaryDirectory(prefix="raybrook-soak-") as folder:
         CACHE = os.path.join(folder, "cache")
-        LIBRARY = None if given.no_device else compiled_library(folder)
+        LIBRARY = None if given.no_device else common.faults_library(folder)
         print(f"seed {given.seed}, {'with' if LIBRARY else 'without'} a device", flush=True)
         until, index = time.monotonic() + given.seconds, given.case or 0
         while time.monotonic() < until:

@@ -251,3 +251,12 @@ def test_a_worker_that_is_killed_changes_no_bit(cluster, view):
     assert not future.done()
     assert future.result().tobytes() == expected.tobytes()
     assert processes[0] not in cluster.run(os.getpid).values()
+
+
+def test_what_a_file_says_of_pictures_tells_scenes_apart(tmp_path):
+    (tmp_path / "one.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
+    for samples in (1, 16):
+        text = f'[image]\nwidth = 12\nheight = 8\nsamples = {samples}\n[[object]]\nfile = "one.obj"\n'
+        (tmp_path / "scene.toml").write_text(text)
+        scene = Scene.load(tmp_path / "scene.toml", **REFERENCE)
+        assert lazy.render(scene).compute().tobytes() == scene.render().pixels.tobytes(), samples

@@ -8,6 +8,7 @@ use raybrook::low_level::choose::tune::{DeviceKey, TunedFile};
 use raybrook::low_level::choose::{Chosen, Decision, Source, TunedChoice, Workload};
 use raybrook::low_level::device::{DeviceHandle, cache_folder};
 use raybrook::low_level::stats::RunStats;
+use raybrook::low_level::tracer::Spent;
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
@@ -34,17 +35,17 @@ impl ExplainArgs {
         }
     }
 
-    /// Prints what took how long, the longest first, if that is asked for.
-    pub fn print_times(&self, stats: &RunStats, talk: Talk) {
+    /// Prints what took how long, the longest first, if that is asked for; without what `earlier` runs took.
+    pub fn print_times(&self, stats: &RunStats, earlier: &Spent, talk: Talk) {
         if self.explain && !talk.quiet {
-            tell!("{}", times(stats));
+            tell!("{}", times(stats, earlier));
         }
     }
 }
 
 /// Parts of a run that took at least a hundredth of it, the longest first.
-fn times(stats: &RunStats) -> String {
-    let parts = stats.parts();
+fn times(stats: &RunStats, earlier: &Spent) -> String {
+    let parts = stats.parts(earlier);
     let shown = parts.iter().filter(|(_, seconds)| *seconds >= 0.01 * stats.total_s);
     let shown: Vec<String> = shown.map(|(name, seconds)| format!("{name} {seconds:.3} s")).collect();
     format!("time: {:.3} s: {}", stats.total_s, shown.join(", "))

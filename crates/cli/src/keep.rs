@@ -80,15 +80,23 @@ impl KeepArgs {
         }
     }
 
-    /// Removes what is kept at `path`, if that is asked for.
+    /// What is kept of the work on this output, or on a part of it, and where; what an earlier run has kept there is
+    /// removed, if that is asked for. Beside a pipe or a device, such as /dev/stdout, nothing is kept unless it is asked
+    /// for, or the journal `is_result`. Where the time may be up, everything that is finished is kept.
     ///
     /// # Errors
-    /// [`Error::Io`] with action "remove".
-    pub fn restart(&self, path: &Path) -> Result<()> {
-        if self.restart && journal::is_journal(path) {
-            std::fs::remove_file(path).map_err(|error| Error::io("remove", path, error))?;
+    /// [`Error::Option`] when nothing is to be kept where the time may be up, and [`Error::Io`] with action "remove".
+    pub fn begin(
+        self,
+        limit: Limit,
+        (output, part): (&Path, Option<Part>),
+        is_result: bool,
+    ) -> Result<(KeepArgs, PathBuf)> {
+        let (args, path) = (if is_result { self } else { self.beside(output) }, journal_of(output, part));
+        if self.restart && journal::is_journal(&path) {
+            std::fs::remove_file(&path).map_err(|error| Error::io("remove", &path, error))?;
         }
-        Ok(())
+        Ok((args.within(limit)?, path))
     }
 
     /// The option, if there is one, by which something is said.
@@ -102,17 +110,12 @@ impl KeepArgs {
         KeepArgs { keep: Keep::Never, restart: false }
     }
 
-    /// The same for this output. Beside a pipe or a device, such as /dev/stdout, nothing is kept unless it is asked for.
-    pub fn beside(self, output: &Path) -> KeepArgs {
+    fn beside(self, output: &Path) -> KeepArgs {
         let is_no_file = output.metadata().is_ok_and(|found| !found.is_file());
         if self.keep == Keep::Auto && is_no_file { KeepArgs { keep: Keep::Never, ..self } } else { self }
     }
 
-    /// The same where work may end because its time is up: then everything that is finished is kept.
-    ///
-    /// # Errors
-    /// [`Error::Option`] when nothing is to be kept.
-    pub fn within(self, limit: Limit) -> Result<KeepArgs> {
+    fn within(self, limit: Limit) -> Result<KeepArgs> {
         match self.keep {
             Keep::Never if limit.is_set() => {
                 let message = format!("with never, what is finished when {} is met would be lost", limit.option());
@@ -145,6 +148,16 @@ pub fn journal_of(output: &Path, part: Option<Part>) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// Refuses to write an output of `option` over a journal.
+///
+/// # Errors
+/// [`Error::Option`].
+pub fn refuse_journal(output: Option<&Path>, option: &'static str) -> Result<()> {
+    let Some(output) = output.filter(|output| journal::is_journal(output)) else { return Ok(()) };
+    let message = format!("'{}' is a journal, which would be lost; choose another name", output.display());
+    Err(Error::option(option, message))
+}
+
 /// What a picture is, found out where it is needed: hashing a large scene takes a while.
 pub type LazyId<'a> = LazyLock<PictureId, Box<dyn FnOnce() -> PictureId + Send + 'a>>;
 
@@ -162,6 +175,8 @@ pub struct Keeper<'a> {
     of: usize,
     start: Instant,
     display: Option<Display>,
+    /// What earlier runs of the program took for the blocks that they kept.
+    earlier: Spent,
 }
 
 /// What there is of a picture beside its journal.
@@ -182,13 +197,13 @@ impl<'a> Keeper<'a> {
         (id, blocks, canvas): (LazyId<'a>, PictureBlocks, Canvas),
         (display, talk): (Option<Display>, Talk),
     ) -> Result<Keeper<'a>> {
-        let (args, path) = (args.beside(output).within(limit)?, journal_of(output, part));
-        args.restart(&path)?;
+        let (args, path) = args.begin(limit, (output, part), canvas == Canvas::Journal)?;
         let rest = part.map_or_else(|| blocks.numbers(), |part| part.blocks(&blocks));
         let film = (canvas == Canvas::Film).then(|| blocks.empty_film());
-        let (of, start) = (rest.len(), Instant::now());
+        let (of, start, earlier) = (rest.len(), Instant::now(), Spent::default());
         let log = Log::new(of, "blocks", Painted { spent: Spent::default(), film });
-        let mut keeper = Keeper { log, path, id, part, keep: args.keep, limit, blocks, rest, of, start, display };
+        let mut keeper =
+            Keeper { log, path, id, part, keep: args.keep, limit, blocks, rest, of, start, display, earlier };
         if args.goes_on(&keeper.path) {
             keeper.go_on(talk).map_err(|error| to_begin_anew(error, &keeper.path))?;
         } else if canvas == Canvas::Journal || args.keep == Keep::Always {
@@ -212,7 +227,7 @@ impl<'a> Keeper<'a> {
         };
         let (journal, kept) = PictureJournal::open(&self.path, &self.id, self.part, &self.blocks, &mut take)?;
         self.rest.retain(|number| kept.blocks.binary_search(number).is_err());
-        done.more.spent = kept.spent;
+        (done.more.spent, self.earlier) = (kept.spent, kept.spent);
         done.go_on(journal, self.rest.len(), kept.condition.damaged_bytes, talk);
         Ok(())
     }
@@ -311,6 +326,11 @@ impl<'a> Keeper<'a> {
         let shares = render_by_several(devices, picture, (&self.blocks, &self.rest), &take, &watching)?;
         let film = self.log.lock().more.film.take().unwrap_or_else(|| self.blocks.empty_film());
         Ok((self.with_all(RenderResult::of_film(film)), shares, watching.into_lost()))
+    }
+
+    /// What earlier runs of the program took, which is in the results of [`Keeper::render`].
+    pub fn earlier(&self) -> Spent {
+        self.earlier
     }
 
     /// About how many millions of camera rays are at least to be traced.

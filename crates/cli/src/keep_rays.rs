@@ -1,7 +1,7 @@
 //! Batches of rays on their way are kept beside their output, as pictures are: run by run, in `OUT.partial`.
 
 use super::Talk;
-use super::keep::{Keep, KeepArgs, journal_of, to_begin_anew};
+use super::keep::{Keep, KeepArgs, to_begin_anew};
 use super::limit::Limit;
 use super::log::Log;
 use super::loss::{LossArgs, Watching};
@@ -60,8 +60,7 @@ impl<'a> RayKeeper<'a> {
         (id, runs): (LazyId<'a>, Runs),
         talk: Talk,
     ) -> Result<RayKeeper<'a>> {
-        let (args, path) = (args.beside(output).within(limit)?, journal_of(output, part));
-        args.restart(&path)?;
+        let (args, path) = args.begin(limit, (output, part), part.is_some())?;
         let rest: Vec<usize> = part.map_or_else(|| (0..runs.count()).collect(), |part| runs.of_part(part));
         let mut keeper = RayKeeper {
             log: Log::new(rest.len(), "runs", Traced::default()),

@@ -13,7 +13,7 @@ use raybrook::low_level::planes::{Plane, PlaneGroup, write_exr};
 use raybrook::low_level::renderer::{Crop, Picture};
 use raybrook::low_level::scene::{Numbering, Samples, Scene};
 use raybrook::low_level::shared::WorkCounter;
-use raybrook::low_level::tracer::{Backend, Progress, RenderResult, Sampling};
+use raybrook::low_level::tracer::{Backend, Progress, RenderResult, Sampling, Task};
 use raybrook::low_level::work::PixelWork;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -96,8 +96,13 @@ impl LayerArgs {
     }
 
     /// Whether first hits are to be traced.
-    pub fn wants_hits(&self) -> bool {
+    fn wants_hits(&self) -> bool {
         self.layers().iter().any(|layer| layer.is_of_hit())
+    }
+
+    /// What a tracer is to be prepared for.
+    pub fn tasks(&self) -> &'static [Task] {
+        if self.wants_hits() { &[Task::Picture, Task::Batch] } else { &[Task::Picture] }
     }
 
     /// Whether it is to be kept how pixels are sampled.
@@ -153,8 +158,7 @@ impl LayerArgs {
 
     /// Checks that all files can be written.
     pub fn check_writable(&self, output: &Path, format: ImageFormat) -> Result<()> {
-        self.pictures(output, format).try_for_each(|path| check_writable(&path))?;
-        work::check_aovs(output, format, &self.aovs(format))
+        self.files(output, format).iter().try_for_each(|path| check_writable(path))
     }
 
     /// The layers of a picture, or of a part of it.
@@ -167,6 +171,9 @@ impl LayerArgs {
         progress: Progress,
     ) -> Result<Vec<PlaneGroup>> {
         let layers = self.layers();
+        if layers.is_empty() {
+            return Ok(Vec::new());
+        }
         let numbering = Numbering::of(scene, &buffers.used_materials);
         trace_layers(tracer, (buffers, &numbering), picture, part, &layers, sampling, progress)
     }

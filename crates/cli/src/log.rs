@@ -73,17 +73,16 @@ impl<J: OnDisk, M> Done<J, M> {
         create: impl FnOnce() -> Result<J>,
         append: impl FnOnce(&mut J) -> Result<()>,
     ) -> Result<()> {
-        self.pieces += pieces;
-        if self.journal.is_none() && is_worth_it(self.pieces, self.of) {
+        let finished = self.pieces + pieces;
+        if self.journal.is_none() && is_worth_it(finished, self.of) {
             self.journal = Some(create()?);
         }
         match &mut self.journal {
-            Some(journal) => append(journal).map_err(|error| what_is_kept(error, self.called)),
-            None => {
-                self.unkept += pieces;
-                Ok(())
-            }
+            Some(journal) => append(journal).map_err(|error| what_is_kept(error, self.called))?,
+            None => self.unkept += pieces,
         }
+        self.pieces = finished;
+        Ok(())
     }
 }
 

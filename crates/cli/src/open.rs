@@ -219,6 +219,16 @@ pub struct Opened {
     pub stats: RunStats,
 }
 
+impl Opened {
+    /// Puts into the statistics of a run what the tracer knows at its end, with its seconds of device time.
+    pub fn note_times(&self, kernel_s: Vec<f64>, stats: &mut RunStats, talk: Talk) {
+        stats.kernel_s = device_times(self.tracer.as_ref(), kernel_s, talk);
+        stats.compile_s = Some(self.tracer.compile_s()); // the second pass is compiled when it is needed
+        stats.lost.extend(self.tracer.lost().cloned());
+        stats.set_rate();
+    }
+}
+
 /// Builds, uploads, and compiles what the `tasks` need.
 pub fn open(
     loaded: &Loaded,

@@ -24,7 +24,7 @@ use raybrook::low_level::renderer::{
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{FullPicture, RayCounts, RunStats, WorkStats};
-use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Sampling, Task};
+use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Sampling, Spent, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -223,7 +223,8 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         return Err(Error::option(limit.option(), message));
     }
     if args.display.is_given() && !args.is_kept() {
-        let message = "pictures whose work or samples are told are shown when they are finished; leave out one of both";
+        let message =
+            "a picture whose work or samples are told is not shown while it is rendered; leave out one of both";
         return Err(Error::option("--display", message));
     }
     let options = args.method.check(counters)?;
@@ -307,8 +308,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
             Ok((result, built.stats(shares, lost)))
         }
         keeper => {
-            let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
-            let (tasks, chosen) = ((tasks, &budget), chosen.swap_remove(0));
+            let (tasks, chosen) = ((args.layers.tasks(), &budget), chosen.swap_remove(0));
             let one = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
             let opened = opened.insert(args.loss.strict_if(counters).guard(one, device.as_ref(), talk));
             check_picture(picture.size, picture.samples)?;
@@ -351,6 +351,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         args.layers.write((&output, format), &result, layers, talk)?;
         write_s = writing.elapsed().as_secs_f64();
     }
+    let earlier = keeper.as_ref().map_or_else(Spent::default, Keeper::earlier);
     keeper.map_or(Ok(()), Keeper::finish)?;
 
     stats.write_s = Some(write_s);
@@ -366,10 +367,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         });
     }
     if let Some(opened) = &opened {
-        stats.kernel_s = open::device_times(opened.tracer.as_ref(), vec![result.kernel_s], talk);
-        stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
-        stats.lost.extend(opened.tracer.lost().cloned());
-        stats.set_rate();
+        opened.note_times(vec![result.kernel_s], &mut stats, talk);
     }
     stats.total_s = start.elapsed().as_secs_f64();
     if let (true, Some(opened)) = (args.measure_error, &mut opened) {
@@ -379,7 +377,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         stats.write(path)?;
     }
     tell_result(&output, (&stats, &result.film), talk);
-    args.explain.print_times(&stats, talk);
+    args.explain.print_times(&stats, &earlier, talk);
     Ok(SUCCESS)
 }
 

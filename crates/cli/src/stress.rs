@@ -5,7 +5,7 @@ mod table;
 
 use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::files::Files;
-use super::keep::{KeepArgs, journal_of};
+use super::keep::{KeepArgs, journal_of, refuse_journal};
 use super::limit::{Limit, LimitArgs};
 use super::values::Named;
 use super::{DeviceArgs, MemoryArgs, MethodArgs, Talk, asked, closed, flags, open, print, stop};
@@ -232,6 +232,7 @@ fn claim(args: &StressArgs, kinds: &[&Kind], methods: &[Method]) -> Result<()> {
         files.read(path, "what --replay traces");
     }
     files.write_if(args.json.as_deref(), "--json")?;
+    refuse_journal(args.json.as_deref(), "--json")?;
     let journal = args.json.as_deref().map(|path| journal_of(path, None));
     files.write_if(journal.as_deref(), "--json, on its way,")?;
     let Some(folder) = &args.write else { return Ok(()) };

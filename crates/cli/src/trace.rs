@@ -3,7 +3,7 @@
 use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
 use super::files::Files;
-use super::keep::{KeepArgs, journal_of};
+use super::keep::{KeepArgs, journal_of, refuse_journal};
 use super::keep_rays::{LazyId, RayKeeper};
 use super::limit::{Limit, LimitArgs};
 use super::loss::LossArgs;
@@ -18,7 +18,6 @@ use raybrook::low_level::choose::Chosen;
 use raybrook::low_level::crossings::require_exact;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::extreme::TracingBatch;
-use raybrook::low_level::journal::is_journal;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::Kernels;
 use raybrook::low_level::output::check_writable;
@@ -101,10 +100,7 @@ impl TraceArgs {
     /// Checks that nothing is written that is read as one of `files`, or written twice.
     fn claim(&self, part: Option<Part>, mut files: Files) -> Result<()> {
         files.write_if(self.output.as_deref(), "-o")?;
-        if let Some(output) = self.output.as_deref().filter(|output| is_journal(output)) {
-            let message = format!("'{}' is a journal, which would be lost; choose another name", output.display());
-            return Err(Error::option("-o", message));
-        }
+        refuse_journal(self.output.as_deref(), "-o")?;
         let journal = self.output.as_deref().map(|output| journal_of(output, part));
         files.write_if(journal.as_deref(), "-o, on its way,")?;
         files.write_if(self.stats.as_deref(), "--stats")
@@ -346,10 +342,7 @@ impl Work<'_> {
         };
         let mut stats = std::mem::take(&mut opened.stats);
         told.put(self.batch.len(), &mut stats);
-        stats.kernel_s = open::device_times(opened.tracer.as_ref(), told.kernel_s.clone(), talk);
-        stats.compile_s = Some(opened.tracer.compile_s()); // the second pass is compiled when it is needed
-        stats.lost.extend(opened.tracer.lost().cloned());
-        stats.set_rate();
+        opened.note_times(told.kernel_s.clone(), &mut stats, talk);
         Ok(Some((told, stats)))
     }
 

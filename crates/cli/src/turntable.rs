@@ -21,7 +21,7 @@ use raybrook::low_level::output::check_writable;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, render_part_noting};
 use raybrook::low_level::scene::{Camera, CameraKey, CameraPath, Samples, Scene};
-use raybrook::low_level::tracer::{Backend, Progress, Task};
+use raybrook::low_level::tracer::{Backend, Progress};
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -200,11 +200,10 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     args.layers.check_writable(&frames.path(1), format)?;
     let missing = frames.missing(args.beside(format));
     if !missing.is_empty() {
-        let tasks = if args.layers.wants_hits() { &[Task::Picture, Task::Batch][..] } else { &[Task::Picture] };
-        let tasks = (tasks, &budget);
+        let tasks = (args.layers.tasks(), &budget);
         let opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
         check_picture(picture.size, picture.samples)?;
-        let loss = args.loss.strict_if(args.layers.wants_counters());
+        let loss = args.loss.strict_if(counters);
         let mut opened = loss.guard(opened, device.as_ref(), talk);
         let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
         let mut render = || turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), (limit, talk));
@@ -278,10 +277,7 @@ impl Turntable<'_> {
         let mut result = render_part_noting(tracer, buffers, &picture, None, notes_sampling, progress)?;
         let of = (buffers, &self.loaded.scene);
         let sampling = result.sampling.as_ref();
-        let layers = match args.layers.any() {
-            true => args.layers.trace(tracer, of, &picture, (None, sampling), &|_| progress(1.0))?,
-            false => Vec::new(),
-        };
+        let layers = args.layers.trace(tracer, of, &picture, (None, sampling), &|_| progress(1.0))?;
         args.file.finish(&mut result.film, &format!("frame {frame}"), talk)?;
         let path = self.frames.path(frame);
         // What the colours of layers mean is told once.

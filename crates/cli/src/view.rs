@@ -124,7 +124,8 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
             match engine.draw(&job) {
                 Ok(shown) => hub.publish(&job, shown),
                 Err(Error::Stopped) => {}
-                Err(error) if is_end(&error) => return Err(error),
+                // A device that failed once is not to be trusted.
+                Err(error) if error.is_lost_device() => return Err(error),
                 Err(error) => hub.give_up(&job, chain(&error)),
             }
             if must_open {
@@ -148,7 +149,7 @@ fn work(engine: &mut Engine, hub: &Hub, watched: &Watched) -> Result<()> {
     };
     match done {
         Ok(()) => begin_anew(engine, hub),
-        Err(error) if is_end(&error) => return Err(error),
+        Err(error) if error.is_lost_device() => return Err(error),
         Err(error) => hub.tell(|facts| {
             *facts = SceneFacts { notice: Some(format!("{}; {doing}", chain(&error))), ..engine.facts() };
         }),
@@ -162,11 +163,6 @@ fn culprit(error: &Error) -> Option<PathBuf> {
         Error::Io { path, .. } | Error::Input { path, .. } => Some(path.clone()),
         _ => None,
     }
-}
-
-/// Whether nothing can be done after an error: a device that failed once is not to be trusted.
-fn is_end(error: &Error) -> bool {
-    matches!(error, Error::OpenCl { .. } | Error::Hang { .. })
 }
 
 #[cfg(test)]

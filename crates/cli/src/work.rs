@@ -5,7 +5,6 @@ use super::files::Files;
 use raybrook::Result;
 use raybrook::low_level::aov::{Aov, AovRange};
 use raybrook::low_level::film::ImageFormat;
-use raybrook::low_level::output::check_writable;
 use raybrook::low_level::shared::WorkCounter;
 use raybrook::low_level::stats::WorkStats;
 use raybrook::low_level::work::{PixelWork, WorkSum};
@@ -35,11 +34,6 @@ pub fn aov_files(output: &Path, format: ImageFormat, counters: &[WorkCounter]) -
         [Some(colours), numbers].into_iter().flatten()
     };
     counters.iter().flat_map(of_counter).collect()
-}
-
-/// Checks that all files can be written.
-pub fn check_aovs(output: &Path, format: ImageFormat, counters: &[WorkCounter]) -> Result<()> {
-    aov_files(output, format, counters).iter().try_for_each(|path| check_writable(path))
 }
 
 /// Keeps that `option` has these files written.

@@ -10,9 +10,10 @@ use crate::points::{PointArrays, PointList};
 use crate::process;
 use crate::rays::{GivenRays, Rays};
 use crate::run::{Call, Current, Failure, Stopped, run};
-use crate::view::{BlockArrays, GivenView, Regions};
+use crate::view::{BlockArrays, Regions, view_of};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use raybrook::low_level::blocks::Area;
 use raybrook::{AllHits, DeviceKind, Hit, Ray, Result, Scene, Tracer};
 use std::ops::Range;
@@ -94,6 +95,20 @@ impl Core {
                 if cause.is::<Stopped>() { Err(Failure::Stopped) } else { resume_unwind(cause) }
             }
         }
+    }
+
+    /// Has `work` done by the tracer, once.
+    fn once<T>(
+        &self,
+        call: &Arc<Call>,
+        mut work: impl FnMut(&mut Tracer) -> Result<T>,
+    ) -> std::result::Result<T, Failure> {
+        let mut done = None;
+        self.work(call, 1, |tracer, _| {
+            done = Some(work(tracer)?);
+            Ok(())
+        })?;
+        Ok(done.expect("it was done"))
     }
 
     /// One number for each of `count` things, from `work`, which gets a part of them and tells as many numbers.
@@ -231,9 +246,10 @@ impl Core {
         Ok(py.detach(|| self.scene.bounds()).map(|(low, high)| (low.to_array(), high.to_array())))
     }
 
-    /// What tells scenes apart.
+    /// What tells scenes apart, also by what their files say of pictures.
     fn digest(&self, py: Python) -> &str {
-        py.detach(|| self.digest.get_or_init(|| self.scene.digest()))
+        let Scene { picture, up, .. } = &self.scene;
+        py.detach(|| self.digest.get_or_init(|| format!("{} {picture:?} {up:?}", self.scene.digest())))
     }
 
     /// The corners of all triangles, nine numbers each.
@@ -430,41 +446,30 @@ impl Core {
     }
 
     /// A picture.
-    fn render(&self, py: Python, view: GivenView, progress: Option<&Bound<PyAny>>) -> PyResult<Picture> {
-        let view = view.view(py)?;
-        run(py, progress, |call| {
-            let mut picture = None;
-            self.work(call, 1, |tracer, _| {
-                picture = Some(tracer.render(&view)?);
-                Ok(())
-            })?;
-            Ok(Picture(picture.expect("it was rendered")))
-        })
+    fn render(&self, py: Python, view: &Bound<PyDict>, progress: Option<&Bound<PyAny>>) -> PyResult<Picture> {
+        let view = view_of(view)?;
+        run(py, progress, |call| self.once(call, |tracer| tracer.render(&view)).map(Picture))
     }
 
     /// How a picture is cut into blocks; without a device.
-    fn regions(&self, py: Python, view: GivenView) -> PyResult<Regions> {
-        let blocks = view.view(py)?.blocks(&self.scene).map_err(|error| to_python(py, &error))?;
+    fn regions(&self, py: Python, view: &Bound<PyDict>) -> PyResult<Regions> {
+        let blocks = view_of(view)?.blocks(&self.scene).map_err(|error| to_python(py, &error))?;
         let region = |(area, numbers): (Area, Vec<usize>)| (rectangle(&area), numbers);
-        Ok((blocks.size(), blocks.regions().into_iter().map(region).collect()))
+        Ok(blocks.regions().into_iter().map(region).collect())
     }
 
     /// Some blocks of a picture, one after the other.
     fn render_blocks<'py>(
         &self,
         py: Python<'py>,
-        view: GivenView,
+        view: &Bound<PyDict>,
         numbers: Vec<usize>,
         progress: Option<&Bound<PyAny>>,
     ) -> PyResult<BlockArrays<'py>> {
-        let view = view.view(py)?;
+        let view = view_of(view)?;
         let (pixels, places) = run(py, progress, |call| {
             let blocks = view.blocks(&self.scene)?;
-            let mut pixels = Vec::new();
-            self.work(call, 1, |tracer, _| {
-                pixels = tracer.render_blocks(&view, &numbers)?.concat();
-                Ok(())
-            })?;
+            let pixels = self.once(call, |tracer| Ok(tracer.render_blocks(&view, &numbers)?.concat()))?;
             let places = numbers.iter().flat_map(|&number| blocks.places(number));
             let places = places.flat_map(|place| rectangle(&place.seen_from(blocks.place())).map(|n| n as u32));
             Ok((pixels, places.collect::<Vec<u32>>()))

@@ -2,53 +2,51 @@
 
 use crate::error::to_python;
 use numpy::PyArray1;
+use pyo3::conversion::FromPyObjectOwned;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use raybrook::{Layer, Result, View, Viewpoint};
+use pyo3::types::PyDict;
+use raybrook::{Error, Layer, View, Viewpoint};
+use std::str::FromStr;
 
-/// What a picture shows and how, a dict.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct GivenView {
-    size: Option<(u32, u32)>,
-    eye: Option<[f32; 3]>,
-    target: Option<[f32; 3]>,
-    up: Option<[f32; 3]>,
-    /// Degrees.
-    fov: Option<f32>,
-    /// The name of a viewpoint.
-    view: Option<String>,
-    samples: Option<u32>,
-    error: Option<f32>,
-    depth: Option<u32>,
-    crop: Option<[u32; 4]>,
-    layers: Vec<String>,
+/// What the arguments of a picture, a dict, ask for.
+pub fn view_of(given: &Bound<PyDict>) -> PyResult<View> {
+    let of_size = |(width, height): (u32, u32)| View::new(width, height);
+    let mut view = field(given, "size")?.map_or_else(View::default, of_size);
+    view = field(given, "eye")?.map_or(view, |eye: [f32; 3]| view.eye(eye));
+    view = field(given, "target")?.map_or(view, |target: [f32; 3]| view.target(target));
+    view = field(given, "up")?.map_or(view, |up: [f32; 3]| view.up(up));
+    view = field(given, "fov")?.map_or(view, |degrees: f32| view.fov(degrees));
+    let viewpoint = field(given, "view")?.map(|name: String| parsed::<Viewpoint>(given.py(), &name)).transpose()?;
+    view = viewpoint.map_or(view, |viewpoint| view.viewpoint(viewpoint));
+    view = field(given, "samples")?.map_or(view, |samples: u32| view.samples(samples));
+    view = field(given, "error")?.map_or(view, |error: f32| view.error(error));
+    view = field(given, "depth")?.map_or(view, |depth: u32| view.depth(depth));
+    let of_crop = |[x, y, width, height]: [u32; 4]| view.crop(x, y, width, height);
+    view = field(given, "crop")?.map_or(view, of_crop);
+    let names: Vec<String> = field(given, "layers")?.unwrap_or_default();
+    let layers = names.iter().map(|name| parsed::<Layer>(given.py(), name)).collect::<PyResult<Vec<_>>>()?;
+    Ok(view.layers(&layers))
 }
 
-impl GivenView {
-    pub fn view(&self, py: Python) -> PyResult<View> {
-        self.parsed().map_err(|error| to_python(py, &error))
-    }
-
-    fn parsed(&self) -> Result<View> {
-        let mut view = self.size.map_or_else(View::default, |(width, height)| View::new(width, height));
-        view = self.eye.map_or(view, |eye| view.eye(eye));
-        view = self.target.map_or(view, |target| view.target(target));
-        view = self.up.map_or(view, |up| view.up(up));
-        view = self.fov.map_or(view, |fov| view.fov(fov));
-        let viewpoint: Option<Viewpoint> = self.view.as_ref().map(|name| name.parse()).transpose()?;
-        view = viewpoint.map_or(view, |viewpoint| view.viewpoint(viewpoint));
-        view = self.samples.map_or(view, |samples| view.samples(samples));
-        view = self.error.map_or(view, |error| view.error(error));
-        view = self.depth.map_or(view, |depth| view.depth(depth));
-        view = self.crop.map_or(view, |[x, y, width, height]| view.crop(x, y, width, height));
-        let layers: Vec<Layer> = self.layers.iter().map(|name| name.parse()).collect::<Result<_>>()?;
-        Ok(view.layers(&layers))
-    }
+/// An argument, if it is given.
+fn field<'py, T: FromPyObjectOwned<'py>>(given: &Bound<'py, PyDict>, name: &str) -> PyResult<Option<T>> {
+    let py = given.py();
+    let Some(value) = given.get_item(name)?.filter(|value| !value.is_none()) else { return Ok(None) };
+    let named = |error: PyErr| match error.is_instance_of::<PyTypeError>(py) {
+        true => PyTypeError::new_err(format!("argument '{name}': {}", error.value(py))),
+        false => error,
+    };
+    value.extract::<T>().map(Some).map_err(|error| named(error.into()))
 }
 
-/// Width and height of a picture, or of its part; and rectangles of it, as column, row, width and height, each with
-/// the numbers of the blocks that fill it.
-pub type Regions = ((u32, u32), Vec<([usize; 4], Vec<usize>)>);
+fn parsed<T: FromStr<Err = Error>>(py: Python, name: &str) -> PyResult<T> {
+    name.parse().map_err(|error| to_python(py, &error))
+}
+
+/// Rectangles of a picture, or of its part, as column, row, width and height, each with the numbers of the blocks that
+/// fill it.
+pub type Regions = Vec<([usize; 4], Vec<usize>)>;
 
 /// The pixels of some blocks, by threes, and where they go: column, row, width and height of each of their places.
 pub type BlockArrays<'py> = (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<u32>>);

@@ -1,7 +1,7 @@
 //! What a stress test has found is kept beside the file of `--json`, scene by scene, in `FILE.partial`.
 
 use crate::Talk;
-use crate::keep::{Keep, KeepArgs, journal_of, to_begin_anew};
+use crate::keep::{Keep, KeepArgs, to_begin_anew};
 use crate::limit::Limit;
 use crate::log::{Log, OnDisk};
 use raybrook::low_level::journal::{self, HEADER, Journal, Subject};
@@ -107,8 +107,7 @@ impl StressKeeper {
         (id, of): (StressId, usize),
         talk: Talk,
     ) -> Result<StressKeeper> {
-        let (args, path) = (args.beside(output).within(limit)?, journal_of(output, None));
-        args.restart(&path)?;
+        let (args, path) = args.begin(limit, (output, None), false)?;
         let log = Log::new(of, "scenes", ());
         let mut keeper = StressKeeper { log, path, id, keep: args.keep, kept: BTreeMap::new(), start: Instant::now() };
         if args.goes_on(&keeper.path) {

@@ -85,10 +85,15 @@ def points(name: str, value: Any, origin: Sequence[float]) -> tuple[np.ndarray, 
 GivenRays = tuple[np.ndarray, Optional[np.ndarray], tuple[float, float]]
 
 
+def is_pair(value: Any) -> bool:
+    """Whether rays are given as origins and directions."""
+    return isinstance(value, tuple) and len(value) == 2 and np.shape(value[1])[-1:] == (3,)
+
+
 def rays(value: Any, t_min: float, t_max: float, origin: Sequence[float]) -> tuple[GivenRays, tuple[int, ...]]:
     """Rays as the module in Rust takes them, from ``origin`` on, and their leading shape."""
     limits = (float(t_min), float(t_max))
-    if isinstance(value, tuple) and len(value) == 2 and np.shape(value[1])[-1:] == (3,):
+    if is_pair(value):
         starts = with_last("origins", as_array("origins", value[0]), (3,))
         origins, directions = float32("rays", starts, value[1], origins=[origin])
         try:

@@ -110,7 +110,8 @@ def _shared(scene: Scene) -> Any:
     """A scene as it is now, as a node of graphs: tasks refer to it, and do not hold it."""
     if not isinstance(scene, Scene):
         raise TypeError(f"scene: a raybrook.Scene is needed, not {type(scene).__name__}")
-    core, now = scene._get(), copy(scene)
+    with scene._lock:
+        core, now = scene._get(), copy(scene)
     # With what traces it, which stays as it is when the scene moves on.
     now._core = core
     faces = [len(faces) for _, faces in now._meshes]
@@ -132,7 +133,7 @@ def _blocked(name: str, value: Any, last: tuple[int, ...]) -> Any:
 
 
 def _rays(value: Any) -> Any:
-    if not (isinstance(value, tuple) and len(value) == 2 and np.shape(value[1])[-1:] == (3,)):
+    if not _arrays.is_pair(value):
         return _blocked("rays", value, (6, 8))
     both = [_blocked(name, part, (3,)) for name, part in zip(("origins", "directions"), value)]
     return da.concatenate(da.broadcast_arrays(*both), axis=-1).rechunk({-1: -1})
@@ -275,8 +276,8 @@ def render(
         crop=crop,
     )
     shared = _shared(scene)
-    (columns, _), regions = scene._get().regions(given)
-    if all(place[2] == columns for place, _ in regions):
+    regions = scene._get().regions(given)
+    if all(place[0] == 0 for place, _ in regions):
         regions = _joined(regions, max(len(regions) // tasks, 1))
     per_region = max(math.ceil(tasks / len(regions)), 1)
     chunks = [_chunk(shared, given, place, numbers, per_region) for place, numbers in regions]
