@@ -133,7 +133,7 @@ with_runtime() {
 
 # A test program.
 test_program() {
-    cargo test --workspace --release --locked --no-run --test "$1" 2>&1 | sed -n 's/^ *Executable .* (\(.*\))$/\1/p' | grep .
+    cargo test --workspace --profile quick --locked --no-run --test "$1" 2>&1 | sed -n 's/^ *Executable .* (\(.*\))$/\1/p' | grep .
 }
 
 # Runs tests of one program on one runtime; its output is in $scratch/log. Prints the verdict.
@@ -201,7 +201,7 @@ main() {
         [[ " ${ALL_RUNTIMES[*]} " == *" $runtime "* ]] || fail "no runtime '$runtime'; there are: ${ALL_RUNTIMES[*]}"
     done
     heading 'Building the tests'
-    cargo test --workspace --release --locked --no-run --test device --test methods --test pictures
+    cargo test --workspace --profile quick --locked --no-run --test device --test methods --test pictures
     for runtime in "${runtimes[@]}"; do
         test_runtime "$runtime" || failed=1
     done

@@ -34,6 +34,17 @@ pub fn unoptimised(device: &DeviceHandle) -> DeviceHandle {
     device.clone().with_compiler_options("-cl-opt-disable").unwrap()
 }
 
+/// Whether to compare everything that there is, as `./test --thorough` does (`RAYBROOK_THOROUGH=1`), instead of one of
+/// each kind: programs take a second and more to compile, of which a usual run has some minutes' worth.
+pub fn is_thorough() -> bool {
+    std::env::var_os("RAYBROOK_THOROUGH").is_some_and(|value| !value.is_empty() && value != "0")
+}
+
+/// `all`, or where a usual run is to be short every `step`th of them, the first among them.
+pub fn usually_every<T>(step: usize, all: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
+    all.into_iter().step_by(if is_thorough() { 1 } else { step })
+}
+
 /// Whether the device is Oclgrind, which interprets kernels: tests trace fewer rays there.
 pub fn on_oclgrind() -> bool {
     device().is_some_and(|device| device.info.name.contains("Oclgrind"))

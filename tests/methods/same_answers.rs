@@ -19,9 +19,10 @@
 //! two triangles lie in one place (twins in the bunny, footprints in the floor of the box) only `exact` sees that t is
 //! the same.
 //!
-//! # Two sizes
+//! # Three sizes
 //!
-//! As a rule a spread: each two values of any two options that go together in at least one combination, on one model;
+//! As a rule a spread: each value in each structure, and each triangle test in each traversal, in at least one
+//! combination; with `RAYBROOK_THOROUGH=1` each two values of any two options that go together. Each on one model, but
 //! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //! Closest hits are asked of each set of kernels, those of second rays of one in [`NEXT`], any hits of one in [`ANY`],
 //! pictures of one in [`PICTURES`]; one in [`OPTIMISED`] is compiled with optimisations.
@@ -39,8 +40,8 @@
 mod combinations;
 mod models;
 
-use crate::common::{device, unoptimised};
-use combinations::{go_together, is_read, is_robust_enough, kernel_key, product, spread};
+use crate::common::{device, is_thorough, unoptimised};
+use combinations::{go_together, is_read, is_robust_enough, is_usual, kernel_key, product, spread};
 use models::{Answers, Look, Model, Questions, brute_force, models};
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{
@@ -249,7 +250,7 @@ fn part() -> Option<(usize, usize)> {
 
 #[test]
 fn the_spread_has_every_value_and_every_pair() {
-    let spread = spread();
+    let (usual, spread) = (spread(is_usual), spread(|_| true));
     let has = |options: &TraceOptions, choice: Choice| {
         let option = choice.option();
         option.value(options) == Some(Some(choice.value())) && option.structures.contains(&options.kind())
@@ -270,11 +271,17 @@ fn the_spread_has_every_value_and_every_pair() {
                 continue;
             }
             pairs += 1;
-            assert!(spread.iter().any(|options| has(options, first) && has(options, second)), "{first} {second}");
+            let in_one = |options: &TraceOptions| has(options, first) && has(options, second);
+            assert!(spread.iter().any(in_one), "{first} {second}");
+            assert!(
+                !is_usual([first, second].map(|choice| choice.option().name)) || usual.iter().any(in_one),
+                "{first} {second} is not in a usual run"
+            );
         }
     }
     assert!(pairs > 500 && spread.len() < pairs / 8, "{pairs} pairs in {} combinations", spread.len());
-    assert!(spread.iter().all(|options| options.validate().is_ok()));
+    assert!(usual.len() < spread.len(), "{} of {}", usual.len(), spread.len());
+    assert!(spread.iter().chain(&usual).all(|options| options.validate().is_ok()));
 }
 
 #[test]
@@ -306,7 +313,7 @@ fn every_combination_gives_the_hits_of_brute_force() {
             (lists, jobs)
         }
         None => {
-            let lists = by_kernels(spread());
+            let lists = by_kernels(if is_thorough() { spread(|_| true) } else { spread(is_usual) });
             let jobs = jobs_of_spread(&lists, models);
             (lists, jobs)
         }

@@ -1,7 +1,7 @@
 //! Kernels that have only what the scene needs, beside those that have everything and the reference, which has no less:
 //! bit for bit, on scenes that need one feature, all but one, and all.
 
-use crate::common::device;
+use crate::common::{device, usually_every};
 use glam::{DVec3, Vec3};
 use raybrook::low_level::device::{Looked, kernel_resources};
 use raybrook::low_level::features::Features;
@@ -164,7 +164,7 @@ fn scenes_of_one_feature_have_the_same_pixels() {
 
 #[test]
 fn scenes_of_all_features_but_one_have_the_same_pixels() {
-    Feature::ALL.iter().for_each(|&feature| compare(lacking(feature), &QUICK));
+    usually_every(3, Feature::ALL).for_each(|&feature| compare(lacking(feature), &QUICK));
 }
 
 /// The kernels that are not quick to compile: packets and exact hits, and the split ones.
@@ -177,7 +177,7 @@ fn other_kernels_have_the_same_pixels() {
     };
     let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..QUICK.picture }, ..QUICK };
     for options in [packets, split] {
-        for set in [with(Feature::Mirrors), Features::ALL] {
+        for set in usually_every(2, [Features::ALL, with(Feature::Mirrors)]) {
             compare(set, &options);
         }
     }

@@ -1,7 +1,7 @@
 //! Instances against the flattened scene, bit for bit: hits and pictures, on the reference and on the device, whatever
 //! the transforms.
 
-use crate::common::{Random, SEED, device, sheet, soup};
+use crate::common::{Random, SEED, device, is_thorough, sheet, soup, usually_every};
 use glam::{Affine3A, Vec2, Vec3};
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
@@ -132,7 +132,8 @@ fn hits_are_those_of_the_flattened_scene() {
     let mut random = Random::new(SEED);
     let scene = scene(&mut random);
     let flat = scene.flattened().unwrap().into_owned();
-    let made = |buffers: &SceneBuffers| rays(&scene, buffers, 30_000, &mut Random::new(SEED + 1));
+    let count = if is_thorough() { 30_000 } else { 10_000 };
+    let made = |buffers: &SceneBuffers| rays(&scene, buffers, count, &mut Random::new(SEED + 1));
     for intersector in [
         Intersector::Exact,
         Intersector::Watertight,
@@ -143,12 +144,12 @@ fn hits_are_those_of_the_flattened_scene() {
         let with = |options: TraceOptions| TraceOptions { intersector, ..options };
         let expected = trace(&flat, &with(FLAT), None, &made);
         let hits = expected.0.iter().filter(|hit| hit[3] != u32::MAX).count();
-        assert!((15_000..29_000).contains(&hits), "{hits} hits");
+        assert!((count / 2..count - count / 30).contains(&hits), "{hits} hits");
         // Rounded tests see the same vertices, too.
         assert_eq!(trace(&scene, &with(INSTANCES), None, &made), expected, "{intersector}, seed {SEED}");
         assert_eq!(trace(&scene, &with(FLAT), None, &made), expected, "{intersector}, flattened by the packer");
         let Some(device) = device().filter(|_| intersector == Intersector::Exact) else { continue };
-        for memory in [Memory::Global, Memory::Constant, Memory::Image2d] {
+        for memory in usually_every(2, [Memory::Global, Memory::Constant, Memory::Image2d]) {
             let options = TraceOptions { arrays: ArrayOptions { memory, ..INSTANCES.arrays }, ..INSTANCES };
             assert_eq!(trace(&scene, &options, Some(&device), &made), expected, "{memory}, seed {SEED}");
         }

@@ -1,6 +1,6 @@
 //! Real models: every structure gives the hits of brute force, closed ones have no hole, and files load whole.
 
-use crate::common::{Random, SEED, device, shared};
+use crate::common::{Random, SEED, device, shared, usually_every};
 use glam::Vec3;
 use raybrook::low_level::options::{Build, Intersector, KdOptions, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
@@ -85,7 +85,7 @@ fn every_tree_gives_the_hits_of_brute_force() {
         return;
     }
     let device = device();
-    for model in MODELS {
+    for model in usually_every(2, MODELS) {
         let Some(path) = shared(&format!("scenes/{model}")) else { continue };
         let scene = load(path).unwrap();
         let brute = TraceOptions::of(StructureKind::Brute);

@@ -2,7 +2,7 @@
 
 use raybrook::low_level::options::{
     Choice, Decisions, Intersector, KdOptions, MethodOption, OPTIONS, PictureOptions, RayOrder, SplitAxis, Stop,
-    Structure, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, combine, fewest_changes,
+    Structure, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, combine, fewest_changes,
 };
 use std::collections::HashSet;
 
@@ -77,15 +77,15 @@ struct Pairs {
 type Row = Vec<usize>;
 
 impl Pairs {
-    /// All pairs that go together.
-    fn new() -> Pairs {
+    /// All pairs that go together of which `is_wanted` holds, given the options of both.
+    fn new(is_wanted: impl Fn([&str; 2]) -> bool) -> Pairs {
         let axes: Vec<_> = OPTIONS.iter().map(values).collect();
         let mut missing = HashSet::new();
         let all = || axes.iter().enumerate().flat_map(|(a, values)| (0..values.len()).map(move |i| (a, i)));
         for first in all() {
             for second in all().filter(|second| second.0 > first.0) {
                 let (Some(a), Some(b)) = (axes[first.0][first.1], axes[second.0][second.1]) else { continue };
-                if go_together(a, b) {
+                if is_wanted([a, b].map(|choice| choice.option().name)) && go_together(a, b) {
                     missing.insert([first, second]);
                 }
             }
@@ -148,14 +148,19 @@ impl Pairs {
     }
 }
 
-/// A few combinations that hold, between them, each two values of two options that go together, numbers and refinements
-/// included. Those of the same kernels are neighbours.
+/// Which pairs a usual run takes: every value in every structure, and every triangle test in every traversal.
+pub fn is_usual(pair: [&str; 2]) -> bool {
+    pair.contains(&StructureKind::OPTION) || pair.contains(&Traversal::OPTION) && pair.contains(&Intersector::OPTION)
+}
+
+/// A few combinations that hold, between them, each two values of two options that go together and are wanted, numbers
+/// and refinements included. Those of the same kernels are neighbours.
 ///
 /// Greedy: each new combination holds a pair that is still missing, and of the values of all other options in turn that
 /// with which most missing pairs come in. Pairs of what kernels are compiled for come first; the others are then put
 /// into combinations whose kernels there are already, because compiling is what takes time.
-pub fn spread() -> Vec<TraceOptions> {
-    let mut pairs = Pairs::new();
+pub fn spread(is_wanted: impl Fn([&str; 2]) -> bool) -> Vec<TraceOptions> {
+    let mut pairs = Pairs::new(is_wanted);
     let is_compiled: Vec<_> = pairs.axes.iter().map(|values| values.iter().flatten().any(is_compiled)).collect();
     let mut rows: Vec<Row> = Vec::new();
     // Backwards, because the exact test, whose kernels take longest, is the first: little is left for it to be combined
