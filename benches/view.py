@@ -1,0 +1,114 @@
+#!/usr/bin/env python3
+"""How soon `raybrook view` answers: benches/view.py RAYBROOK SCENE [--size WxH] [--device NAME] [--moves N]
+
+Talks HTTP as the page does. First the time from the program's start to the first picture. Then moves by random angles,
+each once the picture before was finished: milliseconds to the first picture and to the finished one, of each the median
+and the most. Then moves every 16 ms for three seconds, as while somebody drags: pictures a second. Wall clock; a
+browser takes some ms more to show each. Nothing else should run meanwhile. Python 3, nothing else.
+"""
+
+import argparse
+import http.client
+import json
+import random
+import statistics
+import subprocess
+import threading
+import time
+
+LIMIT = 600  # seconds that an answer may take
+DRAG_S = 3.0
+STEP_S = 0.016
+
+
+class Page:
+    """A page: one connection that asks for news, and one that moves."""
+
+    def __init__(self, address):
+        host, self.root = address.removeprefix("http://").split("/", 1)
+        self.listening, self.acting = (http.client.HTTPConnection(host, timeout=LIMIT) for _ in range(2))
+        self.version = self.frame = 0
+        self.session = json.loads(self.ask(self.acting, "begin", None, "POST"))["session"]
+
+    def ask(self, connection, name, body=None, method="GET"):
+        connection.request(method, f"/{self.root}{name}", json.dumps(body) if method == "POST" else None)
+        answer = connection.getresponse()
+        body = answer.read()
+        if answer.status not in (200, 204):
+            raise SystemExit(f"{name}: {answer.status} {body[:200]}")
+        return body
+
+    def move(self, *angles):
+        self.ask(self.acting, "act", {"session": self.session, "moves": [{"orbit": angles}]}, "POST")
+
+    def news(self):
+        """What is told next, and whether there is another picture with it."""
+        query = f"next?session={self.session}&version={self.version}&frame={self.frame}"
+        body = self.ask(self.listening, query)
+        if not body:
+            return {"is_finished": False}, False
+        length = int.from_bytes(body[:4], "big")
+        told = json.loads(body[4 : 4 + length])
+        self.version, self.frame = told["version"], told["frame"]
+        return told, len(body) > 4 + length
+
+    def until_finished(self):
+        """Seconds until the first picture, and until the finished one."""
+        start, first = time.perf_counter(), None
+        while True:
+            told, is_picture = self.news()
+            if is_picture:
+                first = first or time.perf_counter() - start
+            if first and told["is_finished"]:
+                return first, time.perf_counter() - start
+
+
+def dragged(page, chance):
+    """Pictures a second while somebody drags."""
+    until = time.perf_counter() + DRAG_S
+
+    def drag():
+        while time.perf_counter() < until:
+            page.move(chance.uniform(0, 0.02), chance.uniform(-0.01, 0.01))
+            time.sleep(STEP_S)
+
+    hand, pictures = threading.Thread(target=drag), 0
+    hand.start()
+    while time.perf_counter() < until:
+        pictures += page.news()[1]
+    hand.join()
+    return pictures / DRAG_S
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("program", metavar="RAYBROOK")
+    parser.add_argument("scene")
+    parser.add_argument("--size", default="1280x720", metavar="WxH")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--moves", type=int, default=25, metavar="N")
+    arguments = parser.parse_args()
+    words = [arguments.program, "view", arguments.scene, "--no-open"]
+    words += ["--size", arguments.size, "--device", arguments.device]
+    start = time.perf_counter()
+    viewer = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        page = Page(viewer.stdout.readline().strip())
+        begun = time.perf_counter() - start
+        first = begun + page.until_finished()[0]
+        chance, times = random.Random(1), []
+        for _ in range(arguments.moves):
+            page.move(chance.uniform(-0.3, 0.3), chance.uniform(-0.2, 0.2))
+            times.append(page.until_finished())
+        cells = [f"{1000 * statistics.median(column):.0f}, {1000 * max(column):.0f}" for column in zip(*times)]
+        row = [arguments.scene, arguments.size, f"{first:.2f}", *cells, f"{dragged(page, chance):.0f}"]
+        print("| scene | size | start to first picture, s | first picture, ms | finished, ms | pictures/s |")
+        print("|---|---|--:|--:|--:|--:|")
+        print(f"| {' | '.join(row)} |")
+    finally:
+        viewer.terminate()
+        viewer.wait()
+
+
+if __name__ == "__main__":
+    main()
