@@ -33,7 +33,7 @@ use super::unused::{MAX_NAMES, Unused};
 use super::{Builder, Scene};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
-use ::gltf::binary::{Error as ChunkError, Glb};
+use ::gltf::binary::Glb;
 use ::gltf::json::Root;
 use buffers::Buffers;
 use serde::Deserialize;
@@ -131,20 +131,19 @@ fn chunks<'d>(path: &Path, data: &'d [u8]) -> Result<(&'d [u8], Option<&'d [u8]>
         return Ok((data, None));
     }
     let fault = |message: String| Error::input(path, None, message);
+    let word = |at: usize| data.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    // First of all: other versions have other headers.
+    if let Some(version) = word(4).filter(|version| *version != 2) {
+        return Err(fault(format!("is a .glb file of version {version}; only version 2 is read")));
+    }
     // The crate subtracts the header from this length unchecked.
-    let length = data.get(8..12).map_or(0, |b| u64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+    let length = word(8).map_or(0, u64::from);
     if length < GLB_HEADER_BYTES || length > data.len() as u64 {
         let size = data.len();
         return Err(fault(format!("is a .glb file that says it has {length} bytes, but has {size}: it is cut short")));
     }
-    let glb = Glb::from_slice(&data[..length as usize]).map_err(|error| {
-        fault(match error {
-            ::gltf::Error::Binary(ChunkError::Version(version)) => {
-                format!("is a .glb file of version {version}; only version 2 is read")
-            }
-            other => format!("is a damaged .glb file: {}", quote(other.to_string().as_bytes())),
-        })
-    })?;
+    let glb = Glb::from_slice(&data[..length as usize])
+        .map_err(|error| fault(format!("is a damaged .glb file: {}", quote(error.to_string().as_bytes()))))?;
     // The crate borrows what it has cut out of a slice.
     match (glb.json, glb.bin) {
         (std::borrow::Cow::Borrowed(json), None) => Ok((json, Some(&[]))),
@@ -178,14 +177,16 @@ struct Head {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Asset {
-    version: String,
+    /// A text; in files of version 1.0 it may be a number.
+    version: serde_json::Value,
     min_version: Option<String>,
 }
 
 impl Head {
     fn check(&self, path: &Path) -> Result<()> {
         let fault = |message: String| Err(Error::input(path, None, message));
-        let needed = self.asset.min_version.as_ref().unwrap_or(&self.asset.version);
+        let version = || self.asset.version.as_str().map_or_else(|| self.asset.version.to_string(), str::to_owned);
+        let needed = self.asset.min_version.clone().unwrap_or_else(version);
         if !needed.starts_with("2.") || self.asset.min_version.as_ref().is_some_and(|least| least != "2.0") {
             return fault(format!("is glTF {}; only version 2.0 is read", quote(needed.as_bytes())));
         }

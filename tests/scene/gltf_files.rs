@@ -380,6 +380,7 @@ fn what_is_required_and_not_known_is_refused_by_name() {
     assert!(fault.to_string().contains("extension X"), "{fault}");
     for (asset, part) in [
         (json!({"version": "1.0"}), "is glTF 1.0"),
+        (json!({"version": 1}), "is glTF 1;"),
         (json!({"version": "2.1", "minVersion": "2.1"}), "is glTF 2.1"),
         (json!({}), "missing field `version`"),
     ] {
@@ -390,6 +391,10 @@ fn what_is_required_and_not_known_is_refused_by_name() {
     let mut file = File::square();
     file.json["asset"] = json!({"version": "2.1"});
     assert_eq!(file.load().triangle_count(), 2, "a later version that older readers may read");
+    // A header of version 1 has the same length in another place.
+    let mut old = File::square().glb();
+    (old[4], old[8]) = (1, 0xff);
+    assert!(load_bytes("a.glb", &old).unwrap_err().to_string().contains("version 1; only version 2"));
 }
 
 #[test]
