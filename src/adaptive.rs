@@ -20,7 +20,7 @@ mod patch;
 mod promises;
 mod shown;
 
-use crate::blocks::Blocks;
+use crate::blocks::{Area, Blocks};
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::shared::{CameraSample, RenderParams};
@@ -28,7 +28,7 @@ use crate::tracer::{
     Adaptive, Backend, Finished, LAST_LEVEL, LEVEL_SAMPLES, MOST_SAMPLES, Progress, Refined, RenderResult,
 };
 use crate::work::PixelWork;
-pub(crate) use areas::{render_all, render_blocks, stats_of};
+pub(crate) use areas::{render_area, render_blocks, stats_of};
 pub(crate) use host::PART_PIXELS;
 use promises::squared_error;
 pub(crate) use promises::{COUNTED, Choice, Promises};
@@ -180,7 +180,12 @@ pub fn render_adaptive(
     adaptive: Adaptive,
     progress: Progress,
 ) -> Result<RenderResult> {
-    render_all(tracer, params, adaptive, false, progress)
+    render_area(tracer, params, adaptive, &whole_of(params), false, progress)
+}
+
+/// All of a picture.
+fn whole_of(params: &RenderParams) -> Area {
+    Area { x: 0..params.width as usize, y: 0..params.height as usize }
 }
 
 /// The blocks of a picture of this size.

@@ -138,6 +138,28 @@ impl Blocks {
         (column + row * self.stride) % self.per_area
     }
 
+    /// The blocks of an area that have a pixel in `part` of the picture, in ascending order: all of them where all of
+    /// the area lies in it, also those of a small area that have no pixels.
+    pub fn blocks_in(&self, area: usize, part: &Area) -> Vec<usize> {
+        let (first, place) = (area * self.per_area, self.area(area));
+        let Some(common) = place.within(part) else { return Vec::new() };
+        if common == place {
+            return (first..first + self.per_area).collect();
+        }
+        let patches = |common: &Range<usize>, start: usize| {
+            (common.start - start) / self.patch_side..(common.end - start).div_ceil(self.patch_side)
+        };
+        let (columns, rows) = (patches(&common.x, place.x.start), patches(&common.y, place.y.start));
+        let (mut is_in, mut count) = (vec![false; self.per_area], 0);
+        for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
+            count += usize::from(!std::mem::replace(&mut is_in[self.block_of(column, row)], true));
+            if count == self.per_area {
+                break; // of large parts the first patches are in all blocks
+            }
+        }
+        (0..self.per_area).filter(|&block| is_in[block]).map(|block| first + block).collect()
+    }
+
     /// How many blocks there are. They are numbered area after area.
     pub fn count(&self) -> usize {
         self.areas() * self.per_area

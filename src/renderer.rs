@@ -14,7 +14,7 @@ pub use kept::{Kept, KeptBlock, KeptRows, Part, PictureId, PictureJournal, read_
 pub use several::{TakeBlocks, render_by_several};
 pub use stored::{RowsInOrder, StoredBlocks};
 
-use crate::adaptive::{PART_PIXELS, estimated_bytes, render_all, sample_sequence};
+use crate::adaptive::{PART_PIXELS, estimated_bytes, sample_sequence};
 use crate::blocks::LARGEST_PATCH;
 use crate::budget::MemoryBudget;
 use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
@@ -23,11 +23,11 @@ use crate::features::Features;
 use crate::io::film::{Film, ImageFormat};
 use crate::io::rows::writing_bytes;
 use crate::options::{Decisions, Kernels, TraceOptions};
-use crate::pack::{SceneBuffers, sample_positions};
+use crate::pack::SceneBuffers;
 use crate::reference::ReferenceBackend;
 use crate::scene::{Aim, Camera, Placed, Samples, Scene, WideCamera, up_by_shape};
 use crate::shared::RenderParams;
-use crate::tracer::{Adaptive, Backend, MOST_SAMPLES, Progress, RenderResult, Task};
+use crate::tracer::{Backend, MOST_SAMPLES, Progress, RenderResult, Task};
 use crate::work::PixelWork;
 use std::sync::{Arc, LazyLock};
 
@@ -274,23 +274,7 @@ pub fn render(
     picture: &Picture,
     progress: Progress,
 ) -> Result<RenderResult> {
-    render_as(tracer, buffers, picture, false, progress)
-}
-
-/// As [`render`]; with `notes_sampling` a picture by its error tells how each pixel was sampled.
-fn render_as(
-    tracer: &mut dyn Backend,
-    buffers: &SceneBuffers,
-    picture: &Picture,
-    notes_sampling: bool,
-    progress: Progress,
-) -> Result<RenderResult> {
-    picture.samples.check(picture.size)?;
-    let params = rendered_params(tracer, buffers, picture);
-    match picture.samples {
-        Samples::Error(error) => render_all(tracer, &params, Adaptive::of_error(error), notes_sampling, progress),
-        fixed => tracer.render(&params, &sample_positions(fixed), progress),
-    }
+    render_part(tracer, buffers, picture, None, progress)
 }
 
 /// What kernels need to know of a picture, of which rays are killed as the tracer's options say.

@@ -10,10 +10,11 @@ use crate::io::film::{Film, FilmWindow};
 use crate::options::Decisions;
 use crate::shared::RenderParams;
 use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
+use crate::work::PixelWork;
 
 /// Renders some blocks of a picture, in ascending order, and tells `done` of them as soon as they are finished: their
-/// pixels are those of [`super::render_adaptive`], whatever else is rendered. The result has `film`, one of the picture
-/// or without pixels yet, with the blocks on it; or none.
+/// pixels are those of [`super::render_adaptive`], whatever else is rendered. The result has `film`, one of a `part` of
+/// the picture or without pixels yet, with what the part has of the blocks on it; or none.
 ///
 /// # Errors
 /// As [`Backend::render`], and those of `done`.
@@ -21,33 +22,37 @@ pub fn render_blocks(
     tracer: &mut dyn Backend,
     params: &RenderParams,
     adaptive: Adaptive,
-    (wanted, film): (&[usize], Option<Film>),
+    (wanted, part): (&[usize], &Area),
+    film: Option<Film>,
     done: Done,
     progress: Progress,
 ) -> Result<RenderResult> {
     let keeps_film = film.is_some();
-    let mut run = Run::new(params, adaptive, (RenderResult::of_film(film.unwrap_or_else(Film::none)), keeps_film));
+    let result = RenderResult::of_film(film.unwrap_or_else(Film::none));
+    let mut run = Run::new(params, adaptive, part, (result, keeps_film));
     run.areas(tracer, wanted, done, progress)?;
     Ok(run.finish())
 }
 
-/// Renders all blocks of a picture; where it `notes_sampling` it tells how each pixel was sampled, and the host decides.
+/// Renders a part of a picture, or all of it, and the blocks that have pixels there; where it `notes_sampling` it tells
+/// how each pixel was sampled, and the host decides.
 ///
 /// # Errors
 /// As [`Backend::render`]; [`Error::OutOfMemory`](crate::Error::OutOfMemory) when there is no memory for that.
-pub fn render_all(
+pub fn render_area(
     tracer: &mut dyn Backend,
     params: &RenderParams,
     adaptive: Adaptive,
+    part: &Area,
     notes_sampling: bool,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let (width, height) = (params.width, params.height);
-    let sampling = notes_sampling.then(|| room_for_sampling(width as usize * height as usize)).transpose()?;
+    let (width, height) = to_u32(part.size());
+    let sampling = notes_sampling.then(|| room_for_sampling(part.x.len() * part.y.len())).transpose()?;
     let result = RenderResult { sampling, ..RenderResult::of_film(Film { width, height, pixels: Vec::new() }) };
-    let mut run = Run::new(params, adaptive, (result, true));
-    let all: Vec<usize> = (0..run.blocks.count()).collect();
-    run.areas(tracer, &all, &mut |_| Ok(()), progress)?;
+    let mut run = Run::new(params, adaptive, part, (result, true));
+    let wanted: Vec<usize> = (0..run.blocks.areas()).flat_map(|area| run.blocks.blocks_in(area, part)).collect();
+    run.areas(tracer, &wanted, &mut |_| Ok(()), progress)?;
     Ok(run.finish())
 }
 
@@ -60,6 +65,8 @@ struct Run<'a> {
     params: &'a RenderParams,
     adaptive: Adaptive,
     blocks: Blocks,
+    /// What the result shows of the picture, if it keeps a film.
+    part: &'a Area,
     keeps_film: bool,
     result: RenderResult,
     spent: Spent,
@@ -68,12 +75,18 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// On the film of `result`, if it keeps one.
-    fn new(params: &'a RenderParams, adaptive: Adaptive, (result, keeps_film): (RenderResult, bool)) -> Self {
+    /// On the film of `result`, if it keeps one, which shows `part` of the picture.
+    fn new(
+        params: &'a RenderParams,
+        adaptive: Adaptive,
+        part: &'a Area,
+        (result, keeps_film): (RenderResult, bool),
+    ) -> Self {
         Run {
             params,
             adaptive,
             blocks: blocks_of((params.width, params.height), adaptive),
+            part,
             keeps_film,
             result,
             spent: Spent::default(),
@@ -124,15 +137,21 @@ impl<'a> Run<'a> {
         let window = FilmWindow { film: &traced.film, place: origin };
         done(&Finished { blocks: wanted, film: window, spent })?;
         let is_all = (traced.film.width, traced.film.height) == (self.params.width, self.params.height);
-        match (self.keeps_film, is_all) {
+        match (self.keeps_film, is_all && self.shows_all()) {
             (false, _) => {}
             (true, true) => self.result.film = traced.film,
             (true, false) => {
+                let Some(place) = place.within(self.part) else { return Ok(()) };
                 self.result.film.make_pixels()?;
-                self.result.film.copy((0, 0), &window, place);
+                self.result.film.copy((self.part.x.start, self.part.y.start), &window, &place);
             }
         }
         Ok(())
+    }
+
+    /// Whether the result shows all of the picture.
+    fn shows_all(&self) -> bool {
+        to_u32(self.part.size()) == (self.params.width, self.params.height)
     }
 
     /// Renders blocks of an area, and decides about them.
@@ -149,15 +168,16 @@ impl<'a> Run<'a> {
             told.add(&finished.spent);
             done(finished)
         };
-        // On the picture's film, unless other blocks of the area are there, which would be drawn over.
-        let is_in_place = self.keeps_film && wanted.len() == self.blocks.per_area;
+        // On the picture's film, unless that is smaller, or has other blocks of the area, which would be drawn over.
+        let is_in_place = self.keeps_film && self.shows_all() && wanted.len() == self.blocks.per_area;
         let (onto, origin) = if is_in_place {
             self.result.film.make_pixels()?;
             (std::mem::replace(&mut self.result, RenderResult::of_film(Film::none())), (0, 0))
         } else {
-            let (width, height) = to_u32(place.size());
-            let film = Film { width, height, pixels: Film::try_pixels(place.x.len() * place.y.len())? };
-            (RenderResult::of_film(film), (place.x.start, place.y.start))
+            let ((width, height), pixels) = (to_u32(place.size()), place.x.len() * place.y.len());
+            let film = Film { width, height, pixels: Film::try_pixels(pixels)? };
+            let sampling = self.result.sampling.is_some().then(|| room_for_sampling(pixels)).transpose()?;
+            (RenderResult { sampling, ..RenderResult::of_film(film) }, (place.x.start, place.y.start))
         };
         let mut tracing = Tracing::new(tracer, self.params, self.adaptive, &self.blocks, (onto, origin), progress);
         tracing.render_area(wanted, &mut tell)?;
@@ -167,18 +187,37 @@ impl<'a> Run<'a> {
         } else {
             self.result.add(&traced);
             if self.keeps_film {
-                self.result.film.make_pixels()?;
-                let window = FilmWindow { film: &traced.film, place: origin };
-                let places = wanted.iter().flat_map(|&block| self.blocks.places(block));
-                places.for_each(|place| self.result.film.copy((0, 0), &window, &place));
+                self.keep(&traced, place, wanted)?;
             }
         }
         self.spent.add(&told);
         Ok(())
     }
 
+    /// Keeps what the part has of some blocks of an area.
+    fn keep(&mut self, traced: &RenderResult, area: &Area, wanted: &[usize]) -> Result<()> {
+        let Run { part, blocks, result: RenderResult { film, work, sampling, .. }, .. } = self;
+        film.make_pixels()?;
+        let pixels = film.pixels.len();
+        let window = FilmWindow { film: &traced.film, place: (area.x.start, area.y.start) };
+        let places = wanted.iter().flat_map(|&block| blocks.places(block)).filter_map(|place| place.within(part));
+        for place in places {
+            film.copy((part.x.start, part.y.start), &window, &place);
+            if let Some(traced) = &traced.work {
+                let work = work.get_or_insert_with(|| vec![PixelWork::default(); pixels]);
+                copy((work, part), (traced, area), &place);
+            }
+            if let (Some(sampling), Some(traced)) = (sampling.as_mut(), &traced.sampling) {
+                copy((&mut sampling.samples, part), (&traced.samples, area), &place);
+                copy((&mut sampling.errors, part), (&traced.errors, area), &place);
+            }
+        }
+        Ok(())
+    }
+
     fn finish(self) -> RenderResult {
-        let pixels = u64::from(self.params.width) * u64::from(self.params.height);
+        // Of the blocks that were rendered, which may reach beyond the part.
+        let pixels = self.spent.refined.pixels.iter().sum::<u64>().max(1);
         let stats = stats_of(&self.spent, self.adaptive, pixels, self.decided_by);
         RenderResult { adaptive: Some(stats), ..self.result }
     }
@@ -193,6 +232,17 @@ pub fn stats_of(spent: &Spent, adaptive: Adaptive, pixels: u64, decided_by: Deci
         rounds: spent.refined.rounds,
         decided_by,
         decide_s: spent.decide_s,
+    }
+}
+
+/// Copies what both have of a place of the picture: values of all pixels of an area.
+fn copy<T: Copy>((to, to_area): (&mut [T], &Area), (from, from_area): (&[T], &Area), place: &Area) {
+    for y in place.y.clone() {
+        let row = |area: &Area| {
+            let first = (y - area.y.start) * area.x.len() + place.x.start - area.x.start;
+            first..first + place.x.len()
+        };
+        to[row(to_area)].copy_from_slice(&from[row(from_area)]);
     }
 }
 

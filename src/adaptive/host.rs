@@ -662,7 +662,7 @@ fn plus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{blocks_of, render_adaptive, render_all, render_blocks};
+    use super::super::{blocks_of, render_adaptive, render_area, render_blocks, whole_of};
     use super::*;
     use crate::io::film::Film;
     use crate::options::TraceOptions;
@@ -760,7 +760,8 @@ mod tests {
         for (size, error, lattice) in [((70, 45), 1.0, 1), ((300, 140), 3.0, 4)] {
             let adaptive = Adaptive { error, lattice, list_rays: 1 << 12 };
             let mut rings = Rings { options: TraceOptions::DEFAULT };
-            let noted = render_all(&mut rings, &params(size), adaptive, true, &|_| ()).unwrap();
+            let of = params(size);
+            let noted = render_area(&mut rings, &of, adaptive, &whole_of(&of), true, &|_| ()).unwrap();
             assert!(noted.film == render_rings(size, adaptive).film, "{size:?}");
             let (sampling, stats) = (noted.sampling.unwrap(), noted.adaptive.unwrap());
             for (samples, count) in LEVEL_SAMPLES.into_iter().zip(stats.pixels) {
@@ -794,7 +795,8 @@ mod tests {
                     Ok(())
                 };
                 let params = params(size);
-                let result = render_blocks(&mut rings, &params, adaptive, (&[block], film), &mut take, &|_| ());
+                let of = (&[block][..], &whole_of(&params));
+                let result = render_blocks(&mut rings, &params, adaptive, of, film, &mut take, &|_| ());
                 let film = result.unwrap().film;
                 assert_eq!((told, film.pixels.is_empty()), (1, !keeps_film));
                 if keeps_film {
@@ -842,7 +844,9 @@ mod tests {
         let adaptive = Adaptive::of_error(1.0);
         let mut rings = Rings { options: TraceOptions::DEFAULT };
         let mut refuse = |_: &Finished| Err(crate::error::Error::option("-o", "no room"));
-        let result = render_blocks(&mut rings, &params((90, 90)), adaptive, (&[0], None), &mut refuse, &|_| ());
+        let params = params((90, 90));
+        let of = (&[0][..], &whole_of(&params));
+        let result = render_blocks(&mut rings, &params, adaptive, of, None, &mut refuse, &|_| ());
         assert!(result.unwrap_err().to_string().contains("no room"));
     }
 

@@ -62,15 +62,14 @@ impl PictureBlocks {
         PictureBlocks { part, samples, cut }
     }
 
-    /// The numbers of its blocks, in ascending order: of a part by its error those of the areas in which it lies, whose
-    /// pixels are decided about together with its own.
+    /// The numbers of its blocks, in ascending order: of a part by its error those that have pixels in it. Their pixels
+    /// elsewhere are decided about together with these.
     pub fn numbers(&self) -> Vec<usize> {
         match self.cut {
             Cut::Bands(rows) => (0..self.part.size.1.div_ceil(rows) as usize).collect(),
             Cut::Strewn(blocks, _) => {
                 let part = self.part.area();
-                let areas = (0..blocks.areas()).filter(|&number| blocks.area(number).meets(&part));
-                areas.flat_map(|number| number * blocks.per_area..(number + 1) * blocks.per_area).collect()
+                (0..blocks.areas()).flat_map(|area| blocks.blocks_in(area, &part)).collect()
             }
         }
     }
@@ -90,7 +89,8 @@ impl PictureBlocks {
         match self.cut {
             Cut::Bands(rows) => number < self.part.size.1.div_ceil(rows) as usize,
             Cut::Strewn(blocks, _) => {
-                number < blocks.count() && blocks.area(number / blocks.per_area).meets(&self.part.area())
+                let of_area = |area| blocks.blocks_in(area, &self.part.area());
+                number < blocks.count() && of_area(number / blocks.per_area).contains(&number)
             }
         }
     }
@@ -274,17 +274,8 @@ pub fn render_blocks(
     let params = rendered_params(tracer, buffers, picture);
     match blocks.cut {
         Cut::Strewn(_, error) => {
-            let adaptive = Adaptive::of_error(error);
-            if blocks.part.size == picture.size {
-                return render_by_error(tracer, &params, adaptive, (wanted, film), done, progress);
-            }
-            let mut part = film;
-            let mut take = |finished: &Finished| {
-                part.as_mut().map_or(Ok(()), |film| blocks.copy(finished, film))?;
-                done(finished)
-            };
-            let result = render_by_error(tracer, &params, adaptive, (wanted, None), &mut take, progress)?;
-            Ok(RenderResult { film: part.unwrap_or_else(Film::none), ..result })
+            let (adaptive, of) = (Adaptive::of_error(error), (wanted, &blocks.part.area()));
+            render_by_error(tracer, &params, adaptive, of, film, done, progress)
         }
         Cut::Bands(rows) => render_bands(tracer, &params, (blocks, rows), (wanted, film), done, progress),
     }
@@ -377,6 +368,24 @@ mod tests {
                 assert!(blocks.has(last) && !blocks.has(last + 1_000_000));
             }
         }
+    }
+
+    #[test]
+    fn a_part_has_the_blocks_that_have_pixels_in_it() {
+        for (size, error) in [((1920, 1080), 1.0), ((1920, 1080), 2.0), ((3200, 3900), 1.0)] {
+            let whole = PictureBlocks::new(size, Samples::Error(error), None);
+            for part in ["0,0,1x1", "63,64,2x1", "100,200,96x70", "1600,900,300x90"] {
+                let part: Crop = part.parse().unwrap();
+                let blocks = PictureBlocks::new(size, Samples::Error(error), Some(part));
+                let is_in = |number: &usize| whole.places(*number).iter().any(|place| place.meets(&part.area()));
+                let expected: Vec<usize> = whole.numbers().into_iter().filter(is_in).collect();
+                assert_eq!(blocks.numbers(), expected, "{part}");
+                let is_had: Vec<usize> = whole.numbers().into_iter().filter(|&number| blocks.has(number)).collect();
+                assert_eq!(is_had, expected, "{part}");
+            }
+        }
+        let part = Some(Crop { place: (63, 64), size: (2, 1) });
+        assert_eq!(PictureBlocks::new((1920, 1080), Samples::Error(1.0), part).numbers().len(), 2);
     }
 
     #[test]

@@ -1,16 +1,15 @@
 //! A part of a picture, with the bits that the whole picture has there.
 //!
-//! With a fixed number of samples nothing but the part is rendered. Of a picture by its error the areas are rendered that
-//! the part meets: what becomes of a pixel there depends on its block, whose patches are strewn over all of its area.
-//! Where work is counted, all of the picture is.
+//! With a fixed number of samples nothing but the part is rendered. Of a picture by its error the blocks are rendered
+//! that have pixels in the part: what becomes of a pixel depends on its block, whose patches are strewn over its area.
 
-use super::{Picture, PictureBlocks, render_as, render_blocks, rendered_params};
+use super::{Picture, rendered_params};
+use crate::adaptive::{blocks_of, render_area};
 use crate::blocks::Area;
 use crate::error::{Error, Result};
-use crate::io::film::Film;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
-use crate::tracer::{Backend, Progress, RenderResult, Sampling};
+use crate::tracer::{Adaptive, Backend, Progress, RenderResult};
 use std::fmt;
 use std::str::FromStr;
 
@@ -48,16 +47,17 @@ impl Crop {
         Area { x: range(self.place.0, self.size.0), y: range(self.place.1, self.size.1) }
     }
 
-    /// Width and height of what is rendered of a picture for this part.
+    /// Width and height of what is in memory of a picture while this part is rendered: of a picture by its error the
+    /// areas that it meets.
     pub fn rendered_size(self, size: (u32, u32), samples: Samples) -> (u32, u32) {
-        if matches!(samples, Samples::Error(_)) { size } else { self.size }
-    }
-
-    /// What this part has of `values`, one for each pixel of a picture that is `width` pixels wide.
-    fn cut<T: Copy>(self, values: &[T], width: u32) -> Vec<T> {
-        let [x, y, columns, rows] = [self.place.0, self.place.1, self.size.0, self.size.1].map(|n| n as usize);
-        let rows = values.chunks_exact(width as usize).skip(y).take(rows);
-        rows.flat_map(|row| &row[x..x + columns]).copied().collect()
+        let Samples::Error(error) = samples else { return self.size };
+        let area = blocks_of(size, Adaptive::of_error(error)).area;
+        let side = |range: std::ops::Range<usize>, area: usize, side: u32| {
+            let end = range.end.next_multiple_of(area).min(side as usize);
+            (end - range.start / area * area) as u32
+        };
+        let part = self.area();
+        (side(part.x, area.0, size.0), side(part.y, area.1, size.1))
     }
 }
 
@@ -111,28 +111,16 @@ pub fn render_part_noting(
     notes_sampling: bool,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let Some(crop) = part else { return render_as(tracer, buffers, picture, notes_sampling, progress) };
+    let crop = part.unwrap_or(Crop { place: (0, 0), size: picture.size });
     crop.check(picture.size)?;
-    if !matches!(picture.samples, Samples::Error(_)) {
-        picture.samples.check(picture.size)?;
-        let params = rendered_params(tracer, buffers, picture).cropped(crop.place, crop.size);
-        return tracer.render(&params, &sample_positions(picture.samples), progress);
+    picture.samples.check(picture.size)?;
+    let params = rendered_params(tracer, buffers, picture);
+    match picture.samples {
+        Samples::Error(error) => {
+            render_area(tracer, &params, Adaptive::of_error(error), &crop.area(), notes_sampling, progress)
+        }
+        fixed => tracer.render(&params.cropped(crop.place, crop.size), &sample_positions(fixed), progress),
     }
-    if !tracer.options().counters && !notes_sampling {
-        let blocks = PictureBlocks::new(picture.size, picture.samples, part);
-        let (wanted, film) = (blocks.numbers(), blocks.empty_film());
-        return render_blocks(tracer, buffers, picture, &blocks, (&wanted, Some(film)), &mut |_| Ok(()), progress);
-    }
-    let whole = render_as(tracer, buffers, picture, notes_sampling, progress)?;
-    let (width, height) = crop.size;
-    let film = Film { width, height, pixels: crop.cut(&whole.film.pixels, whole.film.width) };
-    let work = whole.work.map(|work| crop.cut(&work, whole.film.width));
-    let cut = |sampling: Sampling| Sampling {
-        samples: crop.cut(&sampling.samples, whole.film.width),
-        errors: crop.cut(&sampling.errors, whole.film.width),
-    };
-    let sampling = whole.sampling.map(cut);
-    Ok(RenderResult { film, work, sampling, ..whole })
 }
 
 #[cfg(test)]
@@ -164,8 +152,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_out_is_in_order() {
-        let crop = Crop { place: (1, 2), size: (2, 2) };
-        assert_eq!(crop.cut(&(0..20).collect::<Vec<_>>(), 4), [9, 10, 13, 14]);
+    fn areas_that_a_part_meets_are_in_memory() {
+        let of = |text: &str, size| text.parse::<Crop>().unwrap().rendered_size(size, Samples::Error(1.0));
+        assert_eq!(of("9,8,17x11", (1920, 1080)), (1920, 1080));
+        assert_eq!(of("9,8,17x11", (65535, 65535)), (2048, 2048));
+        assert_eq!(of("2047,65530,2x5", (65535, 65535)), (4096, 2047));
+        let fixed = "9,8,17x11".parse::<Crop>().unwrap().rendered_size((1920, 1080), Samples::PerPixel(4));
+        assert_eq!(fixed, (17, 11));
     }
 }

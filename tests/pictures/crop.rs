@@ -2,13 +2,14 @@
 
 use super::wavefront::{glass_house, one_light};
 use crate::common::{device, usually_every};
+use glam::Vec3;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::options::{
     Decisions, Kernels, PacketSize, PictureOptions, StructureKind, TexturePass, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::renderer::{Crop, Picture, open_tracer, render_part};
-use raybrook::low_level::scene::Samples;
+use raybrook::low_level::renderer::{Crop, Picture, open_tracer, render_part, render_part_noting};
+use raybrook::low_level::scene::{Builder, Camera, Light, Material, Samples, Scene};
 use raybrook::low_level::tracer::{Backend, RenderResult};
 use std::sync::Arc;
 
@@ -78,6 +79,54 @@ fn parts_have_the_bits_of_the_whole_picture() {
     ];
     for (name, options) in usually_every(2, all) {
         check_parts(name, &options, Some(&device));
+    }
+}
+
+/// A ball over a ground that is lit: cheap, and with edges.
+fn ball() -> Scene {
+    let mut builder = Builder::new();
+    builder.material(Material::matt(Vec3::new(0.8, 0.6, 0.3)));
+    builder.quad(Vec3::new(-3.0, -1.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 1);
+    builder.sphere(1.0, 8).light(Light::point(Vec3::new(2.0, 5.0, 4.0), Vec3::ONE));
+    builder.finish().unwrap()
+}
+
+/// Of a picture of two blocks one is rendered where the part meets one; what is told of the pixels is that of the whole
+/// picture.
+#[test]
+fn blocks_that_a_part_does_not_meet_are_not_rendered() {
+    const SIZE: (u32, u32) = (512, 384);
+    let scene = ball();
+    let options = TraceOptions { counters: true, ..TraceOptions::DEFAULT };
+    let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+    let mut tracer = open_tracer(None, &buffers, &options, 1, None).unwrap();
+    let camera = Camera { eye: Vec3::new(1.0, 2.0, 6.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
+    let picture = Picture { camera, size: SIZE, samples: Samples::Error(1.5), depth: 1, kill_weight: None };
+    let mut rendered = |part: Option<Crop>| {
+        let result = render_part_noting(tracer.as_mut(), &buffers, &picture, part, true, &|_| ()).unwrap();
+        let stats = result.adaptive.unwrap();
+        (result, stats)
+    };
+    let (whole, of_whole) = rendered(None);
+    let sampling = whole.sampling.as_ref().unwrap();
+    assert!(of_whole.pixels[2] > 0 && of_whole.rounds > 1, "{of_whole:?}");
+    for (place, size, all) in [((230, 200), (20, 19), false), ((210, 220), (90, 70), true), ((0, 0), SIZE, true)] {
+        let (part, of_part) = rendered(Some(Crop { place, size }));
+        let told = part.sampling.as_ref().unwrap();
+        let work = |result: &RenderResult, pixel: usize| result.work.as_ref().unwrap()[pixel];
+        for (pixel, radiance) in part.film.pixels.iter().enumerate() {
+            let (x, y) = (place.0 as usize + pixel % size.0 as usize, place.1 as usize + pixel / size.0 as usize);
+            let of_whole = y * SIZE.0 as usize + x;
+            assert_eq!(radiance.map(f32::to_bits), whole.film.pixels[of_whole].map(f32::to_bits), "{x} {y}");
+            assert_eq!(told.samples[pixel], sampling.samples[of_whole], "{x} {y}");
+            assert_eq!(told.errors[pixel].to_bits(), sampling.errors[of_whole].to_bits(), "{x} {y}");
+            assert_eq!(work(&part, pixel), work(&whole, of_whole), "{x} {y}");
+        }
+        assert_eq!(told.samples.len() as u32, size.0 * size.1);
+        let share = part.counts[0] as f64 / whole.counts[0] as f64;
+        assert!(if all { share == 1.0 } else { (0.4..0.65).contains(&share) }, "{place:?}: {share} of the rays");
+        let pixels: u64 = of_part.pixels.iter().sum();
+        assert_eq!(pixels, u64::from(SIZE.0 * SIZE.1) / if all { 1 } else { 2 });
     }
 }
 

@@ -52,8 +52,8 @@ pub struct RenderArgs {
     /// Part of the picture to render, WxH pixels from column X and row Y on.
     ///
     /// Its pixels are those of the whole picture, bit for bit. With --samples nothing else is rendered. With --error
-    /// the areas of about 2048x2048 pixels are that it meets: where samples go is decided in blocks that are strewn over
-    /// them. Where work is counted, or --layers tells of samples or their error, all of the picture is.
+    /// the blocks are that have pixels in it: where samples go is decided for each block, whose patches are strewn over
+    /// an area of about 2048x2048 pixels.
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "X,Y,WxH")]
     crop: Option<Crop>,
     /// Render part I of N alone, for `raybrook merge`: into OUT.part-I-of-N, by as many machines as there are parts.
