@@ -187,7 +187,10 @@ impl Aim {
             }
             (None, None, _) => (FOV_DEGREES, Origin::Automatic("a picture of usual width".into())),
         };
-        let of_eye = self.eye_reason(subject);
+        let of_eye = match framed.is_some_and(|(_, framed)| framed.is_turned) {
+            true => "from where everything is in the picture, on the side where the model is open".into(),
+            false => self.eye_reason(subject),
+        };
         let (eye, eye_origin) = part(self.eye, own.map(|c| c.eye), automatic.map(|c| c.eye), of_eye);
         let of_target = self.target_reason(subject);
         let (target, target_origin) = part(self.target, own.map(|c| c.target), automatic.map(|c| c.target), of_target);

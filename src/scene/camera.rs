@@ -1,5 +1,6 @@
 //! The pinhole camera, and where it stands to show a scene.
 
+use super::open_side::quarter_turns;
 use super::room::{Subject, free_way, is_ground, subject};
 use super::{Scene, Viewpoint};
 use glam::{DVec3, Vec3};
@@ -98,6 +99,11 @@ impl Axes {
         -self.front
     }
 
+    /// These, after so many quarter turns about up: after one the front is where the right was.
+    pub fn turned(&self, quarters: usize) -> Axes {
+        (0..quarters).fold(*self, |axes, _| Axes { right: -axes.front, front: axes.right, ..axes })
+    }
+
     /// The direction in which a camera stands that nobody places: in front, a little to the right and above.
     pub fn automatic(&self) -> DVec3 {
         self.right * 0.45 + self.up * 0.35 + self.front * 0.82
@@ -140,6 +146,8 @@ pub(crate) struct Framed {
     pub camera: Camera,
     /// What it shows.
     pub subject: Subject,
+    /// Whether it stands elsewhere than usual, where the scene is open.
+    pub is_turned: bool,
     /// Where a lamp hangs in the room that it shows, if it shows one.
     pub lamp: Option<Vec3>,
 }
@@ -154,7 +162,7 @@ fn distance_to_show(p: DVec3, [right, up, back]: [DVec3; 3], (tan_x, tan_y): (f6
 }
 
 /// The directions to the right, up and back of a camera that stands in the direction `back` and has `up` upwards.
-fn picture_axes(back: DVec3, up: DVec3) -> [DVec3; 3] {
+pub(super) fn picture_axes(back: DVec3, up: DVec3) -> [DVec3; 3] {
     let back = back.normalize();
     let right = up.cross(back).normalize();
     [right, back.cross(right), back]
@@ -203,15 +211,19 @@ impl Framing {
         };
         if subject == Subject::Room {
             let (camera, lamp) = self.inside(&axes, (low + high) / 2.0, triangles);
-            return Framed { camera, subject, lamp: Some(lamp) };
+            return Framed { camera, subject, is_turned: false, lamp: Some(lamp) };
         }
 
+        let turns = match may_enter && subject == Subject::Everything {
+            true => quarter_turns(triangles.clone(), (low, high), &axes),
+            false => 0,
+        };
         let diagonal = (high - low).length();
         let shown = triangles.filter(|triangle| subject == Subject::Everything || !is_ground(triangle, diagonal));
         let (low, high) = bounds(shown.clone());
         let center = (low + high) / 2.0;
         let fov_degrees = self.fov_degrees.unwrap_or(FOV_DEGREES);
-        let (back, up) = axes.of_view(self.viewpoint);
+        let (back, up) = axes.turned(turns).of_view(self.viewpoint);
         let axes = picture_axes(back, up);
         let [.., back] = axes;
         // Every point must lie inside the pyramid of view.
@@ -219,7 +231,8 @@ impl Framing {
         let distance = shown.flatten().map(|p| distance_to_show(p - center, axes, tangents)).fold(0.0, f64::max);
         let distance = if distance > 0.0 { distance } else { 1.0 };
         let eye = (center + back * distance).as_vec3();
-        Framed { camera: Camera { eye, target: center.as_vec3(), up: self.up, fov_degrees }, subject, lamp: None }
+        let camera = Camera { eye, target: center.as_vec3(), up: self.up, fov_degrees };
+        Framed { camera, subject, is_turned: turns > 0, lamp: None }
     }
 
     /// A camera in the middle of the triangles' box that looks along the longer of its horizontal sides: to the right,
@@ -355,7 +368,7 @@ mod tests {
             framing.camera(triangles.iter().copied())
         };
         let room = sides(low, high, true);
-        let Framed { camera: inside, subject, lamp } = camera(&room, true);
+        let Framed { camera: inside, subject, lamp, .. } = camera(&room, true);
         assert_eq!((subject, inside.fov_degrees), (Subject::Room, INSIDE_FOV_DEGREES));
         assert_eq!((inside.eye, inside.target), (Vec3::new(-4.5, 1.5, 0.0), Vec3::new(5.0, 1.5, 0.0)));
         // Between camera and middle, under the ceiling, on the left.

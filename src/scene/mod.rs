@@ -24,6 +24,7 @@ mod nff;
 mod numbering;
 mod obj;
 mod off;
+mod open_side;
 mod paint;
 mod path;
 mod ply;

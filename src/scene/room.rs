@@ -122,13 +122,13 @@ pub(super) fn free_way(triangles: impl Iterator<Item = [DVec3; 3]>, origin: DVec
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::camera::Axes;
     use super::*;
     use glam::Vec3;
 
     /// The sides of a box, seen from outside; `inward`: from inside. Without those whose numbers are left out.
-    fn sides(low: DVec3, high: DVec3, inward: bool, without: &[usize]) -> Vec<[DVec3; 3]> {
+    pub fn sides(low: DVec3, high: DVec3, inward: bool, without: &[usize]) -> Vec<[DVec3; 3]> {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let side = |i: usize| {
             let (n, u, v) = (axes[i / 2], axes[(i / 2 + 1) % 3], axes[(i / 2 + 2) % 3]);
