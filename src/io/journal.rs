@@ -73,7 +73,7 @@ impl Journal {
         match journal.begin(header) {
             Ok(()) => Ok(journal),
             Err(error) => {
-                // What has no header is no journal, and nobody could go on with it, or remove it by beginning anew.
+                // What has no header is no journal, and nobody could go on with it.
                 let _ = std::fs::remove_file(path);
                 Err(error)
             }
@@ -298,6 +298,44 @@ pub fn is_journal(path: &Path) -> bool {
     File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok() && magic == *MAGIC
 }
 
+/// Removes the file at `path` if it is a journal whose program ended before its header was whole, so that nothing is in
+/// it: an empty file, or the first bytes of one. Other files are left alone.
+///
+/// # Errors
+/// [`Error::Io`] with action "write" when another program is about to write it, and "remove".
+pub fn remove_unbegun(path: &Path) -> Result<()> {
+    // What cannot be read or written, whoever opens it tells.
+    let Ok(file) = File::options().read(true).write(true).open(path) else { return Ok(()) };
+    // A program that is about to write it has the lock.
+    lock(&file, path)?;
+    match is_unbegun(&file, path) {
+        true => std::fs::remove_file(path).map_err(|error| Error::io("remove", path, error)),
+        false => Ok(()),
+    }
+}
+
+/// No header takes so many bytes. A longer file in which nothing can be read was damaged, of which somebody should know.
+const LARGEST_HEADER: u64 = 64 << 10;
+
+/// Whether a file is a journal, or the first bytes of one, without a whole record.
+fn is_unbegun(file: &File, path: &Path) -> bool {
+    let is_short = |found: &std::fs::Metadata| found.is_file() && found.len() < LARGEST_HEADER;
+    if !file.metadata().is_ok_and(|found| is_short(&found)) {
+        return false;
+    }
+    let mut first = Vec::new();
+    let mut reader = file.take(MAGIC.len() as u64);
+    if reader.read_to_end(&mut first).is_err() || !MAGIC.starts_with(&first) {
+        return false;
+    }
+    let mut records = 0;
+    let mut count = |_: &Record| {
+        records += 1;
+        Ok(())
+    };
+    first.len() < MAGIC.len() || read_records(file, path, &mut count).is_ok() && records == 0
+}
+
 /// Keeps other programs from appending to the same journal. The system lets go when the program ends, however it does.
 #[cfg(unix)]
 fn lock(file: &File, path: &Path) -> Result<()> {
@@ -409,135 +447,4 @@ fn go_to(reader: &mut BufReader<&File>, place: u64) -> io::Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::random::Random;
-
-    /// A journal of some records, and where each begins.
-    fn written(path: &Path) -> (Vec<Vec<u8>>, Vec<u64>) {
-        let mut random = Random::new(7);
-        let mut records = vec![b"{\"what\": \"a test\"}".to_vec()];
-        let mut journal = Journal::create(path, &records[0]).unwrap();
-        let mut begins = vec![MAGIC.len() as u64];
-        for length in [0, 1, 4, 5000, 70_000] {
-            let payload: Vec<u8> = (0..length).map(|_| random.below(256) as u8).collect();
-            begins.push(journal.end);
-            let (front, back) = payload.split_at(length / 3);
-            journal.append(&[front, back]).unwrap();
-            records.push(payload);
-        }
-        begins.push(journal.end);
-        (records, begins)
-    }
-
-    fn read_all(path: &Path) -> (Vec<Vec<u8>>, Condition) {
-        let mut records = Vec::new();
-        let condition = read(path, |record| {
-            records.push(record.to_vec());
-            Ok(())
-        });
-        (records, condition.unwrap())
-    }
-
-    #[test]
-    fn what_is_appended_is_read_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.partial");
-        let (mut records, _) = written(&path);
-        assert_eq!(read_all(&path), (records.clone(), Condition { cut_bytes: 0, damaged_bytes: 0 }));
-        assert!(is_journal(&path));
-        let (mut journal, _) = Journal::open(&path, |_| Ok(())).unwrap();
-        journal.append(&[b"more"]).unwrap();
-        records.push(b"more".to_vec());
-        assert_eq!(read_all(&path).0, records);
-        journal.remove().unwrap();
-        assert!(!path.exists());
-    }
-
-    #[test]
-    fn a_record_that_is_cut_off_is_left_out_and_written_over() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.partial");
-        let (records, begins) = written(&path);
-        let bytes = std::fs::read(&path).unwrap();
-        for cut in (17..bytes.len()).step_by(997).chain(begins.iter().flat_map(|&at| [at as usize + 1, at as usize])) {
-            if cut > bytes.len() {
-                continue;
-            }
-            std::fs::write(&path, &bytes[..cut]).unwrap();
-            let whole = begins.iter().filter(|&&begin| begin <= cut as u64).count() - 1;
-            let (read, condition) = read_all(&path);
-            assert_eq!(read, records[..whole], "cut at {cut}");
-            assert_eq!(condition.cut_bytes, cut as u64 - begins[whole], "cut at {cut}");
-            let (mut journal, _) = Journal::open(&path, |_| Ok(())).unwrap();
-            journal.append(&[b"x"]).unwrap();
-            let (read, condition) = read_all(&path);
-            assert_eq!((read.len(), read.last().unwrap().as_slice()), (whole + 1, &b"x"[..]));
-            assert_eq!(condition, Condition { cut_bytes: 0, damaged_bytes: 0 });
-        }
-    }
-
-    #[test]
-    fn damaged_records_are_left_out_and_no_others() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.partial");
-        let (records, begins) = written(&path);
-        let bytes = std::fs::read(&path).unwrap();
-        let mut random = Random::new(3);
-        for round in 0..300 {
-            let mut damaged = bytes.clone();
-            let at = MAGIC.len() + random.below(bytes.len() - MAGIC.len());
-            damaged[at] ^= 1 << (round % 8);
-            std::fs::write(&path, &damaged).unwrap();
-            let hurt = begins.iter().filter(|&&begin| begin <= at as u64).count() - 1;
-            let mut expected = records.clone();
-            expected.remove(hurt);
-            let (read, condition) = read_all(&path);
-            assert_eq!(read, expected, "byte {at}");
-            assert_eq!(condition.damaged_bytes + condition.cut_bytes, begins[hurt + 1] - begins[hurt]);
-        }
-    }
-
-    /// Every sixteen bytes of a file say that the rest of it is a record.
-    #[test]
-    fn records_that_are_none_take_no_time() {
-        const COUNT: u64 = 1 << 18;
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.partial");
-        Journal::create(&path, b"header").unwrap();
-        let mut bytes = std::fs::read(&path).unwrap();
-        for left in (0..COUNT).rev() {
-            bytes.extend([&RECORD[..], b"none", &(PREFIX_BYTES * left).to_le_bytes()].concat());
-        }
-        std::fs::write(&path, &bytes).unwrap();
-        let started = Instant::now();
-        let (records, condition) = read_all(&path);
-        assert_eq!((records, condition.cut_bytes), (vec![b"header".to_vec()], PREFIX_BYTES * COUNT));
-        assert!(started.elapsed().as_secs() < 20, "{:?}", started.elapsed());
-    }
-
-    #[test]
-    fn other_files_are_no_journals_and_are_left_alone() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.png");
-        for text in [&b""[..], b"raybrook journa", b"\x89PNG and so on and on"] {
-            std::fs::write(&path, text).unwrap();
-            let message = Journal::open(&path, |_| Ok(())).unwrap_err().to_string();
-            assert!(message.contains("a.png") && message.contains("not a journal"), "{message}");
-            assert!(Journal::create(&path, b"").is_err() && !is_journal(&path));
-            assert_eq!(std::fs::read(&path).unwrap(), text);
-        }
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn one_program_at_a_time_appends() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.partial");
-        let first = Journal::create(&path, b"x").unwrap();
-        let error = Journal::open(&path, |_| Ok(())).unwrap_err();
-        assert!(format!("{error:?}").contains("another run") && error.exit_code() == 5, "{error:?}");
-        drop(first);
-        Journal::open(&path, |_| Ok(())).unwrap();
-    }
-}
+mod tests;

@@ -85,6 +85,38 @@ fn a_run_that_is_killed_goes_on_with_the_same_bits() {
     assert!(bytes(at, "a.pfm") == bytes(at, "b.pfm"), "killed {killed} times");
 }
 
+#[test]
+fn a_journal_without_a_whole_header_is_as_none() {
+    let folder = folder();
+    let at = folder.path();
+    assert_succeeds(&render(at, &["--keep", "never", "-o", "whole.pfm"]));
+    assert_succeeds(&render(at, &["--part", "1/1", "-o", "a.pfm"]));
+    let journal = bytes(at, "a.pfm.part-1-of-1");
+    let modes = [&[][..], &["--keep", "always"], &["--restart"], &["--keep", "always", "--restart"]];
+    for (cut, more) in [0, 7, 16, 100].into_iter().zip(modes) {
+        std::fs::write(at.join("b.pfm.partial"), &journal[..cut]).unwrap();
+        let told = assert_succeeds(&render(at, &[&["-o", "b.pfm"], more].concat()));
+        assert!(!told.contains("goes on") && !at.join("b.pfm.partial").exists(), "{cut}: {told}");
+        assert!(bytes(at, "b.pfm") == bytes(at, "whole.pfm"));
+    }
+    std::fs::write(at.join("a.pfm.part-1-of-1"), &journal[..7]).unwrap();
+    assert_succeeds(&render(at, &["--part", "1/1", "-o", "a.pfm"]));
+    assert_succeeds(&raybrook(at, &["merge", "a.pfm.part-1-of-1", "-o", "c.pfm"]));
+    assert!(bytes(at, "c.pfm") == bytes(at, "whole.pfm"));
+    // What is left alone: what is no journal, and any where nothing is to be kept.
+    for (text, more, code) in [
+        ("notes", &[][..], 3),
+        ("notes", &["--restart"], 3),
+        ("raybrook", &["--keep", "never"], 0),
+        ("", &["--keep", "never"], 0),
+    ] {
+        std::fs::write(at.join("b.pfm.partial"), text).unwrap();
+        let output = render(at, &[&["-o", "b.pfm"], more].concat());
+        assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+        assert_eq!(bytes(at, "b.pfm.partial"), text.as_bytes());
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_run_that_is_interrupted_says_what_is_kept() {

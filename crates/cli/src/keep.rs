@@ -85,7 +85,7 @@ impl KeepArgs {
     /// for, or the journal `is_result`. Where the time may be up, everything that is finished is kept.
     ///
     /// # Errors
-    /// [`Error::Option`] when nothing is to be kept where the time may be up, and [`Error::Io`] with action "remove".
+    /// [`Error::Option`] when nothing is to be kept where the time may be up; and as [`journal::remove_unbegun`].
     pub fn begin(
         self,
         limit: Limit,
@@ -96,7 +96,12 @@ impl KeepArgs {
         if self.restart && journal::is_journal(&path) {
             std::fs::remove_file(&path).map_err(|error| Error::io("remove", &path, error))?;
         }
-        Ok((args.within(limit)?, path))
+        let args = args.within(limit)?;
+        if args.keep != Keep::Never || self.restart {
+            // Of a run that ended before anything was finished.
+            journal::remove_unbegun(&path)?;
+        }
+        Ok((args, path))
     }
 
     /// The option, if there is one, by which something is said.
