@@ -11,25 +11,28 @@ pub struct Choices {
     precision: Option<Precision>,
     memory_limit: Option<u64>,
     cache: bool,
+    fall_back: bool,
 }
 
-/// The choices as Python has them: device, method, precision, limit of memory, whether the cache is used.
-pub type GivenChoices = (Option<String>, Option<String>, Option<String>, Option<u64>, bool);
+/// The choices as Python has them: device, method, precision, limit of memory, whether the cache is used, and whether
+/// the reference goes on where the device is lost.
+pub type GivenChoices = (Option<String>, Option<String>, Option<String>, Option<u64>, bool, bool);
 
 impl Choices {
-    pub fn new((device, method, precision, memory_limit, cache): GivenChoices) -> Result<Choices> {
+    pub fn new((device, method, precision, memory_limit, cache, fall_back): GivenChoices) -> Result<Choices> {
         let precision = match precision.as_deref() {
             None => None,
             Some("exact") => Some(Precision::Exact),
             Some("fast") => Some(Precision::Fast),
             Some(other) => return Err(Error::option("precision", format!("'{other}' is neither 'exact' nor 'fast'"))),
         };
-        Ok(Choices { device, method, precision, memory_limit, cache })
+        Ok(Choices { device, method, precision, memory_limit, cache, fall_back })
     }
 
     /// Opens a tracer, which tells its progress to the call that is current.
     pub fn open(&self, scene: &Scene, current: Current) -> Result<Tracer> {
-        let mut builder = Tracer::builder(scene).cache(self.cache).progress(move |done| current.told(done));
+        let mut builder = Tracer::builder(scene).cache(self.cache).fall_back(self.fall_back);
+        builder = builder.progress(move |done| current.told(done));
         if let Some(device) = &self.device {
             builder = builder.device(device);
         }

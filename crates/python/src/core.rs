@@ -73,6 +73,7 @@ impl Core {
                 *place = Some(self.choices.open(&self.scene, self.current.clone())?);
             }
             let tracer = place.as_mut().expect("it was opened");
+            let had_device = tracer.device_kind().is_some();
             let mut parts = Parts::new(match tracer.device_kind() {
                 None | Some(DeviceKind::Cpu) => AT_A_TIME_ON_CPU,
                 Some(_) => AT_A_TIME,
@@ -85,6 +86,10 @@ impl Core {
                 work(tracer, first..first + part)?;
                 parts.took(start.elapsed());
                 first += part;
+            }
+            if had_device && tracer.device_kind().is_none() {
+                // The last one tells of the loss.
+                tracer.notes().pop().into_iter().for_each(|note| call.note(note));
             }
             Ok(())
         };

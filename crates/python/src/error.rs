@@ -1,4 +1,4 @@
-//! Errors of the library as exceptions of Python.
+//! Errors of the library as exceptions of Python, and warnings.
 
 use pyo3::prelude::*;
 use raybrook::Error;
@@ -23,4 +23,13 @@ pub fn to_python(py: Python, error: &Error) -> PyErr {
 pub fn raise(py: Python, class: &str, text: &str) -> PyErr {
     let made = py.import("raybrook._errors").and_then(|module| module.getattr(class)).and_then(|c| c.call1((text,)));
     made.map_or_else(|failure| failure, PyErr::from_value)
+}
+
+/// Warns whoever called the package, as `raybrook._errors.warn` does, of something worth a note.
+///
+/// # Errors
+/// What the user has made of warnings.
+pub fn warn(py: Python, text: &str) -> PyResult<()> {
+    let errors = py.import("raybrook._errors")?;
+    errors.call_method1("warn", (text, errors.getattr("NoteWarning")?)).map(drop)
 }

@@ -4,7 +4,7 @@
 //! takes part in the work at all. To stop, the function that the library tells of its progress unwinds: the library
 //! calls it where no kernel runs. The tracer is thrown away then.
 
-use crate::error::to_python;
+use crate::error::{to_python, warn};
 use crate::process;
 use pyo3::prelude::*;
 use raybrook::Error;
@@ -40,6 +40,8 @@ pub struct Call {
     done: AtomicU64,
     start: AtomicU64,
     share: AtomicU64,
+    /// What the caller is warned of at its end.
+    notes: Mutex<Vec<String>>,
 }
 
 impl Call {
@@ -48,6 +50,11 @@ impl Call {
         self.start.store(start.to_bits(), Ordering::Relaxed);
         self.share.store(share.to_bits(), Ordering::Relaxed);
         self.told(0.0);
+    }
+
+    /// Has the caller warned of something at the end of the call.
+    pub fn note(&self, text: String) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     }
 
     fn told(&self, done: f64) {
@@ -114,7 +121,12 @@ pub fn run<T: Send>(
     });
     match (result, refusal) {
         (_, Some(refusal)) => Err(refusal),
-        (Ok(result), None) => look(py, progress.as_ref(), 1.0).map(|()| result),
+        (Ok(result), None) => {
+            look(py, progress.as_ref(), 1.0)?;
+            let notes = std::mem::take(&mut *call.notes.lock().unwrap_or_else(PoisonError::into_inner));
+            notes.iter().try_for_each(|note| warn(py, note))?;
+            Ok(result)
+        }
         (Err(Failure::Library(error)), None) => Err(to_python(py, &error)),
         (Err(Failure::Stopped), None) => unreachable!("only a refusal stops"),
     }

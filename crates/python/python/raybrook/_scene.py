@@ -79,6 +79,8 @@ class Scene:
         precision: ``exact``, which is the default, or ``fast``, which loses some hits at edges.
         memory_limit: the most bytes that the process may take. None: nine tenths of what is left.
         cache: whether compiled kernels are kept on disk.
+        fall_back: whether the reference goes on where the device fails in the middle of the work, with the same
+            answers, many times as slowly; a `NoteWarning` tells of it. False: `DeviceError`.
 
     Raises:
         InputError: a vertex is not finite, or a face names a vertex that is not there.
@@ -97,8 +99,16 @@ class Scene:
         precision: str | None = None,
         memory_limit: int | None = None,
         cache: bool = True,
+        fall_back: bool = False,
     ) -> None:
-        self._choices = dict(device=device, method=method, precision=precision, memory_limit=memory_limit, cache=cache)
+        self._choices = dict(
+            device=device,
+            method=method,
+            precision=precision,
+            memory_limit=memory_limit,
+            cache=cache,
+            fall_back=fall_back,
+        )
         self._meshes: list[tuple[np.ndarray, np.ndarray]] = []
         is_place = origin is not None and not isinstance(origin, str)
         self._origin: tuple[float, float, float] | str | None = vector("origin", origin) if is_place else origin
@@ -121,7 +131,7 @@ class Scene:
 
         Args:
             path: where it is.
-            choices: device, method, precision, memory_limit and cache, as of `Scene`.
+            choices: device, method, precision, memory_limit, cache and fall_back, as of `Scene`.
 
         Raises:
             InputError: the file is missing, or cannot be used; the message names file and line.
@@ -227,7 +237,8 @@ class Scene:
             device = os.environ.get(_DEVICE_VARIABLE) or None
         else:
             device = str(device)
-        return (device, choices["method"], choices["precision"], choices["memory_limit"], choices["cache"])
+        others = ("method", "precision", "memory_limit", "cache", "fall_back")
+        return (device, *(choices[name] for name in others))
 
     def _opened(self) -> _raybrook.Core:
         """What answers questions; notes on its device are given once."""

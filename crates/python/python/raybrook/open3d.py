@@ -63,7 +63,7 @@ class RaycastingScene:
         nthreads: accepted and without effect: all cores are used, or as many as ``RAYON_NUM_THREADS`` says.
         device: an Open3D device of the processor, or what `raybrook.Scene` takes: gpu, cpu, reference, a number or part
             of a name.
-        choices: method, precision, memory_limit and cache, as of `raybrook.Scene`.
+        choices: method, precision, memory_limit, cache and fall_back, as of `raybrook.Scene`.
     """
 
     INVALID_ID = NO_HIT

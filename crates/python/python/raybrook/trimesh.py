@@ -34,7 +34,7 @@ class RayMeshIntersector:
             noticed.
         scale_to_box: where vertices are no float32 numbers, count from a place among them, as ``raybrook.Scene`` does
             with ``origin="auto"``: less is lost of a mesh that is far from 0. Nothing is scaled: there is no need.
-        choices: device, method, precision, memory_limit and cache, as of `raybrook.Scene`.
+        choices: device, method, precision, memory_limit, cache and fall_back, as of `raybrook.Scene`.
     """
 
     def __init__(self, geometry: Any, scale_to_box: bool = True, **choices: Any) -> None:
