@@ -12,10 +12,12 @@
 mod answers;
 mod kept;
 mod several;
+mod stored;
 
-pub use answers::{Answers, Asked, hit_batch, list_batch, write_answers};
+pub use answers::{Answers, Asked, CountedWork, write_answers};
 pub use kept::{BatchId, BatchJournal, KeptRuns, RunEntry, TakeRun, read_kept_runs};
 pub use several::{TakeRuns, trace_by_several};
+pub use stored::StoredRuns;
 
 use crate::budget::MemoryBudget;
 use crate::crossings::count_crossings;
@@ -26,6 +28,7 @@ use crate::options::{PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::Part;
+use crate::several::Pace;
 use crate::shared::Hit;
 use crate::tracer::{AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TraceJob, TraceResult, is_hit};
 use serde::{Deserialize, Serialize};
@@ -175,6 +178,18 @@ pub struct TracedRuns {
 /// # Errors
 /// As [`Backend::trace`] and [`Backend::trace_all`], and those of `done`.
 pub fn trace_runs(
+    tracer: (&mut dyn Backend, &SceneBuffers),
+    job: &BatchJob,
+    wanted: (Runs, &[usize]),
+    done: &mut dyn FnMut(TracedRuns) -> Result<()>,
+    progress: Progress,
+) -> Result<()> {
+    trace_runs_at(&mut None, tracer, job, wanted, done, progress)
+}
+
+/// The same at a device's pace, in runs, which is learnt.
+fn trace_runs_at(
+    pace: &mut Pace,
     (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
     job: &BatchJob,
     (runs, wanted): (Runs, &[usize]),
@@ -182,7 +197,7 @@ pub fn trace_runs(
     progress: Progress,
 ) -> Result<()> {
     let go_together = job.go_together(tracer.options());
-    let (mut most, mut before) = (1, 0);
+    let (mut most, mut before) = (pace.map_or(1, |runs| runs as usize), 0);
     for neighbours in wanted.chunk_by(|a, b| a + 1 == *b) {
         let (mut next, end) = (neighbours[0], neighbours[0] + neighbours.len());
         while next < end {
@@ -192,6 +207,7 @@ pub fn trace_runs(
             let traced = job.trace((&mut *tracer, buffers), (runs, now.clone()), &progress)?;
             if go_together {
                 most = next_most(now.len(), start.elapsed());
+                *pace = Some(most as u64);
             }
             done(traced)?;
             (next, before) = (now.end, before + now.len());

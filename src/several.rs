@@ -13,9 +13,10 @@ use crate::tracer::{Backend, DeviceShare, Progress};
 use queue::{Queue, State};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
+use std::thread::Scope;
 use std::time::Instant;
 
-/// What opens a tracer of the scene; called in the thread that uses it.
+/// What opens a tracer of the scene; called by any thread.
 type Open<'a> = Box<dyn FnOnce() -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> + Send + 'a>;
 
 /// One of several devices.
@@ -33,6 +34,23 @@ pub struct Devices<'a> {
     /// Does what is left once all devices are lost, if that is wanted: the reference. Without it the work fails then, and
     /// it does in any case where no device was ready to begin.
     pub last_resort: Option<DeviceTracer<'a>>,
+}
+
+impl<'a> Devices<'a> {
+    /// Has threads of `scope` open the devices now, while the caller does something else. Whatever fails is told where
+    /// they are to work.
+    #[must_use]
+    pub fn opened_by<'scope>(self, scope: &'scope Scope<'scope, '_>) -> Devices<'scope>
+    where
+        'a: 'scope,
+    {
+        let ahead = |DeviceTracer { name, open }: DeviceTracer<'a>| {
+            let opening = scope.spawn(open);
+            let open = move || opening.join().unwrap_or_else(|panic| resume_unwind(panic));
+            DeviceTracer { name, open: Box::new(open) }
+        };
+        Devices { devices: self.devices.into_iter().map(ahead).collect(), last_resort: self.last_resort }
+    }
 }
 
 /// Who goes on with the work of a device that failed.
@@ -59,16 +77,19 @@ pub trait Watcher: Sync {
 /// Hands on pieces that are finished, by calling what takes them, unless another device has finished some of them.
 pub(crate) type HandOn<'a> = &'a mut dyn FnMut(&[usize], &mut dyn FnMut() -> Result<()>);
 
+/// How much a device does together next, once something is known of it: it need not begin with little each time.
+pub(crate) type Pace = Option<u64>;
+
 /// Work in pieces.
 pub(crate) trait Pieces: Sync {
-    /// Does some pieces, and hands them on as soon as they are finished.
+    /// Does some pieces, and hands them on as soon as they are finished. The pace is that of the last time.
     ///
     /// # Errors
     /// The device failed.
     fn work(
         &self,
         tracer: (&mut dyn Backend, &SceneBuffers),
-        numbers: &[usize],
+        numbers_at_pace: (&[usize], &mut Pace),
         hand_on: HandOn,
         progress: Progress,
     ) -> Result<()>;
@@ -154,12 +175,14 @@ impl Worker<'_> {
 
     /// Takes pieces until there are none, and counts those that nobody else has finished before.
     fn work(&self, (tracer, buffers): (&mut dyn Backend, &SceneBuffers), count: &mut usize) -> Result<()> {
+        let mut pace = None;
         while let Some(job) = self.queue.take(self.number) {
             let (begun, before) = (Instant::now(), *count);
             // What another is at is taken piece by piece, so that whoever is first finishes each.
             let length = if job.is_backup { 1 } else { job.pieces.len() };
             for numbers in job.pieces.chunks(length) {
-                match catch_unwind(AssertUnwindSafe(|| self.some((&mut *tracer, buffers), numbers, count))) {
+                let some = || self.some((&mut *tracer, buffers), (numbers, &mut pace), count);
+                match catch_unwind(AssertUnwindSafe(some)) {
                     Ok(done) => done?,
                     Err(panic) if panic.is::<Cancelled>() => {}
                     Err(panic) => resume_unwind(panic),
@@ -172,7 +195,12 @@ impl Worker<'_> {
 
     /// Does some pieces, and counts those that nobody else has finished before. Unwinds with [`Cancelled`] when there is
     /// nothing more to do.
-    fn some(&self, tracer: (&mut dyn Backend, &SceneBuffers), numbers: &[usize], count: &mut usize) -> Result<()> {
+    fn some(
+        &self,
+        tracer: (&mut dyn Backend, &SceneBuffers),
+        (numbers, pace): (&[usize], &mut Pace),
+        count: &mut usize,
+    ) -> Result<()> {
         let left = |state: &State| numbers.iter().any(|number| !state.finished.contains(number));
         if !left(&self.queue.lock()) {
             return Ok(());
@@ -186,7 +214,7 @@ impl Worker<'_> {
         };
         let mut hand_on =
             |numbers: &[usize], take: &mut dyn FnMut() -> Result<()>| *count += self.finish(numbers, take);
-        self.pieces.work(tracer, numbers, &mut hand_on, &progress)
+        self.pieces.work(tracer, (numbers, pace), &mut hand_on, &progress)
     }
 
     /// Hands pieces on that are finished, all or none of them: what they took cannot be divided. Those of which another

@@ -127,7 +127,7 @@ fn check_batch(kept: &KeptRuns, found: BTreeMap<usize, Answers>) {
     assert_eq!((other.part, runs), (kept.part, found.len()));
     if found.len() == kept.id.runs().count() {
         let pieces: Vec<Answers> = found.into_values().collect();
-        let written = write_answers(&Folder.path("answers.npz"), &pieces, asked, kept.id.has_second());
+        let written = write_answers(&Folder.path("answers.npz"), &pieces, (asked, kept.id.has_second()), [None; 2]);
         written.expect("the temporary folder can be written");
     }
 }

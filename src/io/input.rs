@@ -36,6 +36,27 @@ fn open(path: &Path) -> io::Result<Option<(File, u64)>> {
     Ok(Some((File::open(path)?, metadata.len())))
 }
 
+/// Fills `bytes` from `place` of a file on, wherever others read in it.
+///
+/// # Errors
+/// The system cannot read, or the file ends before.
+#[cfg(unix)]
+pub(crate) fn read_exact_at(file: &File, bytes: &mut [u8], place: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, place)
+}
+
+#[cfg(windows)]
+pub(crate) fn read_exact_at(file: &File, bytes: &mut [u8], place: u64) -> io::Result<()> {
+    let (mut rest, mut place) = (bytes, place);
+    while !rest.is_empty() {
+        match std::os::windows::fs::FileExt::seek_read(file, rest, place)? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            count => (rest, place) = (&mut rest[count..], place + count as u64),
+        }
+    }
+    Ok(())
+}
+
 /// Files that the rest of a process may have open: outputs, libraries, a driver's devices.
 const OTHER_FILES: u64 = 64;
 /// More are not open at a time, however many may be.

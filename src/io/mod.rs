@@ -7,7 +7,7 @@ pub mod compare;
 pub mod film;
 pub mod input;
 pub mod journal;
-mod npz;
+pub(crate) mod npz;
 pub mod output;
 pub mod planes;
 mod png_rows;

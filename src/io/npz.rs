@@ -4,21 +4,27 @@
 //! members and ZIP64 are read. float32, little-endian, C order is read straight into place; float64, big-endian numbers
 //! and Fortran order are converted on the way. Memory follows what a file holds, not what its headers claim.
 //!
+//! Stored members are read, checked and converted on all cores, part by part.
+//!
 //! Bad at: anything but float arrays of one shape; parallel decompression.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, Write};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
+use crc32fast::Hasher;
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
+use rayon::prelude::*;
 use zip::result::ZipError;
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipArchive, ZipWriter};
+use zip::{CompressionMethod, ZipArchive};
 
 use crate::budget::{DecidedBy, MemoryBudget, Need, try_repeat};
 use crate::error::{Error, Result};
-use crate::io::input::open_regular;
-use crate::io::output::{Output, write_atomically};
+use crate::io::input::{open_regular, read_exact_at};
+
+mod write;
+
+pub(crate) use write::{Data, NpyArray, Taker, write_npz};
 
 /// Headers above this are refused, as NumPy itself does by default; ours and NumPy's have 128 bytes.
 const HEADER_LIMIT_BYTES: usize = 10_000;
@@ -28,8 +34,9 @@ const HEADER_LIMIT_DEPTH: usize = 16;
 const HEADER_LIMIT_BITS: usize = 63;
 /// Rows that are read at a time where the data may be smaller than claimed, or are converted.
 const CHUNK_ROWS: usize = 1 << 14;
-/// From this size on a ZIP member needs 64-bit fields; the margin is room for the header.
-const LARGE_MEMBER_BYTES: usize = u32::MAX as usize - (1 << 16);
+
+/// Bytes of a stored member that one core reads and checks at a time, while they are in its cache.
+const PART_BYTES: usize = 1 << 20;
 
 /// What to do about arrays that do not fit.
 const REMEDY: &str = "split the batch, or raise `memory_limit`";
@@ -43,6 +50,8 @@ pub(crate) struct NpzFile {
     budget: MemoryBudget,
     file_bytes: u64,
     archive: ZipArchive<BufReader<File>>,
+    /// The same file, for reading at any place.
+    file: File,
     /// Names of all members; `.npy` is taken off, as NumPy does.
     names: Vec<String>,
 }
@@ -55,6 +64,7 @@ impl NpzFile {
     pub(crate) fn open(path: &Path, budget: MemoryBudget) -> Result<Self> {
         let to_io = |e| Error::io("read", path, e);
         let (file, file_bytes) = open_regular(path)?;
+        let placed = file.try_clone().map_err(to_io)?;
         let mut file = BufReader::new(file);
         // What is given as /dev/stdin need not be at its beginning.
         file.rewind().map_err(to_io)?;
@@ -70,7 +80,7 @@ impl NpzFile {
         }
         let names = archive.file_names_raw().map(String::from_utf8_lossy);
         let names = names.map(|n| npyz::npz::array_name_from_file_name(&n).unwrap_or(&n).to_owned()).collect();
-        Ok(NpzFile { path: path.to_owned(), budget, file_bytes, archive, names })
+        Ok(NpzFile { path: path.to_owned(), budget, file_bytes, archive, file: placed, names })
     }
 
     /// The names of all arrays.
@@ -113,6 +123,11 @@ impl NpzFile {
         let row_bytes = (N * size_of::<f32>()) as u128 * if layout.fortran { 2 } else { 1 };
         let bytes = u64::try_from(layout.rows as u128 * row_bytes).unwrap_or(u64::MAX);
         self.budget.check(&need(bytes))?;
+        let is_stored = member.compression() == CompressionMethod::Stored && member.compressed_size() == member_bytes;
+        if let Some(place) = member.data_start().filter(|_| is_stored && data_bytes <= u128::from(self.file_bytes)) {
+            let (checksum, file) = (member.crc32(), &self.file);
+            return layout.read_stored(file, place, (header_bytes, checksum)).map(Some).map_err(to_error);
+        }
         // A claim within the size of the file costs no more memory than the file; beyond it, memory grows with the
         // data.
         let chunk_rows = if data_bytes <= u128::from(self.file_bytes) { layout.rows.max(1) } else { CHUNK_ROWS };
@@ -215,7 +230,7 @@ impl Layout {
 
     /// Reads the data, making room for `chunk_rows` rows at a time.
     fn read<const N: usize>(&self, reader: &mut impl Read, chunk_rows: usize) -> io::Result<Vec<[f32; N]>> {
-        let native = !self.double && self.big_endian == cfg!(target_endian = "big");
+        let native = self.is_native();
         let chunk_rows = if native { chunk_rows } else { chunk_rows.min(CHUNK_ROWS) };
         // The first chunk is fresh zero pages from the system, filled in place; in the usual case it is the only one.
         let mut rows = try_repeat([0.0_f32; N], self.rows.min(chunk_rows))?;
@@ -233,23 +248,82 @@ impl Layout {
             } else {
                 buffer.resize(target.len() * self.item_bytes(), 0);
                 reader.read_exact(&mut buffer)?;
-                for (number, bytes) in target.iter_mut().zip(buffer.chunks_exact(self.item_bytes())) {
-                    *number = self.convert(bytes);
-                }
+                self.convert_all(&buffer, target);
             }
             done = rows.len();
         }
-        if self.fortran {
-            let numbers = rows.as_flattened();
-            let mut turned: Vec<[f32; N]> = Vec::new();
-            turned.try_reserve_exact(self.rows)?;
-            turned.extend(
-                (0..self.rows)
-                    .map(|row| -> [f32; N] { std::array::from_fn(|column| numbers[column * self.rows + row]) }),
-            );
-            rows = turned;
+        self.in_rows(rows)
+    }
+
+    /// The same of a stored member that begins at `place` of its file with so many bytes of header, on all cores.
+    fn read_stored<const N: usize>(
+        &self,
+        file: &File,
+        place: u64,
+        (header_bytes, checksum): (u64, u32),
+    ) -> io::Result<Vec<[f32; N]>> {
+        let mut header = vec![0; header_bytes as usize];
+        read_exact_at(file, &mut header, place)?;
+        // What the system refuses is an error, and no allocation that aborts.
+        Vec::<[f32; N]>::new().try_reserve_exact(self.rows)?;
+        // Fresh zero pages, which each core has made for the parts that it reads.
+        let mut rows = vec![[0.0_f32; N]; self.rows];
+        let row_bytes = N * self.item_bytes();
+        let part_rows = (PART_BYTES / row_bytes).max(1);
+        let read_part = |(part, target): (usize, &mut [[f32; N]])| {
+            let at = place + header_bytes + part as u64 * (part_rows * row_bytes) as u64;
+            self.read_part(file, at, target.as_flattened_mut())
+        };
+        let parts: Vec<_> = rows.par_chunks_mut(part_rows).enumerate().map(read_part).collect();
+        let mut found = Hasher::new();
+        found.update(&header);
+        for part in parts {
+            found.combine(&part?);
         }
-        Ok(rows)
+        if found.finalize() != checksum {
+            return Err(invalid("Invalid checksum"));
+        }
+        self.in_rows(rows)
+    }
+
+    /// Reads numbers from `place` of a file on, and tells their bytes' checksum.
+    fn read_part(&self, file: &File, place: u64, target: &mut [f32]) -> io::Result<Hasher> {
+        let mut checksum = Hasher::new();
+        if self.is_native() {
+            let bytes = bytemuck::cast_slice_mut(target);
+            read_exact_at(file, bytes, place)?;
+            checksum.update(bytes);
+        } else {
+            let mut bytes = vec![0; target.len() * self.item_bytes()];
+            read_exact_at(file, &mut bytes, place)?;
+            checksum.update(&bytes);
+            self.convert_all(&bytes, target);
+        }
+        Ok(checksum)
+    }
+
+    /// The rows of numbers that were read in the file's order.
+    fn in_rows<const N: usize>(&self, rows: Vec<[f32; N]>) -> io::Result<Vec<[f32; N]>> {
+        if !self.fortran {
+            return Ok(rows);
+        }
+        let numbers = rows.as_flattened();
+        let mut turned: Vec<[f32; N]> = Vec::new();
+        turned.try_reserve_exact(self.rows)?;
+        let row = |row: usize| -> [f32; N] { std::array::from_fn(|column| numbers[column * self.rows + row]) };
+        turned.par_extend((0..self.rows).into_par_iter().map(row));
+        Ok(turned)
+    }
+
+    /// Whether the file's numbers are those of this machine.
+    fn is_native(&self) -> bool {
+        !self.double && self.big_endian == cfg!(target_endian = "big")
+    }
+
+    fn convert_all(&self, bytes: &[u8], target: &mut [f32]) {
+        for (number, bytes) in target.iter_mut().zip(bytes.chunks_exact(self.item_bytes())) {
+            *number = self.convert(bytes);
+        }
     }
 
     /// One number of the file. A double rounds to the nearest float; one beyond the floats' range becomes an infinity.
@@ -263,80 +337,4 @@ impl Layout {
         let bits = u64::from_le_bytes(word);
         if self.double { f64::from_bits(bits) as f32 } else { f32::from_bits(bits as u32) }
     }
-}
-
-/// An array to be written: numbers of this machine's byte order in C order.
-pub(crate) struct NpyArray<'a> {
-    /// Its name.
-    pub(crate) name: &'a str,
-    /// NumPy's type code without the byte order: "f4", "i4", "u1".
-    pub(crate) type_code: &'static str,
-    /// Its length.
-    pub(crate) len: usize,
-    /// Numbers in each row of an array of two dimensions; `None` for one dimension.
-    pub(crate) columns: Option<usize>,
-    /// Its data.
-    pub(crate) bytes: &'a [u8],
-}
-
-/// Writes `arrays`, uncompressed as `numpy.savez` does. The same arrays always make the same bytes.
-///
-/// # Errors
-/// As [`write_atomically`].
-pub(crate) fn write_npz(path: &Path, arrays: &[NpyArray]) -> Result<()> {
-    write_atomically(path, |out| {
-        let mut archive = ZipWriter::new(out);
-        let written = arrays.iter().try_for_each(|array| write_array(&mut archive, array));
-        if written.is_err() {
-            // Dropped, it would try to end the archive, fail once more, and say so on standard error.
-            std::mem::forget(archive);
-            return written;
-        }
-        archive.finish().map(drop).map_err(io_error)
-    })
-}
-
-fn write_array(archive: &mut ZipWriter<&mut dyn Output>, array: &NpyArray) -> io::Result<()> {
-    let options = SimpleFileOptions::DEFAULT
-        .compression_method(CompressionMethod::Stored)
-        .large_file(array.bytes.len() >= LARGE_MEMBER_BYTES);
-    archive.start_file(npyz::npz::file_name_from_array_name(array.name), options).map_err(io_error)?;
-    archive.write_all(&header_of(array))?;
-    archive.write_all(array.bytes)
-}
-
-/// What the system said, without what the ZIP writer says of it.
-fn io_error(error: ZipError) -> io::Error {
-    match error {
-        ZipError::Io(source) => source,
-        other => other.into(),
-    }
-}
-
-/// The header of an array, to the byte as NumPy writes it: version 1.0, the data begins at a multiple of 64 bytes.
-fn header_of(array: &NpyArray) -> Vec<u8> {
-    /// Magic, version and length, before the text.
-    const PREFIX_BYTES: usize = 10;
-    /// NumPy leaves room for the first dimension to grow to any 64-bit number without moving the data.
-    const GROWTH_DIGITS: usize = 21;
-    const ALIGNMENT_BYTES: usize = 64;
-    let byte_order = match array.type_code {
-        "u1" => '|',
-        _ if cfg!(target_endian = "big") => '>',
-        _ => '<',
-    };
-    let columns = array.columns.map_or(String::new(), |columns| format!(" {columns}"));
-    let mut text = format!(
-        "{{'descr': '{byte_order}{}', 'fortran_order': False, 'shape': ({},{columns}), }}",
-        array.type_code, array.len
-    );
-    let grown = text.len() + GROWTH_DIGITS - array.len.to_string().len();
-    let text_bytes = (PREFIX_BYTES + grown + 1).next_multiple_of(ALIGNMENT_BYTES) - PREFIX_BYTES;
-    text += &" ".repeat(text_bytes - 1 - text.len());
-    text.push('\n');
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    // Well below 65,536: type code and one dimension are short.
-    header.extend((text_bytes as u16).to_le_bytes());
-    header.extend(text.as_bytes());
-    header
 }

@@ -1,4 +1,4 @@
-//! Batches of rays from, and of hits to, NumPy `.npz` files.
+//! Batches of rays from NumPy `.npz` files, and answers about points to such files.
 //!
 //! | array | shape | |
 //! |---|---|---|
@@ -18,8 +18,6 @@ use std::path::Path;
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::io::npz::{NpyArray, NpzFile, write_npz};
-use crate::shared::{Hit, WorkCounter};
-use crate::work::RayWork;
 
 /// Names of the arrays that a batch may have.
 const ARRAY_NAMES: [&str; 5] = ["origin", "direction", "t_min", "t_max", "next_direction"];
@@ -95,8 +93,8 @@ impl RayBatch {
     /// As [`crate::io::output::write_atomically`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let mut arrays = vec![rows("origin", &self.origins), rows("direction", &self.directions)];
-        arrays.extend(self.t_min.iter().map(|t| floats("t_min", t)));
-        arrays.extend(self.t_max.iter().map(|t| floats("t_max", t)));
+        arrays.extend(self.t_min.iter().map(|t| NpyArray::of("t_min", "f4", t)));
+        arrays.extend(self.t_max.iter().map(|t| NpyArray::of("t_max", "f4", t)));
         arrays.extend(self.next_directions.iter().map(|d| rows("next_direction", d)));
         write_npz(path.as_ref(), &arrays)
     }
@@ -137,8 +135,8 @@ pub fn read_points(path: impl AsRef<Path>, budget: &MemoryBudget) -> Result<(Vec
 /// As [`crate::io::output::write_atomically`].
 pub fn write_inside(path: impl AsRef<Path>, inside: &[bool], winding: Option<&[f64]>) -> Result<()> {
     let bytes: Vec<u8> = inside.iter().map(|&is_inside| u8::from(is_inside)).collect();
-    let mut arrays = vec![bytes_of("inside", &bytes)];
-    arrays.extend(winding.map(|numbers| doubles("winding", numbers)));
+    let mut arrays = vec![NpyArray::of("inside", "u1", &bytes)];
+    arrays.extend(winding.map(|numbers| NpyArray::of("winding", "f8", numbers)));
     write_npz(path.as_ref(), &arrays)
 }
 
@@ -164,143 +162,18 @@ impl ClosestBatch {
     /// As [`crate::io::output::write_atomically`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let arrays = [
-            floats("distance", &self.distance),
+            NpyArray::of("distance", "f4", &self.distance),
             rows("closest", &self.closest),
-            ints("primitive", &self.primitive),
-            floats("u", &self.u),
-            floats("v", &self.v),
+            NpyArray::of("primitive", "i4", &self.primitive),
+            NpyArray::of("u", "f4", &self.u),
+            NpyArray::of("v", "f4", &self.v),
         ];
         write_npz(path.as_ref(), &arrays)
     }
 }
 
-/// What rays met; every array has one entry per ray.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct HitBatch {
-    /// Distance in units of |direction|; infinity on a miss.
-    pub t: Vec<f32>,
-    /// Triangle number in file order; -1 on a miss.
-    pub primitive: Vec<i32>,
-    /// Barycentric weight of vertex 1.
-    pub u: Vec<f32>,
-    /// Barycentric weight of vertex 2.
-    pub v: Vec<f32>,
-    /// Whether anything was hit, 0 or 1; written as uint8 (`.astype(bool)` makes a mask).
-    pub hit: Option<Vec<u8>>,
-    /// `t` of the second ray.
-    pub next_t: Option<Vec<f32>>,
-    /// `primitive` of the second ray.
-    pub next_primitive: Option<Vec<i32>>,
-    /// The work on each ray.
-    pub work: Option<Vec<RayWork>>,
-    /// The work on the second ray.
-    pub next_work: Option<Vec<RayWork>>,
-}
-
-impl HitBatch {
-    /// Writes an `.npz` file with arrays named like the fields: `t`, `u`, `v`, `next_t` float32, `primitive`,
-    /// `next_primitive` int32, `hit` uint8, and for each [`WorkCounter`] `work_…` and `next_work_…` uint32; absent ones
-    /// are left out. The file appears when it is complete.
-    ///
-    /// # Errors
-    /// As [`crate::io::output::write_atomically`].
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        let mut arrays =
-            vec![floats("t", &self.t), ints("primitive", &self.primitive), floats("u", &self.u), floats("v", &self.v)];
-        arrays.extend(self.hit.iter().map(|hit| bytes_of("hit", hit)));
-        arrays.extend(self.next_t.iter().map(|t| floats("next_t", t)));
-        arrays.extend(self.next_primitive.iter().map(|p| ints("next_primitive", p)));
-        let work = [("work", &self.work), ("next_work", &self.next_work)];
-        let columns: Vec<_> = work.into_iter().flat_map(|(name, work)| columns_of(name, work.as_deref())).collect();
-        arrays.extend(columns.iter().map(|(name, column)| counts(name, column)));
-        write_npz(path.as_ref(), &arrays)
-    }
-}
-
-/// All hits of rays; or how many there are, if the hits are not there.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct AllHitsBatch {
-    /// How many hits each ray has.
-    pub count: Vec<u32>,
-    /// Of all hits, those of the first ray first, the closest first: distance in units of |direction|.
-    pub t: Vec<f32>,
-    /// Triangle number in file order.
-    pub primitive: Vec<i32>,
-    /// Barycentric weight of vertex 1.
-    pub u: Vec<f32>,
-    /// Barycentric weight of vertex 2.
-    pub v: Vec<f32>,
-    /// Whether hits were wanted.
-    pub has_hits: bool,
-    /// The work on each ray that counting its hits took.
-    pub work: Option<Vec<RayWork>>,
-}
-
-impl AllHitsBatch {
-    /// How many hits each ray has, and all hits where they are wanted.
-    pub fn new(count: Vec<u32>, hits: Option<&[Hit]>, work: Option<Vec<RayWork>>) -> AllHitsBatch {
-        let all = hits.unwrap_or_default();
-        AllHitsBatch {
-            count,
-            t: all.iter().map(|hit| hit.t).collect(),
-            primitive: all.iter().map(|hit| hit.primitive as i32).collect(),
-            u: all.iter().map(|hit| hit.u).collect(),
-            v: all.iter().map(|hit| hit.v).collect(),
-            has_hits: hits.is_some(),
-            work,
-        }
-    }
-
-    /// Writes an `.npz` file with `count` uint32 of each ray; with hits `t`, `u`, `v` float32 and `primitive` int32 of
-    /// all hits; and `work_…` as [`HitBatch::write`]. The file appears when it is complete.
-    ///
-    /// # Errors
-    /// As [`crate::io::output::write_atomically`].
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        let mut arrays = vec![counts("count", &self.count)];
-        if self.has_hits {
-            arrays.extend([
-                floats("t", &self.t),
-                ints("primitive", &self.primitive),
-                floats("u", &self.u),
-                floats("v", &self.v),
-            ]);
-        }
-        let columns = columns_of("work", self.work.as_deref());
-        arrays.extend(columns.iter().map(|(name, column)| counts(name, column)));
-        write_npz(path.as_ref(), &arrays)
-    }
-}
-
-/// Each counter of the work, if there is any, as an array of its own, and that one's name.
-fn columns_of(name: &str, work: Option<&[RayWork]>) -> Vec<(String, Vec<u32>)> {
-    let column = |counter: WorkCounter, work: &[RayWork]| work.iter().map(|ray| ray.get(counter)).collect();
-    let named = |&counter: &WorkCounter| Some((format!("{name}_{}", counter.key()), column(counter, work?)));
-    WorkCounter::ALL.iter().filter_map(named).collect()
-}
-
-fn floats<'a>(name: &'static str, numbers: &'a [f32]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "f4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
-}
-
-fn doubles<'a>(name: &'static str, numbers: &'a [f64]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "f8", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
-}
-
 fn rows<'a>(name: &'static str, rows: &'a [[f32; 3]]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "f4", len: rows.len(), columns: Some(3), bytes: bytemuck::cast_slice(rows) }
-}
-
-fn bytes_of<'a>(name: &'static str, bytes: &'a [u8]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "u1", len: bytes.len(), columns: None, bytes }
-}
-
-fn counts<'a>(name: &'a str, numbers: &'a [u32]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "u4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
-}
-
-fn ints<'a>(name: &'static str, numbers: &'a [i32]) -> NpyArray<'a> {
-    NpyArray { name, type_code: "i4", len: numbers.len(), columns: None, bytes: bytemuck::cast_slice(numbers) }
+    NpyArray { columns: Some(3), ..NpyArray::of(name, "f4", rows) }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::io::film::{Film, FilmWindow};
 use crate::options::Decisions;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
+use crate::several::Pace;
 use crate::shared::{RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
 use std::borrow::Cow;
@@ -266,6 +267,19 @@ pub fn render_blocks(
     buffers: &SceneBuffers,
     picture: &Picture,
     blocks: &PictureBlocks,
+    wanted: (&[usize], Option<Film>),
+    done: Done,
+    progress: Progress,
+) -> Result<RenderResult> {
+    render_blocks_at(&mut None, (tracer, buffers), picture, blocks, wanted, done, progress)
+}
+
+/// The same at a device's pace, in camera rays, which is learnt.
+pub(super) fn render_blocks_at(
+    pace: &mut Pace,
+    (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+    picture: &Picture,
+    blocks: &PictureBlocks,
     (wanted, film): (&[usize], Option<Film>),
     done: Done,
     progress: Progress,
@@ -277,12 +291,12 @@ pub fn render_blocks(
             let (adaptive, of) = (Adaptive::of_error(error), (wanted, &blocks.part.area()));
             render_by_error(tracer, &params, adaptive, of, film, done, progress)
         }
-        Cut::Bands(rows) => render_bands(tracer, &params, (blocks, rows), (wanted, film), done, progress),
+        Cut::Bands(rows) => render_bands((tracer, pace), &params, (blocks, rows), (wanted, film), done, progress),
     }
 }
 
 fn render_bands(
-    tracer: &mut dyn Backend,
+    (tracer, pace): (&mut dyn Backend, &mut Pace),
     params: &RenderParams,
     (blocks, rows): (&PictureBlocks, u32),
     (wanted, film): (&[usize], Option<Film>),
@@ -292,19 +306,18 @@ fn render_bands(
     let samples = sample_positions(blocks.samples);
     let pixels_of_band = u64::from(rows) * u64::from(blocks.part.size.0);
     let rays_of_band = pixels_of_band * samples.len() as u64;
-    let mut rays = FIRST_RAYS;
     let keeps_film = film.is_some();
     let mut result = RenderResult::of_film(film.unwrap_or_else(Film::none));
     let mut rest = wanted;
     while !rest.is_empty() {
-        let most = (rays / rays_of_band).min(GROUP_PIXELS / pixels_of_band).max(1) as usize;
+        let most = (pace.unwrap_or(FIRST_RAYS) / rays_of_band).min(GROUP_PIXELS / pixels_of_band).max(1) as usize;
         let (now, later) = rest.split_at(neighbours(rest).min(most));
         let before = wanted.len() - rest.len();
         let progress = |part: f64| progress((before as f64 + part * now.len() as f64) / wanted.len() as f64);
         let bands = blocks.bands(now[0]..now[0] + now.len(), rows);
         let start = Instant::now();
         let traced = tracer.render(&params.cropped(bands.place, bands.size), &samples, &progress)?;
-        rays = next_rays(rays_of_band * now.len() as u64, start.elapsed());
+        *pace = Some(next_rays(rays_of_band * now.len() as u64, start.elapsed()));
         result.add(&traced);
         let place = (bands.place.0 as usize, bands.place.1 as usize);
         let film = FilmWindow { film: &traced.film, place };

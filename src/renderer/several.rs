@@ -1,9 +1,10 @@
 //! One picture by several devices at once, block by block, with the bits of one device.
 
-use super::{Picture, PictureBlocks, render_blocks};
+use super::blocks::render_blocks_at;
+use super::{Picture, PictureBlocks};
 use crate::error::Result;
 use crate::pack::SceneBuffers;
-use crate::several::{Devices, HandOn, Pieces, Watcher, share_out};
+use crate::several::{Devices, HandOn, Pace, Pieces, Watcher, share_out};
 use crate::tracer::{Backend, DeviceShare, Finished, Progress};
 
 /// Takes blocks that are finished, each once; called by the threads of the devices.
@@ -20,7 +21,7 @@ impl Pieces for BlocksOf<'_> {
     fn work(
         &self,
         (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
-        numbers: &[usize],
+        (numbers, pace): (&[usize], &mut Pace),
         hand_on: HandOn,
         progress: Progress,
     ) -> Result<()> {
@@ -28,7 +29,8 @@ impl Pieces for BlocksOf<'_> {
             hand_on(finished.blocks, &mut || (self.take)(finished));
             Ok(())
         };
-        render_blocks(tracer, buffers, self.picture, self.blocks, (numbers, None), &mut done, progress).map(drop)
+        let BlocksOf { picture, blocks, .. } = *self;
+        render_blocks_at(pace, (tracer, buffers), picture, blocks, (numbers, None), &mut done, progress).map(drop)
     }
 }
 

@@ -2,11 +2,13 @@
 
 use super::Runs;
 use crate::error::Result;
-use crate::io::rays::{AllHitsBatch, HitBatch};
-use crate::shared::Hit;
+use crate::io::npz::{Data, NpyArray, Taker, write_npz};
+use crate::shared::{Hit, WorkCounter};
 use crate::tracer::{TraceResult, is_hit};
+use crate::work::RayWork;
 use bytemuck::cast_slice;
 use std::fmt;
+use std::io;
 use std::ops::Range;
 use std::path::Path;
 use std::str::FromStr;
@@ -124,19 +126,107 @@ impl RunAnswers<'_> {
     }
 }
 
-/// A number of each hit of all pieces.
-fn column<'a, T>(pieces: &'a [Answers], hits: fn(&'a Answers) -> &'a [Hit], of: impl Fn(&Hit) -> T) -> Vec<T> {
-    let mut column = Vec::with_capacity(pieces.iter().map(|piece| hits(piece).len()).sum());
-    pieces.iter().for_each(|piece| column.extend(hits(piece).iter().map(&of)));
-    column
+/// Counters of the work on rays and on second rays, where it was counted.
+pub type CountedWork<'a> = [Option<&'a [RayWork]>; 2];
+
+/// Writes the answers of a batch, of which these are all pieces in their order, as an `.npz` file that appears when it
+/// is complete.
+///
+/// Of closest hits and any ones it has the arrays `t`, `u`, `v` float32 and `primitive` int32, -1 where nothing is hit,
+/// of each ray; of any ones `hit` uint8, 0 or 1; and where there are second rays their `next_t` and `next_primitive`.
+/// Otherwise it has `count` uint32 of each ray, and where hits are listed `t`, `primitive`, `u` and `v` of all hits. Work
+/// that was counted is in `work_…` and `next_work_…` uint32 of each [`WorkCounter`].
+///
+/// # Errors
+/// As [`crate::low_level::output::write_atomically`].
+pub fn write_answers(
+    path: &Path,
+    pieces: &[Answers],
+    (asked, has_second): (Asked, bool),
+    work: CountedWork,
+) -> Result<()> {
+    let mut lens = Lens::default();
+    pieces.iter().for_each(|piece| lens.add(piece));
+    write_pieces(path, (lens, &|take| pieces.iter().try_for_each(take)), (asked, has_second), work)
 }
 
-fn of_first(piece: &Answers) -> &[Hit] {
-    &piece.hits
+/// How many counts, hits and hits of second rays there are.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Lens {
+    counts: usize,
+    hits: usize,
+    next_hits: usize,
 }
 
-fn of_next(piece: &Answers) -> &[Hit] {
-    &piece.next_hits
+impl Lens {
+    pub fn add(&mut self, piece: &Answers) {
+        self.counts += piece.counts.len();
+        self.hits += piece.hits.len();
+        self.next_hits += piece.next_hits.len();
+    }
+}
+
+/// Hands all pieces of a batch to what takes them, in their order.
+pub(super) type EachPiece<'a> = &'a (dyn Fn(TakePiece) -> io::Result<()> + Sync);
+
+type TakePiece<'t> = &'t mut dyn FnMut(&Answers) -> io::Result<()>;
+
+/// As [`write_answers`], of pieces that have so much. They are gone through once for each array.
+pub(super) fn write_pieces(
+    path: &Path,
+    (lens, each): (Lens, EachPiece),
+    (asked, has_second): (Asked, bool),
+    work: CountedWork,
+) -> Result<()> {
+    let names = ["work", "next_work"].map(names_of_work);
+    let one_each = matches!(asked, Asked::Closest | Asked::Any);
+    let of_hits = |name, type_code, take: TakeValues| array((name, type_code), lens.hits, (each, take));
+    let of_next = |name, type_code, take: TakeValues| array((name, type_code), lens.next_hits, (each, take));
+    let mut arrays = Vec::new();
+    if !one_each {
+        let take: TakeValues = |piece, taker| taker.take(&piece.counts, |&count| count);
+        arrays.push(array(("count", "u4"), lens.counts, (each, take)));
+    }
+    if one_each || asked.lists_hits() {
+        arrays.push(of_hits("t", "f4", |piece, taker| taker.take(&piece.hits, |hit| hit.t)));
+        arrays.push(of_hits("primitive", "i4", |piece, taker| taker.take(&piece.hits, number)));
+        arrays.push(of_hits("u", "f4", |piece, taker| taker.take(&piece.hits, |hit| hit.u)));
+        arrays.push(of_hits("v", "f4", |piece, taker| taker.take(&piece.hits, |hit| hit.v)));
+    }
+    if asked == Asked::Any {
+        arrays.push(of_hits("hit", "u1", |piece, taker| taker.take(&piece.hits, |hit| u8::from(is_hit(hit)))));
+    }
+    if one_each && has_second {
+        arrays.push(of_next("next_t", "f4", |piece, taker| taker.take(&piece.next_hits, |hit| hit.t)));
+        arrays.push(of_next("next_primitive", "i4", |piece, taker| taker.take(&piece.next_hits, number)));
+    }
+    for (work, names) in work.into_iter().zip(&names) {
+        let Some(work) = work else { continue };
+        let counters = WorkCounter::ALL.iter().zip(names);
+        arrays.extend(counters.map(|(&counter, name)| {
+            let make = move |taker: &mut Taker| taker.take(work, |ray| ray.get(counter));
+            NpyArray { name, type_code: "u4", len: work.len(), columns: None, data: Data::Made(Box::new(make)) }
+        }));
+    }
+    write_npz(path, &arrays)
+}
+
+/// Has an array's values of a piece taken.
+type TakeValues = fn(&Answers, &mut Taker) -> io::Result<()>;
+
+/// An array of so many values of all pieces.
+fn array<'a>(
+    (name, type_code): (&'a str, &'static str),
+    len: usize,
+    (each, take): (EachPiece<'a>, TakeValues),
+) -> NpyArray<'a> {
+    let make = move |taker: &mut Taker| each(&mut |piece| take(piece, taker));
+    NpyArray { name, type_code, len, columns: None, data: Data::Made(Box::new(make)) }
+}
+
+/// The names of arrays of each counter of some work.
+fn names_of_work(work: &str) -> Vec<String> {
+    WorkCounter::ALL.iter().map(|counter| format!("{work}_{}", counter.key())).collect()
 }
 
 /// The triangle's number; of no hit it is -1.
@@ -144,44 +234,5 @@ fn number(hit: &Hit) -> i32 {
     hit.primitive as i32
 }
 
-/// Closest hits, or any, as NumPy users take them, of neighbouring pieces of a batch; `has_second` tells whether there
-/// are second rays. It has no work.
-pub fn hit_batch(pieces: &[Answers], asked: Asked, has_second: bool) -> HitBatch {
-    HitBatch {
-        t: column(pieces, of_first, |hit| hit.t),
-        primitive: column(pieces, of_first, number),
-        u: column(pieces, of_first, |hit| hit.u),
-        v: column(pieces, of_first, |hit| hit.v),
-        hit: (asked == Asked::Any).then(|| column(pieces, of_first, |hit| u8::from(is_hit(hit)))),
-        next_t: has_second.then(|| column(pieces, of_next, |hit| hit.t)),
-        next_primitive: has_second.then(|| column(pieces, of_next, number)),
-        work: None,
-        next_work: None,
-    }
-}
-
-/// The same of lists of hits, of counts and of crossings.
-pub fn list_batch(pieces: &[Answers], asked: Asked) -> AllHitsBatch {
-    let mut count = Vec::with_capacity(pieces.iter().map(|piece| piece.counts.len()).sum());
-    pieces.iter().for_each(|piece| count.extend(&piece.counts));
-    AllHitsBatch {
-        count,
-        t: column(pieces, of_first, |hit| hit.t),
-        primitive: column(pieces, of_first, number),
-        u: column(pieces, of_first, |hit| hit.u),
-        v: column(pieces, of_first, |hit| hit.v),
-        has_hits: asked.lists_hits(),
-        work: None,
-    }
-}
-
-/// Writes the answers of a batch, of which these are all pieces in their order, as an `.npz` file.
-///
-/// # Errors
-/// As [`HitBatch::write`].
-pub fn write_answers(path: &Path, pieces: &[Answers], asked: Asked, has_second: bool) -> Result<()> {
-    match asked {
-        Asked::Closest | Asked::Any => hit_batch(pieces, asked, has_second).write(path),
-        Asked::All(_) | Asked::Count | Asked::Crossings => list_batch(pieces, asked).write(path),
-    }
-}
+#[cfg(test)]
+mod tests;

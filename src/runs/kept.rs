@@ -3,7 +3,8 @@
 use super::answers::RunAnswers;
 use super::{Answers, Asked, Found, Runs, Took, TracedRuns};
 use crate::error::{Error, Result};
-use crate::io::journal::{self, Condition, HEADER, Journal, Subject};
+use crate::io::input::read_exact_at;
+use crate::io::journal::{self, Condition, HEADER, Journal, Record, Subject};
 use crate::io::rays::RayBatch;
 use crate::options::TraceOptions;
 use crate::renderer::Part;
@@ -12,6 +13,7 @@ use bytemuck::{Pod, cast_slice};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::fs::File;
 use std::path::Path;
 
 /// What the answers of a batch depend on. Journals of different batches do not go together.
@@ -161,8 +163,9 @@ impl BatchJournal {
     /// # Errors
     /// As [`Journal::open`], those of `take`, and [`Error::Input`] when it is of another batch or part.
     pub fn open(path: &Path, id: &BatchId, part: Option<Part>, take: TakeRun) -> Result<(BatchJournal, KeptRuns)> {
-        let mut reader = Reader::new(path, Some(id), take);
-        let (journal, condition) = Journal::open(path, |record| reader.take(record))?;
+        let mut take = |id: &BatchId, entry: &RunEntry, answers, _| take(id, entry, answers);
+        let mut reader = Reader::new(path, Some(id), &mut take);
+        let (journal, condition) = Journal::open_placed(path, |record| reader.take(record))?;
         let kept = reader.finish(condition)?;
         Part::check_same(path, kept.part, part, "the whole batch")?;
         Ok((BatchJournal::of(journal, id)?, kept))
@@ -227,9 +230,43 @@ pub type TakeRun<'a> = &'a mut dyn FnMut(&BatchId, &RunEntry, Answers) -> Result
 /// # Errors
 /// As [`journal::read`], those of `take`, and [`Error::Input`] when it is of another batch than `id`.
 pub fn read_kept_runs(path: &Path, id: Option<&BatchId>, take: TakeRun) -> Result<KeptRuns> {
+    read_placed_runs(path, id, &mut |id, entry, answers, _| take(id, entry, answers))
+}
+
+/// Where a run lies in a journal.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RunPlace {
+    /// Of its record's payload, in bytes from the file's beginning.
+    place: u64,
+    /// How long that is.
+    pub bytes: u64,
+    checksum: u32,
+}
+
+type TakePlacedRun<'a> = &'a mut dyn FnMut(&BatchId, &RunEntry, Answers, RunPlace) -> Result<()>;
+
+/// As [`read_kept_runs`]; `take` is told, too, where each run lies.
+pub(super) fn read_placed_runs(path: &Path, id: Option<&BatchId>, take: TakePlacedRun) -> Result<KeptRuns> {
     let mut reader = Reader::new(path, id, take);
-    let condition = journal::read(path, |record| reader.take(record))?;
+    let condition = journal::read_placed(path, |record| reader.take(record))?;
     reader.finish(condition)
+}
+
+/// Reads a run again.
+pub(super) fn read_run(path: &Path, id: &BatchId, run: usize, place: RunPlace) -> Result<Answers> {
+    let mut payload = vec![0; place.bytes as usize];
+    let read = File::open(path).and_then(|file| read_exact_at(&file, &mut payload, place.place));
+    read.map_err(|error| Error::io("read", path, error))?;
+    if crc32fast::hash(&payload) != place.checksum {
+        let message =
+            "the journal is not what it was when it was read first: somebody changes it, or the disk is damaged";
+        return Err(Error::input(path, None, message));
+    }
+    let wrong = || journal::wrong_record(path);
+    let asked = id.asked().map_err(|message| Error::input(path, None, message))?;
+    let (_, rest) = payload.split_first().ok_or_else(wrong)?;
+    let (_, answers): (RunEntry, _) = journal::entry_of(path, rest)?;
+    answers_of(answers, asked, (id.runs().len_of(run), id.has_second)).ok_or_else(wrong)
 }
 
 /// A journal that is being read.
@@ -237,12 +274,12 @@ struct Reader<'a> {
     path: &'a Path,
     /// Of which batch it must be.
     wanted: Option<&'a BatchId>,
-    put: TakeRun<'a>,
+    put: TakePlacedRun<'a>,
     found: Option<(Header, Asked)>,
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path, wanted: Option<&'a BatchId>, put: TakeRun<'a>) -> Self {
+    fn new(path: &'a Path, wanted: Option<&'a BatchId>, put: TakePlacedRun<'a>) -> Self {
         Reader { path, wanted, put, found: None }
     }
 
@@ -250,10 +287,10 @@ impl<'a> Reader<'a> {
         Error::input(self.path, None, message)
     }
 
-    fn take(&mut self, record: &[u8]) -> Result<()> {
-        match (record.split_first(), &self.found) {
+    fn take(&mut self, record: &Record) -> Result<()> {
+        match (record.payload.split_first(), &self.found) {
             (Some((&HEADER, header)), None) => self.take_header(header),
-            (Some((&RUN, rest)), Some(_)) => self.take_run(rest),
+            (Some((&RUN, rest)), Some(_)) => self.take_run(record, rest),
             _ => Err(journal::no_header(self.path)),
         }
     }
@@ -270,7 +307,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn take_run(&mut self, rest: &[u8]) -> Result<()> {
+    fn take_run(&mut self, record: &Record, rest: &[u8]) -> Result<()> {
         let wrong = || journal::wrong_record(self.path);
         let Some((Header { batch, .. }, asked)) = &self.found else { return Err(journal::no_header(self.path)) };
         let (entry, answers): (RunEntry, _) = journal::entry_of(self.path, rest)?;
@@ -279,7 +316,9 @@ impl<'a> Reader<'a> {
         }
         let (rays, has_second) = (batch.runs().len_of(entry.run), batch.has_second);
         let answers = answers_of(answers, *asked, (rays, has_second)).ok_or_else(wrong)?;
-        (self.put)(batch, &entry, answers)
+        let &Record { payload, place } = record;
+        let place = RunPlace { place, bytes: payload.len() as u64, checksum: crc32fast::hash(payload) };
+        (self.put)(batch, &entry, answers, place)
     }
 
     fn finish(mut self, condition: Condition) -> Result<KeptRuns> {

@@ -1,9 +1,9 @@
 //! One batch by several devices at once, run by run, with the answers of one device.
 
-use super::{BatchJob, Runs, TracedRuns, trace_runs};
+use super::{BatchJob, Runs, TracedRuns, trace_runs_at};
 use crate::error::Result;
 use crate::pack::SceneBuffers;
-use crate::several::{Devices, HandOn, Pieces, Watcher, share_out};
+use crate::several::{Devices, HandOn, Pace, Pieces, Watcher, share_out};
 use crate::tracer::{Backend, DeviceShare, Progress};
 
 /// Takes runs that are finished, each once; called by the threads of the devices.
@@ -20,7 +20,7 @@ impl Pieces for RunsOf<'_> {
     fn work(
         &self,
         tracer: (&mut dyn Backend, &SceneBuffers),
-        numbers: &[usize],
+        (numbers, pace): (&[usize], &mut Pace),
         hand_on: HandOn,
         progress: Progress,
     ) -> Result<()> {
@@ -30,7 +30,7 @@ impl Pieces for RunsOf<'_> {
             hand_on(&numbers, &mut || traced.take().map_or(Ok(()), self.take));
             Ok(())
         };
-        trace_runs(tracer, self.job, (self.runs, numbers), &mut done, progress)
+        trace_runs_at(pace, tracer, self.job, (self.runs, numbers), &mut done, progress)
     }
 }
 

@@ -63,6 +63,10 @@ impl Bench {
     }
 
     fn trace(&self, asked: Asked, runs: Runs, wanted: &[usize]) -> Vec<TracedRuns> {
+        self.trace_at(&mut None, asked, (runs, wanted))
+    }
+
+    fn trace_at(&self, pace: &mut Pace, asked: Asked, wanted: (Runs, &[usize])) -> Vec<TracedRuns> {
         let mut tracer = ReferenceBackend::new(self.buffers.clone(), TraceOptions::DEFAULT);
         let (rays, mut traced) = (self.rays(), Vec::new());
         let job = BatchJob { given: &self.given, rays: &rays, asked, budget: MemoryBudget::UNLIMITED };
@@ -70,7 +74,7 @@ impl Bench {
             traced.push(now);
             Ok(())
         };
-        trace_runs((&mut tracer, &self.buffers), &job, (runs, wanted), &mut done, &|_| ()).unwrap();
+        trace_runs_at(pace, (&mut tracer, &self.buffers), &job, wanted, &mut done, &|_| ()).unwrap();
         traced
     }
 
@@ -78,7 +82,7 @@ impl Bench {
     fn written(&self, pieces: &[Answers], asked: Asked) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hits.npz");
-        write_answers(&path, pieces, asked, asked == Asked::Closest).unwrap();
+        write_answers(&path, pieces, (asked, asked == Asked::Closest), [None; 2]).unwrap();
         std::fs::read(path).unwrap()
     }
 }
@@ -221,4 +225,75 @@ fn damaged_runs_are_left_out_and_records_must_hold_what_they_say() {
 
 fn took() -> String {
     serde_json::to_string(&Took::default()).unwrap()
+}
+
+#[test]
+fn runs_from_journals_make_the_file_of_the_whole_batch() {
+    let bench = Bench::new();
+    let folder = tempfile::tempdir().unwrap();
+    for asked in ALL {
+        let traced = bench.trace(asked, bench.runs(), &(0..11).collect::<Vec<_>>());
+        let pieces: Vec<Answers> = traced.iter().map(|traced| traced.answers.clone()).collect();
+        let path = |name: &str| folder.path().join(format!("{asked} {name}"));
+        let create_part = |name: &str, traced: &[TracedRuns]| create(&path(name), &bench.id(asked), None, traced);
+        let one_by_one: Vec<_> = (0..11).map(|run| bench.trace(asked, bench.runs(), &[run]).remove(0)).collect();
+        create_part("late", &one_by_one[4..]);
+        create_part("early", &one_by_one[..6]);
+        let mut stored = StoredRuns::default();
+        assert_eq!(stored.add(&path("late")).unwrap().1, 0);
+        assert!((0..4).all(|run| !stored.has(run)) && stored.len() == 7);
+        assert_eq!(stored.add(&path("early")).unwrap().1, 2);
+        assert_eq!(stored.len(), 11);
+        let all = traced.iter().flat_map(|traced| &traced.found);
+        assert_eq!(stored.found().hits, all.map(|found| found.hits).sum::<u64>());
+        let output = folder.path().join("hits.npz");
+        stored.write(&output).unwrap();
+        assert!(std::fs::read(&output).unwrap() == bench.written(&pieces, asked), "{asked}");
+        // A journal that changes meanwhile is named, and the output stays as it was.
+        let mut bytes = std::fs::read(path("late")).unwrap();
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        std::fs::write(path("late"), bytes).unwrap();
+        std::fs::write(&output, "old").unwrap();
+        let message = stored.write(&output).unwrap_err().to_string();
+        assert!(message.contains("late: the journal is not what it was"), "{message}");
+        assert_eq!(std::fs::read(&output).unwrap(), b"old");
+    }
+}
+
+#[test]
+fn a_run_with_other_answers_than_before_is_refused() {
+    let bench = Bench::new();
+    let folder = tempfile::tempdir().unwrap();
+    let [first, other] = ["first", "other"].map(|name| folder.path().join(name));
+    for (asked, is_same) in [(Asked::Closest, false), (Asked::Any, true)] {
+        let mut traced = bench.trace(asked, bench.runs(), &[3]).remove(0);
+        let _ = std::fs::remove_file(&first);
+        let _ = std::fs::remove_file(&other);
+        create(&first, &bench.id(asked), None, &[traced.clone()]);
+        let hit = traced.answers.hits.iter_mut().find(|hit| is_hit(hit)).unwrap();
+        hit.primitive ^= 1;
+        create(&other, &bench.id(asked), None, &[traced]);
+        let mut stored = StoredRuns::default();
+        stored.add(&first).unwrap();
+        let added = stored.add(&other).map(|(_, doubled)| doubled);
+        match is_same {
+            true => assert_eq!(added.unwrap(), 1, "which triangle an any-hit ray names means nothing"),
+            false => {
+                let message = added.unwrap_err().to_string();
+                assert!(message.contains("other: run 3 has other answers here"), "{message}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_device_whose_pace_is_known_does_not_begin_with_little() {
+    let (bench, mut pace) = (Bench::new(), None);
+    let lengths = |traced: Vec<TracedRuns>| traced.iter().map(|traced| traced.runs.len()).collect::<Vec<_>>();
+    let first = lengths(bench.trace_at(&mut pace, Asked::Closest, (bench.runs(), &[0, 1, 2, 3])));
+    assert_eq!(first[0], 1, "nobody knows yet");
+    let known = pace.unwrap();
+    let then = lengths(bench.trace_at(&mut pace, Asked::Closest, (bench.runs(), &[4, 5, 6, 7])));
+    assert_eq!(then[0], known.min(4) as usize, "{then:?}");
 }

@@ -180,7 +180,7 @@ impl<'a> RayKeeper<'a> {
     /// As [`write_answers`]; the journal cannot be removed.
     pub fn write(self, output: &Path, asked: Asked, has_second: bool) -> Result<()> {
         let pieces: Vec<Answers> = std::mem::take(&mut self.log.lock().more.pieces).into_values().collect();
-        write_answers(output, &pieces, asked, has_second)?;
+        write_answers(output, &pieces, (asked, has_second), [None; 2])?;
         self.log.end().map_or(Ok(()), BatchJournal::remove)
     }
 

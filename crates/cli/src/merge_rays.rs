@@ -8,9 +8,9 @@ use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::journal::Subject;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::renderer::Part;
-use raybrook::low_level::runs::{Answers, BatchId, Found, RunEntry, read_kept_runs, write_answers};
+use raybrook::low_level::runs::StoredRuns;
 use raybrook::{Error, Result};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Whether journals are of batches of rays.
@@ -34,12 +34,10 @@ pub fn are_batches(journals: &[PathBuf]) -> Result<bool> {
 /// Of more missing runs it is not looked for whose they are.
 const MOST_MISSING: usize = 1 << 20;
 
-/// What was merged so far.
+/// What was merged so far: where runs lie, and not their answers.
 #[derive(Default)]
 struct Merged {
-    first: Option<BatchId>,
-    runs: BTreeMap<usize, Answers>,
-    found: Found,
+    stored: StoredRuns,
     /// Runs that were in more than one journal.
     doubled: usize,
     /// A part of which there is a journal.
@@ -47,41 +45,22 @@ struct Merged {
 }
 
 impl Merged {
-    /// Takes the runs of one more journal.
+    /// Takes note of the runs of one more journal.
     fn read(&mut self, path: &Path) -> Result<()> {
-        let Merged { runs, found, doubled, .. } = self;
-        let mut take = |id: &BatchId, entry: &RunEntry, answers: Answers| {
-            let Some(before) = runs.get(&entry.run) else {
-                found.add(&entry.found);
-                runs.insert(entry.run, answers);
-                return Ok(());
-            };
-            *doubled += 1;
-            let asked = id.asked().map_err(|message| Error::input(path, None, message))?;
-            if before.agree(&answers, asked) {
-                return Ok(());
-            }
-            let message = format!(
-                "run {} has other answers here than in another journal: one of them is damaged, or was traced by another \
-                 program; leave out one of the two, or trace that part again with --restart",
-                entry.run
-            );
-            Err(Error::input(path, None, message))
-        };
-        let kept = read_kept_runs(path, self.first.as_ref(), &mut take)?;
-        self.first.get_or_insert(kept.id);
+        let (kept, doubled) = self.stored.add(path)?;
+        self.doubled += doubled;
         self.part = self.part.or(kept.part);
         Ok(())
     }
 
     /// What is missing, in words, if anything is.
     fn missing(&self, all: usize) -> Option<String> {
-        let count = all - self.runs.len();
+        let count = all - self.stored.len();
         if count == 0 {
             return None;
         }
         // A journal may promise any number of runs.
-        let missing = (0..all).filter(|run| !self.runs.contains_key(run)).take(MOST_MISSING);
+        let missing = (0..all).filter(|run| !self.stored.has(*run)).take(MOST_MISSING);
         let parts = |part: Part| -> BTreeSet<usize> { missing.map(|run| run % part.of as usize).collect() };
         let advice = match self.part {
             None => "let the command that made the journal go on".to_owned(),
@@ -94,13 +73,16 @@ impl Merged {
     }
 }
 
-/// Checks that there is memory for what is in the journals, as it is there and as it is written.
-fn check_memory(args: &MergeArgs) -> Result<()> {
-    let bytes = |path: &PathBuf| path.metadata().map_or(0, |found| found.len());
-    let bytes = 2 * args.journals.iter().map(bytes).sum::<u64>();
-    let what = format!("the answers in {} journals", args.journals.len());
-    let remedy = "trace smaller batches, or raise --memory-limit";
-    args.memory.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
+/// Checks that there is memory for the answers that are read and written at a time.
+fn check_memory(args: &MergeArgs, stored: &StoredRuns) -> Result<()> {
+    let what = format!("the answers of a run in {} journals", args.journals.len());
+    let remedy = "trace fewer hits at a time, or raise --memory-limit";
+    args.memory.budget().check(&Need {
+        what: &what,
+        bytes: stored.writing_bytes(),
+        decided_by: DecidedBy::Input,
+        remedy,
+    })
 }
 
 /// Merges journals of batches of rays.
@@ -118,18 +100,14 @@ pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
     args.journals.iter().for_each(|journal| files.read(journal, "a journal"));
     files.write(output, "-o")?;
     check_writable(output)?;
-    check_memory(args)?;
     let mut merged = Merged::default();
-    for path in &args.journals {
-        merged.read(path)?;
-    }
-    let wrong = |message| Error::input(&args.journals[0], None, message);
-    let Some(id) = merged.first.take() else { return Ok(()) }; // there is at least one journal
+    args.journals.iter().try_for_each(|path| merged.read(path))?;
+    let Some(id) = merged.stored.id() else { return Ok(()) }; // there is at least one journal
     if let Some(missing) = merged.missing(id.runs().count()) {
-        return Err(wrong(missing));
+        return Err(Error::input(&args.journals[0], None, missing));
     }
-    let pieces: Vec<Answers> = merged.runs.into_values().collect();
-    write_answers(output, &pieces, id.asked().map_err(wrong)?, id.has_second())?;
+    check_memory(args, &merged.stored)?;
+    merged.stored.write(output)?;
     if talk.quiet {
         return Ok(());
     }
@@ -141,7 +119,7 @@ pub fn run(args: &MergeArgs, talk: Talk) -> Result<()> {
         output.display(),
         id.rays(),
         args.journals.len(),
-        merged.found.rays_that_hit
+        merged.stored.found().rays_that_hit
     );
     Ok(())
 }

@@ -22,15 +22,17 @@ use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::Kernels;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::pack::SceneBuffers;
-use raybrook::low_level::rays::{AllHitsBatch, HitBatch, RayBatch};
+use raybrook::low_level::rays::RayBatch;
 use raybrook::low_level::renderer::Part;
-use raybrook::low_level::runs::{Answers, Asked, BatchId, BatchJob, Found, Runs, Took, hit_batch, list_batch};
+use raybrook::low_level::runs::{Answers, Asked, BatchId, BatchJob, Found, Runs, Took, write_answers};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::stats::{RayCount, RunStats, WorkStats};
 use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, Progress, Task, is_hit};
 use raybrook::low_level::work::{RayWork, WorkSum};
 use raybrook::{Error, Result};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
+use std::thread::Builder;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -105,9 +107,7 @@ impl TraceArgs {
         files.write_if(journal.as_deref(), "-o, on its way,")?;
         files.write_if(self.stats.as_deref(), "--stats")
     }
-}
 
-impl TraceArgs {
     fn asked(&self) -> Asked {
         match self.all_hits {
             Some(most) => Asked::All(most),
@@ -192,11 +192,10 @@ fn trace(args: &TraceArgs, job: &BatchJob, tracer: &mut dyn Backend, progress: P
     let result = tracer.trace(&job.rays.job(args.any_hit, args.repeat), progress)?;
     let rays_that_hit = result.hits.iter().filter(|hit| is_hit(hit)).count() as u64;
     if let Some(output) = &args.output {
-        let (work, next_work) = (result.work.clone(), result.next_work.clone());
+        let work = [result.work.as_deref(), result.next_work.as_deref()];
         let (hits, next_hits) = (result.hits, result.next_hits.unwrap_or_default());
         let answers = Answers { counts: Vec::new(), hits, next_hits };
-        let batch = hit_batch(&[answers], job.asked, job.given.next_directions.is_some());
-        HitBatch { work, next_work, ..batch }.write(output)?;
+        write_answers(output, &[answers], (job.asked, job.given.next_directions.is_some()), work)?;
     }
     Ok(Told {
         rays_that_hit,
@@ -247,8 +246,8 @@ fn trace_all(
     if let Some(output) = &args.output {
         let counts = job.counts((buffers, &found), 0);
         let hits = if job.asked.lists_hits() { found.hits } else { Vec::new() };
-        let batch = list_batch(&[Answers { counts, hits, next_hits: Vec::new() }], job.asked);
-        AllHitsBatch { work: told.work.as_ref().map(|[work, _]| work.clone()), ..batch }.write(output)?;
+        let (answers, work) = (Answers { counts, hits, next_hits: Vec::new() }, told.work.as_ref());
+        write_answers(output, &[answers], (job.asked, false), [work.map(|[work, _]| &work[..]), None])?;
     }
     Ok(told)
 }
@@ -266,12 +265,25 @@ fn tracing_batch(batch: &RayBatch, buffers: &SceneBuffers) -> TracingBatch {
     }
 }
 
-/// Bytes of a ray and of its hit as the tracers take them, once more where they are sorted or on a device, and as NumPy
-/// takes hits.
-const RAY_BYTES: usize = 3 * (size_of::<TraceRay>() + size_of::<Hit>()) + 16;
+/// Has a thread read rays, while drivers are loaded. What is returned waits for them.
+fn begin_reading(path: &Path, budget: MemoryBudget) -> impl FnOnce() -> Result<RayBatch> {
+    let path = path.to_owned();
+    let read = move || RayBatch::read_within(&path, &budget);
+    let thread = Builder::new().spawn(read.clone());
+    move || thread.map_or_else(|_| read(), |thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
+}
+
+/// Frees rays while hits are written: gigabytes take tenths of a second.
+fn free_meanwhile(rays: TracingBatch) {
+    // Where there is no thread, they are freed at once.
+    let _ = Builder::new().spawn(move || drop(rays));
+}
+
+/// Bytes of a ray and of its hit as the tracers take them, and once more where they are sorted or on a device.
+const RAY_BYTES: usize = 3 * (size_of::<TraceRay>() + size_of::<Hit>());
 
 /// The same of a second ray.
-const NEXT_BYTES: usize = 3 * (size_of::<Float4>() + size_of::<Hit>()) + 8;
+const NEXT_BYTES: usize = 3 * (size_of::<Float4>() + size_of::<Hit>());
 
 /// Checks that there is memory for tracing `batch`.
 fn check_memory(batch: &RayBatch, args: &TraceArgs, budget: &MemoryBudget) -> Result<()> {
@@ -340,6 +352,7 @@ impl Work<'_> {
             },
             None => self.at_once(&job, &mut opened)?,
         };
+        free_meanwhile(rays);
         let mut stats = std::mem::take(&mut opened.stats);
         told.put(self.batch.len(), &mut stats);
         opened.note_times(told.kernel_s.clone(), &mut stats, talk);
@@ -367,10 +380,16 @@ impl Work<'_> {
         let (args, talk) = (self.args, self.talk);
         let built = Built::new(loaded, (devices, chosen), &self.budget)?;
         check_memory(self.batch, args, &self.budget)?;
-        // Tracing space is the same for every structure.
-        let rays = self.rays(built.first());
         let devices = built.devices(&args.device, (self.task(), 1), args.loss)?;
-        let (traced, shares, lost) = match keeper.trace_by(devices, &self.job(&rays), (args.loss, talk)) {
+        let traced = std::thread::scope(|scope| {
+            let devices = devices.opened_by(scope);
+            // Tracing space is the same for every structure.
+            let rays = self.rays(built.first());
+            let traced = keeper.trace_by(devices, &self.job(&rays), (args.loss, talk));
+            free_meanwhile(rays);
+            traced
+        });
+        let (traced, shares, lost) = match traced {
             Err(Error::Stopped) if self.limit.is_over() => return Ok(None),
             other => other?,
         };
@@ -402,14 +421,15 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     for output in args.output.iter().chain(&args.stats) {
         check_writable(output)?;
     }
+    let budget = args.scene.memory.budget();
+    let rays = begin_reading(&args.rays, budget);
     let devices = several::choose(&args.device, talk)?;
     if devices.len() > 1 && args.measures() {
         let message = "work is counted, and batches are timed again and again, on one device; name one";
         return Err(Error::option("--device", message));
     }
     let device = devices.first().cloned().flatten();
-    let budget = args.scene.memory.budget();
-    let batch = RayBatch::read_within(&args.rays, &budget)?;
+    let batch = rays()?;
     if let Some(option) = args.without_second_rays()
         && batch.next_directions.is_some()
     {

@@ -2,11 +2,11 @@
 
 use super::*;
 use std::fs;
-use std::io::{Cursor, Read, Write};
+use std::io::{Cursor, Write};
 use std::path::PathBuf;
 use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipArchive, ZipWriter};
+use zip::{CompressionMethod, ZipWriter};
 
 /// A `.npy` array as NumPy writes it, whatever it claims.
 fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u8> {
@@ -113,14 +113,32 @@ fn chunks_join_without_a_seam() {
     // are.
     let ramp: Vec<f32> = (0..300_000).map(|i| if i % 1000 == 999 { i as f32 } else { 0.0 }).collect();
     let doubles: Vec<u8> = ramp.iter().flat_map(|&n| f64::from(n).to_le_bytes()).collect();
+    let column_major: Vec<f32> = (0..300_000).map(|i| ramp[i % 100_000 * 3 + i / 100_000]).collect();
     let members = [
         ("origin.npy", f4("(100000, 3)", &ramp)),
         ("direction.npy", npy("'<f8'", false, "(100000, 3)", &doubles)),
         ("t_min.npy", f4("(100000,)", &ramp[..100_000])),
+        ("next_direction.npy", npy("'<f4'", true, "(100000, 3)", bytemuck::cast_slice(&column_major))),
     ];
-    let batch = read(&npz_bytes(&members, CompressionMethod::Deflated)).unwrap();
-    assert!(batch.origins.as_flattened() == ramp && batch.directions == batch.origins);
-    assert!(batch.t_min.unwrap() == ramp[..100_000]);
+    for method in [CompressionMethod::Deflated, CompressionMethod::Stored] {
+        let batch = read(&npz_bytes(&members, method)).unwrap();
+        assert!(batch.origins.as_flattened() == ramp && batch.directions == batch.origins, "{method}");
+        assert!(batch.t_min.unwrap() == ramp[..100_000], "{method}");
+        assert!(batch.next_directions.unwrap() == batch.origins, "{method}");
+    }
+}
+
+#[test]
+fn damage_is_found_in_every_part_of_a_large_array() {
+    let zeros = vec![0.0; 300_000];
+    let members = [("origin.npy", f4("(100000, 3)", &zeros)), ("direction.npy", f4("(100000, 3)", &zeros))];
+    let whole = npz_bytes(&members, CompressionMethod::Stored);
+    for at in [500, 600_000, 1_199_000] {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1;
+        let text = read(&bytes).unwrap_err().to_string();
+        assert!(text.contains("'origin' is damaged or cut short"), "{at}: {text}");
+    }
 }
 
 #[test]
@@ -242,82 +260,17 @@ fn missing_files_and_folders_are_errors_of_the_system() {
     }
 }
 
-fn sample_hits() -> HitBatch {
-    HitBatch {
-        t: vec![1.5, f32::INFINITY],
-        primitive: vec![7, -1],
-        u: vec![0.25, 0.0],
-        v: vec![0.5, 0.0],
-        ..HitBatch::default()
-    }
-}
-
-fn member(path: &Path, name: &str) -> Vec<u8> {
-    let mut archive = ZipArchive::new(fs::File::open(path).unwrap()).unwrap();
-    let mut bytes = Vec::new();
-    archive.by_name(name).unwrap().read_to_end(&mut bytes).unwrap();
-    bytes
-}
-
-fn member_names(path: &Path) -> Vec<String> {
-    let archive = ZipArchive::new(fs::File::open(path).unwrap()).unwrap();
-    archive.file_names().map(|n| n.unwrap().into_owned()).collect()
-}
-
-#[test]
-fn hits_are_written_byte_for_byte_as_numpy_does() {
-    let (_folder, path) = saved(b"old");
-    sample_hits().write(&path).unwrap();
-    assert_eq!(member_names(&path), ["t.npy", "primitive.npy", "u.npy", "v.npy"]);
-    let bytes = member(&path, "t.npy");
-    let header = b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f4', 'fortran_order': False, 'shape': (2,), }";
-    assert_eq!(&bytes[..header.len()], header);
-    assert!(bytes[header.len()..127].iter().all(|&b| b == b' ') && bytes[127] == b'\n');
-    assert_eq!(&bytes[128..], [1.5_f32.to_le_bytes(), f32::INFINITY.to_le_bytes()].as_flattened());
-    let bytes = member(&path, "primitive.npy");
-    assert!(bytes.windows(5).any(|w| w == b"'<i4'"));
-    assert_eq!(&bytes[128..], [7_i32.to_le_bytes(), (-1_i32).to_le_bytes()].as_flattened());
-    let first = fs::read(&path).unwrap();
-    sample_hits().write(&path).unwrap();
-    assert_eq!(fs::read(&path).unwrap(), first);
-}
-
-#[test]
-fn optional_hits_are_written_and_an_empty_batch_too() {
-    let (_folder, path) = saved(b"old");
-    let hits = HitBatch {
-        hit: Some(vec![1, 0]),
-        next_t: Some(vec![2.0, 3.0]),
-        next_primitive: Some(vec![3, -1]),
-        ..sample_hits()
-    };
-    hits.write(&path).unwrap();
-    let bytes = member(&path, "hit.npy");
-    assert!(bytes.windows(5).any(|w| w == b"'|u1'"));
-    assert_eq!(&bytes[bytes.len() - 2..], [1, 0]);
-    assert_eq!(member_names(&path)[4..], ["hit.npy", "next_t.npy", "next_primitive.npy"]);
-    let mut work = RayWork::default();
-    work.count(WorkCounter::Tests, 513);
-    HitBatch { work: Some(vec![work; 2]), next_work: Some(Vec::new()), ..sample_hits() }.write(&path).unwrap();
-    let names = member_names(&path);
-    assert_eq!(names.len(), 4 + 2 * WorkCounter::ALL.len());
-    assert_eq!(names[4..7], ["work_steps.npy", "work_leaves.npy", "work_empty_leaves.npy"]);
-    assert_eq!(names.last().unwrap(), "next_work_deepest_stack.npy");
-    let bytes = member(&path, "work_tests.npy");
-    assert!(bytes.windows(5).any(|w| w == b"'<u4'"));
-    assert_eq!(&bytes[bytes.len() - 8..], [1, 2, 0, 0, 1, 2, 0, 0]);
-    HitBatch::default().write(&path).unwrap();
-    let bytes = member(&path, "u.npy");
-    assert!(bytes.windows(4).any(|w| w == b"(0,)") && bytes.len() == 128);
-}
-
 #[test]
 fn what_the_writer_writes_the_reader_reads() {
     let (_folder, path) = saved(b"old");
-    let hits = sample_hits();
-    hits.write(&path).unwrap();
-    let mut file = NpzFile::open(&path, crate::budget::MemoryBudget::UNLIMITED).unwrap();
-    assert_eq!(file.read_rows::<1>("t").unwrap().unwrap().as_flattened(), hits.t);
-    assert_eq!(file.read_rows::<1>("v").unwrap().unwrap().as_flattened(), hits.v);
+    let batch = RayBatch {
+        origins: ROWS.to_vec(),
+        directions: vec![[0.5; 3]; 2],
+        t_max: Some(vec![f32::INFINITY, -0.0]),
+        ..RayBatch::default()
+    };
+    batch.write(&path).unwrap();
+    assert_eq!(RayBatch::read(&path).unwrap(), batch);
+    let mut file = NpzFile::open(&path, MemoryBudget::UNLIMITED).unwrap();
     assert!(file.read_rows::<1>("none").unwrap().is_none());
 }
