@@ -67,7 +67,7 @@ rooms! {
     planes in io,
     /// Random numbers that are the same on every machine.
     random,
-    /// Batches of rays and hits as NumPy archives.
+    /// Batches of rays as NumPy archives, and answers about points.
     rays in io,
     /// The scalar twin of every kernel, and an oracle in f64.
     reference,
