@@ -146,8 +146,13 @@ fn write_pfm(
             left -= rows.len() / width;
             out.seek(SeekFrom::Start(first + Film::PIXEL_BYTES * (left * width) as u64))?;
             for row in rows.chunks_exact(width).rev() {
-                let bytes: Vec<u8> = row.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
-                out.write_all(&bytes)?;
+                let numbers = row.as_flattened();
+                if cfg!(target_endian = "little") {
+                    out.write_all(bytemuck::cast_slice(numbers))?;
+                } else {
+                    let bytes: Vec<[u8; 4]> = numbers.iter().map(|c| c.to_le_bytes()).collect();
+                    out.write_all(bytes.as_flattened())?;
+                }
             }
         }
         Ok(())

@@ -111,9 +111,11 @@ pub fn render_part_noting(
     notes_sampling: bool,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let crop = part.unwrap_or(Crop { place: (0, 0), size: picture.size });
-    crop.check(picture.size)?;
+    if let Some(crop) = part {
+        crop.check(picture.size)?;
+    }
     picture.samples.check(picture.size)?;
+    let crop = part.unwrap_or(Crop { place: (0, 0), size: picture.size });
     let params = rendered_params(tracer, buffers, picture);
     match picture.samples {
         Samples::Error(error) => {
