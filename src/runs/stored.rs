@@ -70,7 +70,7 @@ impl StoredRuns {
         }
         let message = format!(
             "run {run} has other answers here than in another journal: one of them is damaged, or was traced by another \
-             program; leave out one of the two, or trace that part again with --restart"
+             program; leave out one of the two, or trace that part anew"
         );
         Err(Error::input(path, None, message))
     }
