@@ -8,49 +8,45 @@ browser takes some ms more to show each. Nothing else should run meanwhile. Pyth
 """
 
 import argparse
-import http.client
 import json
 import random
 import statistics
 import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "faults"))
+import pages
 
 LIMIT = 600  # seconds that an answer may take
 DRAG_S = 3.0
 STEP_S = 0.016
 
 
-class Page:
-    """A page: one connection that asks for news, and one that moves."""
+class Page(pages.Page):
+    """A page that moves, and sees what comes of it."""
 
     def __init__(self, address):
-        host, self.root = address.removeprefix("http://").split("/", 1)
-        self.listening, self.acting = (http.client.HTTPConnection(host, timeout=LIMIT) for _ in range(2))
-        self.version = self.frame = 0
-        self.session = json.loads(self.ask(self.acting, "begin", None, "POST"))["session"]
-
-    def ask(self, connection, name, body=None, method="GET"):
-        connection.request(method, f"/{self.root}{name}", json.dumps(body) if method == "POST" else None)
-        answer = connection.getresponse()
-        body = answer.read()
-        if answer.status not in (200, 204):
-            raise SystemExit(f"{name}: {answer.status} {body[:200]}")
-        return body
+        super().__init__(address, LIMIT)
+        self.listening, self.version, self.frame = self.connect(), 0, 0
 
     def move(self, *angles):
-        self.ask(self.acting, "act", {"session": self.session, "moves": [{"orbit": angles}]}, "POST")
+        what = {"session": self.session, "moves": [{"orbit": angles}]}
+        status, body = self.ask(self.acting, "act", json.dumps(what))
+        if status not in (200, 204):
+            raise RuntimeError(f"act: {status} {body[:200]}")
 
     def news(self):
         """What is told next, and whether there is another picture with it."""
-        query = f"next?session={self.session}&version={self.version}&frame={self.frame}"
-        body = self.ask(self.listening, query)
-        if not body:
+        status, told, is_picture = self.next(self.listening, self.session, self.version, self.frame)
+        if status == 404:
+            raise RuntimeError("next: the page was forgotten")
+        if not told:
             return {"is_finished": False}, False
-        length = int.from_bytes(body[:4], "big")
-        told = json.loads(body[4 : 4 + length])
         self.version, self.frame = told["version"], told["frame"]
-        return told, len(body) > 4 + length
+        return told, is_picture
 
     def until_finished(self):
         """Seconds until the first picture, and until the finished one."""
@@ -91,9 +87,13 @@ def main():
     words = [arguments.program, "view", arguments.scene, "--no-open"]
     words += ["--size", arguments.size, "--device", arguments.device]
     start = time.perf_counter()
-    viewer = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    # What it has to say beside its address is for whoever measures.
+    viewer = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
-        page = Page(viewer.stdout.readline().strip())
+        address = viewer.stdout.readline().strip()
+        if not address:
+            sys.exit(viewer.wait())
+        page = Page(address)
         begun = time.perf_counter() - start
         first = begun + page.until_finished()[0]
         chance, times = random.Random(1), []

@@ -160,6 +160,11 @@ impl Blocks {
         (0..self.per_area).filter(|&block| is_in[block]).map(|block| first + block).collect()
     }
 
+    /// The blocks that have a pixel in `part` of the picture, in ascending order.
+    pub fn of_part(&self, part: &Area) -> Vec<usize> {
+        (0..self.areas()).flat_map(|area| self.blocks_in(area, part)).collect()
+    }
+
     /// How many blocks there are. They are numbered area after area.
     pub fn count(&self) -> usize {
         self.areas() * self.per_area

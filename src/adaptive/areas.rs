@@ -51,7 +51,7 @@ pub fn render_area(
     let sampling = notes_sampling.then(|| room_for_sampling(part.x.len() * part.y.len())).transpose()?;
     let result = RenderResult { sampling, ..RenderResult::of_film(Film { width, height, pixels: Vec::new() }) };
     let mut run = Run::new(params, adaptive, part, (result, true));
-    let wanted: Vec<usize> = (0..run.blocks.areas()).flat_map(|area| run.blocks.blocks_in(area, part)).collect();
+    let wanted = run.blocks.of_part(part);
     run.areas(tracer, &wanted, &mut |_| Ok(()), progress)?;
     Ok(run.finish())
 }

@@ -68,10 +68,7 @@ impl PictureBlocks {
     pub fn numbers(&self) -> Vec<usize> {
         match self.cut {
             Cut::Bands(rows) => (0..self.part.size.1.div_ceil(rows) as usize).collect(),
-            Cut::Strewn(blocks, _) => {
-                let part = self.part.area();
-                (0..blocks.areas()).flat_map(|area| blocks.blocks_in(area, &part)).collect()
-            }
+            Cut::Strewn(blocks, _) => blocks.of_part(&self.part.area()),
         }
     }
 

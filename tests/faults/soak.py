@@ -3,7 +3,6 @@
 the program has: it may not grow, and every answer must be one that is expected.
 """
 
-import http.client
 import json
 import os
 import random
@@ -14,6 +13,7 @@ import threading
 import time
 
 import common
+import pages
 
 WORDS = ["view", "scene.toml", "--no-open", "--size", "640x480", "--error", "4", "--watch", "--device"]
 LAYERS = ["picture", "picture", "picture", "wrong", "steps", "tests", "leaves"]
@@ -36,27 +36,12 @@ def resident_mib(pid):
         return next(int(line.split()[1]) / 1024 for line in status if line.startswith("VmRSS"))
 
 
-class Page:
-    """A page: one connection that listens, as browsers have it, and one that acts."""
+class Page(pages.Page):
+    """A page that does anything at random."""
 
-    def __init__(self, port, root, chance, counts):
-        self.port, self.root, self.chance, self.counts = port, root, chance, counts
-        self.acting, self.session = self.connect(), None
-        self.begin()
-
-    def connect(self):
-        return http.client.HTTPConnection("127.0.0.1", self.port, timeout=common.LIMIT)
-
-    def ask(self, connection, name, body=None):
-        connection.request("GET" if body is None else "POST", self.root + name, body)
-        answer = connection.getresponse()
-        return answer.status, answer.read()
-
-    def begin(self):
-        status, body = self.ask(self.acting, "begin", "null")
-        if status != 200:
-            raise RuntimeError(f"begin: {status}")
-        self.session = json.loads(body)["session"]
+    def __init__(self, address, chance, counts):
+        super().__init__(address, common.LIMIT)
+        self.chance, self.counts = chance, counts
 
     def post(self, name, what):
         status, body = self.ask(self.acting, name, json.dumps(what))
@@ -102,16 +87,12 @@ class Page:
             session = self.session
             if of != session:
                 version, frame, of = 0, 0, session
-            status, body = self.ask(connection, f"next?session={session}&version={version}&frame={frame}")
+            status, told, is_picture = self.next(connection, session, version, frame)
             if status == 404 and self.session == session:
                 time.sleep(0.1)  # it was forgotten, and whoever acts will notice
-            if status not in (200, 204, 404):
-                raise RuntimeError(f"next: {status} {body[:200]}")
-            if status == 200:
-                length = int.from_bytes(body[:4], "big")
-                told = json.loads(body[4 : 4 + length])
+            if told:
                 version, frame = told["version"], told["frame"]
-                self.counts["pictures"] += len(body) > 4 + length
+                self.counts["pictures"] += is_picture
                 self.counts["finished"] += told["is_finished"]
 
 
@@ -147,18 +128,18 @@ def soak(program, device, seconds, seed):
             text=True,
         )
         try:
-            port, root = child.stdout.readline().strip().removeprefix("http://127.0.0.1:").split("/", 1)
+            address = child.stdout.readline().strip()
             counts, faults = {"moves": 0, "pictures": 0, "finished": 0}, []
             until = time.monotonic() + WARM_S + seconds
-            pages = [Page(int(port), "/" + root, random.Random(seed + i), counts) for i in range(PAGES)]
+            opened = [Page(address, random.Random(seed + i), counts) for i in range(PAGES)]
 
             def act(page):
                 while time.monotonic() < until and not faults:
                     page.act()
                     counts["moves"] += 1
 
-            threads = [noted(lambda page=page: page.listen(until), faults) for page in pages]
-            threads += [noted(lambda page=page: act(page), faults) for page in pages]
+            threads = [noted(lambda page=page: page.listen(until), faults) for page in opened]
+            threads += [noted(lambda page=page: act(page), faults) for page in opened]
             saved = time.monotonic()
             seen = []
             while time.monotonic() < until and child.poll() is None and not faults:
