@@ -209,7 +209,7 @@ fn assert_same(name: &str, rays: &[TraceRay], got: &[Hit], expected: &[Hit]) {
 
 #[test]
 fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
-    let count = if is_thorough() { 3_000 } else { 1_500 };
+    let count = if is_thorough() { 3_000 } else { 700 };
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
         let mut expected = Vec::new();

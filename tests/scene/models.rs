@@ -85,7 +85,7 @@ fn every_tree_gives_the_hits_of_brute_force() {
         return;
     }
     let device = device();
-    for model in usually_every(2, MODELS) {
+    for model in usually_every(4, MODELS) {
         let Some(path) = shared(&format!("scenes/{model}")) else { continue };
         let scene = load(path).unwrap();
         let brute = TraceOptions::of(StructureKind::Brute);

@@ -8,7 +8,7 @@
 //! its shadow rays but tints the light, and surfaces are lit from both sides, so that there are shadow rays inside of
 //! glass too.
 
-use crate::common::{device, shared};
+use crate::common::{device, is_thorough, shared};
 use glam::{DVec3, Vec3};
 use raybrook::low_level::accel::StructureStats;
 use raybrook::low_level::device::DeviceHandle;
@@ -67,7 +67,8 @@ fn counts(scene: &Scene, options: &TraceOptions, device: Option<&DeviceHandle>, 
     render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().counts
 }
 
-/// Every structure and exact traversal, but brute force only where it ends in time. Devices take a structure each: that
+/// Every structure and exact traversal, but brute force only where it ends in time, and lists, which take as long as all
+/// the rest, not in a usual run. Devices take a structure each: that
 /// their other traversals have the twin's hits is the business of `tests/methods/traverse.rs`.
 fn structures(triangles: usize) -> Vec<TraceOptions> {
     const MOST_FOR_BRUTE_FORCE: usize = 5000;
@@ -82,7 +83,11 @@ fn structures(triangles: usize) -> Vec<TraceOptions> {
     all.extend(
         Intersector::ALL.iter().filter(|i| i.is_robust()).map(|&intersector| TraceOptions { intersector, ..base }),
     );
-    all.retain(|options| options.kind() != StructureKind::Brute || triangles <= MOST_FOR_BRUTE_FORCE);
+    all.retain(|options| match options.kind() {
+        StructureKind::Brute => is_thorough() && triangles <= MOST_FOR_BRUTE_FORCE,
+        StructureKind::Boxes | StructureKind::Spheres => is_thorough(),
+        _ => true,
+    });
     all
 }
 

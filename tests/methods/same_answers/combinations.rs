@@ -2,7 +2,7 @@
 
 use raybrook::low_level::options::{
     Choice, Decisions, Intersector, KdOptions, MethodOption, OPTIONS, PictureOptions, RayOrder, SplitAxis, Stop,
-    Structure, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, combine, fewest_changes,
+    Structure, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, combine, fewest_changes,
 };
 use std::collections::HashSet;
 
@@ -148,9 +148,9 @@ impl Pairs {
     }
 }
 
-/// Which pairs a usual run takes: every value in every structure, and every triangle test in every traversal.
+/// Which pairs a usual run takes: every value in every structure.
 pub fn is_usual(pair: [&str; 2]) -> bool {
-    pair.contains(&StructureKind::OPTION) || pair.contains(&Traversal::OPTION) && pair.contains(&Intersector::OPTION)
+    pair.contains(&StructureKind::OPTION)
 }
 
 /// A few combinations that hold, between them, each two values of two options that go together and are wanted, numbers
