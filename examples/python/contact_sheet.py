@@ -1,7 +1,7 @@
 """The first pictures of many models side by side: python contact_sheet.py MODEL|FOLDER... [-o sheet.png]
 
 Each model is rendered as a new user would: without any option but the size. Where f3d is installed (and xvfb-run, on
-machines without a screen) its first view stands beside it. Needs Pillow.
+machines without a screen) its first view stands beside it, and that of Blender. Needs Pillow.
 """
 
 import argparse
@@ -32,11 +32,22 @@ def by_raybrook(program):
     return render
 
 
+def screen():
+    return ["xvfb-run", "-a"] if shutil.which("xvfb-run") else []
+
+
 def by_f3d():
-    screen = ["xvfb-run", "-a"] if shutil.which("xvfb-run") else []
+    def render(model, picture, size):
+        return [*screen(), "f3d", str(model), f"--output={picture}", f"--resolution={size[0]},{size[1]}"]
+
+    return render
+
+
+def by_blender():
+    command = ["blender", "-b", "--factory-startup", "-P", str(Path(__file__).with_name("blender_view.py")), "--"]
 
     def render(model, picture, size):
-        return [*screen, "f3d", str(model), f"--output={picture}", f"--resolution={size[0]},{size[1]}"]
+        return [*screen(), *command, str(model.resolve()), str(picture), f"{size[0]}x{size[1]}"]
 
     return render
 
@@ -75,6 +86,7 @@ def main():
     parser.add_argument("-o", "--output", default="sheet.png")
     parser.add_argument("--raybrook", action="append", metavar="PROGRAM", help="may be given again, to compare versions")
     parser.add_argument("--no-f3d", action="store_true", help="without f3d, though it is installed")
+    parser.add_argument("--no-blender", action="store_true", help="without Blender, though it is installed")
     parser.add_argument("--size", default="320x240", metavar="WxH", help="of each picture")
     parser.add_argument("--columns", type=int, default=4)
     arguments = parser.parse_args()
@@ -82,6 +94,8 @@ def main():
     programs = [by_raybrook(program.split()) for program in arguments.raybrook or ["raybrook"]]
     if shutil.which("f3d") and not arguments.no_f3d:
         programs.append(by_f3d())
+    if shutil.which("blender") and not arguments.no_blender:
+        programs.append(by_blender())
     models = list(models_of(arguments.places))
     if not models:
         parser.error("there are no models")
