@@ -42,6 +42,10 @@ def main(model, picture, size):
     camera.location = (low + high) / 2 + Euler(STARTUP_TURN).to_matrix() @ Vector((0, 0, distance))
     camera.data.clip_start, camera.data.clip_end = distance / 1000, distance + 2 * radius
     scene.camera = camera
+    # The grey of the viewport.
+    scene.world = bpy.data.worlds.new("viewport")
+    scene.world.color = (0.047, 0.047, 0.047)
+    scene.view_settings.view_transform = "Standard"
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.display.shading.color_type = "MATERIAL"
     scene.render.filepath = picture
