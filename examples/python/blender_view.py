@@ -34,8 +34,9 @@ def main(model, picture, size):
     scene.render.resolution_x, scene.render.resolution_y = map(int, size.split("x"))
     camera = bpy.data.objects.new("view", bpy.data.cameras.new("view"))
     scene.collection.objects.link(camera)
-    # The narrower of the two angles is that of the height.
-    angle = 2 * math.atan(math.tan(camera.data.angle / 2) * scene.render.resolution_y / scene.render.resolution_x)
+    # Blender's angle is that of the longer side.
+    sides = sorted((scene.render.resolution_x, scene.render.resolution_y))
+    angle = 2 * math.atan(math.tan(camera.data.angle / 2) * sides[0] / sides[1])
     radius = max((high - low).length / 2, 1e-9)
     distance = radius / math.sin(angle / 2)
     camera.rotation_euler = Euler(STARTUP_TURN)

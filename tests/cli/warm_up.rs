@@ -44,7 +44,7 @@ fn later_runs_find_their_kernels() {
         "render one.obj --size 8x8 -o one.png",
         "render one.obj --size 8x8 --samples 4 -o one.png",
     ];
-    for command in crate::common::usually_every(4, commands) {
+    for command in crate::common::usually_every(3, commands) {
         run(command);
         assert_eq!(kept(at), warm, "{command}");
     }
