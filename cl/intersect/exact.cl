@@ -2,8 +2,8 @@
 // exact_integers.cl and ties.cl.
 
 // What step 2 leaves open, as place_hit tells it; and limits of its t.
-int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
-                   float* t_low, float* t_high) {
+INLINE int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
+                          const Hit* hit, float* t_low, float* t_high) {
 #ifdef EXTENDED_IS_DOUBLE
     const bool has_best = hit->primitive != NO_PRIMITIVE;
     const float3 best0 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0;
@@ -83,8 +83,8 @@ bool is_settled_exactly(GEOMETRY_PARAMETERS) {
 }
 
 // t in the caller's units, if it is wanted, and the weights that step 2 is not sure of.
-void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, const bool wants_t, float* t,
-                    SurfaceHit* hit) {
+INLINE void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, const bool wants_t,
+                           float* t, SurfaceHit* hit) {
 #ifdef EXTENDED_IS_DOUBLE
     const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2);
     const float callers = callers_t(ray, closer.t);
@@ -155,7 +155,7 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
 // t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats
 // nearest to them. Not a hit's t that is not wanted; the weight of vertex 0 only if it is not the largest one, which
 // the others tell.
-SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
+INLINE SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
@@ -171,7 +171,7 @@ SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const
 }
 
 // Replaces the limits by the floats nearest to t, u and v.
-void finish_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
+INLINE void finish_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
     if (hit->primitive == NO_PRIMITIVE) return;
     const SurfaceHit at = finish_hit(GEOMETRY, ray, hit->primitive, true, &hit->t);
     hit->u = at.u;
@@ -190,7 +190,7 @@ bool finish_mostly_exactly(GEOMETRY_PARAMETERS, const Ray* ray, Hit* hit) {
     return finished.is_sure && is_normal(hit->t);
 }
 
-void surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
+INLINE void surface_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const Hit* hit, SurfaceHit* at) {
     float t;
     *at = finish_hit(GEOMETRY, ray, hit->primitive, false, &t);
 }

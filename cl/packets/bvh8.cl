@@ -12,8 +12,7 @@ typedef struct {
 } PacketChild;
 
 // Which rays enter child `slot` of a node, and when: those that do not, at infinity.
-__attribute__((always_inline)) float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, uint slot,
-                                                   float16 t_limit) {
+INLINE float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, uint slot, float16 t_limit) {
     float16 near_x, near_y, near_z, far_x, far_y, far_z;
     if (p->mixed_axes == 0u) {
         near_x = (float16)(LOAD_LANE(geometry, node + p->near[0], slot));

@@ -68,8 +68,8 @@ Hit batch_any_hit(Hit hit) {
 
 // Traces a ray of a batch, and writes its hit if that takes nothing rare. Whether it does; else settle_batch() goes on
 // with `hit`.
-bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index, const bool any_hit,
-                 Hit* hit) {
+INLINE bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
+                        const bool any_hit, Hit* hit) {
     const Ray ray = batch_ray(rays, index, geometry->scale);
     const bool found = TRAVERSE(GEOMETRY, &ray, any_hit, hit);
     if (!IS_SETTLED(GEOMETRY)) return false;
@@ -84,8 +84,8 @@ bool trace_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hi
 }
 
 // Does what trace_batch() has left: settles what is postponed, and writes the hit.
-void settle_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
-                  const bool any_hit, Hit hit) {
+INLINE void settle_batch(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, uint index,
+                         const bool any_hit, Hit hit) {
     const Ray ray = batch_ray(rays, index, geometry->scale);
     SETTLE(GEOMETRY, &ray, any_hit, &hit);
     if (any_hit) {

@@ -20,9 +20,8 @@
 // Where they are entered is not remembered: what lies behind a hit by now is looked at all the same, a node, a leaf's
 // triangles or an instance, but the stack, which is in memory, is half as large (an H200 traces 1.01 to 1.07 times as
 // fast, and scenes/flake.toml's instances as fast). by_bits: see clip_to_pair().
-__attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near,
-                                                    float t_limit, const bool by_bits, uint* stack, uint* stacked,
-                                                    uint link) {
+INLINE uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit,
+                            const bool by_bits, uint* stack, uint* stacked, uint link) {
     while ((link & BVH_LEAF) == 0u) {
         COUNT(geometry, STEPS, 1);
         const uint first = BVH_NODE_RECORDS * link;
@@ -48,8 +47,8 @@ __attribute__((always_inline)) uint descend_to_leaf(GEOMETRY_PARAMETERS, const P
 }
 
 // descend_to_leaf() for rays from far away, which want pads, and those that look for hits behind their start.
-__attribute__((always_inline)) uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack,
-                                                      uint* stacked, uint link) {
+INLINE uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
+                              uint link) {
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     const PairSlabs pair = make_pair_slabs(&slabs);
     return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, stacked, link);

@@ -132,7 +132,7 @@ void test_later(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, 
 #endif
 
 // Tests the triangle of one reference.
-void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
+INLINE void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit) {
     const uint primitive = PRIMITIVE_OF(geometry, LOAD_REFERENCE(geometry, reference));
     if (ray->skip != NO_PRIMITIVE && primitive == ray->skip) return; // no comparison where nothing is skipped
     COUNT(geometry, TESTS, 1);
@@ -142,7 +142,7 @@ void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, Hit* hit
 // Tests the triangles of references first..end. True when that answers the query: any hit will do, and there is one.
 // What ends the loop is in its condition, because work-items that leave it by a return of their own do not come
 // together again behind it on a GPU: an H200 took 2.6 times as long for shadow rays in a kd-tree.
-bool test_triangles(GEOMETRY_PARAMETERS, const Ray* ray, uint first, uint end, const bool any_hit, Hit* hit) {
+INLINE bool test_triangles(GEOMETRY_PARAMETERS, const Ray* ray, uint first, uint end, const bool any_hit, Hit* hit) {
     for (uint i = first; i < end && !(any_hit && hit->primitive != NO_PRIMITIVE); i++)
         test_triangle(GEOMETRY, ray, i, hit);
     return any_hit && hit->primitive != NO_PRIMITIVE;
@@ -154,7 +154,7 @@ int4 leaf_of_link(uint link) {
 }
 
 // test_triangles() for the references of a leaf record {KD_LEAF, first, count, _}.
-bool test_leaf(GEOMETRY_PARAMETERS, const Ray* ray, int4 leaf, const bool any_hit, Hit* hit) {
+INLINE bool test_leaf(GEOMETRY_PARAMETERS, const Ray* ray, int4 leaf, const bool any_hit, Hit* hit) {
     COUNT(geometry, LEAVES, 1);
     COUNT(geometry, EMPTY_LEAVES, leaf.z == 0 ? 1 : 0);
     return test_triangles(GEOMETRY, ray, (uint)leaf.y, (uint)leaf.y + (uint)leaf.z, any_hit, hit);
