@@ -155,7 +155,7 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
 // t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats
 // nearest to them. Not a hit's t that is not wanted; the weight of vertex 0 only if it is not the largest one, which
 // the others tell.
-INLINE SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
+SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);

@@ -45,6 +45,11 @@ pub fn usually_every<T>(step: usize, all: impl IntoIterator<Item = T>) -> impl I
     all.into_iter().step_by(if is_thorough() { 1 } else { step })
 }
 
+/// Whether a usual run takes the one with this number, when it takes one in `step`.
+pub fn is_usually_taken(step: usize, number: usize) -> bool {
+    is_thorough() || number.is_multiple_of(step)
+}
+
 /// Whether the device is Oclgrind, which interprets kernels: tests trace fewer rays there.
 pub fn on_oclgrind() -> bool {
     device().is_some_and(|device| device.info.name.contains("Oclgrind"))
