@@ -189,30 +189,22 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 fn device_and_twin_agree_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, scene) in scenes() {
-        let all = all_options().into_iter().filter(|options| is_tried_on_devices(options, name));
-        for (number, options) in all.enumerate() {
+        for options in all_options().into_iter().filter(|options| is_tried_on_devices(options, name)) {
             let name = format!("{name}, {options:?}");
-            // Kernels of their own around the same traversal.
-            let (asks_next, asks_any) = (is_usually_taken(3, number), is_usually_taken(3, number + 1));
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let mut random = Random::new(SEED);
             let queries = queries(3000, &mut random);
             let rays = pack(&buffers, &queries);
             let next: Vec<_> = rays.iter().map(|_| Float4::new(random.vec3(), 0.0)).collect();
-            let next = asks_next.then_some(&next[..]);
-            let job = TraceJob { extreme: &[], rays: &rays, next_directions: next, any_hit: false, repeat: 1 };
+            let job = TraceJob { extreme: &[], rays: &rays, next_directions: Some(&next), any_hit: false, repeat: 1 };
             let mut twin = ReferenceBackend::new(buffers.clone(), options);
             let expected = twin.trace(&job, &|_| ()).unwrap();
             let mut tracer = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
             let got = tracer.trace(&job, &|_| ()).unwrap();
             assert_same(&name, &queries, &got.hits, &expected.hits);
+            assert_same(&format!("{name}, next"), &queries, &got.next_hits.unwrap(), &expected.next_hits.unwrap());
             assert_eq!(got.kernel_s.len(), 1);
-            if asks_next {
-                assert_same(&format!("{name}, next"), &queries, &got.next_hits.unwrap(), &expected.next_hits.unwrap());
-            }
-            if !asks_any {
-                continue;
-            }
+
             let any = tracer.trace(&TraceJob { any_hit: true, next_directions: None, ..job }, &|_| ()).unwrap();
             for (i, (any, closest)) in any.hits.iter().zip(&expected.hits).enumerate() {
                 assert_eq!(is_hit(any), is_hit(closest), "{name}: any-hit of ray {i} {:?}", queries[i]);
@@ -328,6 +320,7 @@ fn device_and_twin_agree_on_ties() {
     for (number, (traversal, stack_size)) in all.enumerate() {
         let options =
             TraceOptions { structure: Structure::Kd(KdOptions { traversal, stack_size, ..DEEP.kd() }), ..DEEP };
+        // Any hits have a kernel of their own around the same traversal.
         for any_hit in [false, true].into_iter().filter(|&any_hit| !any_hit || is_usually_taken(3, number)) {
             let expected = trace(&scene, options, &rays, any_hit, None);
             let got = trace(&scene, options, &rays, any_hit, Some(&device));
