@@ -23,6 +23,7 @@ mod shown;
 use crate::blocks::{Area, Blocks};
 use crate::error::Result;
 use crate::io::film::Film;
+use crate::parallel;
 use crate::shared::{CameraSample, RenderParams};
 use crate::tracer::{
     Adaptive, Backend, Finished, LAST_LEVEL, LEVEL_SAMPLES, MOST_SAMPLES, Progress, Refined, RenderResult,
@@ -32,7 +33,6 @@ pub(crate) use areas::{render_area, render_blocks, stats_of};
 pub(crate) use host::PART_PIXELS;
 use promises::squared_error;
 pub(crate) use promises::{COUNTED, Choice, Promises};
-use rayon::prelude::*;
 pub(crate) use shown::CURVE;
 
 /// The estimate comes down to this part of the error that is asked for. It may be off where few pixels have most of the
@@ -147,14 +147,15 @@ pub(crate) fn refine(
             progress(((first / squared).ln() / (first / all).ln()).clamp(0.0, 1.0));
         }
         let rounds = refined.rounds;
-        let choose = |(block, &pixels): (&Promises, &u64)| match block.excess(target(pixels)) > 0.0 {
+        let choose = |i: usize| match promises[i].excess(target(pixels_of[i])) > 0.0 {
             true => {
-                let choice = block.choose(target(pixels), rounds);
-                (choice, block.chosen(choice))
+                let choice = promises[i].choose(target(pixels_of[i]), rounds);
+                (choice, promises[i].chosen(choice))
             }
             false => (Choice::NONE, [0; LAST_LEVEL as usize]),
         };
-        let (choices, chosen): (Vec<Choice>, Vec<_>) = promises.par_iter().zip(pixels_of).map(choose).unzip();
+        let (choices, chosen): (Vec<Choice>, Vec<_>) =
+            parallel::map_numbers(promises.len(), choose).into_iter().unzip();
         let raised: [u64; LAST_LEVEL as usize] =
             std::array::from_fn(|level| chosen.iter().map(|block| block[level]).sum());
         if raised == [0; LAST_LEVEL as usize] {

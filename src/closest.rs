@@ -20,10 +20,10 @@ use crate::crossings::contains;
 use crate::error::Result;
 use crate::layout::Float4;
 use crate::pack::{PointScene, SceneBuffers};
+use crate::parallel;
 use crate::reference::kernels::closest_point::all_candidates;
 use crate::tracer::{Backend, CandidatesJob, Progress};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Points whose candidates are listed at a time: 18 MiB of lists.
@@ -64,7 +64,7 @@ pub fn closest_points(
             let scaled = Vec3::from(*point) * scene.scale();
             Float4::new(if scaled.abs().max_element() <= FARTHEST_POINT { scaled } else { Vec3::NAN }, 0.0)
         };
-        let in_tracing_space: Vec<Float4> = part.par_iter().map(scaled).collect();
+        let in_tracing_space = parallel::map_slice(part, scaled);
         let job = CandidatesJob { scene, points: &in_tracing_space };
         let done = closest.len();
         let found = backend.find_candidates(&job, &|of_part| {
@@ -83,7 +83,7 @@ pub fn closest_points(
                 None => nearest_of(scene, all_candidates(scene, scaled), point),
             }
         };
-        closest.par_extend((0..part.len()).into_par_iter().map(answer));
+        parallel::extend(&mut closest, part.len(), answer);
     }
     Ok(closest)
 }

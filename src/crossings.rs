@@ -21,12 +21,13 @@ use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::options::Intersector;
 use crate::pack::SceneBuffers;
+use crate::parallel;
 use crate::reference::intersect::exact_integers::{IntegerRay, Meeting};
 use crate::reference::shared::ray::TrianglePoint;
 use crate::shared::Hit;
 use crate::tracer::{AllHits, AllHitsJob, Backend, Progress, is_hit};
 use glam::Vec3;
-use rayon::prelude::*;
+use rayon::slice::ParallelSliceMut;
 
 /// Refuses a triangle test whose hits are not exact.
 ///
@@ -48,7 +49,7 @@ pub fn count_crossings(buffers: &SceneBuffers, all: &AllHits, ray: impl Fn(usize
         let (origin, direction) = ray(i);
         crossings_of_ray(buffers, all.of_ray(i), origin, direction)
     };
-    (0..count).into_par_iter().map(of_ray).collect()
+    parallel::map_numbers(count, of_ray)
 }
 
 /// Whether a ray that hits two triangles, the second one not nearer than the first, hits both at exactly the same t;
@@ -167,7 +168,7 @@ pub fn check_closed(buffers: &SceneBuffers) -> Result<()> {
         let corners = buffers.given_triangle(i as u32);
         (0..3).filter_map(move |k| edge_of(corners[k], corners[(k + 1) % 3]))
     };
-    let mut edges: Vec<_> = (0..buffers.triangle_count()).into_par_iter().flat_map_iter(edges).collect();
+    let mut edges = parallel::flat_map_numbers(buffers.triangle_count(), edges);
     edges.par_sort_unstable();
     let open: Vec<_> = edges.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1).map(|same| same[0]).collect();
     let Some([from, to]) = open.first().map(|ends| ends.map(|end| end.map(f32::from_bits))) else { return Ok(()) };

@@ -17,13 +17,13 @@ use crate::error::{Error, Result};
 use crate::io::planes::{Plane, PlaneGroup};
 use crate::names::names;
 use crate::pack::{SceneBuffers, sample_positions};
+use crate::parallel;
 use crate::reference::extreme::TracingBatch;
 use crate::reference::first_hits::{CameraRays, FirstHit, directions_of, first_hits};
 use crate::renderer::{Crop, Picture};
 use crate::scene::{Numbering, Samples};
 use crate::tracer::{Backend, Progress, Sampling};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::ops::Range;
 
 names! {
@@ -140,12 +140,12 @@ fn fill(group: &mut PlaneGroup, layer: Layer, first: usize, hits: &[FirstHit], n
     for (k, (_, plane)) in group.planes.iter_mut().enumerate() {
         match plane {
             Plane::Float(values) => {
-                let values = values[first..].par_iter_mut().zip(hits);
-                values.for_each(|(value, hit)| *value = layer.measure(hit, k));
+                let values = &mut values[first..][..hits.len()];
+                parallel::each_mut(values, |i, value| *value = layer.measure(&hits[i], k));
             }
             Plane::Uint(values) => {
-                let values = values[first..].par_iter_mut().zip(hits);
-                values.for_each(|(value, hit)| *value = layer.number(hit, numbering));
+                let values = &mut values[first..][..hits.len()];
+                parallel::each_mut(values, |i, value| *value = layer.number(&hits[i], numbering));
             }
         }
     }
@@ -268,7 +268,7 @@ impl PixelRays {
     /// The rays of `pixels` as tracers take them.
     pub fn batch(&self, buffers: &SceneBuffers, pixels: Range<usize>) -> TracingBatch {
         let chunks: Vec<_> = pixels.clone().step_by(CHUNK).map(|start| start..pixels.end.min(start + CHUNK)).collect();
-        let directions: Vec<Vec<Vec3>> = chunks.into_par_iter().map(|chunk| directions_of(&self.rays, chunk)).collect();
+        let directions = parallel::map(chunks.into_iter(), |chunk| directions_of(&self.rays, chunk));
         let ray = |i: usize| (self.eye, directions[i / CHUNK][i % CHUNK], 0.0, f32::INFINITY);
         buffers.batch(pixels.len(), ray, None)
     }
@@ -286,11 +286,11 @@ fn hits_of(
     let batch = rays.batch(buffers, pixels.clone());
     let options = *tracer.options();
     let hits = tracer.trace(&batch.job(false, 1), progress)?.hits;
-    let of_chunks = batch.rays.par_chunks(CHUNK).zip(hits.par_chunks(CHUNK)).enumerate();
+    let chunks = batch.rays.chunks(CHUNK).zip(hits.chunks(CHUNK)).enumerate();
     let of_chunk = |(i, (traced, hits)): (usize, (&[_], &[_]))| {
         first_hits(buffers, &options, &rays.rays, pixels.start + i * CHUNK, traced, hits, wants_albedo)
     };
-    Ok(of_chunks.flat_map_iter(of_chunk).collect())
+    Ok(parallel::map(chunks, of_chunk).into_iter().flatten().collect())
 }
 
 #[cfg(test)]

@@ -89,7 +89,7 @@
 //! | [`adaptive`](low_level::adaptive), [`features`](low_level::features) | pictures of bounded error; what a scene needs of the kernels that shade |
 //! | [`options`](low_level::options) | what can be chosen, and what goes together |
 //! | [`choose`](low_level::choose) | what is taken where nothing is asked for, and why: by a model, or by what was measured |
-//! | [`budget`](low_level::budget) | how much memory may be taken |
+//! | [`budget`](low_level::budget), [`parallel`](low_level::parallel) | how much memory may be taken; loops on all cores |
 //! | [`layers`](low_level::layers), [`planes`](low_level::planes), [`animation`](low_level::animation) | what a picture knows beside light, and its files; pictures one after the other |
 //! | [`film`](low_level::film), [`output`](low_level::output), [`rays`](low_level::rays) | files of pictures and rays |
 //! | [`several`](low_level::several) | work by several devices at once |
@@ -134,6 +134,7 @@ mod math;
 mod names;
 mod options;
 mod pack;
+mod parallel;
 mod random;
 mod ray_order;
 mod reference;

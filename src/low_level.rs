@@ -63,6 +63,8 @@ rooms! {
     output in io,
     /// Scene and structure as flat arrays in tracing space, which kernels and twin read alike.
     pack,
+    /// Loops over many things on all cores.
+    parallel,
     /// Layers of numbers of pixels, and OpenEXR files of them.
     planes in io,
     /// Random numbers that are the same on every machine.

@@ -10,11 +10,12 @@
 
 use crate::error::Result;
 use crate::options::{PacketSize, RayOrder, TraceOptions};
+use crate::parallel;
 use crate::shared::{SceneParams, TraceRay, WorkCounter};
 use crate::tracer::{TraceJob, TraceResult};
 use crate::work::WorkSum;
 use glam::{Vec2, Vec2Swizzles, Vec3};
-use rayon::prelude::*;
+use rayon::slice::ParallelSliceMut;
 use std::time::Instant;
 
 /// Cells of origins along the scene's longest side, as a power of two. With 5 or 10 bits in place of 7 diffuse rays
@@ -102,7 +103,7 @@ fn mean_steps(
 
 /// `values` in another order: number `i` of them is `values[order[i]]`.
 fn permuted<T: Copy + Send + Sync>(values: &[T], order: &[u64]) -> Vec<T> {
-    order.par_iter().map(|&i| values[i as usize]).collect()
+    parallel::map_slice(order, |&i| values[i as usize])
 }
 
 /// What was in the order of `values` before they were [`permuted`]. One thread writes all, which took half of the time
@@ -144,10 +145,10 @@ impl RayKeys {
         // A key and the number of its ray are one integer, so that no two are equal, and integers alone are sorted.
         let index_bits = usize::BITS - rays.len().leading_zeros();
         let dropped = (KEY_BITS + index_bits).saturating_sub(u64::BITS);
-        let entry = |(i, ray): (usize, &TraceRay)| self.key(ray) >> dropped << index_bits | i as u64;
-        let mut order: Vec<u64> = rays.par_iter().enumerate().map(entry).collect();
+        let entry = |i: usize| self.key(&rays[i]) >> dropped << index_bits | i as u64;
+        let mut order = parallel::map_numbers(rays.len(), entry);
         order.par_sort_unstable();
-        order.par_iter_mut().for_each(|entry| *entry &= (1 << index_bits) - 1);
+        parallel::each_mut(&mut order, |_, entry| *entry &= (1 << index_bits) - 1);
         order
     }
 }

@@ -18,8 +18,8 @@ use crate::budget::MemoryBudget;
 use crate::error::Result;
 use crate::options::{BvhOptions, StructureKind};
 use crate::pack::{SceneBuffers, check_point_memory};
+use crate::parallel;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use robust::Coord3D;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -53,14 +53,13 @@ impl WindingTree {
     pub fn new(buffers: &SceneBuffers, budget: &MemoryBudget) -> Result<WindingTree> {
         check_point_memory("winding numbers", buffers.triangle_count(), budget)?;
         let scale = buffers.params.scale;
-        let given: Vec<_> =
-            (0..buffers.triangle_count() as u32).into_par_iter().map(|i| buffers.given_triangle(i)).collect();
+        let given = parallel::map_numbers(buffers.triangle_count(), |i| buffers.given_triangle(i as u32));
         let has_area = |&i: &u32| {
             let [a, b, c] = given[i as usize];
             a.is_finite() && b.is_finite() && c.is_finite() && a != b && b != c && c != a
         };
         let all: Vec<u32> = (0..given.len() as u32).filter(has_area).collect();
-        let scaled: Vec<[Vec3; 3]> = given.par_iter().map(|triangle| triangle.map(|p| p * scale)).collect();
+        let scaled = parallel::map_slice(&given, |triangle| triangle.map(|p| p * scale));
         let tree = build_bvh(&scaled, &all, &BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2))?;
         let mut numbers = HashMap::new();
         let mut positions = Vec::new();
@@ -130,7 +129,7 @@ impl WindingTree {
                 (true, false) => self.angle(0, point) / TAU,
             }
         };
-        points.par_iter().map(of_point).collect()
+        parallel::map_slice(points, of_point)
     }
 
     /// Half of the solid angle under which the point sees the triangles of a node.

@@ -28,10 +28,10 @@ use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
 use crate::error::{Error, Result};
 use crate::options::{BvhOptions, KdOptions, StructureKind, TraceOptions};
+use crate::parallel;
 use glam::Vec3;
 use items::{Extent, Item, PARALLEL_ITEMS, halve};
 use object::ObjectSplit;
-use rayon::prelude::*;
 pub use refit::{KeptBvh, tree_of};
 use spatial::SpatialSplit;
 
@@ -180,8 +180,8 @@ impl BuildOptions {
 pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Result<Bvh> {
     let triangles = ascending(primitives);
     check_triangle_count(triangles.len(), MAX_TRIANGLES)?;
-    let mut items: Vec<_> =
-        triangles.par_iter().map(|&triangle| Item::new(&vertices[triangle as usize], triangle)).collect();
+    let item = |&triangle: &u32| Item::new(&vertices[triangle as usize], triangle);
+    let mut items = parallel::map_slice(&triangles, item);
     let mut nodes = Vec::new();
     if !items.is_empty() {
         let extent = Extent::of(&items);

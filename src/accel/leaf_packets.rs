@@ -8,9 +8,9 @@
 
 use super::KdTree;
 use crate::layout::Float4;
+use crate::parallel;
 use crate::shared::{BVH8_PACKET_RECORDS, KD_LEAF};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Triangles of a packet.
 pub(super) const WIDTH: usize = 8;
@@ -28,7 +28,8 @@ pub(super) fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> usize {
 
 /// The packets of all `references`, of the triangles `vertices`.
 pub(super) fn pack(references: &[u32], vertices: &[[Vec3; 3]]) -> Vec<Float4> {
-    references.par_chunks(WIDTH).flat_map_iter(|triangles| packet(triangles, vertices)).collect()
+    let packets = references.len() / WIDTH;
+    parallel::flat_map_numbers(packets, |i| packet(&references[i * WIDTH..][..WIDTH], vertices))
 }
 
 fn packet(triangles: &[u32], vertices: &[[Vec3; 3]]) -> impl Iterator<Item = Float4> {

@@ -20,8 +20,8 @@ use super::small::{self, SmallNode};
 use super::stop::{Place, Stops};
 use super::subtree::{Cell, Subtree, ascending};
 use super::{BuildOptions, KdTree};
+use crate::parallel;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Nodes of at least this many references build their children side by side; smaller ones cost less than handing them
 /// over.
@@ -64,7 +64,7 @@ impl SahBuilder<'_> {
         assert!(primitives.len() < MAX_REFERENCES, "more triangles than an event can number");
         let cell = Cell::around(self.vertices, primitives);
         let triangles = ascending(primitives);
-        let references = triangles.par_iter().map(|&triangle| Reference::whole(self.vertices, triangle)).collect();
+        let references = parallel::map_slice(&triangles, |&triangle| Reference::whole(self.vertices, triangle));
         let mut tree = Subtree::default();
         self.build_large(EventNode::new(references), &Place::root(cell), &mut tree);
         tree.into_tree(&cell)

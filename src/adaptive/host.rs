@@ -8,10 +8,10 @@ use crate::blocks::{Area, Blocks};
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::Result;
 use crate::io::film::FilmWindow;
+use crate::parallel;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, Backend, Finished, LEVEL_SAMPLES, Progress, Refined, RenderResult, Sampling, Spent};
 use crate::work::PixelWork;
-use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -205,7 +205,8 @@ impl Tracing<'_> {
                 let width = this.width();
                 this.result.add(&traced);
                 let film = &mut this.result.film.pixels[part.y.start * width..part.y.end * width];
-                film.par_chunks_mut(width).zip(traced.film.pixels.par_chunks(columns)).for_each(|(film, traced)| {
+                let rows = film.chunks_mut(width).zip(traced.film.pixels.chunks(columns));
+                parallel::each(rows, |(film, traced)| {
                     film[part.x.clone()].copy_from_slice(traced);
                 });
                 this.add_work(
@@ -251,7 +252,7 @@ impl Tracing<'_> {
     fn positions(&self, listed: &[Listed], samples: usize) -> Vec<CameraSample> {
         let mut positions: Vec<CameraSample> = bytemuck::zeroed_vec(samples);
         let (sequence, origin) = (&self.sequence, self.origin);
-        by_patch(listed, &mut positions).into_par_iter().for_each(|(listed, positions)| {
+        parallel::each(by_patch(listed, &mut positions).into_iter(), |(listed, positions)| {
             let mut positions = positions.iter_mut();
             for &(pixel, level) in &listed.pixels {
                 let (x, y) = listed.place_of(pixel);
@@ -367,7 +368,7 @@ impl<'a, 't> AreaPixels<'a, 't> {
             if lattice.step > 1 {
                 lattice.cells = interpolate(film, width, place, lattice);
             }
-            blocks.par_iter_mut().for_each(|block| {
+            parallel::each(blocks.iter_mut(), |block| {
                 let patch = |at: &Area| Patch::new(film, width, place, at, *side, lattice);
                 block.patches = block.places.iter().map(patch).collect();
             });
@@ -417,7 +418,7 @@ impl<'a, 't> AreaPixels<'a, 't> {
                 }
             }
             let film = &mut tracing.result.film.pixels[place.y.start * width..place.y.end * width];
-            film.par_chunks_mut(*side * width).zip(patches).for_each(|(film, patches)| {
+            parallel::each(film.chunks_mut(*side * width).zip(patches), |(film, patches)| {
                 patches.into_iter().for_each(|(column, patch)| patch.write(film, width, column));
             });
         });
@@ -442,14 +443,13 @@ impl Pixels for Group<'_, '_, '_> {
         let AreaPixels { tracing, side, lattice, blocks, .. } = &mut *self.area;
         let blocks = &mut blocks[self.range.clone()];
         let listed: Vec<Vec<Listed>> = tracing.on_host(|_| {
-            let chosen = blocks.par_iter().zip(choices).enumerate().map(|(number, (block, choice))| {
+            parallel::map(blocks.iter().zip(choices).enumerate(), |(number, (block, choice))| {
                 let of_patch = |(slot, patch): (usize, &Option<Patch>)| {
                     let pixels = patch.as_ref()?.chosen(*choice);
                     (!pixels.is_empty()).then(|| Listed::new((number, slot), block.places[slot].clone(), *side, pixels))
                 };
                 block.patches.iter().enumerate().filter_map(of_patch).collect()
-            });
-            chosen.collect()
+            })
         });
         let listed: Vec<Listed> = listed.into_iter().flatten().collect();
         let is_interpolated = lattice.step > 1;
@@ -459,7 +459,7 @@ impl Pixels for Group<'_, '_, '_> {
             for group in by_groups(listed, radiances, |listed| listed.patch.0) {
                 groups[group.0[0].patch.0].1 = Some(group);
             }
-            groups.into_par_iter().for_each(|(block, group)| {
+            parallel::each(groups.into_iter(), |(block, group)| {
                 let Some((listed, radiances)) = group else { return };
                 for (listed, radiances) in by_groups(listed, radiances, |listed| listed.patch.1) {
                     if let Some(patch) = &mut block.patches[listed[0].patch.1] {
@@ -474,7 +474,7 @@ impl Pixels for Group<'_, '_, '_> {
         let AreaPixels { tracing, lattice, blocks, .. } = &mut *self.area;
         let (blocks, promises) = (&mut blocks[self.range.clone()], &mut self.promises);
         tracing.on_host(|_| {
-            blocks.par_iter_mut().zip(promises.par_iter_mut()).for_each(|(block, promises)| {
+            parallel::each(blocks.iter_mut().zip(promises.iter_mut()), |(block, promises)| {
                 block.patches.iter_mut().flatten().for_each(|patch| patch.update(lattice, promises));
             });
         });
@@ -501,7 +501,7 @@ fn pixels_of_lattice(area: &Area, side: usize, lattice: &Lattice, is_wanted: &[b
         };
         (!pixels.is_empty()).then(|| Listed::new((0, number), place, side, pixels))
     };
-    (0..columns * rows).into_par_iter().filter_map(of_patch).collect()
+    parallel::flat_map_numbers(columns * rows, of_patch)
 }
 
 /// Where the first samples of a patch are needed: everywhere, where it is wanted, else around the wanted ones beside it.
@@ -535,7 +535,7 @@ fn take_firsts(film: &mut [[f32; 3]], width: usize, listed: &[Listed], radiances
         rows.push((listed, radiances, film));
         (rest, first_row) = (later, y.end);
     }
-    rows.into_par_iter().for_each(|(listed, radiances, film)| {
+    parallel::each(rows.into_iter(), |(listed, radiances, film)| {
         let mut radiances = radiances.iter();
         for listed in listed {
             for (&(pixel, _), radiance) in listed.pixels.iter().zip(radiances.by_ref()) {
@@ -583,8 +583,8 @@ fn interpolate(film: &mut [[f32; 3]], picture_width: usize, place: &Area, lattic
             film[(place.y.start + point(row, height)) * picture_width + place.x.start + point(column, width)]
         })
         .collect();
-    let film_rows = film[place.y.start * picture_width..place.y.end * picture_width].par_chunks_mut(picture_width);
-    film_rows.enumerate().for_each(|(y, row)| {
+    let film_rows = film[place.y.start * picture_width..place.y.end * picture_width].chunks_mut(picture_width);
+    parallel::each(film_rows.enumerate(), |(y, row)| {
         let across_y = part_of(y, y / step * step, point(y / step + 1, height));
         for (x, pixel) in row[place.x.clone()].iter_mut().enumerate() {
             if lattice.has((x, y), (width, height)) {
@@ -601,7 +601,7 @@ fn interpolate(film: &mut [[f32; 3]], picture_width: usize, place: &Area, lattic
             });
         }
     });
-    let shown: Vec<_> = points.into_par_iter().map(display_steps).collect();
+    let shown = parallel::map_slice(&points, |&point| display_steps(point));
     errors_of_cells(&shown, columns, rows)
 }
 
@@ -622,7 +622,7 @@ fn errors_of_cells(shown: &[[f32; 3]], columns: usize, rows: usize) -> Vec<f32> 
         let bends = corners.map(|(x, y)| bend(column + x, row + y, 1, 0).max(bend(column + x, row + y, 0, 1)));
         LATTICE_ERROR * bends.into_iter().fold(0.0, f32::max)
     };
-    (0..rows * columns).into_par_iter().map(error).collect()
+    parallel::map_numbers(rows * columns, error)
 }
 
 /// How far `i` is from `low` to `high`.
@@ -877,11 +877,11 @@ mod tests {
         };
         for error in [0.5, 1.0, 2.0] {
             let film = render_rings(size, Adaptive::of_error(error)).film.pixels;
-            let squares = film.par_iter().enumerate().map(|(pixel, &shown)| {
-                let (shown, truth) = (display_steps(shown), truth(pixel));
+            let squares = parallel::map_numbers(film.len(), |pixel| {
+                let (shown, truth) = (display_steps(film[pixel]), truth(pixel));
                 f64::from(squared(std::array::from_fn(|c| shown[c] - truth[c])))
             });
-            let made = (squares.sum::<f64>() / film.len() as f64).sqrt();
+            let made = (squares.iter().sum::<f64>() / film.len() as f64).sqrt();
             assert!(made < 1.05 * f64::from(error) && made > 0.3 * f64::from(error), "{made} for {error}");
         }
     }

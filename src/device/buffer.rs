@@ -3,12 +3,12 @@
 use super::handle::Owned;
 use super::{DeviceContext, Event};
 use crate::error::{Error, Result};
+use crate::parallel;
 use bytemuck::Pod;
 use opencl3::command_queue::enqueue_write_buffer;
 use opencl3::error_codes::ClError;
 use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_ONLY, CL_MEM_READ_WRITE, ClMem};
 use opencl3::types::{CL_TRUE, cl_mem_flags};
-use rayon::iter::{IndexedParallelIterator, IntoParallelRefIterator, ParallelExtend, ParallelIterator};
 use std::marker::PhantomData;
 use std::ptr;
 use std::sync::Arc;
@@ -221,10 +221,9 @@ impl<T: Pod> Buffer<T> {
             // One part is fetched while the one before is converted.
             let (fetched, ()) = rayon::join(
                 || self.read_into(first, &mut next[..next_count]),
-                || {
-                    all.par_extend(
-                        part[..count].par_iter().with_min_len(LEAST_CONVERTED).map(|&element| convert(element)),
-                    )
+                || match count < LEAST_CONVERTED {
+                    true => all.extend(part[..count].iter().map(|&element| convert(element))),
+                    false => parallel::extend(&mut all, count, |i| convert(part[i])),
                 },
             );
             fetched?;

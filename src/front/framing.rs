@@ -2,10 +2,10 @@
 //! gone.
 
 use crate::pack::SceneBuffers;
+use crate::parallel;
 use crate::renderer::complete_as;
 use crate::scene::{Aim, Camera, DefaultLight, DropReason, Framed, Framing, Scene, up_by_shape};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// A scene that has a light.
@@ -45,8 +45,8 @@ pub(super) fn framing_camera(buffers: &SceneBuffers, framing: &Framing) -> Frame
 
 /// Which way is up by the shape of `buffers`.
 pub(super) fn shape_up(buffers: &SceneBuffers) -> Vec3 {
-    let is_hittable = |&i: &u32| DropReason::of(buffers.given_triangle(i)).is_none();
-    let hittable: Vec<u32> = (0..buffers.triangle_count() as u32).into_par_iter().filter(is_hittable).collect();
+    let hittable = |i: usize| DropReason::of(buffers.given_triangle(i as u32)).is_none().then_some(i as u32);
+    let hittable = parallel::flat_map_numbers(buffers.triangle_count(), hittable);
     let triangle = |i: usize| buffers.given_triangle(hittable[i]);
     up_by_shape(hittable.len(), &triangle).map_or(Vec3::Y, |(up, _)| up)
 }

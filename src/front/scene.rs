@@ -3,7 +3,6 @@
 use crate::error::{Error, Result};
 use crate::scene::{Material, NO_INDEX, Scene, Triangle, load};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::path::Path;
 
 impl Scene {
@@ -91,7 +90,7 @@ pub(super) fn check_indices(scene: &Scene) -> Result<()> {
     let is_wrong = |triangle: &Triangle| {
         triangle.positions.iter().any(|&i| i as usize >= positions) || triangle.material as usize >= materials
     };
-    match scene.triangles.par_iter().position_first(is_wrong) {
+    match scene.triangles.iter().position(is_wrong) {
         None => Ok(()),
         Some(i) => {
             let Triangle { positions: [a, b, c], material, .. } = scene.triangles[i];

@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::layers::{layers_bytes, trace_layers};
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::{PointScene, SceneBuffers};
+use crate::parallel;
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{self, Crop, FallBack, build_and_open_within, open_tracer, picture_bytes, picture_bytes_by_rows};
 use crate::scene::{
@@ -26,7 +27,6 @@ use crate::shared;
 use crate::tracer::{self, AllHitsJob, Backend, LostDevice, Progress, is_hit};
 use crate::winding::WindingTree;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -241,7 +241,7 @@ impl Tracer {
     /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
     pub fn closest_hits(&mut self, rays: &[Ray]) -> Result<Vec<Option<Hit>>> {
         let hits = self.closest_hits_of(rays.len(), |i| rays[i])?;
-        Ok((0..rays.len()).into_par_iter().map(|i| hits.get(i)).collect())
+        Ok(parallel::map_numbers(rays.len(), |i| hits.get(i)))
     }
 
     /// The closest hits of `count` rays, of which `ray` makes number i: as [`Tracer::closest_hits`], for rays and hits
@@ -276,7 +276,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::closest_hits`].
     pub fn any_hits_of(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync) -> Result<Vec<bool>> {
-        Ok(self.trace(count, ray, true)?.par_iter().map(is_hit).collect())
+        Ok(parallel::map_slice(&self.trace(count, ray, true)?, is_hit))
     }
 
     /// How many triangles each ray hits between its `t_min` and `t_max`, in the order of `rays`. Each counts once; an
@@ -328,7 +328,7 @@ impl Tracer {
             };
             (0..hits.len()).map(is_tied)
         };
-        (0..all.len()).into_par_iter().flat_map_iter(of_ray).collect()
+        parallel::flat_map_numbers(all.len(), of_ray)
     }
 
     /// How often each ray crosses a surface between its `t_min` and `t_max`, in the order of `rays`: through an edge or

@@ -9,13 +9,12 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use rayon::prelude::*;
-
 use crate::blocks::{Area, LARGEST_PATCH};
 use crate::budget::{DecidedBy, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::io::output::{Output, check_writable, write_atomically};
 use crate::io::rows;
+use crate::parallel;
 
 /// A rendered picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -190,18 +189,19 @@ static DISPLAY_16: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new
 /// As [`Film::to_srgb8`].
 pub(super) fn srgb8(pixels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     let values = &*DISPLAY_8;
-    pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c) as u8)).collect()
+    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of(c) as u8))
 }
 
 /// As [`Film::to_srgb16`].
 pub(super) fn srgb16(pixels: &[[f32; 3]]) -> Vec<[u16; 3]> {
     let values = &*DISPLAY_16;
-    pixels.par_iter().map(|pixel| pixel.map(|c| values.of(c))).collect()
+    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of(c)))
 }
 
 /// As [`Film::non_finite`].
 pub fn non_finite(pixels: &[[f32; 3]]) -> usize {
-    pixels.par_iter().filter(|pixel| pixel.iter().any(|c| !c.is_finite())).count()
+    let is = |i: usize| usize::from(pixels[i].iter().any(|c| !c.is_finite()));
+    parallel::reduce_numbers(pixels.len(), 0, is, |a, b| a + b)
 }
 
 /// As [`Film::expose`].
@@ -211,7 +211,7 @@ pub fn non_finite(pixels: &[[f32; 3]]) -> usize {
 pub fn expose(pixels: &mut [[f32; 3]], stops: f32) -> Result<()> {
     Film::check_exposure(stops)?;
     let factor = f64::from(stops).exp2() as f32;
-    pixels.par_iter_mut().for_each(|pixel| *pixel = pixel.map(|light| light * factor));
+    parallel::each_mut(pixels, |_, pixel| *pixel = pixel.map(|light| light * factor));
     Ok(())
 }
 
@@ -249,10 +249,13 @@ impl Film {
     /// Copies what both show of a place of the picture. `first`: column and row of this film's first pixel.
     pub(crate) fn copy(&mut self, first: (usize, usize), from: &FilmWindow, place: &Area) {
         let (width, here) = (self.width as usize, place.seen_from(first));
-        let rows = self.pixels[here.y.start * width..here.y.end * width].par_chunks_mut(width);
+        let pixels = &mut self.pixels[here.y.start * width..here.y.end * width];
         // A patch is copied sooner than it is divided.
-        rows.with_min_len(LARGEST_PATCH).zip(place.y.clone()).for_each(|(row, y)| {
-            row[here.x.clone()].copy_from_slice(from.row(y, place.x.clone()));
+        let parts = pixels.chunks_mut(LARGEST_PATCH * width).zip(place.y.clone().step_by(LARGEST_PATCH));
+        parallel::each(parts, |(rows, first)| {
+            for (row, y) in rows.chunks_mut(width).zip(first..) {
+                row[here.x.clone()].copy_from_slice(from.row(y, place.x.clone()));
+            }
         });
     }
 

@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 
 use crc32fast::Hasher;
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
-use rayon::prelude::*;
 use zip::result::ZipError;
 use zip::{CompressionMethod, ZipArchive};
 
 use crate::budget::{DecidedBy, MemoryBudget, Need, try_repeat};
 use crate::error::{Error, Result};
 use crate::io::input::{open_regular, read_exact_at};
+use crate::parallel;
 
 mod write;
 
@@ -274,7 +274,7 @@ impl Layout {
             let at = place + header_bytes + part as u64 * (part_rows * row_bytes) as u64;
             self.read_part(file, at, target.as_flattened_mut())
         };
-        let parts: Vec<_> = rows.par_chunks_mut(part_rows).enumerate().map(read_part).collect();
+        let parts = parallel::map(rows.chunks_mut(part_rows).enumerate(), read_part);
         let mut found = Hasher::new();
         found.update(&header);
         for part in parts {
@@ -311,7 +311,7 @@ impl Layout {
         let mut turned: Vec<[f32; N]> = Vec::new();
         turned.try_reserve_exact(self.rows)?;
         let row = |row: usize| -> [f32; N] { std::array::from_fn(|column| numbers[column * self.rows + row]) };
-        turned.par_extend((0..self.rows).into_par_iter().map(row));
+        parallel::extend(&mut turned, self.rows, row);
         Ok(turned)
     }
 

@@ -8,11 +8,11 @@
 //!
 //! Bad at: small pictures, which are one part.
 
+use crate::parallel;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 
 use flate2::{Compress, Compression, FlushCompress, Status};
-use rayon::prelude::*;
 use simd_adler32::Adler32;
 
 /// Bytes of a part, about: each loses a few bytes at its end, and the time until its thread is there.
@@ -149,18 +149,16 @@ fn wait(running: &Receiver<io::Result<Batch>>) -> io::Result<Batch> {
 /// Filters and compresses rows in parts, each on a thread; `window` is what comes before them.
 fn compress_rows(rows: &[u8], above: &[u8], window: &[u8], (shape, end): (Shape, FlushCompress)) -> io::Result<Batch> {
     let Shape { row_bytes, pixel_bytes, part_bytes } = shape;
-    let parts = rows.par_chunks(part_bytes).enumerate();
-    let filtered = parts.map(|(i, part)| {
+    let filtered = parallel::map(rows.chunks(part_bytes).enumerate(), |(i, part)| {
         let above = if i == 0 { above } else { &rows[i * part_bytes - row_bytes..i * part_bytes] };
         filter(part, above, pixel_bytes)
     });
-    let filtered: Vec<Vec<u8>> = filtered.collect();
     let last = filtered.len().saturating_sub(1);
-    let compressed = filtered.par_iter().enumerate().map(|(i, bytes)| {
+    let compressed = parallel::map(filtered.iter().enumerate(), |(i, bytes)| {
         let before = if i == 0 { window } else { &filtered[i - 1] };
         compress(bytes, before, if i == last { end } else { FlushCompress::Sync })
     });
-    let compressed = compressed.collect::<io::Result<_>>()?;
+    let compressed = compressed.into_iter().collect::<io::Result<_>>()?;
     Ok(Batch { filtered, compressed })
 }
 

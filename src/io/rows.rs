@@ -13,12 +13,12 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::image::write::WritableImage;
 use exr::meta::{Headers, MetaData};
 use exr::prelude::{Encoding, Image, SpecificChannels, Vec2};
-use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::io::film::{Film, ImageFormat, srgb8, srgb16};
 use crate::io::output::{Output, write_atomically};
 use crate::io::png_rows::{self, PngRows};
+use crate::parallel;
 
 /// Takes the next rows of a picture, top row first: linear RGB radiance of as many whole rows as there are.
 pub type PutRows<'a> = &'a mut dyn FnMut(&[[f32; 3]]) -> Result<()>;
@@ -217,11 +217,10 @@ impl<W: Write + io::Seek> ExrBlocks<'_, W> {
     /// Writes what is waiting: whole blocks, or the last one.
     fn write(&mut self) -> exr::error::UnitResult {
         let (meta, width, first) = (self.meta, self.width, self.next);
-        let blocks = self.waiting.par_chunks(rows_of_block(self.meta) * width).enumerate();
-        let chunks = blocks.map(|(i, rows)| compressed(meta, first + i, (rows, width)));
-        let chunks = chunks.collect::<exr::error::Result<Vec<Chunk>>>()?;
+        let blocks = self.waiting.chunks(rows_of_block(self.meta) * width).enumerate();
+        let chunks = parallel::map(blocks, |(i, rows)| compressed(meta, first + i, (rows, width)));
         for chunk in chunks {
-            self.chunks.write_chunk(self.next, chunk)?;
+            self.chunks.write_chunk(self.next, chunk?)?;
             self.next += 1;
         }
         self.waiting.clear();

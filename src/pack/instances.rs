@@ -25,13 +25,13 @@ use crate::accel::{
 use crate::bounds::{EPSILON, LEAST_PAD};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
+use crate::parallel;
 use crate::scene::{DropReason, Instance, MaterialId, Scene, Transform, Triangle, turned};
 use crate::shared::{
     BVH_FIRST_MASK, BVH_NODE_RECORDS, INSTANCE_BLUR, INSTANCE_NORMALS, INSTANCE_REACH, INSTANCE_RECORDS,
     INSTANCE_TO_OBJECT, INSTANCE_TO_WORLD, NO_MATERIAL, Shading,
 };
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -89,9 +89,8 @@ impl Source<'_> {
     fn mesh(&self, used: &[MaterialId], is_mirrored: bool, placed: Option<&Transform>) -> Mesh {
         let point = |p: Vec3| placed.map_or(p, |transform| transform.point(p));
         let normal = |n: Vec3| placed.map_or(n, |transform| transform.normal(n));
-        let triangles: Vec<[Vec3; 3]> = (self.triangles.par_iter())
-            .map(|t| turned(t.positions, is_mirrored).map(|i| point(self.positions[i as usize])))
-            .collect();
+        let vertices = |t: &Triangle| turned(t.positions, is_mirrored).map(|i| point(self.positions[i as usize]));
+        let triangles = parallel::map_slice(self.triangles, vertices);
         let shading = |t: &Triangle| {
             let turned = Triangle {
                 positions: t.positions,
@@ -106,11 +105,11 @@ impl Source<'_> {
             };
             pack_shading(&turned, &of, |normals| normals.map(normal))
         };
-        let is_hittable = |&i: &u32| DropReason::of(triangles[i as usize]).is_none();
-        let listed: Vec<u32> = (0..triangles.len() as u32).into_par_iter().filter(is_hittable).collect();
+        let hittable = |i: usize| DropReason::of(triangles[i]).is_none().then_some(i as u32);
+        let listed = parallel::flat_map_numbers(triangles.len(), hittable);
         let corners = listed.iter().flat_map(|&i| triangles[i as usize]);
         let extent = corners.fold(Vec3::ZERO, |extent, p| extent.max(p.abs()));
-        Mesh { shading: self.triangles.par_iter().map(shading).collect(), listed, extent, triangles }
+        Mesh { shading: parallel::map_slice(self.triangles, shading), listed, extent, triangles }
     }
 }
 
@@ -193,13 +192,13 @@ pub(super) fn pack_instances(
         }
         None => meshes.iter().map(|_| None).collect(),
     };
-    let trees: Vec<Cow<Bvh>> = (meshes.par_iter().zip(kept))
-        .map(|(mesh, kept)| tree_of(kept, &mesh.triangles, &mesh.listed, options))
-        .collect::<Result<_>>()?;
+    let trees =
+        parallel::map(meshes.iter().zip(kept), |(mesh, kept)| tree_of(kept, &mesh.triangles, &mesh.listed, options));
+    let trees: Vec<Cow<Bvh>> = trees.into_iter().collect::<Result<_>>()?;
     let hittable: Vec<u32> =
         (0..).zip(&places).filter(|(_, place)| !meshes[place.mesh].listed.is_empty()).map(|(i, _)| i).collect();
     // A hierarchy of boxes is one of triangles that fill their boxes from corner to corner.
-    let boxes: Vec<[Vec3; 3]> = places.par_iter().map(|place| box_of(place, &meshes[place.mesh], scale)).collect();
+    let boxes = parallel::map_slice(&places, |place| box_of(place, &meshes[place.mesh], scale));
     let one_a_leaf = BuildOptions { leaf_size: 1, spatial_splits: 0.0, ..*options };
     let top = build_bvh(&boxes, &hittable, &one_a_leaf)?;
 
@@ -284,8 +283,8 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
         let own = source(instance).mesh(used, transform.is_mirrored, Some(&transform));
         Ok((Place { mesh, transform: Transform::IDENTITY, material, inverse: in_place(&own)? }, Some(own)))
     };
-    let each: Vec<(Place, Option<Mesh>)> = placed.par_iter().zip(&shared).map(place).collect::<Result<_>>()?;
-    for (mut place, own) in each {
+    for placed in parallel::map_numbers(placed.len(), |i| place((&placed[i], &shared[i]))) {
+        let (mut place, own): (Place, Option<Mesh>) = placed?;
         if let Some(own) = own {
             place.mesh = meshes.len();
             meshes.push(own);

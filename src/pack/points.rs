@@ -11,9 +11,9 @@ use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
 use crate::error::Result;
 use crate::layout::Float4;
 use crate::options::{BvhOptions, StructureKind};
+use crate::parallel;
 use crate::shared::KdNode;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A scene as point queries want it.
@@ -45,18 +45,19 @@ impl PointScene {
         given: impl Fn(u32) -> [Vec3; 3] + Sync,
         budget: &MemoryBudget,
     ) -> Result<PointScene> {
-        let all = 0..buffers.triangle_count() as u32;
+        let count = buffers.triangle_count();
         let buffers = buffers.clone();
         if buffers.made_for.accel == StructureKind::Bvh2 && buffers.left_out.is_empty() {
-            return Ok(PointScene { own: None, scale: buffers.params.scale, count: all.len(), buffers });
+            return Ok(PointScene { own: None, scale: buffers.params.scale, count, buffers });
         }
-        check_memory("a hierarchy of boxes for points", all.len(), budget)?;
-        let is_sound = |&i: &u32| given(i).iter().all(|corner| corner.is_finite());
-        let sound: Vec<u32> = all.clone().into_par_iter().filter(is_sound).collect();
-        let bounds = sound.par_iter().map(|&i| Aabb::of_triangle(&given(i))).reduce(|| Aabb::EMPTY, Aabb::union);
+        check_memory("a hierarchy of boxes for points", count, budget)?;
+        let sound = |i: usize| given(i as u32).iter().all(|corner| corner.is_finite()).then_some(i as u32);
+        let sound = parallel::flat_map_numbers(count, sound);
+        let bounds_of = |i: usize| Aabb::of_triangle(&given(sound[i]));
+        let bounds = parallel::reduce_numbers(sound.len(), Aabb::EMPTY, bounds_of, Aabb::union);
         let scale = if sound.is_empty() { 1.0 } else { tracing_scale(bounds.low, bounds.high) };
-        let scaled = |i: u32| given(i).map(|p| if p.is_finite() { p * scale + 0.0 } else { Vec3::ZERO });
-        let triangles: Vec<[Vec3; 3]> = all.into_par_iter().map(scaled).collect();
+        let scaled = |i: usize| given(i as u32).map(|p| if p.is_finite() { p * scale + 0.0 } else { Vec3::ZERO });
+        let triangles = parallel::map_numbers(count, scaled);
         let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
         let structure = pack_bvh2(&build_bvh(&triangles, &sound, &options)?, 0, 0.0)?;
         let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();

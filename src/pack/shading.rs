@@ -6,12 +6,12 @@ use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::math::unit_normals;
 use crate::options::TextureFilter;
+use crate::parallel;
 use crate::scene::{self, Falloff, LightKind, MaterialId, Scene, TextureId, Triangle};
 use crate::shared::{
     LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, MAX_RADIANCE, Material, NO_TEXTURE, Shading, TextureInfo,
 };
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 
 pub(super) struct ShadingArrays {
     pub materials: Vec<Material>,
@@ -57,7 +57,7 @@ fn place_of(id: u32, used: &[u32]) -> u32 {
 pub(super) fn shading_of(scene: &Scene, used: &[MaterialId]) -> Vec<Shading> {
     let of = |material| ShadingOf { normals: &scene.normals, uvs: &scene.uvs, material };
     let pack = |t: &Triangle| pack_shading(t, &of(place_of(t.material, used) as usize), unit_normals);
-    scene.triangles.par_iter().map(pack).collect()
+    parallel::map_slice(&scene.triangles, pack)
 }
 
 /// What the shading data of a triangle is made of, beside its indices.

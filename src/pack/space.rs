@@ -1,9 +1,9 @@
 //! Tracing space: the units in which everything is traced, and a scene's triangles in them.
 
 use crate::accel::Aabb;
+use crate::parallel;
 use crate::scene::Scene;
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// Tracing space has its largest coordinate in [1, 2): products of three coordinates of a scene, and of triangles a
 /// billion times smaller than it, stay far from both ends of float32, and a ray may start 2^126 times its size away.
@@ -37,10 +37,11 @@ pub(super) fn vertices_that_lose_bits(scene: &Scene, scale: f32) -> Option<Vec<[
         return None;
     }
     let loses = |vertices: [Vec3; 3]| vertices.into_iter().any(|p| p * scale / scale != p);
-    let all = || (0..scene.triangle_count()).into_par_iter();
+    let count = scene.triangle_count();
     let is_hittable = |i: usize| scene.drop_reason(i).is_none();
     let given = |i: usize| if is_hittable(i) { scene.vertices(i) } else { [Vec3::ZERO; 3] };
-    all().any(|i| loses(scene.vertices(i)) && is_hittable(i)).then(|| all().map(given).collect())
+    let is_any = parallel::any_number(count, |i| loses(scene.vertices(i)) && is_hittable(i));
+    is_any.then(|| parallel::map_numbers(count, given))
 }
 
 /// What is traced, in tracing space.

@@ -5,9 +5,9 @@
 //! was before it was rounded to 8 bits. They are the host's business alone: device and twin read the same texels.
 
 use crate::io::film::{SRGB_TO_LINEAR, linear_from_srgb, srgb_from_linear};
+use crate::parallel;
 use crate::scene::Image;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::sync::LazyLock;
 
 /// Appends the levels of `image` behind itself; returns how many there are with it.
@@ -24,7 +24,7 @@ pub(super) fn push_levels(image: &Image, texels: &mut Vec<u32>) -> u32 {
             }),
             Some(level) => halved(size, half, |i| level[i]),
         };
-        texels.par_extend(smaller.par_iter().map(|&colour| to_srgb(colour)));
+        parallel::extend(texels, smaller.len(), |i| to_srgb(smaller[i]));
         (level, size) = (Some(smaller), half);
         count += 1;
     }
@@ -43,7 +43,8 @@ fn halved([width, height]: [u32; 2], half: [u32; 2], of: impl Fn(usize) -> Vec3 
         }
         sum
     };
-    down.par_iter().flat_map_iter(|rows| across.iter().map(move |columns| texel(rows, columns))).collect()
+    let columns = across.len();
+    parallel::map_numbers(columns * down.len(), |i| texel(&down[i / columns], &across[i % columns]))
 }
 
 /// The texels of a side that one of the next level covers: two, or where a side is odd three, or the only one.

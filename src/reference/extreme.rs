@@ -15,6 +15,7 @@
 use crate::layout::Float4;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
+use crate::parallel;
 use crate::reference::intersect::exact_integers::IntegerRay;
 use crate::reference::oracle::{Box64, Bvh, Line};
 use crate::reference::shade::surface::start_weights;
@@ -24,7 +25,6 @@ use crate::reference::shared::ray::{NO_HIT, TrianglePoint};
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
 use crate::tracer::{AllHits, AllHitsJob, ExtremeRay, TraceJob, TraceResult, is_hit};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -113,18 +113,17 @@ impl SceneBuffers {
             }
             self.trace_ray(origin, direction, t_min, t_max)
         };
-        let all = || (0..count).into_par_iter();
-        let mut rays: Vec<TraceRay> = all().map(made).collect();
+        let mut rays = parallel::map_numbers(count, made);
         // Few, if any, so that they are looked for again, and nothing is kept of the others.
         let extreme: Vec<ExtremeRay> = match has_extreme.into_inner() {
-            true => all().filter_map(|i| extreme_of(i, ray(i))).collect(),
+            true => parallel::flat_map_numbers(count, |i| extreme_of(i, ray(i))),
             false => Vec::new(),
         };
         for ExtremeRay { index, .. } in extreme.iter().filter(|ray| !ray.is_second) {
             let t_min = rays[*index].origin_t_min.w;
             rays[*index].origin_t_min = Float4::new(Vec3::NAN, t_min);
         }
-        let next_directions = next.map(|next| all().map(|i| Float4::new(next(i), 0.0)).collect());
+        let next_directions = next.map(|next| parallel::map_numbers(count, |i| Float4::new(next(i), 0.0)));
         TracingBatch { rays, next_directions, extreme }
     }
 }
@@ -318,23 +317,19 @@ pub(crate) fn answer_extreme(job: &TraceJob, options: &TraceOptions, buffers: &S
     let world = World::new(buffers, job.extreme.len());
     let is_exact = options.intersector == Intersector::Exact;
     let given = &*result;
-    let answered: Vec<_> = job
-        .extreme
-        .par_iter()
-        .map(|extreme| {
-            let first = world.first_ray(&job.rays[extreme.index], extreme.origin);
-            let hit = if extreme.is_second { given.hits[extreme.index] } else { traced(&world, &first, job.any_hit) };
-            let next = job.next_directions.map(|directions| {
-                let direction = directions[extreme.index].xyz();
-                if !is_hit(&hit) || !direction.is_finite() || direction == Vec3::ZERO {
-                    return NO_HIT;
-                }
-                let second = world.second_ray(&first, &hit, direction, is_exact || !extreme.is_second);
-                world.trace(&second, hit.primitive, false)
-            });
-            (extreme.index, hit, next)
-        })
-        .collect();
+    let answered = parallel::map_slice(job.extreme, |extreme| {
+        let first = world.first_ray(&job.rays[extreme.index], extreme.origin);
+        let hit = if extreme.is_second { given.hits[extreme.index] } else { traced(&world, &first, job.any_hit) };
+        let next = job.next_directions.map(|directions| {
+            let direction = directions[extreme.index].xyz();
+            if !is_hit(&hit) || !direction.is_finite() || direction == Vec3::ZERO {
+                return NO_HIT;
+            }
+            let second = world.second_ray(&first, &hit, direction, is_exact || !extreme.is_second);
+            world.trace(&second, hit.primitive, false)
+        });
+        (extreme.index, hit, next)
+    });
     for (index, hit, next) in answered {
         result.hits[index] = hit;
         if let (Some(all), Some(next)) = (&mut result.next_hits, next) {
@@ -387,9 +382,10 @@ pub(crate) fn all_extreme(job: &AllHitsJob, buffers: &SceneBuffers) -> AllOfExtr
     }
     let start = Instant::now();
     let world = World::new(buffers, job.extreme.len());
-    let all = job.extreme.par_iter().filter(|extreme| !extreme.is_second).map(|extreme| {
+    let firsts: Vec<_> = job.extreme.iter().filter(|extreme| !extreme.is_second).collect();
+    let hits = parallel::map_slice(&firsts, |extreme| {
         let ray = world.first_ray(&job.rays[extreme.index], extreme.origin);
         (extreme.index, if is_empty(&ray) { Vec::new() } else { world.all(&ray, job.most) })
     });
-    AllOfExtreme { hits: all.collect(), seconds: Some(start.elapsed().as_secs_f64()) }
+    AllOfExtreme { hits, seconds: Some(start.elapsed().as_secs_f64()) }
 }

@@ -19,6 +19,7 @@ use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::parallel;
 use crate::ray_order::trace_in_order;
 use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
@@ -31,7 +32,6 @@ use kernels::count_hits::count_chunk;
 use kernels::list_hits::list_hits;
 use kernels::render::{PixelRow, render_row};
 use kernels::trace::{trace_chunk, trace_next_chunk};
-use rayon::prelude::*;
 use shade::local_light::requested_colour;
 use shared::fma::with_fma;
 use shared::ray::NO_HIT;
@@ -69,9 +69,9 @@ fn work_of_parts<T: Send>(
     work: &mut Option<Vec<T>>,
     parts: usize,
     size: usize,
-) -> impl IndexedParallelIterator<Item = Option<&mut [T]>> {
+) -> impl ExactSizeIterator<Item = Option<&mut [T]>> + Send {
     let mut all = work.as_mut().map(|work| work.chunks_mut(size.max(1)));
-    (0..parts).map(|_| all.as_mut().and_then(Iterator::next)).collect::<Vec<_>>().into_par_iter()
+    (0..parts).map(move |_| all.as_mut().and_then(Iterator::next))
 }
 
 with_fma! {
@@ -92,8 +92,8 @@ with_fma! {
 /// [`TexturePass::HostPass`](crate::options::TexturePass::HostPass).
 pub fn texture_colours(buffers: &SceneBuffers, options: &TraceOptions, requests: &[TextureRequest]) -> Vec<Float4> {
     let mut colours = vec![Float4::default(); requests.len()];
-    let chunks = colours.par_chunks_mut(CHUNK).zip(requests.par_chunks(CHUNK));
-    chunks.for_each(|(colours, requests)| texture_chunk(buffers, options, requests, colours));
+    let chunks = colours.chunks_mut(CHUNK).zip(requests.chunks(CHUNK));
+    parallel::each(chunks, |(colours, requests)| texture_chunk(buffers, options, requests, colours));
     colours
 }
 
@@ -134,8 +134,8 @@ impl Backend for ReferenceBackend {
         let done = AtomicUsize::new(0);
         let passes = if job.wants_hits { 2 } else { 1 };
         let parts = self.parts(progress, &done, passes * job.rays.len());
-        let chunks = counts.par_chunks_mut(CHUNK).zip(work_of_parts(&mut work, job.rays.len().div_ceil(CHUNK), CHUNK));
-        chunks.zip(job.rays.par_chunks(CHUNK)).for_each(|((counts, work), rays)| {
+        let chunks = counts.chunks_mut(CHUNK).zip(work_of_parts(&mut work, job.rays.len().div_ceil(CHUNK), CHUNK));
+        parallel::each(chunks.zip(job.rays.chunks(CHUNK)), |((counts, work), rays)| {
             parts.part(rays.len(), || count_chunk(&self.buffers, &self.options, rays, job.most, counts, work));
         });
         let count_s = start.elapsed().as_secs_f64();
@@ -151,7 +151,7 @@ impl Backend for ReferenceBackend {
                 hits
             });
             let mut of_rays: Vec<_> = of_rays.collect();
-            of_rays.par_chunks_mut(CHUNK).zip(job.rays.par_chunks(CHUNK)).for_each(|(lists, rays)| {
+            parallel::each(of_rays.chunks_mut(CHUNK).zip(job.rays.chunks(CHUNK)), |(lists, rays)| {
                 parts.part(rays.len(), || {
                     rays.iter().zip(lists).for_each(|(ray, hits)| list_hits(&self.buffers, &self.options, ray, hits));
                 });
@@ -169,8 +169,8 @@ impl Backend for ReferenceBackend {
         let (mut counts, mut listed) = (vec![0; total], vec![0; most * total]);
         let done = AtomicUsize::new(0);
         let parts = self.parts(progress, &done, total);
-        let chunks = counts.par_chunks_mut(CHUNK).zip(listed.par_chunks_mut(most * CHUNK));
-        chunks.zip(job.points.par_chunks(CHUNK)).for_each(|((counts, listed), points)| {
+        let chunks = counts.chunks_mut(CHUNK).zip(listed.chunks_mut(most * CHUNK));
+        parallel::each(chunks.zip(job.points.chunks(CHUNK)), |((counts, listed), points)| {
             parts.part(points.len(), || list_candidates(job.scene, points, counts, listed));
         });
         parts.check_done()?;
@@ -184,17 +184,14 @@ impl Backend for ReferenceBackend {
         let mut work = self.room_for_work(pixels.len());
         let done = AtomicUsize::new(0);
         let parts = self.parts(progress, &done, params.height as usize);
-        let counts = pixels
-            .par_chunks_mut(width)
-            .zip(work_of_parts(&mut work, params.height as usize, width))
-            .enumerate()
-            .map(|(y, (row, work))| {
-                let mut counts = [0; COUNTERS];
-                let row = PixelRow { y, pixels: row, counts: &mut counts };
-                parts.part(1, || render_row(&self.buffers, &self.options, params, samples, row, work));
-                counts
-            })
-            .reduce(|| [0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        let rows = pixels.chunks_mut(width).zip(work_of_parts(&mut work, params.height as usize, width)).enumerate();
+        let counts = parallel::map(rows, |(y, (row, work))| {
+            let mut counts = [0; COUNTERS];
+            let row = PixelRow { y, pixels: row, counts: &mut counts };
+            parts.part(1, || render_row(&self.buffers, &self.options, params, samples, row, work));
+            counts
+        });
+        let counts = counts.into_iter().fold([0; COUNTERS], |a, b| std::array::from_fn(|i| a[i] + b[i]));
         parts.check_done()?;
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
@@ -257,16 +254,16 @@ impl ReferenceBackend {
         for _ in 0..job.repeat {
             let start = Instant::now();
             let work = work_of_parts(&mut result.work, chunks, CHUNK);
-            let hits = result.hits.par_chunks_mut(CHUNK).zip(work);
-            hits.zip(job.rays.par_chunks(CHUNK)).for_each(|((hits, work), rays)| {
+            let hits = result.hits.chunks_mut(CHUNK).zip(work);
+            parallel::each(hits.zip(job.rays.chunks(CHUNK)), |((hits, work), rays)| {
                 parts.part(rays.len(), || trace_chunk(&self.buffers, &self.options, rays, job.any_hit, hits, work));
             });
             if let Some(directions) = job.next_directions {
-                let rays = job.rays.par_chunks(CHUNK).zip(directions.par_chunks(CHUNK));
-                let from = rays.zip(result.hits.par_chunks(CHUNK));
+                let rays = job.rays.chunks(CHUNK).zip(directions.chunks(CHUNK));
+                let from = rays.zip(result.hits.chunks(CHUNK));
                 let work = work_of_parts(&mut result.next_work, chunks, CHUNK);
-                let next = next_hits.par_chunks_mut(CHUNK).zip(work).zip(from);
-                next.for_each(|((next_hits, work), ((rays, directions), hits))| {
+                let next = next_hits.chunks_mut(CHUNK).zip(work).zip(from);
+                parallel::each(next, |((next_hits, work), ((rays, directions), hits))| {
                     trace_next_chunk(&self.buffers, &self.options, rays, directions, hits, next_hits, work);
                 });
             }

@@ -7,10 +7,10 @@ use crate::io::input::read_exact_at;
 use crate::io::journal::{self, Condition, HEADER, Journal, Record, Subject};
 use crate::io::rays::RayBatch;
 use crate::options::TraceOptions;
+use crate::parallel;
 use crate::renderer::Part;
 use crate::scene::Scene;
 use bytemuck::{Pod, cast_slice};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -109,7 +109,7 @@ fn digest_of(batch: &RayBatch, runs: Runs) -> String {
         add(&mut hash, "next_direction", batch.next_directions.as_ref().map(|values| &values[rays]));
         hash.finalize()
     };
-    let of_runs: Vec<_> = (0..runs.count()).into_par_iter().map(of_run).collect();
+    let of_runs = parallel::map(0..runs.count(), of_run);
     let mut hash = Sha256::new();
     of_runs.iter().for_each(|run| hash.update(run));
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()

@@ -3,8 +3,8 @@
 use super::open_side::quarter_turns;
 use super::room::{Subject, free_way, is_ground, subject};
 use super::{Scene, Viewpoint};
+use crate::parallel;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// The vertical field of view of a camera of which nobody says it, degrees.
 pub(super) const FOV_DEGREES: f32 = 40.0;
@@ -189,12 +189,13 @@ pub(super) fn orbit_distance(
     let axes: Vec<_> = directions.iter().map(|&(back, up)| picture_axes(back, up)).collect();
     let (target, tangents) = (camera.target.as_dvec3(), tangents(camera.fov_degrees, aspect));
     let of_point = |p: DVec3| axes.iter().map(|&axes| distance_to_show(p - target, axes, tangents)).fold(0.0, f64::max);
-    let of_triangle = |i: u32| {
-        let triangle = scene.vertices(i as usize).map(DVec3::from);
+    let hittable = scene.hittable();
+    let of_triangle = |i: usize| {
+        let triangle = scene.vertices(hittable[i] as usize).map(DVec3::from);
         let is_shown = shows_all || !is_ground(&triangle, diagonal);
         if is_shown { triangle.into_iter().map(of_point).fold(0.0, f64::max) } else { 0.0 }
     };
-    scene.hittable().into_par_iter().map(of_triangle).reduce(|| 0.0, f64::max)
+    parallel::reduce_numbers(hittable.len(), 0.0, of_triangle, f64::max)
 }
 
 impl Framing {

@@ -8,7 +8,6 @@ use super::{DropReason, MaterialId, NO_INDEX, Scene, Triangle};
 use crate::error::{Error, Result};
 use crate::shared::NO_PRIMITIVE;
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -237,17 +236,16 @@ impl Instances {
         first..self.ends[index]
     }
 
-    /// The triangles that can be hit, each with its number among those of all instances and its vertices, world units.
-    pub(crate) fn hittable(&self) -> impl ParallelIterator<Item = (u32, [Vec3; 3])> + '_ {
-        let of_instance = |(index, instance): (usize, &Instance)| {
-            let (transform, object) = (instance.transform, &self.objects[instance.object as usize]);
-            self.range(index).zip(&object.triangles).filter_map(move |(number, triangle)| {
-                let place = |i: u32| transform.point(object.positions[i as usize]);
-                let vertices = turned(triangle.positions, transform.is_mirrored).map(place);
-                DropReason::of(vertices).is_none().then_some((number, vertices))
-            })
-        };
-        self.placed.par_iter().enumerate().flat_map_iter(of_instance)
+    /// The triangles of instance `index` that can be hit, each with its number among those of all instances and its
+    /// vertices, world units.
+    pub(crate) fn hittable(&self, index: usize) -> impl Iterator<Item = (u32, [Vec3; 3])> + '_ {
+        let instance = &self.placed[index];
+        let (transform, object) = (instance.transform, &self.objects[instance.object as usize]);
+        self.range(index).zip(&object.triangles).filter_map(move |(number, triangle)| {
+            let place = |i: u32| transform.point(object.positions[i as usize]);
+            let vertices = turned(triangle.positions, transform.is_mirrored).map(place);
+            DropReason::of(vertices).is_none().then_some((number, vertices))
+        })
     }
 
     /// The vertices of triangle number `triangle` of all instances, world units.

@@ -62,9 +62,9 @@ pub use texture::{Image, Texture, TextureId};
 pub(crate) use upright::up_by_shape;
 
 use crate::error::Result;
+use crate::parallel;
 use bytemuck::Zeroable;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::path::PathBuf;
 
 /// Marks a triangle corner without its own normal or texture coordinates.
@@ -184,10 +184,16 @@ pub struct Scene {
 }
 
 /// The smallest box around some triangles.
-fn bounds_of_all(triangles: impl ParallelIterator<Item = [Vec3; 3]>) -> Option<(Vec3, Vec3)> {
-    let of_triangle = |[a, b, c]: [Vec3; 3]| (a.min(b).min(c), a.max(b).max(c));
-    triangles.map(of_triangle).reduce_with(|(low, high), other| (low.min(other.0), high.max(other.1)))
+fn around([a, b, c]: [Vec3; 3]) -> (Vec3, Vec3) {
+    (a.min(b).min(c), a.max(b).max(c))
 }
+
+fn around_both(one: (Vec3, Vec3), other: (Vec3, Vec3)) -> (Vec3, Vec3) {
+    (one.0.min(other.0), one.1.max(other.1))
+}
+
+/// The box around nothing.
+const AROUND_NOTHING: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
 
 /// Why a triangle cannot be hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -236,9 +242,12 @@ impl Scene {
 
     /// The primitives that can be hit, in order.
     pub fn hittable(&self) -> Vec<u32> {
-        let first = self.triangles.len() as u32;
-        let own = (0..first).into_par_iter().filter(|&i| self.drop_reason(i as usize).is_none());
-        own.chain(self.instances.hittable().map(|(i, _)| first + i)).collect()
+        let first = self.triangles.len();
+        let own = |i: usize| self.drop_reason(i).is_none().then_some(i as u32);
+        let placed = |i: usize| self.instances.hittable(i).map(move |(number, _)| first as u32 + number);
+        let mut all = parallel::flat_map_numbers(first, own);
+        all.extend(parallel::flat_map_numbers(self.instances.placed().len(), placed));
+        all
     }
 
     /// The materials that triangles have, in order; of others nothing reaches a picture.
@@ -271,14 +280,24 @@ impl Scene {
 
     /// The smallest box around all triangles that can be hit: (min, max), or `None` when there is no such triangle.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let first = self.triangles.len() as u32;
-        let own =
-            (0..first).into_par_iter().map(|i| self.vertices(i as usize)).filter(|&t| DropReason::of(t).is_none());
-        bounds_of_all(own.chain(self.instances.hittable().map(|(_, vertices)| vertices)))
+        let own = |i: usize| {
+            let triangle = self.vertices(i);
+            if DropReason::of(triangle).is_none() { around(triangle) } else { AROUND_NOTHING }
+        };
+        let placed = |i: usize| {
+            let hittable = self.instances.hittable(i);
+            hittable.fold(AROUND_NOTHING, |all, (_, triangle)| around_both(all, around(triangle)))
+        };
+        let own = parallel::reduce_numbers(self.triangles.len(), AROUND_NOTHING, own, around_both);
+        let placed = parallel::reduce_numbers(self.instances.placed().len(), AROUND_NOTHING, placed, around_both);
+        let all = around_both(own, placed);
+        (all != AROUND_NOTHING).then_some(all)
     }
 
     /// The smallest box around `primitives`: (min, max), or `None` when there are none.
     pub fn bounds_of(&self, primitives: &[u32]) -> Option<(Vec3, Vec3)> {
-        bounds_of_all(primitives.par_iter().map(|&i| self.vertices(i as usize)))
+        let of = |i: usize| around(self.vertices(primitives[i] as usize));
+        let all = parallel::reduce_numbers(primitives.len(), AROUND_NOTHING, of, around_both);
+        (!primitives.is_empty()).then_some(all)
     }
 }

@@ -6,7 +6,7 @@ use super::{DropReason, Scene};
 use crate::budget::{DecidedBy, MemoryBudget, Need};
 use crate::error::{Error, Result};
 use crate::io::input::open_regular;
-use rayon::prelude::*;
+use crate::parallel;
 use std::io::Read;
 use std::path::Path;
 
@@ -99,12 +99,15 @@ pub(super) fn split_by<T>(mut target: &mut [T], lengths: impl Iterator<Item = us
 
 /// One warning for each reason why triangles cannot be hit.
 pub(super) fn warn_of_dropped(path: &Path, scene: &Scene, warnings: &mut Warnings) {
-    let dropped = (0..scene.triangles.len()).into_par_iter().filter_map(|i| scene.drop_reason(i).map(|why| (i, why)));
-    let tallied = dropped.fold(<[Tally; 2]>::default, |mut tallies, (primitive, why)| {
-        tallies[usize::from(why == DropReason::ZeroArea)].note(primitive);
+    let none = [Tally::default(); 2];
+    let of_triangle = |primitive: usize| {
+        let mut tallies = none;
+        if let Some(why) = scene.drop_reason(primitive) {
+            tallies[usize::from(why == DropReason::ZeroArea)].note(primitive);
+        }
         tallies
-    });
-    let tallies = tallied.reduce(Default::default, |mut earlier, later| {
+    };
+    let tallies = parallel::reduce_numbers(scene.triangles.len(), none, of_triangle, |mut earlier, later| {
         earlier.iter_mut().zip(later).for_each(|(tally, later)| tally.append(later, 0));
         earlier
     });

@@ -15,8 +15,8 @@
 //! Bad at: everything else. A wall with things on it is level ground that stands, a bottle may lie, a car's bottom has
 //! wheels: where no rule is sure, y it is, as a model that stood and falls over is worse than one that lies.
 
+use crate::parallel;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// Lines in a row, and rows of lines.
 const GRID: usize = 32;
@@ -91,8 +91,11 @@ struct Shape<'a, F> {
     size: DVec3,
 }
 
-/// Triangles of one task.
+/// Triangles of one task, at least.
 const PART: usize = 1 << 14;
+
+/// Tasks at most: each has lines of its own.
+const PARTS: usize = 64;
 
 impl<F: Fn(usize) -> [Vec3; 3] + Sync> Shape<'_, F> {
     /// `None` where they have no volume: flat things stand as they are.
@@ -104,14 +107,15 @@ impl<F: Fn(usize) -> [Vec3; 3] + Sync> Shape<'_, F> {
 
     /// What lines along `axis` cross.
     fn lines(&self, axis: usize) -> Lines {
-        let parts = (0..self.count.div_ceil(PART)).into_par_iter().map(|part| {
+        let size = self.count.div_ceil(PARTS).max(PART);
+        let parts = parallel::map(0..self.count.div_ceil(size), |part| {
             let mut lines = Lines::none();
-            for i in part * PART..self.count.min((part + 1) * PART) {
+            for i in part * size..self.count.min((part + 1) * size) {
                 lines.cross((self.triangle)(i).map(|p| (p.as_dvec3() - self.low) / self.size), axis);
             }
             lines
         });
-        parts.reduce(Lines::none, Lines::joined)
+        parts.into_iter().fold(Lines::none(), Lines::joined)
     }
 
     /// The model's height along z, in parts of its width.
@@ -160,8 +164,14 @@ fn points_box(
     triangle: &(impl Fn(usize) -> [Vec3; 3] + Sync),
     counts: impl Fn(DVec3) -> bool + Sync,
 ) -> Option<(DVec3, DVec3)> {
-    let points = (0..count).into_par_iter().flat_map_iter(triangle).map(|p| p.as_dvec3()).filter(|&p| counts(p));
-    points.map(|p| (p, p)).reduce_with(|(low, high), other| (low.min(other.0), high.max(other.1)))
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let around = |(low, high): (DVec3, DVec3), other: (DVec3, DVec3)| (low.min(other.0), high.max(other.1));
+    let of_triangle = |i: usize| {
+        let points = triangle(i).into_iter().map(|p| p.as_dvec3()).filter(|&p| counts(p));
+        points.fold(empty, |all, p| around(all, (p, p)))
+    };
+    let all = parallel::reduce_numbers(count, empty, of_triangle, around);
+    (all != empty).then_some(all)
 }
 
 /// What a line crosses. Places are in parts of the model's size along it.

@@ -76,6 +76,15 @@ fn builders_take_nothing_from_the_twin_that_checks_them() {
     }
 }
 
+/// They are compiled anew for each loop, and took a quarter of the time of a build.
+#[test]
+fn only_one_room_has_rayons_iterators() {
+    let has_them = |code: &str| ["rayon::prelude", "rayon::iter", "par_iter"].iter().any(|name| code.contains(name));
+    let rooms: BTreeSet<String> =
+        code().iter().filter(|(_, code)| has_them(code)).map(|(path, _)| room_of(path)).collect();
+    assert_eq!(rooms, BTreeSet::from(["parallel".to_owned()]));
+}
+
 /// Errors and notes name fields; only the command line knows flags.
 #[test]
 fn no_flag_is_spelled_in_the_library() {

@@ -3,11 +3,14 @@
 use crate::meshes::Meshes;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
+use raybrook::low_level::parallel;
 use raybrook::{Hit, Hits, Scene};
-use rayon::prelude::*;
 
 /// Marks a ray that hits nothing, as triangle and as mesh.
 pub const NO_HIT: u32 = u32::MAX;
+
+/// Hits that a thread writes at a time.
+const CHUNK: usize = 4096;
 
 /// Where the closest hits of some rays go, an element of each for a ray: u and v, and normals, by twos and threes.
 pub struct ClosestHits<'a> {
@@ -39,23 +42,29 @@ impl<'a> ClosestHits<'a> {
 
     /// Writes the hits of all rays.
     pub fn write(self, hits: &Hits, meshes: &Meshes, scene: &Scene) {
-        let all = || (0..hits.len()).into_par_iter();
-        let ids = self.triangle.par_iter_mut().zip(self.mesh);
-        let numbers = self.t.par_iter_mut().zip(self.uv.par_chunks_mut(2));
-        all().zip(ids.zip(numbers)).for_each(|(i, ((triangle, mesh), (t, uv)))| match hits.get(i) {
-            Some(hit) => {
-                (*mesh, *triangle) = meshes.place(hit.triangle);
-                *t = hit.t;
-                uv.copy_from_slice(&[hit.u, hit.v]);
-            }
-            None => {
-                (*mesh, *triangle) = (NO_HIT, NO_HIT);
-                *t = f32::INFINITY;
-                uv.fill(0.0);
+        let ids = self.triangle.chunks_mut(CHUNK).zip(self.mesh.chunks_mut(CHUNK));
+        let numbers = self.t.chunks_mut(CHUNK).zip(self.uv.chunks_mut(2 * CHUNK));
+        parallel::each(ids.zip(numbers).enumerate(), |(chunk, ((triangle, mesh), (t, uv)))| {
+            let of_each = triangle.iter_mut().zip(mesh).zip(t.iter_mut().zip(uv.chunks_mut(2)));
+            for (i, ((triangle, mesh), (t, uv))) in (chunk * CHUNK..).zip(of_each) {
+                match hits.get(i) {
+                    Some(hit) => {
+                        (*mesh, *triangle) = meshes.place(hit.triangle);
+                        *t = hit.t;
+                        uv.copy_from_slice(&[hit.u, hit.v]);
+                    }
+                    None => {
+                        (*mesh, *triangle) = (NO_HIT, NO_HIT);
+                        *t = f32::INFINITY;
+                        uv.fill(0.0);
+                    }
+                }
             }
         });
-        self.normals.par_chunks_mut(3).zip(all()).for_each(|(normal, i)| {
-            normal.copy_from_slice(&hits.get(i).map_or([0.0; 3], |hit| unit_normal(scene, hit.triangle)));
+        parallel::each(self.normals.chunks_mut(3 * CHUNK).enumerate(), |(chunk, normals)| {
+            for (i, normal) in (chunk * CHUNK..).zip(normals.chunks_mut(3)) {
+                normal.copy_from_slice(&hits.get(i).map_or([0.0; 3], |hit| unit_normal(scene, hit.triangle)));
+            }
         });
     }
 }

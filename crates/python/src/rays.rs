@@ -3,7 +3,7 @@
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use raybrook::Ray;
-use rayon::prelude::*;
+use raybrook::low_level::parallel;
 use std::ops::Range;
 
 /// Rays as Python gives them: rows of 6 or 8 numbers; or rows of 3 and directions; and the least and the largest t of
@@ -41,6 +41,6 @@ impl<'a> Rays<'a> {
 
     /// Some of the rays as the library takes them.
     pub fn part(&self, range: Range<usize>) -> Vec<Ray> {
-        range.into_par_iter().map(|i| self.ray(i)).collect()
+        parallel::map_numbers(range.len(), |i| self.ray(range.start + i))
     }
 }

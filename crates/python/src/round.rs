@@ -3,8 +3,8 @@
 use crate::process;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use raybrook::low_level::parallel;
 use raybrook::{LocalSpace, Rounding};
-use rayon::prelude::*;
 
 /// Rows that one task rounds; of fewer this thread does, so that they start no others.
 const ROWS: usize = 1 << 14;
@@ -40,9 +40,10 @@ pub fn round_to_float32<'py>(
     }
     process::begin(py)?;
     let rounding = py.detach(|| {
-        results.par_chunks_mut(size).zip(numbers.par_chunks(size)).map(round).reduce(Rounding::default, |mut a, b| {
-            a += b;
-            a
+        let rounded = parallel::map(results.chunks_mut(size).zip(numbers.chunks(size)), round);
+        rounded.into_iter().fold(Rounding::default(), |mut all, of_part| {
+            all += of_part;
+            all
         })
     });
     Ok((rounded, rounding.rounded, rounding.largest))

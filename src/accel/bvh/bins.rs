@@ -4,8 +4,8 @@
 //! 2007, section 3.
 
 use super::items::{Bounds, CHUNK, Extent, Item, PARALLEL_ITEMS};
+use crate::parallel;
 use glam::Vec4;
-use rayon::prelude::*;
 
 /// Bins of an axis.
 pub(super) const BINS: usize = 16;
@@ -76,7 +76,10 @@ impl Binning {
     /// The cheapest split; `None` when all centroids are alike.
     pub fn best_split(&self, items: &[Item]) -> Option<Split> {
         let bins = match items.len() >= PARALLEL_ITEMS {
-            true => items.par_chunks(CHUNK).map(|chunk| self.fill(chunk)).reduce(|| [[Bin::EMPTY; BINS]; 3], merge),
+            true => {
+                let parts = parallel::map(items.chunks(CHUNK), |chunk| self.fill(chunk));
+                parts.into_iter().fold([[Bin::EMPTY; BINS]; 3], merge)
+            }
             false => self.fill(items),
         };
         let mut best: Option<Split> = None;

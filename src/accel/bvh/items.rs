@@ -2,8 +2,8 @@
 
 use crate::accel::clip::Reference;
 use crate::accel::{Aabb, half_area};
+use crate::parallel;
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 /// Lists of at least this many items are read and divided by all cores.
 pub(super) const PARALLEL_ITEMS: usize = 1 << 15;
@@ -107,7 +107,8 @@ impl Extent {
     /// That of `items`.
     pub fn of(items: &[Item]) -> Extent {
         if items.len() >= PARALLEL_ITEMS {
-            return items.par_chunks(CHUNK).map(Self::of_few).reduce(|| Self::EMPTY, Self::union);
+            let parts = parallel::map(items.chunks(CHUNK), Self::of_few);
+            return parts.into_iter().fold(Self::EMPTY, Self::union);
         }
         Self::of_few(items)
     }

@@ -15,7 +15,7 @@
 use super::items::Bounds;
 use super::{Bvh, BvhNode};
 use crate::options::TraceOptions;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// A pass searches for one of so many nodes, the largest ones. All of them took seven times the time or more, for steps
 /// that were 1 to 2 % more on gears, half a percent fewer on bunny, and about as many on sponza.
@@ -97,7 +97,7 @@ impl Tree {
             parent: NONE,
             height: 0,
         };
-        let mut nodes: Vec<_> = tree.nodes.par_iter().enumerate().map(node).collect();
+        let mut nodes: Vec<_> = parallel::map_numbers(tree.nodes.len(), |index| node((index, &tree.nodes[index])));
         // Children come behind their parents.
         for index in (0..nodes.len()).rev().filter(|&index| !tree.nodes[index].is_leaf()) {
             let heights = nodes[index].links.map(|child| {
@@ -125,7 +125,7 @@ impl Tree {
             let mut open = Vec::new();
             chunk.iter().filter_map(|&node| self.best_move(node, &mut open)).collect::<Vec<_>>()
         };
-        let mut moves: Vec<_> = self.largest_nodes().par_chunks(CHUNK).flat_map_iter(search).collect();
+        let mut moves = parallel::map(self.largest_nodes().chunks(CHUNK), search).concat();
         moves.sort_unstable_by(|a, b| b.gain.total_cmp(&a.gain).then(a.node.cmp(&b.node)));
         moves.iter().filter(|wanted| self.apply(wanted)).count() > 0
     }

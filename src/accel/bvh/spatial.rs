@@ -13,8 +13,8 @@
 use super::bins::{BINS, bin_of};
 use super::items::{Bounds, CHUNK, Item, PARALLEL_ITEMS};
 use crate::accel::subtree::Cell;
+use crate::parallel;
 use glam::{Vec3, Vec3A, Vec4};
-use rayon::prelude::*;
 
 /// Cuts of one task.
 const CUTS_OF_TASK: usize = 256;
@@ -73,7 +73,7 @@ impl SpatialSplit {
         let planes = Planes::new(bounds);
         let fill = |items: &[Item]| planes.fill(vertices, items);
         let bins = match items.len() >= PARALLEL_ITEMS {
-            true => items.par_chunks(CHUNK).map(fill).reduce(|| NO_BINS, merge),
+            true => parallel::map(items.chunks(CHUNK), fill).into_iter().fold(NO_BINS, merge),
             false => fill(items),
         };
         let mut best: Option<(f64, SpatialSplit)> = None;
@@ -111,10 +111,10 @@ impl SpatialSplit {
     /// empty.
     pub fn apply(&self, vertices: &[[Vec3; 3]], items: &mut [Item]) -> (usize, Vec<Item>) {
         let crossing: Vec<_> = items.iter().filter(|item| self.crosses(item)).copied().collect();
-        let parts: Vec<_> =
-            crossing.par_iter().with_min_len(CUTS_OF_TASK).map(|item| self.parts(vertices, item)).collect();
+        let of_few = |few: &[Item]| few.iter().map(|item| self.parts(vertices, item)).collect::<Vec<_>>();
+        let parts = parallel::map(crossing.chunks(CUTS_OF_TASK), of_few);
         let (mut low, mut high) = (self.low, self.high);
-        let mut parts = parts.into_iter();
+        let mut parts = parts.into_iter().flatten();
         let mut low_count = 0;
         let mut high_items = Vec::with_capacity(self.high.count);
         for i in 0..items.len() {

@@ -10,13 +10,13 @@ use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::Builder;
 
 use bytemuck::{Pod, bytes_of, cast_slice};
-use rayon::prelude::*;
 use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use crate::error::Result;
 use crate::io::output::{Output, write_atomically};
+use crate::parallel;
 
 /// From this size on a ZIP member needs 64-bit fields; the margin is room for the header.
 const LARGE_MEMBER_BYTES: usize = u32::MAX as usize - (1 << 16);
@@ -68,7 +68,7 @@ impl Taker {
         for values in values.chunks(WRITE_BYTES / item_bytes) {
             let mut buffer = self.written.try_recv().unwrap_or_default();
             buffer.resize(values.len() * item_bytes, 0);
-            buffer.par_chunks_mut(MADE_BYTES).zip(values.par_chunks(MADE_BYTES / item_bytes)).for_each(make);
+            parallel::each(buffer.chunks_mut(MADE_BYTES).zip(values.chunks(MADE_BYTES / item_bytes)), make);
             // Who takes no more has failed, and tells why.
             self.made.send(buffer).map_err(|_| io::Error::other("the data is not taken any more"))?;
         }

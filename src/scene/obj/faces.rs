@@ -3,12 +3,12 @@
 use super::survey::{Part, Survey, material_name};
 use super::vertices::Vertices;
 use super::{Fault, first_fault};
+use crate::parallel;
 use crate::scene::reading::split_by;
 use crate::scene::text::{Tally, integer, quote, split_keyword, words};
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{MaterialId, NO_INDEX, Triangle};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Names of the three kinds of index of a face's corner, in the order of a corner.
@@ -42,12 +42,10 @@ pub(super) fn read(
     let mut triangles = bytemuck::zeroed_vec(survey.triangles);
     let places = split_by(&mut triangles, survey.parts.iter().map(|part| part.triangles));
     let first = Triangulator::new();
-    let parts = survey.parts.par_iter().zip(places);
-    let read = parts.map_init(
-        || Triangulator::sharing(&first),
-        |triangulator, (part, places)| Reader::new(survey, part, vertices, materials).read(part, places, triangulator),
-    );
-    let mut tallies = merged(first_fault(read.collect())?);
+    let read = parallel::map(survey.parts.iter().zip(places), |(part, places)| {
+        Reader::new(survey, part, vertices, materials).read(part, places, &mut Triangulator::sharing(&first))
+    });
+    let mut tallies = merged(first_fault(read)?);
     if first.is_spent() {
         // Which polygons are split properly must not depend on which part was the first to be read.
         let mut triangulator = Triangulator::new();

@@ -1,9 +1,9 @@
 //! Cuts an OBJ text into parts and counts what each holds, so that the parts can be read beside each other: each then
 //! knows the numbers of its first line, vertex and triangle and the material in force at its beginning.
 
+use crate::parallel;
 use crate::scene::text::{BYTE_ORDER_MARK, Ignored, Lines, split_keyword};
 use memchr::memchr2;
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::HashMap;
 
@@ -79,7 +79,7 @@ impl<'a> Survey<'a> {
     pub(super) fn new(text: &'a [u8], part_bytes: usize) -> Self {
         let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
         let texts = cut(text, part_bytes);
-        let found: Vec<Found> = texts.par_iter().map(|text| Found::new(text)).collect();
+        let found = parallel::map(texts.iter(), |text| Found::new(text));
         let mut survey = Survey::default();
         let (mut first_line, mut material, mut told_apart) = (0, None, true);
         for (text, found) in texts.into_iter().zip(found) {

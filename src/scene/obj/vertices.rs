@@ -2,10 +2,10 @@
 
 use super::survey::{Part, Survey};
 use super::{Fault, first_fault};
+use crate::parallel;
 use crate::scene::reading::split_by;
 use crate::scene::text::{Tally, number, quote, split_keyword, words};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// What faces refer to, in file order.
 pub(super) struct Vertices {
@@ -29,9 +29,9 @@ pub(super) fn read(survey: &Survey) -> Result<Vertices, Fault> {
     let positions = split_by(&mut vertices.positions, counts(0));
     let uvs = split_by(&mut vertices.uvs, counts(1));
     let normals = split_by(&mut vertices.normals, counts(2));
-    let parts = survey.parts.par_iter().zip(positions).zip(uvs).zip(normals);
-    let read = parts.map(|(((part, positions), uvs), normals)| read_part(part, positions, uvs, normals));
-    for extras in first_fault(read.collect())? {
+    let parts = survey.parts.iter().zip(positions).zip(uvs).zip(normals);
+    let read = parallel::map(parts, |(((part, positions), uvs), normals)| read_part(part, positions, uvs, normals));
+    for extras in first_fault(read)? {
         vertices.extras.append(extras, 0);
     }
     Ok(vertices)

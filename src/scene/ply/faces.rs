@@ -4,13 +4,13 @@ use super::rows::Sink;
 use super::values::Values;
 use super::vertices::{BLUE, GREEN, RED, Vertices, colour_scale, find};
 use crate::budget::MemoryBudget;
+use crate::parallel;
 use crate::scene::paint;
 use crate::scene::reading::{check_memory, make_room, split_by};
 use crate::scene::text::Tally;
 use crate::scene::triangulate::{MAX_CORNERS, Triangulator};
 use crate::scene::{NO_INDEX, TextureId, Triangle};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyProperty, PropertyType};
 use std::fmt;
@@ -261,7 +261,7 @@ impl Faces {
         if self.uvs.len() >= NO_INDEX as usize {
             return None;
         }
-        parts.into_par_iter().zip(places).zip(first_uvs).for_each(|((part, places), first_uv)| {
+        parallel::each(parts.into_iter().zip(places).zip(first_uvs), |((part, places), first_uv)| {
             places.copy_from_slice(&part.triangles);
             let own_uvs =
                 places.iter_mut().flat_map(|t| &mut t.uvs).filter(|uv| part.has_texcoords && **uv != NO_INDEX);

@@ -9,7 +9,7 @@
 use super::faces::Faces;
 use super::values::{Binary, Text, Values};
 use super::vertices::Vertices;
-use rayon::prelude::*;
+use crate::parallel;
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyProperty, PropertyType};
 
 /// Rows of a block: some milliseconds of work.
@@ -62,23 +62,23 @@ impl Wanted<'_> {
                 _ if number == self.vertex => vertex_blocks = blocks,
                 _ if number == self.face => face_blocks = blocks,
                 _ => {
-                    let read = blocks.into_par_iter().map(|block| read_over(&element.properties, block));
-                    left_out |= read.collect::<Option<Vec<bool>>>()?.contains(&true);
+                    let read = read_all(blocks, |block| read_over(&element.properties, block))?;
+                    left_out |= read.contains(&true);
                 }
             }
         }
         let has_more = !values.is_empty();
 
         let properties = &header.elem_defs[self.vertex].properties;
-        let read = vertex_blocks.into_par_iter().map(|block| read_vertices(self.vertices.like(), properties, block));
-        let (parts, left_out_of): (Vec<_>, Vec<_>) = read.collect::<Option<Vec<_>>>()?.into_iter().unzip();
+        let read = read_all(vertex_blocks, |block| read_vertices(self.vertices.like(), properties, block))?;
+        let (parts, left_out_of): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         left_out |= left_out_of.contains(&true);
         let mut vertices = self.vertices.like();
         vertices.extend(parts);
 
         let properties = &header.elem_defs[self.face].properties;
-        let read = face_blocks.into_par_iter().map(|block| read_faces(self.faces.like(), &vertices, properties, block));
-        let (parts, left_out_of): (Vec<_>, Vec<_>) = read.collect::<Option<Vec<_>>>()?.into_iter().unzip();
+        let read = read_all(face_blocks, |block| read_faces(self.faces.like(), &vertices, properties, block))?;
+        let (parts, left_out_of): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         left_out |= left_out_of.contains(&true);
         if self.faces.is_spent() {
             return None;
@@ -87,6 +87,11 @@ impl Wanted<'_> {
         faces.extend(parts)?;
         Some(Whole { vertices, faces, has_more, left_out })
     }
+}
+
+/// What `read` makes of all blocks, on all cores; `None` where there is none of one of them.
+fn read_all<V: Values, T: Send>(blocks: Vec<Block<V>>, read: impl Fn(Block<V>) -> Option<T> + Sync) -> Option<Vec<T>> {
+    parallel::map(blocks.into_iter(), read).into_iter().collect()
 }
 
 /// Steps over the rows of `element`.

@@ -2,10 +2,10 @@
 //! one too many.
 
 use raybrook::glam::Vec3;
+use raybrook::low_level::parallel;
 use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::Hit;
 use raybrook::low_level::tracer::is_hit;
-use rayon::prelude::*;
 
 /// Linear radiance of a wrong pixel, of one whose ray misses, and of a surface that is seen from the side and from the
 /// front: dark enough for red to stand out.
@@ -29,8 +29,7 @@ pub fn exact_colours(scene: &Scene, exact: &[Hit], wrong: &[bool], towards: Vec3
         let ahead = (b - a).cross(c - a).normalize_or_zero().dot(towards).abs();
         [FROM_ASIDE + (FROM_AHEAD - FROM_ASIDE) * ahead; 3]
     };
-    let pixel = |(hit, &is_wrong): (&Hit, &bool)| if is_wrong { WRONG } else { grey(hit) };
-    exact.par_iter().zip(wrong).map(pixel).collect()
+    parallel::map_numbers(exact.len(), |i| if wrong[i] { WRONG } else { grey(&exact[i]) })
 }
 
 #[cfg(test)]

@@ -20,8 +20,8 @@ use super::exact::{Closest, ExactTracer, Interval, Line};
 use super::tolerance::{Tolerance, distance_to, point_error};
 use glam::Vec3;
 use raybrook::low_level::compare::ulp_distance;
+use raybrook::low_level::parallel;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Floats by which u and v may be off from the nearest ones.
@@ -117,7 +117,7 @@ impl<'a> Answers<'a> {
 
     /// The same by a tracer of the case's mesh, which the case then need not have.
     pub fn by(tracer: &Arc<ExactTracer>, case: &'a Case) -> Answers<'a> {
-        let answers = (0..case.rays.len()).into_par_iter().map(|i| answer(tracer, case, i)).collect();
+        let answers = parallel::map_numbers(case.rays.len(), |i| answer(tracer, case, i));
         Answers { case, tracer: tracer.clone(), answers }
     }
 

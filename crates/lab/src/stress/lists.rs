@@ -21,8 +21,8 @@ use super::case::Case;
 use super::exact::{Crossing, ExactTracer, Interval};
 use super::judge::Fault;
 use super::ratio::Ratio;
+use raybrook::low_level::parallel;
 use raybrook::low_level::shared::Hit;
-use rayon::prelude::*;
 
 /// A hit of a list.
 struct Listed {
@@ -47,7 +47,7 @@ impl Lists {
     /// Lists the hits of all rays exactly, on all cores. Second rays have none.
     pub fn new(case: &Case) -> Lists {
         let tracer = ExactTracer::new(&case.mesh);
-        Lists { of_rays: (0..case.rays.len()).into_par_iter().map(|i| list(&tracer, case, i)).collect() }
+        Lists { of_rays: parallel::map_numbers(case.rays.len(), |i| list(&tracer, case, i)) }
     }
 
     /// All hits of ray `index`, rounded.

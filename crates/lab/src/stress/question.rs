@@ -10,9 +10,9 @@ use raybrook::Result;
 use raybrook::low_level::crossings::count_crossings;
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::{Intersector, TraceOptions};
+use raybrook::low_level::parallel;
 use raybrook::low_level::shared::Hit;
 use raybrook::low_level::tracer::{AllHitsJob, is_hit};
-use rayon::prelude::*;
 
 /// What is asked of each ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -207,6 +207,6 @@ impl FoundLists {
             let of_list = fault_of_list(&self.hits[i], &question.hits(lists, i));
             of_list.or_else(|| crosses_wrongly().then_some(Fault::Crossings))
         };
-        (0..self.hits.len()).into_par_iter().filter_map(|i| Some((i, fault(i)?))).collect()
+        parallel::flat_map_numbers(self.hits.len(), |i| Some((i, fault(i)?)))
     }
 }

@@ -7,10 +7,10 @@ use raybrook::Result;
 use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::parallel;
 use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::Hit;
 use raybrook::low_level::tracer::Backend;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// What a tracer answered, in world units.
@@ -56,7 +56,7 @@ impl Found {
     /// The rays with wrong answers, by number.
     pub fn faults(&self, answers: &Answers, strictly: bool) -> Vec<(usize, Fault)> {
         let next = |i: usize| self.next_hits.as_ref().map(|hits| &hits[i]);
-        let judged = self.hits.par_iter().enumerate().map(|(i, hit)| (i, answers.judge(i, hit, next(i), strictly)));
-        judged.filter_map(|(i, fault)| Some((i, fault?))).collect()
+        let judged = |i: usize| Some((i, answers.judge(i, &self.hits[i], next(i), strictly)?));
+        parallel::flat_map_numbers(self.hits.len(), judged)
     }
 }

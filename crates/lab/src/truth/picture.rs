@@ -19,7 +19,7 @@ use approx::AbsDiffEq;
 use glam::DVec3;
 use raybrook::low_level::compare::{FilmDifference, compare_films};
 use raybrook::low_level::film::{Film, srgb_from_linear};
-use rayon::prelude::*;
+use raybrook::low_level::parallel;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -180,7 +180,8 @@ pub fn judge_picture(
         }
         (colour, suspect)
     };
-    let (colours, suspects): (Vec<DVec3>, Vec<Option<Suspect>>) = (0..count).into_par_iter().map(pixel).unzip();
+    let (colours, suspects): (Vec<DVec3>, Vec<Option<Suspect>>) =
+        parallel::map_numbers(count, pixel).into_iter().unzip();
     let mut suspects: Vec<Suspect> = suspects.into_iter().flatten().collect();
     search_longer(truth, &mut suspects, &found);
 
@@ -214,9 +215,8 @@ fn search_longer(truth: &Truth, suspects: &mut [Suspect], found: &(dyn Fn(usize)
         let most = LEAST_SEARCHED.max(PATIENCE * pixels / *trials as usize);
         let mut open: Vec<_> = suspects.iter_mut().filter(|s| s.verdict == PixelVerdict::Wrong).collect();
         let step = open.len().div_ceil(most).max(1);
-        open.par_iter_mut().enumerate().filter(|(i, _)| i % step == 0).for_each(|(_, suspect)| {
-            suspect.search(truth, found(suspect.index), *trials);
-        });
+        let mut chosen: Vec<_> = open.iter_mut().step_by(step).collect();
+        parallel::each_mut(&mut chosen, |_, suspect| suspect.search(truth, found(suspect.index), *trials));
     }
 }
 

@@ -21,11 +21,11 @@ use raybrook::low_level::choose::tune::LIFT;
 use raybrook::low_level::compare::ulp_distance;
 use raybrook::low_level::options::{Intersector, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::parallel;
 use raybrook::low_level::reference::shade::camera::camera_direction;
 use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE, RenderParams};
 use raybrook::low_level::tracer::Backend;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -181,19 +181,16 @@ fn judge_case(
     let next: Option<&(dyn Fn(usize) -> Vec3 + Sync)> = if case.has_second_rays() { Some(&next) } else { None };
     let result = tracer.trace(&buffers.batch(case.rays.len(), ray, next).job(case.any_hit, 1), &|_| ())?;
     let answers = Answers::by(exact, case);
-    let judged: Vec<(Option<Fault>, Hit, Hit)> = (0..case.rays.len())
-        .into_par_iter()
-        .map(|i| {
-            let next = result.next_hits.as_ref().map(|hits| &hits[i]);
-            let fault = answers.judge(i, &result.hits[i], next, strict);
-            let (first, second) = answers.rounded(i);
-            let miss = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
-            match next {
-                Some(next) => (fault, *next, second.unwrap_or(miss)),
-                None => (fault, result.hits[i], first),
-            }
-        })
-        .collect();
+    let judged = parallel::map_numbers(case.rays.len(), |i| {
+        let next = result.next_hits.as_ref().map(|hits| &hits[i]);
+        let fault = answers.judge(i, &result.hits[i], next, strict);
+        let (first, second) = answers.rounded(i);
+        let miss = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, primitive: NO_PRIMITIVE };
+        match next {
+            Some(next) => (fault, *next, second.unwrap_or(miss)),
+            None => (fault, result.hits[i], first),
+        }
+    });
     let mut faults = BTreeMap::new();
     for fault in judged.iter().filter_map(|(fault, ..)| *fault) {
         *faults.entry(fault.name()).or_default() += 1;

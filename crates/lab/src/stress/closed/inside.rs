@@ -7,8 +7,8 @@
 
 use super::super::tolerance::EPSILON;
 use glam::{DVec3, Vec3};
+use raybrook::low_level::parallel;
 use raybrook::low_level::random::Random;
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Points that are tried, half of them anywhere in the box, half of them close to the surface. Each takes a look at
@@ -31,7 +31,7 @@ pub struct Ball {
 
 /// Balls inside of a mesh of these triangles, whose box is `low` to `high`. Always the same ones.
 pub fn balls(triangles: &[[DVec3; 3]], low: Vec3, high: Vec3) -> Vec<Ball> {
-    let candidates = (0..CANDIDATES).into_par_iter().map(|i| {
+    parallel::flat_map_numbers(CANDIDATES, |i| {
         let mut random = Random::new(Random::new(i as u64).bits());
         let center = if i % 2 == 0 {
             low + (high - low) * ((random.vec3() + 1.0) * 0.5)
@@ -44,8 +44,7 @@ pub fn balls(triangles: &[[DVec3; 3]], low: Vec3, high: Vec3) -> Vec<Ball> {
             ((a + b + c) / 3.0 + away).as_vec3()
         };
         ball_at(center.as_dvec3(), triangles)
-    });
-    candidates.flatten().collect()
+    })
 }
 
 fn ball_at(center: DVec3, triangles: &[[DVec3; 3]]) -> Option<Ball> {

@@ -21,7 +21,7 @@ pub use run::{Leaks, MAX_SUSPECTS, find_leaks};
 use super::mesh::Mesh;
 use glam::{DVec3, Vec3};
 use inside::Ball;
-use rayon::prelude::*;
+use rayon::slice::ParallelSliceMut;
 use std::collections::HashMap;
 use std::fmt;
 use thin::Thin;

@@ -9,10 +9,10 @@ use raybrook::low_level::device::{Cache, DeviceHandle};
 use raybrook::low_level::extreme::TracingBatch;
 use raybrook::low_level::options::{Intersector, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::parallel;
 use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::shared::Hit;
 use raybrook::low_level::tracer::{Backend, TraceResult, is_hit};
-use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Instant;
@@ -121,7 +121,7 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     fn batch(&self, first: u64, count: u64) -> Batch {
-        let aimed: Vec<AimedRay> = (0..count).into_par_iter().map(|i| self.closed.ray(self.seed, first + i)).collect();
+        let aimed = parallel::map_numbers(count as usize, |i| self.closed.ray(self.seed, first + i as u64));
         let ray = |i: usize| (aimed[i].origin, aimed[i].direction, 0.0, f32::INFINITY);
         let promise = |&AimedRay { by, is_inside, is_at_vertex, .. }: &AimedRay| Promise {
             by: by as f32,
@@ -140,8 +140,8 @@ impl Watch<'_> {
         leaks.kernel_s += kernel_s.iter().sum::<f64>();
         leaks.second_pass = second_pass.map(|rays| leaks.second_pass.unwrap_or_default() + rays);
 
-        let suspects = (0..hits.len()).into_par_iter().filter(|&i| self.is_suspect(&batch, i, &hits[i]));
-        let mut suspects: Vec<usize> = suspects.collect();
+        let suspect = |i: usize| self.is_suspect(&batch, i, &hits[i]).then_some(i);
+        let mut suspects = parallel::flat_map_numbers(hits.len(), suspect);
         let room = MAX_SUSPECTS - leaks.wrong.len() - leaks.cleared as usize;
         let mut judged = hits.len();
         if suspects.len() > room {
@@ -151,7 +151,7 @@ impl Watch<'_> {
         }
         self.judge(&batch, &suspects, &hits, leaks);
         let count = |is_so: fn(&Promise) -> bool| {
-            batch.promises[..judged].par_iter().filter(|promise| is_so(promise)).count() as u64
+            parallel::reduce_numbers(judged, 0, |i| u64::from(is_so(&batch.promises[i])), |a, b| a + b)
         };
         leaks.rays += judged as u64;
         leaks.from_inside += count(|promise| promise.is_inside);

@@ -11,11 +11,11 @@ use raybrook::low_level::device::{DeviceHandle, DeviceKind};
 use raybrook::low_level::film::Film;
 use raybrook::low_level::options::{PacketSize, StructureKind, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::parallel;
 use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{RayCounts, median};
 use raybrook::low_level::tracer::{Backend, RenderResult, require_clock};
-use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Instant;
@@ -218,7 +218,7 @@ impl Lab<'_> {
         }
         if let Some(truth) = &truth {
             // FLIP takes seconds for a large picture, on one core.
-            let errors: Vec<Row> = films.par_iter().map(|film| errors_to(truth, film)).collect();
+            let errors = parallel::map_slice(&films, |film| errors_to(truth, film));
             rows.iter_mut().zip(errors).for_each(|(out, errors)| out.extend(errors));
         }
         drop(films);

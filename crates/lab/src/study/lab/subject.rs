@@ -8,12 +8,12 @@ use raybrook::low_level::choose::tune::{Batch, LIFT, batches};
 use raybrook::low_level::compare::ulp_distance;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::pack::scale_of;
+use raybrook::low_level::parallel;
 use raybrook::low_level::random::Random;
 use raybrook::low_level::reference::oracle::{Oracle, OracleHit, OracleRay};
 use raybrook::low_level::scene::Scene;
 use raybrook::low_level::shared::{Hit, NO_PRIMITIVE, TraceRay};
 use raybrook::low_level::tracer::is_hit;
-use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// Answers that rational arithmetic judges, at most; the oracle's word stands for others.
@@ -137,7 +137,7 @@ impl Subject {
     fn truths(&self, kind: usize) -> &[Option<OracleHit>] {
         self.truths[kind].get_or_init(|| {
             let oracle = self.judges.oracle.get_or_init(|| Oracle::new(&self.scene));
-            self.batches[kind].rays.par_iter().map(|ray| oracle.closest(&self.in_world(ray))).collect()
+            parallel::map_slice(&self.batches[kind].rays, |ray| oracle.closest(&self.in_world(ray)))
         })
     }
 

@@ -1,0 +1,215 @@
+//! Loops over many things on all cores: in order, in parts, and compiled once.
+//!
+//! Threads are rayon's, of the current pool. Its own iterators are compiled anew for each loop, some two thousand lines
+//! of LLVM's code for one; with a hundred loops that was a quarter of the library. Here rayon sees one loop, over
+//! numbers, which calls a function by its address; a loop of ours adds what it does to one part.
+//!
+//! Results are in order and do not depend on the number of threads, as long as what is merged may be merged in any
+//! groups.
+
+use rayon::prelude::*;
+use std::mem::MaybeUninit;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Things that a thread takes at once at most: few enough to share the last ones evenly, many enough that taking them
+/// costs nothing beside the cheapest work.
+const MOST_OF_PART: usize = 4096;
+
+/// Parts for each thread, where there are few things: some may take much longer than others.
+const PARTS_OF_THREAD: usize = 16;
+
+/// How many of `count` things a thread takes at once.
+fn part_of(count: usize) -> usize {
+    count.div_ceil(PARTS_OF_THREAD * rayon::current_num_threads()).clamp(1, MOST_OF_PART)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The loop that rayon runs.
+fn each_number(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    match count {
+        0 => {}
+        1 => work(0),
+        _ => (0..count).into_par_iter().for_each(work),
+    }
+}
+
+/// Calls `work` with each of `items`, which threads take one by one, from the first to the last. Between the taking
+/// there is a lock: items that take less than some microseconds belong together in chunks, and what makes them should
+/// cost nothing.
+pub fn each<I: ExactSizeIterator + Send>(items: I, work: impl Fn(I::Item) + Sync) {
+    let count = items.len();
+    let items = Mutex::new(items);
+    each_number(count, &|_| {
+        let item = lock(&items).next();
+        if let Some(item) = item {
+            work(item);
+        }
+    });
+}
+
+/// What `work` makes of each of `items`, in their order; they are taken as by [`each()`].
+pub fn map<I, T>(items: I, work: impl Fn(I::Item) -> T + Sync) -> Vec<T>
+where
+    I: ExactSizeIterator + Send,
+    T: Send,
+{
+    let made = Mutex::new(Vec::new());
+    lock(&made).resize_with(items.len(), || None);
+    each(items.enumerate(), |(number, item)| {
+        let value = work(item);
+        lock(&made)[number] = Some(value);
+    });
+    made.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().flatten().collect()
+}
+
+/// `value` of each number below `count`, in order.
+pub fn map_numbers<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let mut values = Vec::new();
+    extend(&mut values, count, value);
+    values
+}
+
+/// `value` of each of `from`, in order.
+pub fn map_slice<F: Sync, T: Send>(from: &[F], value: impl Fn(&F) -> T + Sync) -> Vec<T> {
+    map_numbers(from.len(), |i| value(&from[i]))
+}
+
+/// Appends `value` of each number below `count`, in order.
+pub fn extend<T: Send>(values: &mut Vec<T>, count: usize, value: impl Fn(usize) -> T + Sync) {
+    values.reserve(count);
+    let (part, before) = (part_of(count), values.len());
+    let room: &mut [MaybeUninit<T>] = &mut values.spare_capacity_mut()[..count];
+    each(room.chunks_mut(part).enumerate(), |(number, room)| {
+        for (i, room) in (number * part..).zip(room) {
+            room.write(value(i));
+        }
+    });
+    // SAFETY: room was reserved, and each of the `count` values has been written: a panic of `value` does not come here.
+    unsafe { values.set_len(before + count) };
+}
+
+/// Calls `work` with each of `values` and its number.
+pub fn each_mut<T: Send>(values: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+    let part = part_of(values.len());
+    each(values.chunks_mut(part).enumerate(), |(number, values)| {
+        for (i, value) in (number * part..).zip(values) {
+            work(i, value);
+        }
+    });
+}
+
+/// What `values` gives for each number below `count`, in order.
+pub fn flat_map_numbers<T, V>(count: usize, values: impl Fn(usize) -> V + Sync) -> Vec<T>
+where
+    T: Send,
+    V: IntoIterator<Item = T>,
+{
+    let parts = map(parts(count), |(from, to)| (from..to).flat_map(&values).collect::<Vec<T>>());
+    let mut all = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+    parts.into_iter().for_each(|part| all.extend(part));
+    all
+}
+
+/// `value` of each number below `count`, merged. `nothing` is what changes nothing that it is merged with.
+pub fn reduce_numbers<T: Clone + Send + Sync>(
+    count: usize,
+    nothing: T,
+    value: impl Fn(usize) -> T + Sync,
+    merge: impl Fn(T, T) -> T + Sync,
+) -> T {
+    let of_part = |(from, to): (usize, usize)| (from..to).map(&value).fold(nothing.clone(), &merge);
+    map(parts(count), of_part).into_iter().fold(nothing.clone(), &merge)
+}
+
+/// Whether it `is` so with any number below `count`. Stops soon after the first one.
+pub fn any_number(count: usize, is: impl Fn(usize) -> bool + Sync) -> bool {
+    let is_found = AtomicBool::new(false);
+    each(parts(count), |(from, to)| {
+        if !is_found.load(Ordering::Relaxed) && (from..to).any(&is) {
+            is_found.store(true, Ordering::Relaxed);
+        }
+    });
+    is_found.into_inner()
+}
+
+/// Parts of `count` things, each as its first number and its end.
+fn parts(count: usize) -> impl ExactSizeIterator<Item = (usize, usize)> + Send {
+    let part = part_of(count);
+    (0..count.div_ceil(part)).map(move |number| (number * part, count.min((number + 1) * part)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicUsize;
+
+    /// Around the sizes of parts, with one thread and with more than there are cores.
+    fn everywhere(test: impl Fn(usize) + Sync) {
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let counts = [0, 1, 2, 31, 1000, MOST_OF_PART * PARTS_OF_THREAD * threads + 1];
+            pool.install(|| counts.into_iter().for_each(&test));
+        }
+    }
+
+    #[test]
+    fn values_are_in_order_whatever_the_number_of_threads() {
+        everywhere(|count| {
+            let expected: Vec<usize> = (0..count).map(|i| 3 * i).collect();
+            assert_eq!(map_numbers(count, |i| 3 * i), expected);
+            assert_eq!(map(expected.chunks(100), |chunk| chunk.to_vec()).concat(), expected);
+
+            let mut more = vec![7];
+            extend(&mut more, count, |i| 3 * i);
+            assert_eq!((more[0], &more[1..]), (7, &expected[..]));
+
+            assert_eq!(map_slice(&expected, |i| i + 1), map_numbers(count, |i| 3 * i + 1));
+            for wanted in [0, count / 2, count.saturating_sub(1), count] {
+                assert_eq!(any_number(count, |i| i == wanted), wanted < count);
+            }
+
+            let twice = |i: usize| std::iter::repeat_n(i, i % 3);
+            assert_eq!(flat_map_numbers(count, twice), (0..count).flat_map(twice).collect::<Vec<_>>());
+            assert_eq!(
+                flat_map_numbers(count, |i| (i % 5 == 1).then_some(i)),
+                (0..count).skip(1).step_by(5).collect::<Vec<_>>()
+            );
+
+            let mut values = vec![1; count];
+            each_mut(&mut values, |i, value| *value += i);
+            assert_eq!(values, (1..=count).collect::<Vec<_>>());
+        });
+    }
+
+    #[test]
+    fn each_item_is_taken_once_and_merged_in_order() {
+        everywhere(|count| {
+            let taken: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
+            each(taken.iter(), |taken| {
+                taken.fetch_add(1, Ordering::Relaxed);
+            });
+            assert!(taken.iter().all(|taken| taken.load(Ordering::Relaxed) == 1));
+
+            let joined = reduce_numbers(count.min(5000), String::new(), |i| format!("{i},"), |a, b| a + &b);
+            assert_eq!(joined, (0..count.min(5000)).map(|i| format!("{i},")).collect::<String>());
+        });
+    }
+
+    /// Nothing half made is left behind, and later loops go on.
+    #[test]
+    fn a_panic_comes_back_to_the_caller() {
+        let mut values = vec![String::from("before")];
+        let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            extend(&mut values, 10_000, |i| if i == 7777 { panic!("at {i}") } else { i.to_string() });
+        }));
+        let message = result.unwrap_err();
+        assert_eq!(message.downcast_ref::<String>().unwrap(), "at 7777");
+        assert_eq!(values, ["before"]);
+        extend(&mut values, 1, |i| i.to_string());
+        assert_eq!(values, ["before", "0"]);
+    }
+}
