@@ -19,20 +19,21 @@ pub struct ShearedTriangle {
     pub error: f32,
 }
 
+#[inline(always)]
+fn shear(ray: &Ray, axis: usize, [x, y]: [f32; 2], p: Vec3) -> Vec3 {
+    let p = swap_to_z(ray.from_origin(p), axis);
+    Vec3::new((-x).mul_add(p.z, p.x), (-y).mul_add(p.z, p.y), p.z)
+}
+
 /// Brings a triangle into that space.
 #[inline(always)]
 pub fn shear_triangle(ray: &Ray, [p0, p1, p2]: [Vec3; 3]) -> ShearedTriangle {
     let axis = major_axis(ray.direction);
     let direction = swap_to_z(ray.direction, axis);
     let inv_z = 1.0 / direction.z;
-    let shear_x = shear_towards(direction.x, direction.z, inv_z);
-    let shear_y = shear_towards(direction.y, direction.z, inv_z);
-    let shear = |p: Vec3| {
-        let p = swap_to_z(ray.from_origin(p), axis);
-        Vec3::new((-shear_x).mul_add(p.z, p.x), (-shear_y).mul_add(p.z, p.y), p.z)
-    };
+    let by = [shear_towards(direction.x, direction.z, inv_z), shear_towards(direction.y, direction.z, inv_z)];
     ShearedTriangle {
-        vertices: [shear(p0), shear(p1), shear(p2)],
+        vertices: [shear(ray, axis, by, p0), shear(ray, axis, by, p1), shear(ray, axis, by, p2)],
         direction_z: direction.z,
         inv_direction_z: inv_z,
         error: edge_error(ray.origin_low),

@@ -1,5 +1,6 @@
 //! Twin of `cl/shared/instances.cl`: triangles of objects, placed when they are read. The reasons are there.
 
+use super::fma::with_fma;
 use super::math::unit_normals;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
@@ -41,26 +42,44 @@ fn placed_at(buffers: &SceneBuffers, primitive: u32) -> (&[Float4], usize) {
     (records, primitive.wrapping_add(number(records, INSTANCE_NORMALS + 2)) as usize)
 }
 
+#[inline(always)]
+fn point_in_row(row: Float4, p: Vec3) -> f32 {
+    row_times_point([row.x, row.y, row.z, row.w], p)
+}
+
+#[inline(always)]
+fn direction_in_row(row: Float4, d: Vec3) -> f32 {
+    row_times_direction([row.x, row.y, row.z], d)
+}
+
 /// Three rows of a transform, applied to a point.
 #[inline(always)]
 pub fn transform_point(rows: &[Float4], p: Vec3) -> Vec3 {
-    Vec3::from_array([0, 1, 2].map(|k| row_times_point([rows[k].x, rows[k].y, rows[k].z, rows[k].w], p)))
+    let [a, b, c] = [rows[0], rows[1], rows[2]];
+    Vec3::new(point_in_row(a, p), point_in_row(b, p), point_in_row(c, p))
 }
 
 /// The same without the summands.
 #[inline(always)]
 pub fn transform_direction(rows: &[Float4], d: Vec3) -> Vec3 {
-    Vec3::from_array([0, 1, 2].map(|k| row_times_direction([rows[k].x, rows[k].y, rows[k].z], d)))
+    let [a, b, c] = [rows[0], rows[1], rows[2]];
+    Vec3::new(direction_in_row(a, d), direction_in_row(b, d), direction_in_row(c, d))
 }
 
-/// The vertices of a triangle, tracing space.
-pub fn placed_vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
-    let (records, place) = placed_at(buffers, primitive);
-    let rows = &records[INSTANCE_TO_WORLD as usize..];
-    [0, 1, 2].map(|corner| {
-        // No coordinate is a negative zero: the sum of one and zero is not.
-        transform_point(rows, buffers.vertices[3 * place + corner].xyz()) * buffers.params.scale + 0.0
-    })
+/// A vertex of an object, placed.
+#[inline(always)]
+fn placed(buffers: &SceneBuffers, rows: &[Float4], vertex: usize) -> Vec3 {
+    // No coordinate is a negative zero: the sum of one and zero is not.
+    transform_point(rows, buffers.vertices[vertex].xyz()) * buffers.params.scale + 0.0
+}
+
+with_fma! {
+    /// The vertices of a triangle, tracing space.
+    pub fn placed_vertices(buffers: &SceneBuffers, primitive: u32) -> [Vec3; 3] {
+        let (records, place) = placed_at(buffers, primitive);
+        let (rows, first) = (&records[INSTANCE_TO_WORLD as usize..], 3 * place);
+        [placed(buffers, rows, first), placed(buffers, rows, first + 1), placed(buffers, rows, first + 2)]
+    }
 }
 
 /// The shading data of a triangle.

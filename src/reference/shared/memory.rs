@@ -61,6 +61,13 @@ fn read<T: Copy>(array: &[T], index: usize, counter: WorkCounter, work: &mut imp
     array[index]
 }
 
+/// Three records of a triangle.
+#[inline(always)]
+fn read_three(array: &[Float4], first: usize, work: &mut impl Work) -> [Float4; 3] {
+    let counter = WorkCounter::TriangleBytes;
+    [read(array, first, counter, work), read(array, first + 1, counter, work), read(array, first + 2, counter, work)]
+}
+
 /// A node.
 #[inline(always)]
 pub fn load_node(buffers: &SceneBuffers, index: usize, work: &mut impl Work) -> KdNode {
@@ -119,7 +126,8 @@ pub fn load_vertices(buffers: &SceneBuffers, primitive: u32, work: &mut impl Wor
         return placed_vertices(buffers, primitive);
     }
     let first = 3 * primitive as usize;
-    [0, 1, 2].map(|corner| read(&buffers.vertices, first + corner, WorkCounter::TriangleBytes, work).xyz())
+    let [a, b, c] = read_three(&buffers.vertices, first, work);
+    [a.xyz(), b.xyz(), c.xyz()]
 }
 
 /// The shading data of a triangle.
@@ -134,6 +142,5 @@ pub fn load_shading(buffers: &SceneBuffers, primitive: u32) -> Shading {
 /// The precomputed data of a triangle.
 #[inline(always)]
 pub fn load_transform(buffers: &SceneBuffers, primitive: u32, work: &mut impl Work) -> [Float4; 3] {
-    let first = 3 * primitive as usize;
-    [0, 1, 2].map(|row| read(&buffers.transforms, first + row, WorkCounter::TriangleBytes, work))
+    read_three(&buffers.transforms, 3 * primitive as usize, work)
 }

@@ -36,6 +36,12 @@ fn clip(node: &[u32], slabs: &Slabs, lane: usize, t_near: f32, t_limit: f32) -> 
     ]
 }
 
+/// Whether the filter of a packet leaves a triangle out.
+#[inline(always)]
+fn is_left_out(buffers: &SceneBuffers, ray: &Ray, reference: usize) -> bool {
+    !filter_sheared(ray, vertices(buffers, buffers.references[reference]))
+}
+
 #[inline(always)]
 pub fn traverse_bvh8(
     buffers: &SceneBuffers,
@@ -55,7 +61,10 @@ pub fn traverse_bvh8(
         if link & BVH_LEAF == 0 {
             work.count(WorkCounter::Steps, 1);
             let node = load_wide_node(buffers, (BVH8_NODE_RECORDS * link) as usize, work);
-            let intervals: [_; WIDTH] = std::array::from_fn(|lane| clip(node, &slabs, lane, ray.t_near, hit.t));
+            let mut intervals = [[0.0; 2]; WIDTH];
+            for (lane, interval) in intervals.iter_mut().enumerate() {
+                *interval = clip(node, &slabs, lane, ray.t_near, hit.t);
+            }
             let is_met = |lane: &usize| intervals[*lane][0] <= intervals[*lane][1];
             let child =
                 |lane: usize| FarChild { link: node[4 * BVH8_LINKS as usize + lane], t_enter: intervals[lane][0] };
@@ -84,14 +93,15 @@ pub fn traverse_bvh8(
             if is_filtered && !references.is_empty() {
                 count_packet(work);
             }
-            let is_open = |&reference: &usize| {
-                let triangle = vertices(buffers, buffers.references[reference]);
-                !is_filtered || filter_sheared(ray, triangle)
-            };
-            let left_out = references.len() - references.clone().filter(is_open).count();
-            work.count(WorkCounter::Tests, left_out as u32);
-            for reference in references.filter(is_open) {
-                if test_triangles(buffers, options, ray, reference..reference + 1, 0, any_hit, &mut hit, work) {
+            let mut left_out = 0;
+            for reference in references.clone() {
+                left_out += u32::from(is_filtered && is_left_out(buffers, ray, reference));
+            }
+            work.count(WorkCounter::Tests, left_out);
+            for reference in references {
+                if !(is_filtered && is_left_out(buffers, ray, reference))
+                    && test_triangles(buffers, options, ray, reference..reference + 1, 0, any_hit, &mut hit, work)
+                {
                     return hit;
                 }
             }

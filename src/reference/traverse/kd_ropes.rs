@@ -58,8 +58,15 @@ pub fn traverse_kd_ropes(
             return hit;
         }
         let first_slab = 3 * node.split.to_bits() as usize;
-        let slabs = [0, 1, 2].map(|axis| load_bounds(buffers, first_slab + axis, work));
-        let t: [f32; 3] = std::array::from_fn(|axis| leave_slab(&slabs[axis], ray, axis, -PLANE_ERROR));
+        let slabs = [
+            load_bounds(buffers, first_slab, work),
+            load_bounds(buffers, first_slab + 1, work),
+            load_bounds(buffers, first_slab + 2, work),
+        ];
+        let mut t = [0.0; 3];
+        for axis in 0..3 {
+            t[axis] = leave_slab(&slabs[axis], ray, axis, -PLANE_ERROR);
+        }
         let axis = if t[1] < t[0] {
             if t[2] < t[1] { 2 } else { 1 }
         } else if t[2] < t[0] {
