@@ -70,7 +70,12 @@ impl CameraRays {
 with_fma! {
     /// The directions of the rays of `pixels`.
     pub fn directions_of(rays: &CameraRays, pixels: Range<usize>) -> Vec<Vec3> {
-        pixels.map(|pixel| rays.at(pixel)).map(|at| camera_direction(&rays.params, at.x, at.y)).collect()
+        let mut directions = Vec::with_capacity(pixels.len());
+        for pixel in pixels {
+            let at = rays.at(pixel);
+            directions.push(camera_direction(&rays.params, at.x, at.y));
+        }
+        directions
     }
 }
 
@@ -137,10 +142,10 @@ with_fma! {
         hits: &[Hit],
         wants_albedo: bool,
     ) -> Vec<FirstHit> {
-        let pixels = (first..).zip(traced.iter().zip(hits));
-        let of_pixel = |(pixel, traced)| {
-            first_hit(buffers, options, rays.at(pixel), &rays.params, traced, wants_albedo)
-        };
-        pixels.map(of_pixel).collect()
+        let mut all = Vec::with_capacity(traced.len());
+        for (pixel, traced) in (first..).zip(traced.iter().zip(hits)) {
+            all.push(first_hit(buffers, options, rays.at(pixel), &rays.params, traced, wants_albedo));
+        }
+        all
     }
 }

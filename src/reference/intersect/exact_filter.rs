@@ -4,6 +4,7 @@ use super::edges::Edges;
 use super::moller_trumbore::Intersection;
 use super::watertight::ShearedTriangle;
 use crate::bounds::EPSILON;
+use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::math::{abs3, dot3, fma3, max_or, min_or};
 use crate::reference::shared::ray::Ray;
 use crate::shared::Hit;
@@ -128,26 +129,27 @@ fn sure_sign(Bounded(number, bound): Bounded) -> i32 {
     if is_bound(bound) { i32::from(value > bound) - i32::from(value < -bound) } else { 0 }
 }
 
-/// Step 2.
-#[inline(never)]
-pub fn decide_extended(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
-    let n = extended_numbers(ray, triangle);
-    let sign = sure_sign(n.det);
-    let [sign0, sign1, sign2] = n.weights.map(sure_sign);
-    if sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0 {
-        return Decision::Miss;
-    }
-    let is_inside = sign != 0 && sign0 == sign && sign1 == sign && sign2 == sign;
-    if !is_inside || !is_bound(n.distance.1) {
-        return Decision::Undecided;
-    }
-    let t = (n.distance.0 / n.det.0) as f32;
-    let error = 1.01 * t.abs().mul_add(n.det.1, n.distance.1) / ((n.det.0 as f32).abs() - n.det.1);
-    if t.abs() > LEAST_MAGNITUDE {
-        let half = (4.0 * EPSILON).mul_add(t.abs(), error);
-        Decision::Hit([t - half, t + half])
-    } else {
-        Decision::Undecided
+with_fma! {
+    /// Step 2.
+    pub fn decide_extended(ray: &Ray, triangle: [Vec3; 3]) -> Decision {
+        let n = extended_numbers(ray, triangle);
+        let sign = sure_sign(n.det);
+        let [sign0, sign1, sign2] = n.weights.map(sure_sign);
+        if sign0 * sign1 < 0 || sign1 * sign2 < 0 || sign2 * sign0 < 0 {
+            return Decision::Miss;
+        }
+        let is_inside = sign != 0 && sign0 == sign && sign1 == sign && sign2 == sign;
+        if !is_inside || !is_bound(n.distance.1) {
+            return Decision::Undecided;
+        }
+        let t = (n.distance.0 / n.det.0) as f32;
+        let error = 1.01 * t.abs().mul_add(n.det.1, n.distance.1) / ((n.det.0 as f32).abs() - n.det.1);
+        if t.abs() > LEAST_MAGNITUDE {
+            let half = (4.0 * EPSILON).mul_add(t.abs(), error);
+            Decision::Hit([t - half, t + half])
+        } else {
+            Decision::Undecided
+        }
     }
 }
 

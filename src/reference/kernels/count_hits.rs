@@ -57,11 +57,17 @@ with_fma! {
     ) {
         let queries = rays.iter().zip(counts);
         match work {
-            None => queries.for_each(|(ray, count)| *count = count_of_ray(buffers, options, ray, most, &mut NoWork)),
-            Some(work) => queries.zip(work).for_each(|((ray, count), work)| {
-                *work = RayWork::default();
-                *count = count_of_ray(buffers, options, ray, most, work);
-            }),
+            None => {
+                for (ray, count) in queries {
+                    *count = count_of_ray(buffers, options, ray, most, &mut NoWork);
+                }
+            }
+            Some(work) => {
+                for ((ray, count), work) in queries.zip(work) {
+                    *work = RayWork::default();
+                    *count = count_of_ray(buffers, options, ray, most, work);
+                }
+            }
         }
     }
 }

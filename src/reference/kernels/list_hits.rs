@@ -19,7 +19,9 @@ with_fma! {
         let mut list = HitList { hits: &mut *hits, count: 0 };
         traverse(buffers, options, &ray, false, &mut list);
         let count = list.count;
-        hits[..count].iter_mut().for_each(|hit| finish(buffers, options, &ray, hit));
+        for hit in &mut hits[..count] {
+            finish(buffers, options, &ray, hit);
+        }
         hits[count..].fill(NO_HIT);
     }
 }

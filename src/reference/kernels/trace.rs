@@ -24,11 +24,17 @@ with_fma! {
     ) {
         let queries = rays.iter().zip(hits);
         match work {
-            None => queries.for_each(|(ray, hit)| *hit = trace_batch(buffers, options, ray, any_hit, &mut NoWork)),
-            Some(work) => queries.zip(work).for_each(|((ray, hit), work)| {
-                *work = RayWork::default();
-                *hit = trace_batch(buffers, options, ray, any_hit, work);
-            }),
+            None => {
+                for (ray, hit) in queries {
+                    *hit = trace_batch(buffers, options, ray, any_hit, &mut NoWork);
+                }
+            }
+            Some(work) => {
+                for ((ray, hit), work) in queries.zip(work) {
+                    *work = RayWork::default();
+                    *hit = trace_batch(buffers, options, ray, any_hit, work);
+                }
+            }
         }
     }
 }
@@ -69,13 +75,17 @@ with_fma! {
     ) {
         let queries = rays.iter().zip(directions).zip(hits).zip(next_hits);
         match work {
-            None => queries.for_each(|(((ray, to), from), hit)| {
-                *hit = trace_next(buffers, options, ray, to, from, &mut NoWork);
-            }),
-            Some(work) => queries.zip(work).for_each(|((((ray, to), from), hit), work)| {
-                *work = RayWork::default();
-                *hit = trace_next(buffers, options, ray, to, from, work);
-            }),
+            None => {
+                for (((ray, to), from), hit) in queries {
+                    *hit = trace_next(buffers, options, ray, to, from, &mut NoWork);
+                }
+            }
+            Some(work) => {
+                for ((((ray, to), from), hit), work) in queries.zip(work) {
+                    *work = RayWork::default();
+                    *hit = trace_next(buffers, options, ray, to, from, work);
+                }
+            }
         }
     }
 }

@@ -3,9 +3,12 @@
 /// Compiles a function twice and calls the copy that the processor is fit for. Without this every `mul_add` on x86-64
 /// is a call into the C library, some five times slower than the instruction; the bits are the same.
 ///
-/// What it calls must be inlined into it to have the instruction, or be such a function itself. What is long and called
-/// from several places should be: one copy of all traversals in each of their callers took a compiler half of the time
-/// for the whole library.
+/// What it calls must be inlined into it to have the instruction, or be such a function itself: `#[inline(always)]` or
+/// `with_fma!`. A closure may be compiled on its own, without the instruction, and so may `map` of an array: loops and
+/// functions stand in their place where there is a `mul_add`.
+///
+/// What is long and called from several places should be such a function: one copy of all traversals in each of their
+/// callers took a compiler half of the time for the whole library.
 macro_rules! with_fma {
     (
         $(#[$meta:meta])*

@@ -107,7 +107,9 @@ pub fn traverse_grid(
     };
     let bounds = [buffers.bounds[0], load_bounds(buffers, 1, work), load_bounds(buffers, 2, work)];
     let count = bounds.map(|axis| axis.w.to_bits() as i32);
-    let [mut x, mut y, mut z] = [0, 1, 2].map(|axis| GridAxis::new(&bounds, axis, count[axis], ray, t_near));
+    let mut x = GridAxis::new(&bounds, 0, count[0], ray, t_near);
+    let mut y = GridAxis::new(&bounds, 1, count[1], ray, t_near);
+    let mut z = GridAxis::new(&bounds, 2, count[2], ray, t_near);
     loop {
         let cell = load_node(buffers, ((z.cell * count[1] + y.cell) * count[0] + x.cell) as usize, work);
         if test_leaf(buffers, options, ray, &cell, any_hit, &mut hit, work) {
