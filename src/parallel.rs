@@ -37,14 +37,15 @@ fn each_number(count: usize, work: &(dyn Fn(usize) + Sync)) {
     }
 }
 
-/// Calls `work` with each of `items`, which threads take one by one, from the first to the last. Between the taking
-/// there is a lock: items that take less than some microseconds belong together in chunks, and what makes them should
-/// cost nothing.
-pub fn each<I: ExactSizeIterator + Send>(items: I, work: impl Fn(I::Item) + Sync) {
-    let count = items.len();
-    let items = Mutex::new(items);
-    each_number(count, &|_| {
-        let item = lock(&items).next();
+/// Calls `work` with each of `items`. Each is kept behind a lock until it is taken: items that take less than a
+/// microsecond belong together in chunks.
+///
+/// A thread takes items that are side by side, as far from those of other threads as can be. Where all took the next
+/// one, they would touch the same new pages of memory at the same time, and wait for each other.
+pub fn each<I: Iterator<Item: Send>>(items: I, work: impl Fn(I::Item) + Sync) {
+    let items: Vec<_> = items.map(|item| Mutex::new(Some(item))).collect();
+    each_number(items.len(), &|number| {
+        let item = lock(&items[number]).take();
         if let Some(item) = item {
             work(item);
         }
@@ -54,16 +55,13 @@ pub fn each<I: ExactSizeIterator + Send>(items: I, work: impl Fn(I::Item) + Sync
 /// What `work` makes of each of `items`, in their order; they are taken as by [`each()`].
 pub fn map<I, T>(items: I, work: impl Fn(I::Item) -> T + Sync) -> Vec<T>
 where
-    I: ExactSizeIterator + Send,
+    I: ExactSizeIterator<Item: Send>,
     T: Send,
 {
-    let made = Mutex::new(Vec::new());
-    lock(&made).resize_with(items.len(), || None);
-    each(items.enumerate(), |(number, item)| {
-        let value = work(item);
-        lock(&made)[number] = Some(value);
-    });
-    made.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().flatten().collect()
+    let mut made = Vec::new();
+    made.resize_with(items.len(), || None);
+    each(items.zip(&mut made), |(item, made)| *made = Some(work(item)));
+    made.into_iter().flatten().collect()
 }
 
 /// `value` of each number below `count`, in order.
@@ -137,7 +135,7 @@ pub fn any_number(count: usize, is: impl Fn(usize) -> bool + Sync) -> bool {
 }
 
 /// Parts of `count` things, each as its first number and its end.
-fn parts(count: usize) -> impl ExactSizeIterator<Item = (usize, usize)> + Send {
+fn parts(count: usize) -> impl ExactSizeIterator<Item = (usize, usize)> {
     let part = part_of(count);
     (0..count.div_ceil(part)).map(move |number| (number * part, count.min((number + 1) * part)))
 }

@@ -69,7 +69,7 @@ fn work_of_parts<T: Send>(
     work: &mut Option<Vec<T>>,
     parts: usize,
     size: usize,
-) -> impl ExactSizeIterator<Item = Option<&mut [T]>> + Send {
+) -> impl ExactSizeIterator<Item = Option<&mut [T]>> {
     let mut all = work.as_mut().map(|work| work.chunks_mut(size.max(1)));
     (0..parts).map(move |_| all.as_mut().and_then(Iterator::next))
 }
