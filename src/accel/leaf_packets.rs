@@ -28,17 +28,17 @@ pub(super) fn push_leaf(triangles: &[u32], references: &mut Vec<u32>) -> usize {
 
 /// The packets of all `references`, of the triangles `vertices`.
 pub(super) fn pack(references: &[u32], vertices: &[[Vec3; 3]]) -> Vec<Float4> {
-    let packets = references.len() / WIDTH;
-    parallel::flat_map_numbers(packets, |i| packet(&references[i * WIDTH..][..WIDTH], vertices))
+    let records = BVH8_PACKET_RECORDS as usize;
+    let packet = |number: usize| &references[number * WIDTH..][..WIDTH];
+    let count = references.len() / WIDTH * records;
+    parallel::map_numbers(count, |i| record(packet(i / records), i % records, vertices))
 }
 
-fn packet(triangles: &[u32], vertices: &[[Vec3; 3]]) -> impl Iterator<Item = Float4> {
-    let triangles: [&[Vec3; 3]; WIDTH] = std::array::from_fn(|lane| &vertices[triangles[lane] as usize]);
-    (0..BVH8_PACKET_RECORDS as usize).map(move |record| {
-        let (corner, axis, half) = (record / 6, record / 2 % 3, record % 2);
-        let [x, y, z, w] = std::array::from_fn(|i| triangles[4 * half + i][corner][axis]);
-        Float4 { x, y, z, w }
-    })
+/// A record of a packet: half of its triangles' coordinates along an axis, of a corner.
+fn record(triangles: &[u32], record: usize, vertices: &[[Vec3; 3]]) -> Float4 {
+    let (corner, axis, half) = (record / 6, record / 2 % 3, record % 2);
+    let [x, y, z, w] = std::array::from_fn(|i| vertices[triangles[4 * half + i] as usize][corner][axis]);
+    Float4 { x, y, z, w }
 }
 
 /// Makes whole packets of the leaves of a kd-tree over `vertices`, and returns these.
