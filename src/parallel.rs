@@ -86,7 +86,7 @@ pub fn extend<T: Send>(values: &mut Vec<T>, count: usize, value: impl Fn(usize) 
             room.write(value(i));
         }
     });
-    // SAFETY: room was reserved, and each of the `count` values has been written: a panic of `value` does not come here.
+    // SAFETY: room was reserved, and each of the `count` values was written: a panic of `value` does not come here.
     unsafe { values.set_len(before + count) };
 }
 
