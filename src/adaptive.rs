@@ -147,12 +147,15 @@ pub(crate) fn refine(
             progress(((first / squared).ln() / (first / all).ln()).clamp(0.0, 1.0));
         }
         let rounds = refined.rounds;
-        let choose = |i: usize| match promises[i].excess(target(pixels_of[i])) > 0.0 {
-            true => {
-                let choice = promises[i].choose(target(pixels_of[i]), rounds);
-                (choice, promises[i].chosen(choice))
+        let choose = |i: usize| {
+            let (block, target) = (&promises[i], target(pixels_of[i]));
+            match block.excess(target) > 0.0 {
+                true => {
+                    let choice = block.choose(target, rounds);
+                    (choice, block.chosen(choice))
+                }
+                false => (Choice::NONE, [0; LAST_LEVEL as usize]),
             }
-            false => (Choice::NONE, [0; LAST_LEVEL as usize]),
         };
         let (choices, chosen): (Vec<Choice>, Vec<_>) =
             parallel::map_numbers(promises.len(), choose).into_iter().unzip();

@@ -290,7 +290,7 @@ fn hits_of(
     let of_chunk = |(i, (traced, hits)): (usize, (&[_], &[_]))| {
         first_hits(buffers, &options, &rays.rays, pixels.start + i * CHUNK, traced, hits, wants_albedo)
     };
-    Ok(parallel::map(chunks, of_chunk).into_iter().flatten().collect())
+    Ok(parallel::map(chunks, of_chunk).concat())
 }
 
 #[cfg(test)]

@@ -274,7 +274,8 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
     let placed = scene.instances.placed();
     let shared: Vec<usize> = placed.iter().map(&mut shared_mesh).collect();
     // With a mesh of its own where it cannot be shared.
-    let place = |(instance, &mesh): (&Instance, &usize)| {
+    let place = |i: usize| -> Result<(Place, Option<Mesh>)> {
+        let (instance, mesh) = (&placed[i], shared[i]);
         let &Instance { transform, material, .. } = instance;
         let inverse = Inverse::new(&transform, meshes[mesh].extent, scale);
         if let Some(inverse) = inverse.filter(|_| meshes[mesh].keeps_listed(&transform)) {
@@ -283,8 +284,8 @@ fn place_all(scene: &Scene, used: &[MaterialId], scale: f32) -> Result<(Vec<Mesh
         let own = source(instance).mesh(used, transform.is_mirrored, Some(&transform));
         Ok((Place { mesh, transform: Transform::IDENTITY, material, inverse: in_place(&own)? }, Some(own)))
     };
-    for placed in parallel::map_numbers(placed.len(), |i| place((&placed[i], &shared[i]))) {
-        let (mut place, own): (Place, Option<Mesh>) = placed?;
+    for placed in parallel::map_numbers(placed.len(), place) {
+        let (mut place, own) = placed?;
         if let Some(own) = own {
             place.mesh = meshes.len();
             meshes.push(own);

@@ -90,14 +90,16 @@ struct Tree {
 
 impl Tree {
     fn new(tree: &Bvh) -> Tree {
-        let node = |(index, node): (usize, &BvhNode)| Node {
-            bounds: Bounds { low: node.bounds.low.extend(0.0), high: node.bounds.high.extend(0.0) },
-            half_area: node.bounds.half_area(),
-            links: if node.is_leaf() { [node.first, node.count] } else { [index as u32 + 1, node.first] },
-            parent: NONE,
-            height: 0,
-        };
-        let mut nodes: Vec<_> = parallel::map_numbers(tree.nodes.len(), |index| node((index, &tree.nodes[index])));
+        let mut nodes = parallel::map_numbers(tree.nodes.len(), |index| {
+            let node = &tree.nodes[index];
+            Node {
+                bounds: Bounds { low: node.bounds.low.extend(0.0), high: node.bounds.high.extend(0.0) },
+                half_area: node.bounds.half_area(),
+                links: if node.is_leaf() { [node.first, node.count] } else { [index as u32 + 1, node.first] },
+                parent: NONE,
+                height: 0,
+            }
+        });
         // Children come behind their parents.
         for index in (0..nodes.len()).rev().filter(|&index| !tree.nodes[index].is_leaf()) {
             let heights = nodes[index].links.map(|child| {
