@@ -9,6 +9,7 @@
 use super::clip::Reference;
 use super::cost::{Costs, Side, Split};
 use super::subtree::Cell;
+use crate::parallel;
 use glam::Vec3;
 
 /// Where a reference begins, lies or ends on an axis; sorted by position, and there ends before planar ones before
@@ -30,10 +31,13 @@ const REFERENCE_BITS: u64 = (1 << KIND_SHIFT) - 1;
 /// The most references that a node can have: what bits 29-0 of an event can number.
 pub(super) const MAX_REFERENCES: usize = 1 << KIND_SHIFT;
 
+/// Nodes of at least this many references see to their axes side by side.
+const PARALLEL_AXES: usize = 1 << 12;
+
 const SIGN_BIT: u32 = 1 << 31;
 
 /// Maps float32 numbers to integers in the same order; -0 must not occur.
-fn ordered(x: f32) -> u64 {
+pub(super) fn ordered(x: f32) -> u64 {
     let bits = x.to_bits();
     u64::from(if bits & SIGN_BIT == 0 { bits | SIGN_BIT } else { !bits })
 }
@@ -72,22 +76,21 @@ impl EventNode {
             events.sort_unstable();
             events
         };
-        let (x, (y, z)) = rayon::join(|| sorted(0), || rayon::join(|| sorted(1), || sorted(2)));
-        EventNode { references, events: [x, y, z] }
+        let mut events: [Vec<Event>; 3] = Default::default();
+        parallel::each_mut(&mut events, |axis, events| *events = sorted(axis));
+        EventNode { references, events }
     }
 
     /// The cheapest split: one sweep over the events of each axis (algorithm 2 of the paper).
     pub fn best_split(&self, cell: &Cell, costs: &Costs) -> Option<Split> {
-        let mut best: Option<Split> = None;
-        for axis in 0..3 {
-            let Some(split) = self.best_split_on(axis, cell, costs) else {
-                continue;
-            };
-            if best.is_none_or(|best| split.is_better_than(&best)) {
-                best = Some(split);
-            }
+        let mut splits = [None; 3];
+        let find = |axis: usize, split: &mut Option<Split>| *split = self.best_split_on(axis, cell, costs);
+        if self.references.len() >= PARALLEL_AXES {
+            parallel::each_mut(&mut splits, find);
+        } else {
+            splits.iter_mut().enumerate().for_each(|(axis, split)| find(axis, split));
         }
-        best
+        splits.into_iter().flatten().reduce(|best, split| if split.is_better_than(&best) { split } else { best })
     }
 
     fn best_split_on(&self, axis: usize, cell: &Cell, costs: &Costs) -> Option<Split> {
@@ -144,43 +147,74 @@ impl EventNode {
         }
 
         // Step 3: pass the old events on in their order; step 4: merge the new ones in.
-        for (axis, events) in self.events.into_iter().enumerate() {
-            pass_on(&events, &places, &mut left.events[axis], &mut right.events[axis]);
-            left.merge_new(axis);
-            right.merge_new(axis);
+        let axes = self.events.into_iter().zip(left.events.iter_mut().zip(&mut right.events));
+        let distribute = |(events, (left, right)): (_, (&mut AxisEvents, &mut AxisEvents))| {
+            (left.old, right.old) = pass_on(events, &places);
+            left.merge();
+            right.merge();
+        };
+        if count >= PARALLEL_AXES {
+            parallel::each(axes, distribute);
+        } else {
+            axes.for_each(distribute);
         }
         (left.node(), right.node())
     }
 }
 
-/// Distributes events without a branch on the side, which would be a coin toss on two of the three axes.
-fn pass_on(events: &[Event], places: &[u32], left: &mut Vec<Event>, right: &mut Vec<Event>) {
-    left.resize(events.len() + 1, 0);
-    right.resize(events.len() + 1, 0);
+/// Distributes events without a branch on the side, which would be a coin toss on two of the three axes. Those of the
+/// left side take the place of all.
+fn pass_on(mut events: Vec<Event>, places: &[u32]) -> (Vec<Event>, Vec<Event>) {
+    let mut right = vec![0; events.len() + 1];
     let (mut left_count, mut right_count) = (0, 0);
-    for &event in events {
+    for number in 0..events.len() {
+        let event = events[number];
         let place = u64::from(places[(event & REFERENCE_BITS) as usize]);
         let side = place >> KIND_SHIFT;
         let renumbered = event & !REFERENCE_BITS | place & REFERENCE_BITS;
-        left[left_count] = renumbered;
+        events[left_count] = renumbered;
         right[right_count] = renumbered;
         left_count += usize::from(side == Side::Left as u64);
         right_count += usize::from(side == Side::Right as u64);
     }
-    left.truncate(left_count);
+    events.truncate(left_count);
     right.truncate(right_count);
+    (events, right)
+}
+
+/// The events of one side of a split on one axis: those of references that were there before, sorted, and of new ones.
+#[derive(Default)]
+struct AxisEvents {
+    old: Vec<Event>,
+    new: Vec<Event>,
+}
+
+impl AxisEvents {
+    /// Merges the new events in from the back, in place.
+    fn merge(&mut self) {
+        let (old, new) = (&mut self.old, &mut self.new);
+        new.sort_unstable();
+        let mut old_count = old.len();
+        old.resize(old_count + new.len(), 0);
+        for (new_count, &new_event) in new.iter().enumerate().rev() {
+            while old_count > 0 && old[old_count - 1] > new_event {
+                old_count -= 1;
+                old[old_count + new_count + 1] = old[old_count];
+            }
+            old[old_count + new_count] = new_event;
+        }
+    }
 }
 
 /// One side of a split while it is filled.
 struct Child {
     references: Vec<Reference>,
-    events: [Vec<Event>; 3],
-    new_events: [Vec<Event>; 3],
+    events: [AxisEvents; 3],
 }
 
 impl Child {
     fn with_capacity(count: usize) -> Child {
-        Child { references: Vec::with_capacity(count), events: Default::default(), new_events: Default::default() }
+        Child { references: Vec::with_capacity(count), events: Default::default() }
     }
 
     /// Adds a reference and tells its number.
@@ -193,29 +227,14 @@ impl Child {
     fn push_new(&mut self, reference: Option<Reference>) {
         if let Some(reference) = reference {
             let number = self.push(reference);
-            for (axis, events) in self.new_events.iter_mut().enumerate() {
-                push_events(events, axis, &reference, number);
+            for (axis, events) in self.events.iter_mut().enumerate() {
+                push_events(&mut events.new, axis, &reference, number);
             }
-        }
-    }
-
-    /// Merges the new events in from the back, in place.
-    fn merge_new(&mut self, axis: usize) {
-        let (events, new_events) = (&mut self.events[axis], &mut self.new_events[axis]);
-        new_events.sort_unstable();
-        let mut old_count = events.len();
-        events.resize(old_count + new_events.len(), 0);
-        for (new_count, &new_event) in new_events.iter().enumerate().rev() {
-            while old_count > 0 && events[old_count - 1] > new_event {
-                old_count -= 1;
-                events[old_count + new_count + 1] = events[old_count];
-            }
-            events[old_count + new_count] = new_event;
         }
     }
 
     fn node(self) -> EventNode {
-        EventNode { references: self.references, events: self.events }
+        EventNode { references: self.references, events: self.events.map(|events| events.old) }
     }
 }
 
@@ -236,10 +255,8 @@ mod tests {
 
     #[test]
     fn merging_keeps_the_order() {
-        let mut child = Child::with_capacity(0);
-        child.events[0] = vec![2, 4, 6, 8];
-        child.new_events[0] = vec![9, 1, 5];
-        child.merge_new(0);
-        assert_eq!(child.events[0], [1, 2, 4, 5, 6, 8, 9]);
+        let mut events = AxisEvents { old: vec![2, 4, 6, 8], new: vec![9, 1, 5] };
+        events.merge();
+        assert_eq!(events.old, [1, 2, 4, 5, 6, 8, 9]);
     }
 }

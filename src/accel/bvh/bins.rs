@@ -66,10 +66,16 @@ impl Binning {
         Binning { low: extent.centroids.low, scale: scale(extent.centroids.high - extent.centroids.low) }
     }
 
+    /// How many bins an item's centroid is from the low end.
+    #[inline(always)]
+    fn place(&self, item: &Item) -> Vec4 {
+        (item.centroid() - self.low) * self.scale
+    }
+
     /// The bins of an item's centroid.
     #[inline(always)]
     fn bins_of(&self, item: &Item) -> [usize; 3] {
-        let [x, y, z, _] = ((item.centroid() - self.low) * self.scale).to_array();
+        let [x, y, z, _] = self.place(item).to_array();
         [x, y, z].map(bin_of)
     }
 
@@ -117,10 +123,12 @@ impl Binning {
         bins
     }
 
-    /// Whether an item lies below the plane.
+    /// Whether an item lies below the plane: whether its bin does, which is that of the same place rounded down, or 0
+    /// where that is NaN.
     #[inline(always)]
     pub fn is_before(&self, item: &Item, split: &Split) -> bool {
-        self.bins_of(item)[split.axis] < split.bin
+        let is_behind = self.place(item).cmpge(Vec4::splat(split.bin as f32)).bitmask();
+        is_behind >> split.axis & 1 == 0
     }
 }
 

@@ -49,24 +49,33 @@ impl Bounds {
     }
 }
 
-/// The box of a triangle or of a part of it, and in the bits of `low.w` the triangle's number.
+/// The box of a triangle or of a part of it, and in the bits of `low.w` the triangle's number ([`tag`]).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Item {
     low: Vec4,
     high: Vec4,
 }
 
+/// Added to triangles' numbers. By themselves the bits of small ones are subnormal floats, on which arithmetic with all
+/// four components takes a hundred cycles; these are 2 and more.
+const TAG: u32 = 0x4000_0000;
+
+/// A float that keeps a triangle's number in its bits.
+fn tag(triangle: u32) -> f32 {
+    f32::from_bits(triangle.wrapping_add(TAG))
+}
+
 impl Item {
     pub fn new(vertices: &[Vec3; 3], triangle: u32) -> Item {
         // Adding 0 turns -0 into +0: else the sign of a zero would depend on the order of unions.
         let Aabb { low, high } = Aabb::of_triangle(vertices);
-        Item { low: (low + 0.0).extend(f32::from_bits(triangle)), high: (high + 0.0).extend(0.0) }
+        Item { low: (low + 0.0).extend(tag(triangle)), high: (high + 0.0).extend(0.0) }
     }
 
     /// A part of a triangle, of which no coordinate is -0.
     pub fn of_part(part: &Reference) -> Item {
         let (low, high) = (Vec3::from_array(part.low), Vec3::from_array(part.high));
-        Item { low: low.extend(f32::from_bits(part.triangle)), high: high.extend(0.0) }
+        Item { low: low.extend(tag(part.triangle)), high: high.extend(0.0) }
     }
 
     pub fn to_part(self) -> Reference {
@@ -79,7 +88,7 @@ impl Item {
 
     #[inline(always)]
     pub fn triangle(&self) -> u32 {
-        self.low.w.to_bits()
+        self.low.w.to_bits().wrapping_sub(TAG)
     }
 
     #[inline(always)]
@@ -141,11 +150,13 @@ pub(super) fn partition(items: &mut [Item], before: &(impl Fn(&Item) -> bool + S
 }
 
 fn partition_few(items: &mut [Item], before: &impl Fn(&Item) -> bool) -> usize {
-    // Without branches on what `before` says, which nobody can predict (Lomuto's scheme).
+    // Without branches on what `before` says, which nobody can predict (Lomuto's scheme), nor on what was just written.
     let mut count = 0;
     for i in 0..items.len() {
-        items.swap(i, count);
-        count += usize::from(before(&items[count]));
+        let item = items[i];
+        items[i] = items[count];
+        items[count] = item;
+        count += usize::from(before(&item));
     }
     count
 }
