@@ -12,7 +12,7 @@ pub use crop::{Crop, render_part, render_part_noting};
 pub use fall_back::{FallBack, OnLoss};
 pub use kept::{Kept, KeptBlock, KeptRows, Part, PictureId, PictureJournal, read_kept};
 pub use several::{TakeBlocks, render_by_several};
-pub use stored::{RowsInOrder, StoredBlocks};
+pub use stored::{Band, BandsInOrder, RowsInOrder, StoredBlocks};
 
 use crate::adaptive::{PART_PIXELS, estimated_bytes, sample_sequence};
 use crate::blocks::LARGEST_PATCH;
@@ -170,18 +170,24 @@ pub fn picture_bytes(
 }
 
 /// The same of a picture that is written by rows ([`crate::low_level::rows`]), of blocks that nobody keeps in memory.
-/// Without a `format` it is kept, and not written.
+/// Without a `format` it is kept, and not written. `devices`: one of how many.
 pub fn picture_bytes_by_rows(
     (size, part): ((u32, u32), Option<Crop>),
     samples: Samples,
     options: &TraceOptions,
-    device: Option<&DeviceHandle>,
+    (device, devices): (Option<&DeviceHandle>, usize),
     format: Option<ImageFormat>,
 ) -> u64 {
     let in_flight = PictureBlocks::new(size, samples, part).in_flight();
     let of_file = format.map_or(0, |format| bytes_of_rows(part.map_or(size, |part| part.size), format));
-    // Blocks of areas are gathered before they are appended to a journal.
-    let of_film = if matches!(samples, Samples::Error(_)) { 2 * in_flight } else { in_flight };
+    // Blocks of areas are gathered before they are appended to a journal; bands are traced while those before them are
+    // taken.
+    let (width, height) = part.map_or(size, |part| part.size);
+    let waiting = if devices > 1 { stored::MOST_WAITING as u64 } else { 0 };
+    let of_film = match samples {
+        Samples::Error(_) => 2 * in_flight * devices as u64,
+        _ => (2 * in_flight * devices as u64 + waiting).min(u64::from(width) * u64::from(height)),
+    };
     let of_blocks = Film::PIXEL_BYTES * of_film + sampling_bytes(size, samples, options, device);
     of_blocks + of_file + device_bytes(in_flight, options, device)
 }
@@ -293,7 +299,7 @@ mod tests {
         let formats = [ImageFormat::Png8, ImageFormat::Png16, ImageFormat::Exr, ImageFormat::Pfm];
         for samples in [Samples::PerPixel(1), Samples::PerPixel(64), Samples::Error(1.0), Samples::Error(8.0)] {
             for format in formats {
-                let of = |size| picture_bytes_by_rows((size, None), samples, &options, None, Some(format));
+                let of = |size| picture_bytes_by_rows((size, None), samples, &options, (None, 1), Some(format));
                 let (large, largest) = (of((65535, 4096)), of((65535, 65535)));
                 assert!(large == largest && largest < 1 << 30, "{samples:?} {format:?}: {large} {largest}");
                 assert!(picture_bytes((65535, 65535), samples, &options, None, Some(format)) > 40 << 30);

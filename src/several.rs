@@ -14,7 +14,7 @@ use queue::{Queue, State};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::thread::Scope;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What opens a tracer of the scene; called by any thread.
 type Open<'a> = Box<dyn FnOnce() -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> + Send + 'a>;
@@ -82,6 +82,12 @@ pub(crate) type Pace = Option<u64>;
 
 /// Work in pieces.
 pub(crate) trait Pieces: Sync {
+    /// About how long a device may take for what it has at a time, where pieces are wanted in their order: others wait
+    /// until then for those that come before.
+    fn most_time(&self) -> Option<Duration> {
+        None
+    }
+
     /// Does some pieces, and hands them on as soon as they are finished. The pace is that of the last time.
     ///
     /// # Errors
@@ -108,7 +114,7 @@ pub(crate) fn share_out<'a>(
     watcher: &dyn Watcher,
 ) -> Result<Vec<DeviceShare>> {
     let count = devices.len();
-    let queue = Queue::new(units, count, last_resort.is_some());
+    let queue = Queue::new((units, pieces.most_time()), count, last_resort.is_some());
     let worker = |number: usize| Worker { queue: &queue, number, pieces, watcher };
     let mut shares: Vec<DeviceShare> = std::thread::scope(|scope| {
         let work = |(number, device): (usize, DeviceTracer<'a>)| {

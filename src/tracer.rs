@@ -95,6 +95,9 @@ pub struct RenderResult {
     pub kernel_s: f64,
     /// Seconds that it took to fetch the picture.
     pub read_s: f64,
+    /// Seconds for which nothing was traced because rows were still being taken, where they are taken while others are
+    /// traced.
+    pub taking_s: Option<f64>,
     /// How the wavefront kernels went, where they rendered.
     pub wavefront: Option<WavefrontStats>,
     /// How the picture was sampled, where its error was bounded.
@@ -123,6 +126,7 @@ impl RenderResult {
             second_pass: None,
             kernel_s: 0.0,
             read_s: 0.0,
+            taking_s: None,
             wavefront: None,
             adaptive: None,
             sampling: None,

@@ -600,7 +600,7 @@ impl Tracer {
     ) -> Result<()> {
         let what = format!("blocks of a picture of {}x{} pixels", size.0, size.1);
         let device = self.chosen.device.as_ref();
-        let bytes = picture_bytes_by_rows((size, crop), samples, &self.chosen.options, device, None) + kept;
+        let bytes = picture_bytes_by_rows((size, crop), samples, &self.chosen.options, (device, 1), None) + kept;
         let remedy = "ask for fewer blocks at a time, or raise the memory limit";
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }

@@ -196,17 +196,7 @@ impl Backend for ReferenceBackend {
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
         let kernel_s = start.elapsed().as_secs_f64();
-        Ok(RenderResult {
-            film,
-            counts,
-            work,
-            second_pass: None,
-            kernel_s,
-            read_s: 0.0,
-            wavefront: None,
-            adaptive: None,
-            sampling: None,
-        })
+        Ok(RenderResult { counts, work, kernel_s, ..RenderResult::of_film(film) })
     }
 }
 

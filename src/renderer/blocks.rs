@@ -12,10 +12,12 @@ use crate::options::Decisions;
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
 use crate::several::Pace;
-use crate::shared::{RenderParams, TILE_SIDE};
+use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, AdaptiveStats, Backend, Finished, Progress, RenderResult, Spent};
 use std::borrow::Cow;
 use std::ops::Range;
+use std::panic::resume_unwind;
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 /// The most pixels of a band, and about how many camera rays.
@@ -107,6 +109,11 @@ impl PictureBlocks {
                 blocks.places(number).into_iter().filter_map(|place| place.within(&part)).collect()
             }
         }
+    }
+
+    /// Whether its blocks are bands of rows.
+    pub fn are_bands(&self) -> bool {
+        matches!(self.cut, Cut::Bands(_))
     }
 
     /// The rows of what is rendered that a block has all pixels of, if it is a band.
@@ -292,6 +299,64 @@ pub(super) fn render_blocks_at(
     }
 }
 
+/// Bands that were traced together.
+struct Group<'a> {
+    numbers: &'a [usize],
+    /// Where they are.
+    place: Crop,
+    traced: RenderResult,
+}
+
+/// What traces bands in groups, at a pace that is learnt.
+struct Groups<'a> {
+    params: &'a RenderParams,
+    blocks: &'a PictureBlocks,
+    rows: u32,
+    wanted: &'a [usize],
+    samples: Vec<CameraSample>,
+}
+
+impl<'a> Groups<'a> {
+    fn pixels_of_band(&self) -> u64 {
+        u64::from(self.rows) * u64::from(self.blocks.part.size.0)
+    }
+
+    fn rays_of_band(&self) -> u64 {
+        self.pixels_of_band() * self.samples.len() as u64
+    }
+
+    /// How many bands are traced together at a pace.
+    fn at_once(&self, pace: Pace) -> usize {
+        let pixels = self.pixels_of_band();
+        (pace.unwrap_or(FIRST_RAYS) / self.rays_of_band()).min(GROUP_PIXELS / pixels).max(1) as usize
+    }
+
+    /// Traces all bands, and hands each group on as soon as it is traced, until nobody takes one.
+    fn trace(
+        &self,
+        (tracer, pace): (&mut dyn Backend, &mut Pace),
+        progress: Progress,
+        mut hand_on: impl FnMut(Group<'a>) -> bool,
+    ) -> Result<()> {
+        let mut rest = self.wanted;
+        while !rest.is_empty() {
+            let (numbers, later) = rest.split_at(neighbours(rest).min(self.at_once(*pace)));
+            let before = self.wanted.len() - rest.len();
+            let progress =
+                |part: f64| progress((before as f64 + part * numbers.len() as f64) / self.wanted.len() as f64);
+            let place = self.blocks.bands(numbers[0]..numbers[0] + numbers.len(), self.rows);
+            let start = Instant::now();
+            let traced = tracer.render(&self.params.cropped(place.place, place.size), &self.samples, &progress)?;
+            *pace = Some(next_rays(self.rays_of_band() * numbers.len() as u64, start.elapsed()));
+            if !hand_on(Group { numbers, place, traced }) {
+                break;
+            }
+            rest = later;
+        }
+        Ok(())
+    }
+}
+
 fn render_bands(
     (tracer, pace): (&mut dyn Backend, &mut Pace),
     params: &RenderParams,
@@ -300,34 +365,50 @@ fn render_bands(
     done: Done,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let samples = sample_positions(blocks.samples);
-    let pixels_of_band = u64::from(rows) * u64::from(blocks.part.size.0);
-    let rays_of_band = pixels_of_band * samples.len() as u64;
+    let groups = Groups { params, blocks, rows, wanted, samples: sample_positions(blocks.samples) };
     let keeps_film = film.is_some();
     let mut result = RenderResult::of_film(film.unwrap_or_else(Film::none));
-    let mut rest = wanted;
-    while !rest.is_empty() {
-        let most = (pace.unwrap_or(FIRST_RAYS) / rays_of_band).min(GROUP_PIXELS / pixels_of_band).max(1) as usize;
-        let (now, later) = rest.split_at(neighbours(rest).min(most));
-        let before = wanted.len() - rest.len();
-        let progress = |part: f64| progress((before as f64 + part * now.len() as f64) / wanted.len() as f64);
-        let bands = blocks.bands(now[0]..now[0] + now.len(), rows);
-        let start = Instant::now();
-        let traced = tracer.render(&params.cropped(bands.place, bands.size), &samples, &progress)?;
-        *pace = Some(next_rays(rays_of_band * now.len() as u64, start.elapsed()));
+    let mut take = |Group { numbers, place, traced }: Group| {
         result.add(&traced);
-        let place = (bands.place.0 as usize, bands.place.1 as usize);
-        let film = FilmWindow { film: &traced.film, place };
-        let finished = Finished { blocks: now, film, spent: Spent::of(&traced, 0.0) };
+        let at = (place.place.0 as usize, place.place.1 as usize);
+        let film = FilmWindow { film: &traced.film, place: at };
+        let finished = Finished { blocks: numbers, film, spent: Spent::of(&traced, 0.0) };
         done(&finished)?;
         match keeps_film {
-            true if bands == blocks.part => result.film = traced.film,
+            true if place == blocks.part => result.film = traced.film,
             true => blocks.copy(&finished, &mut result.film)?,
             false => {}
         }
-        rest = later;
+        Ok(())
+    };
+    let (mut taken, mut taking_s) = (Ok(()), None);
+    if neighbours(wanted) == wanted.len() && wanted.len() <= groups.at_once(*pace) {
+        groups.trace((tracer, pace), progress, |group| {
+            taken = take(group);
+            taken.is_ok()
+        })?;
+    } else {
+        // What takes a group, and may write it to a disk, does so while the next one is traced.
+        let (waited, ended) = std::thread::scope(|scope| {
+            let (sender, receiver) = sync_channel(0);
+            let groups = &groups;
+            let tracing = scope.spawn(move || {
+                let mut waited = Duration::ZERO;
+                groups.trace((tracer, pace), progress, |group| {
+                    let traced = Instant::now();
+                    let is_taken = sender.send(group).is_ok();
+                    waited += traced.elapsed();
+                    is_taken
+                })?;
+                Ok((waited, Instant::now()))
+            });
+            taken = receiver.into_iter().try_for_each(&mut take);
+            tracing.join().unwrap_or_else(|panic| resume_unwind(panic))
+        })?;
+        taking_s = Some((waited + ended.elapsed()).as_secs_f64());
     }
-    Ok(result)
+    taken?;
+    Ok(RenderResult { taking_s, ..result })
 }
 
 /// How many of the first numbers follow each other without a gap.

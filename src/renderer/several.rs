@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::pack::SceneBuffers;
 use crate::several::{Devices, HandOn, Pace, Pieces, Watcher, share_out};
 use crate::tracer::{Backend, DeviceShare, Finished, Progress};
+use std::time::Duration;
 
 /// Takes blocks that are finished, each once; called by the threads of the devices.
 pub type TakeBlocks<'a> = &'a (dyn Fn(&Finished) -> Result<()> + Sync);
@@ -17,7 +18,14 @@ struct BlocksOf<'a> {
     take: TakeBlocks<'a>,
 }
 
+/// So long takes what a device has of bands at a time, at the most: about what waits for others before it is written.
+const IN_ORDER: Duration = Duration::from_secs(4);
+
 impl Pieces for BlocksOf<'_> {
+    fn most_time(&self) -> Option<Duration> {
+        self.blocks.are_bands().then_some(IN_ORDER)
+    }
+
     fn work(
         &self,
         (tracer, buffers): (&mut dyn Backend, &SceneBuffers),

@@ -274,6 +274,81 @@ impl<'a> RowsInOrder<'a> {
     }
 }
 
+/// A band that is finished.
+pub struct Band {
+    /// Its number.
+    pub number: usize,
+    /// Its pixels, row by row.
+    pub pixels: Vec<[f32; 3]>,
+    /// Whether it is kept, too, so that it can be read where it is.
+    pub is_kept: bool,
+}
+
+/// The most pixels of bands that wait for others in memory, where they are kept, too: 192 MiB.
+pub(super) const MOST_WAITING: usize = 1 << 24;
+
+/// Hands on the rows of bands in their order, whatever the order is in which they are finished: by several devices.
+/// Bands that are finished early wait, in memory or where they are kept.
+pub struct BandsInOrder<'a> {
+    blocks: PictureBlocks,
+    put: PutRows<'a>,
+    /// The band whose rows are next.
+    next: usize,
+    /// Bands that are finished; `None` are kept.
+    waiting: BTreeMap<usize, Option<Vec<[f32; 3]>>>,
+    /// Pixels that wait in memory, and the most that do which are kept, too.
+    waiting_pixels: usize,
+    most: usize,
+}
+
+impl<'a> BandsInOrder<'a> {
+    /// Of a picture of which all bands but the `rest` are kept, and no row was handed on.
+    pub fn new(blocks: &PictureBlocks, rest: &[usize], put: PutRows<'a>) -> Self {
+        let kept = blocks.numbers().into_iter().filter(|number| rest.binary_search(number).is_err());
+        let waiting = kept.map(|number| (number, None)).collect();
+        BandsInOrder { blocks: *blocks, put, next: 0, waiting, waiting_pixels: 0, most: MOST_WAITING }
+    }
+
+    /// Takes a band, and hands on all rows that have no others missing above them.
+    ///
+    /// # Errors
+    /// Those of whatever takes the rows, and of `kept`.
+    pub fn take(&mut self, band: Band, kept: PutKept) -> Result<()> {
+        let count = band.pixels.len();
+        let may_wait = band.number == self.next || !band.is_kept || self.waiting_pixels + count <= self.most;
+        self.waiting_pixels += if may_wait { count } else { 0 };
+        self.waiting.insert(band.number, may_wait.then_some(band.pixels));
+        self.go_on(kept)
+    }
+
+    fn go_on(&mut self, kept: PutKept) -> Result<()> {
+        while let Some(pixels) = self.waiting.remove(&self.next) {
+            let first = self.next;
+            self.next += 1;
+            if let Some(pixels) = pixels {
+                self.waiting_pixels -= pixels.len();
+                (self.put)(&pixels)?;
+                continue;
+            }
+            while let Some(None) = self.waiting.get(&self.next) {
+                self.waiting.remove(&self.next);
+                self.next += 1;
+            }
+            let rows = |number| self.blocks.rows_of_band(number).expect("the picture is cut into bands");
+            kept(&(rows(first).start..rows(self.next - 1).end), self.put)?;
+        }
+        Ok(())
+    }
+
+    /// Hands on what is left, all of which is kept.
+    ///
+    /// # Errors
+    /// As [`BandsInOrder::take`].
+    pub fn finish(mut self, kept: PutKept) -> Result<()> {
+        self.go_on(kept)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::{Crop, Part, Picture, PictureId, PictureJournal};
@@ -426,6 +501,47 @@ mod tests {
             }
             in_order.finish(&put_kept).unwrap();
             assert!(rows == picture.pixels(), "{:?}", picture.blocks);
+        }
+    }
+
+    #[test]
+    fn bands_come_in_order_whatever_the_order_in_which_they_are_finished() {
+        let mut random = Random::new(5);
+        for picture in pictures().into_iter().filter(|picture| picture.blocks.are_bands()) {
+            // Some are kept by an earlier run; others once they are finished, where there is a journal by then.
+            let (earlier, mut rest): (Vec<usize>, Vec<usize>) =
+                picture.blocks.numbers().into_iter().partition(|number| number % 4 == 1);
+            let wanted = rest.clone();
+            for i in (1..rest.len()).rev() {
+                rest.swap(i, random.below(i + 1));
+            }
+            for (journal_from, most) in [(0, 0), (0, 5000), (rest.len() / 2, 0), (rest.len(), 0)] {
+                let path = picture.journal("a", None, &earlier).path().to_owned();
+                let nobody = &mut |_: &PictureBlocks, _: &super::super::KeptBlock| Ok(());
+                let (journal, _) = PictureJournal::open(&path, &picture.id, None, &picture.blocks, nobody).unwrap();
+                let (journal, mut rows) = (std::cell::RefCell::new(journal), Vec::new());
+                let mut put = |more: &[[f32; 3]]| {
+                    rows.extend_from_slice(more);
+                    Ok(())
+                };
+                let mut in_order = BandsInOrder { most, ..BandsInOrder::new(&picture.blocks, &wanted, &mut put) };
+                let put_kept = |rows: &Range<usize>, put: PutRows| journal.borrow().rows().put(rows, put);
+                for (i, &number) in rest.iter().enumerate() {
+                    let (one, is_kept) = ([number], i >= journal_from);
+                    let finished = picture.finished(&one);
+                    if is_kept {
+                        journal.borrow_mut().append(&finished).unwrap();
+                    }
+                    let pixels = picture.blocks.gather(number, &finished.film).into_owned();
+                    in_order.take(Band { number, pixels, is_kept }, &put_kept).unwrap();
+                    let pixels: usize = in_order.waiting.values().flatten().map(Vec::len).sum();
+                    assert_eq!(pixels, in_order.waiting_pixels);
+                    assert!(journal_from > 0 || pixels <= most, "{pixels} of {most}");
+                }
+                in_order.finish(&put_kept).unwrap();
+                assert!(rows == picture.pixels(), "{journal_from}, {most}: {:?}", picture.blocks);
+                std::fs::remove_file(&path).unwrap();
+            }
         }
     }
 }

@@ -23,6 +23,8 @@ pub(super) struct State {
     /// Pieces a second of each device, where that is known, and how many it took last.
     rates: Vec<Option<f64>>,
     last: Vec<usize>,
+    /// How many seconds a device may take for what it has at a time.
+    most_time: f64,
     /// Devices that have not failed.
     alive: usize,
     /// Whether any device was ready to work.
@@ -57,8 +59,13 @@ const GROWTH: usize = 4;
 const HELPS_FROM: f64 = 1.5;
 
 impl Queue {
-    /// Of units for so many devices; with `has_last_resort` one more works where all of these have failed.
-    pub fn new(units: Vec<Vec<usize>>, devices: usize, has_last_resort: bool) -> Queue {
+    /// Of units for so many devices, each of which may take so long for what it has at a time; with `has_last_resort` one
+    /// more works where all of these have failed.
+    pub fn new(
+        (units, most_time): (Vec<Vec<usize>>, Option<Duration>),
+        devices: usize,
+        has_last_resort: bool,
+    ) -> Queue {
         let workers = devices + usize::from(has_last_resort);
         let state = State {
             all: units.iter().map(Vec::len).sum(),
@@ -67,6 +74,7 @@ impl Queue {
             flights: (0..workers).map(|_| None).collect(),
             rates: vec![None; workers],
             last: vec![0; workers],
+            most_time: most_time.map_or(f64::INFINITY, |time| time.as_secs_f64()),
             alive: devices,
             was_ready: false,
             was_lost: false,
@@ -183,7 +191,8 @@ impl State {
         let fair = rate * (PART_OF_REST * all_s).max(LEAST_TIME);
         // Few pieces at a time keep no device busy, so that its rate is no measure: more of them show what it can do.
         let more = (GROWTH * self.last[worker]) as f64;
-        if more <= rate * all_s { fair.max(more) } else { fair }
+        let wanted = if more <= rate * all_s { fair.max(more) } else { fair };
+        wanted.min(rate * self.most_time)
     }
 
     /// What a slower device has not finished, from its end on.
@@ -213,7 +222,11 @@ mod tests {
     use crate::error::Result;
 
     fn queue(units: usize, workers: usize) -> Queue {
-        Queue::new((0..units).map(|unit| vec![unit]).collect(), workers, false)
+        within(units, workers, None)
+    }
+
+    fn within(units: usize, workers: usize, most_time: Option<Duration>) -> Queue {
+        Queue::new(((0..units).map(|unit| vec![unit]).collect(), most_time), workers, false)
     }
 
     /// As if the device had finished these.
@@ -244,6 +257,16 @@ mod tests {
         let [fast, slow] = [take(&queue, 0).len(), take(&queue, 1).len()];
         assert!((395..=402).contains(&fast), "{fast}: four fifths of half of the rest");
         assert!((55..=65).contains(&slow), "{slow}: a fifth of half of what was left then");
+    }
+
+    #[test]
+    fn where_order_matters_nobody_takes_what_lasts_long() {
+        let queue = within(1000, 2, Some(Duration::from_secs(2)));
+        assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![0], vec![1]]);
+        finish(&queue, &[0, 1]);
+        queue.leave(0, 1, Duration::from_millis(10));
+        queue.leave(1, 1, Duration::from_millis(40));
+        assert_eq!([take(&queue, 0).len(), take(&queue, 1).len()], [200, 50], "two seconds' work each");
     }
 
     #[test]
@@ -284,7 +307,7 @@ mod tests {
 
     #[test]
     fn the_last_resort_takes_what_devices_leave_that_were_ready() {
-        let with_last_resort = || Queue::new(vec![vec![0], vec![1]], 1, true);
+        let with_last_resort = || Queue::new((vec![vec![0], vec![1]], None), 1, true);
         let queue = with_last_resort();
         queue.lock().was_ready = true;
         assert_eq!(take(&queue, 0), [0]);
@@ -296,7 +319,7 @@ mod tests {
         // In whatever order: one is lost, and another cannot begin.
         let no_device = || Error::NoDevice("b".to_owned());
         for is_lost_first in [true, false] {
-            let queue = Queue::new(vec![vec![0], vec![1]], 2, true);
+            let queue = Queue::new((vec![vec![0], vec![1]], None), 2, true);
             queue.lock().was_ready = true;
             if is_lost_first {
                 queue.lose(0, "a", lost("a"), &Nobody);

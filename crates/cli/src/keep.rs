@@ -13,8 +13,8 @@ use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
-    KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, RowsInOrder, is_large, read_kept,
-    render_blocks, render_by_several,
+    Band, BandsInOrder, KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, RowsInOrder, is_large,
+    read_kept, render_blocks, render_by_several,
 };
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::Samples;
@@ -23,8 +23,10 @@ use raybrook::low_level::tracer::{DeviceShare, Finished, LostDevice, RenderResul
 use raybrook::{Error, Result};
 use std::ffi::OsString;
 use std::ops::Range;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 /// What takes less time is not kept.
@@ -48,8 +50,8 @@ pub struct KeepArgs {
     ///
     /// auto: where a picture or a batch of rays takes more than two seconds. The file is removed when the output is
     /// written. Where work is counted, rays are traced again and again for timing, or --layers tells of samples or
-    /// their error, nothing is kept. A picture of more than 44 million pixels by its --error, or by several devices, is
-    /// kept from the first block on, in place of memory.
+    /// their error, nothing is kept. A picture of more than 44 million pixels by its --error is kept from the first
+    /// block on, in place of memory.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
     pub keep: Keep,
     /// Begin anew, and remove what is kept of an earlier run.
@@ -71,9 +73,8 @@ pub enum Canvas {
 impl KeepArgs {
     /// Where the pixels of a picture go of which so much is written. A large one is not kept in memory if there is
     /// another place for it.
-    pub fn canvas(&self, size: (u32, u32), samples: Samples, is_by_several: bool) -> Canvas {
-        let is_strewn = matches!(samples, Samples::Error(_));
-        match (is_strewn || is_by_several, is_large(size)) {
+    pub fn canvas(&self, size: (u32, u32), samples: Samples) -> Canvas {
+        match (matches!(samples, Samples::Error(_)), is_large(size)) {
             (false, _) => Canvas::Rows,
             (true, true) if self.keep != Keep::Never => Canvas::Journal,
             _ => Canvas::Film,
@@ -237,8 +238,8 @@ impl<'a> Keeper<'a> {
         Ok(())
     }
 
-    /// Takes note of blocks that are finished.
-    fn take(&self, finished: &Finished) -> Result<()> {
+    /// Takes note of blocks that are finished. Returns whether they are kept.
+    fn take(&self, finished: &Finished) -> Result<bool> {
         self.display.iter().for_each(|display| display.show(&self.blocks, finished));
         let mut done = self.log.lock();
         done.more.spent.add(&finished.spent);
@@ -247,7 +248,8 @@ impl<'a> Keeper<'a> {
             self.blocks.copy(finished, film)?;
         }
         let is_worth_it = |done, of| self.keep.is_worth_it(self.start, done, of);
-        done.take(finished.blocks.len(), is_worth_it, || self.new_journal(), |journal| journal.append(finished))
+        done.take(finished.blocks.len(), is_worth_it, || self.new_journal(), |journal| journal.append(finished))?;
+        Ok(done.journal.is_some())
     }
 
     /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs; its film has no pixels
@@ -314,23 +316,69 @@ impl<'a> Keeper<'a> {
     /// As [`Keeper::render`], by several devices; tells, too, what each did, and which failed.
     ///
     /// # Errors
-    /// As [`render_by_several`], and where the journal cannot be made or written.
+    /// As [`render_by_several`], and where the journal cannot be made or written; and those of `rows`.
     pub fn render_by(
         &mut self,
         devices: Devices,
-        picture: &Picture,
+        (picture, rows): (&Picture, Option<PutRows>),
         (loss, talk): (LossArgs, Talk),
     ) -> Result<(RenderResult, Vec<DeviceShare>, Vec<LostDevice>)> {
         self.start = Instant::now();
         let work = (self.rays(picture), "M camera rays");
         let watching = Watching::new(Bar::new("render", talk), work, loss, talk);
-        let take = |finished: &Finished| {
-            self.take(finished)?;
-            if self.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
+        let this = &*self;
+        let wanted = (&this.blocks, &this.rest[..]);
+        let render = |send: &(dyn Fn(&Finished, bool) -> Result<()> + Sync)| {
+            let take = |finished: &Finished| {
+                let is_kept = this.take(finished)?;
+                send(finished, is_kept)?;
+                if this.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
+            };
+            render_by_several(devices, picture, wanted, &take, &watching)
         };
-        let shares = render_by_several(devices, picture, (&self.blocks, &self.rest), &take, &watching)?;
+        let (shares, taking_s) = match rows {
+            Some(put) if wanted.0.are_bands() => {
+                let (shares, taking_s) = this.put_bands(put, render)?;
+                (shares, Some(taking_s))
+            }
+            Some(put) => {
+                let shares = render(&|_, _| Ok(()))?;
+                this.put_all(put, talk)?;
+                (shares, None)
+            }
+            None => (render(&|_, _| Ok(()))?, None),
+        };
         let film = self.log.lock().more.film.take().unwrap_or_else(|| self.blocks.empty_film());
-        Ok((self.with_all(RenderResult::of_film(film)), shares, watching.into_lost()))
+        let result = self.with_all(RenderResult { taking_s, ..RenderResult::of_film(film) });
+        Ok((result, shares, watching.into_lost()))
+    }
+
+    /// Hands on the rows of bands that several devices finish, while they trace others. Returns, too, for how many
+    /// seconds that went on when all were finished.
+    fn put_bands<T: Send>(
+        &self,
+        put: PutRows,
+        render: impl FnOnce(&(dyn Fn(&Finished, bool) -> Result<()> + Sync)) -> Result<T> + Send,
+    ) -> Result<(T, f64)> {
+        let kept = |rows: &Range<usize>, put: PutRows| self.put_kept(rows, put);
+        let mut rows = BandsInOrder::new(&self.blocks, &self.rest, put);
+        let mut written = Ok(());
+        let rendered = std::thread::scope(|scope| {
+            let (sender, receiver) = sync_channel(1);
+            let send = move |finished: &Finished, is_kept: bool| {
+                let pixels = |number| self.blocks.gather(number, &finished.film).into_owned();
+                let bands = finished.blocks.iter().map(|&number| Band { number, pixels: pixels(number), is_kept });
+                // Nobody takes them any more where rows cannot be written.
+                sender.send(bands.collect::<Vec<Band>>()).map_err(|_| Error::Stopped)
+            };
+            let rendering = scope.spawn(move || Ok((render(&send)?, Instant::now())));
+            written = receiver.into_iter().flatten().try_for_each(|band| rows.take(band, &kept));
+            rendering.join().unwrap_or_else(|panic| resume_unwind(panic))
+        });
+        written?;
+        let (rendered, end) = rendered?;
+        rows.finish(&kept)?;
+        Ok((rendered, end.elapsed().as_secs_f64()))
     }
 
     /// What earlier runs of the program took, which is in the results of [`Keeper::render`].
@@ -404,17 +452,15 @@ mod tests {
 
     #[test]
     fn large_pictures_are_not_kept_in_memory_where_there_is_another_place() {
-        let canvas =
-            |keep, size, samples, is_by_several| KeepArgs { keep, restart: false }.canvas(size, samples, is_by_several);
+        let canvas = |keep, size, samples| KeepArgs { keep, restart: false }.canvas(size, samples);
         let (large, small) = ((65535, 65535), (7680, 4320));
         let (fixed, by_error) = (Samples::PerPixel(1), Samples::Error(1.0));
         for keep in [Keep::Auto, Keep::Always, Keep::Never] {
-            assert_eq!(canvas(keep, small, fixed, false), Canvas::Rows);
-            assert_eq!(canvas(keep, small, by_error, true), Canvas::Film);
-            assert_eq!(canvas(keep, large, fixed, false), Canvas::Rows);
+            assert_eq!(canvas(keep, small, fixed), Canvas::Rows);
+            assert_eq!(canvas(keep, small, by_error), Canvas::Film);
+            assert_eq!(canvas(keep, large, fixed), Canvas::Rows);
             let kept = if keep == Keep::Never { Canvas::Film } else { Canvas::Journal };
-            assert_eq!(canvas(keep, large, fixed, true), kept);
-            assert_eq!(canvas(keep, large, by_error, false), kept);
+            assert_eq!(canvas(keep, large, by_error), kept);
         }
     }
 }

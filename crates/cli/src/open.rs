@@ -161,11 +161,11 @@ pub fn check_picture_by_rows(
     (size, crop): ((u32, u32), Option<Crop>),
     samples: Samples,
     options: &TraceOptions,
-    device: Option<&DeviceHandle>,
+    devices: (Option<&DeviceHandle>, usize),
     format: Option<ImageFormat>,
     budget: &MemoryBudget,
 ) -> Result<()> {
-    check_bytes(size, picture_bytes_by_rows((size, crop), samples, options, device, format), budget)
+    check_bytes(size, picture_bytes_by_rows((size, crop), samples, options, devices, format), budget)
 }
 
 fn check_bytes(size: (u32, u32), bytes: u64, budget: &MemoryBudget) -> Result<()> {

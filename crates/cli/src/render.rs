@@ -128,13 +128,13 @@ impl RenderArgs {
     }
 
     /// Where the pixels of a picture go.
-    fn canvas(&self, (size, samples): ((u32, u32), Samples), part: Option<Part>, is_by_several: bool) -> Canvas {
+    fn canvas(&self, (size, samples): ((u32, u32), Samples), part: Option<Part>) -> Canvas {
         let size = self.crop.map_or(size, |crop| crop.size);
         match part {
             Some(_) => Canvas::Journal,
             // What is told of all pixels beside their light is in memory, too.
             None if !self.is_kept() || self.layers.any() || self.measure_error => Canvas::Film,
-            None => self.keep.canvas(size, samples, is_by_several),
+            None => self.keep.canvas(size, samples),
         }
     }
 }
@@ -251,14 +251,15 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     let device_s = opening.elapsed().as_secs_f64();
     let budget = args.scene.memory.budget();
     let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
-    let canvas = |size, samples| args.canvas((size, samples), part, devices.len() > 1);
+    let canvas = |size, samples| args.canvas((size, samples), part);
     let check_picture = |size, samples| {
         args.crop.map_or(Ok(()), |crop| crop.check(size))?;
         // A picture whose time may be up has a coarse one beside it.
         let has_coarse = limit.is_set() && part.is_none();
         if canvas(size, samples) != Canvas::Film && !has_coarse {
             let (of, format) = ((size, args.crop), part.is_none().then_some(format));
-            return open::check_picture_by_rows(of, samples, &options, device.as_ref(), format, &budget);
+            let devices = (device.as_ref(), devices.len());
+            return open::check_picture_by_rows(of, samples, &options, devices, format, &budget);
         }
         let layer_bytes = args.layers.bytes(args.crop.map_or(size, |crop| crop.size));
         let size = rendered_size(size, samples);
@@ -303,8 +304,7 @@ pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
         Some(keeper) if devices.len() > 1 => {
             let built = Built::new(&loaded, (&devices, &chosen), &budget)?;
             let by = built.devices(&args.device, (Task::Picture, picture.depth), args.loss)?;
-            let (result, shares, lost) = keeper.render_by(by, &picture, (args.loss, talk))?;
-            rows.map_or(Ok(()), |put| keeper.put_all(put, talk))?;
+            let (result, shares, lost) = keeper.render_by(by, (&picture, rows), (args.loss, talk))?;
             Ok((result, built.stats(shares, lost)))
         }
         keeper => {
