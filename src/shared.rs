@@ -56,7 +56,7 @@ device_const! {
     pub const INSTANCE_TO_OBJECT: u32 = 3;
     /// The one with how far differences of tracing space reach in the object.
     pub const INSTANCE_REACH: u32 = 6;
-    /// The one with what the pads of its boxes need whatever the ray.
+    /// The one with the padding of its boxes whatever the ray.
     pub const INSTANCE_BLUR: u32 = 7;
     /// The first with the transform of normals.
     pub const INSTANCE_NORMALS: u32 = 8;

@@ -121,8 +121,8 @@ void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit
     trace_together(GEOMETRY, rays, hits, &tile, (1u << packets) - 1u, any_hit, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
         const int16 here = k < packets ? answered[k] : (int16)(0);
-        for (ulong alone = ALL_LANES16 & ~lanes_where16(here); alone != 0ul; alone = other_lanes8(alone)) {
-            const uint lane = first_lane16(alone), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
+        for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
+            const uint lane = first_lane16(single), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
             if (item + 16u * k + lane >= end) continue;
             Hit hit;
             if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit))

@@ -20,7 +20,7 @@
 #define INSTANCE_TO_WORLD 0u // The first of these with the transform to the world
 #define INSTANCE_TO_OBJECT 3u // The first with the transform from tracing space
 #define INSTANCE_REACH 6u // The one with how far differences of tracing space reach in the object
-#define INSTANCE_BLUR 7u // The one with what the pads of its boxes need whatever the ray
+#define INSTANCE_BLUR 7u // The one with the padding of its boxes whatever the ray
 #define INSTANCE_NORMALS 8u // The first with the transform of normals
 #define NO_MATERIAL 4294967295u // The material of an instance whose triangles have their own
 
@@ -71,11 +71,11 @@
 // Boxes: `cl/shared/slab.cl`, those of objects behind its `INSTANCES`.
 #define LEAST_SLAB_DIRECTION 0x1p-26f // The least component of a direction in slab tests
 #define ORIGIN_ERROR 0x1p-22f // What slab tests are off by for a start far from 0, in units of its largest coordinate
-#define LEAST_PAD 0x1p-120f // A pad at least this thick stays in float32's range
+#define LEAST_PADDING 0x1p-120f // A padding at least this thick stays in float32's range
 #define FARTHEST_START 0x1p64f // From a start this far away a ray meets every box
 #define TRANSFORM_ERROR 0x1p-21f // What slab tests in an object are off by for a start far from 0 in the scene, in units of its largest coordinate
 #define OBJECT_ORIGIN_ERROR 0x1.8p-21f // The same for a start far from 0 in the object
-#define THICKEST 0x1p126f // With thicker pads a ray meets every box of an object
+#define THICKEST 0x1p126f // With a thicker padding a ray meets every box of an object
 
 // Distances of points: `cl/kernels/closest_point.cl`.
 #define DISTANCE_ERROR 0x1p-19f // What bounds of a triangle's distance are off by, in units of the distance of its farthest corner

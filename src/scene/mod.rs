@@ -42,7 +42,7 @@ mod unused;
 mod upright;
 mod words;
 
-pub use aim::{Aim, Origin, Placed, Viewpoint};
+pub use aim::{Aim, AimSource, Placed, Viewpoint};
 pub use area::{PROJECTIONS, projected_area};
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::{Camera, WideCamera};

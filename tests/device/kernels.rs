@@ -82,7 +82,7 @@ fn place(random: &mut Random) -> f32 {
 
 const MAKE_RAY: &str = "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);";
 
-const SLABS: &str = "make_slabs, slabs_without_pads, clip_to_pair";
+const SLABS: &str = "make_slabs, slabs_without_padding, clip_to_pair";
 
 const CASES: &[Case] = &[
     Case {
@@ -119,7 +119,7 @@ const CASES: &[Case] = &[
                out[13] = is_padding_enough(&ray, low, high, 0.0f, in[11]) ? 1.0f : 0.0f;\
                for (uint i = 14; i < 18u; i++) out[i] = 0.0f;\
                if (!is_padding_enough(&ray, low, high, 0.0f, 1000.0f)) return;\
-               const Slabs plain = slabs_without_pads(&ray); const PairSlabs plain_pair = make_pair_slabs(&plain);\
+               const Slabs plain = slabs_without_padding(&ray); const PairSlabs plain_pair = make_pair_slabs(&plain);\
                const float4 t = clip_to_pair(&plain_pair, fabs(ray.t_near), ray.t_far, true, xy0, xy1, zz);\
                if (t.x <= -t.y) vstore2(t.xy, 0, out + 14); if (t.z <= -t.w) vstore2(t.zw, 0, out + 16);",
         inputs: 14,
@@ -134,7 +134,7 @@ const CASES: &[Case] = &[
             let t = PairSlabs::new(&slabs).clip([ray.t_near, ray.t_far], xy0, xy1, zz);
             let mut plain = [0.0; 4];
             if is_padding_enough(&ray, low, high, 0.0, 1000.0) {
-                let t = PairSlabs::new(&Slabs::without_pads(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
+                let t = PairSlabs::new(&Slabs::without_padding(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
                 for i in [0, 2].into_iter().filter(|&i| t[i] <= -t[i + 1]) {
                     plain[i..i + 2].copy_from_slice(&t[i..i + 2]);
                 }
