@@ -94,6 +94,8 @@ device_const! {
     pub const PACKETS_OF_ITEM: u32 = 4;
     /// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.
     pub const TILE_SIDE: u32 = 8;
+    /// Pixels of a tile.
+    pub const TILE_PIXELS: u32 = TILE_SIDE * TILE_SIDE;
     /// How many ray counters there are.
     pub const COUNTERS: usize = 8;
     /// The ray counters exist this many times on a device, so that work-items seldom meet at one.

@@ -116,7 +116,7 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
                           float denominator_bound, float* rounded) {
     if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
     const double relative = (double)denominator_bound / fabs(denominator.x);
-    if (!(relative < 0x1p-10)) return false;
+    if (!(relative < MOST_DET_ERROR)) return false;
     const DoubleDouble quotient = dd_divide(numerator, denominator);
     const double error =
         1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + (double)numerator_bound / fabs(denominator.x));

@@ -38,6 +38,7 @@
 // Pictures and batches: how they are divided, counted and limited.
 #define PACKETS_OF_ITEM 4u // How many packets of sixteen rays, of a batch or of the camera, a work-item traces together
 #define TILE_SIDE 8u // Side of the square tile of pixels that neighbouring work-items render: their rays run close together
+#define TILE_PIXELS 64u // Pixels of a tile
 #define COUNTERS 8u // How many ray counters there are
 #define COUNTER_SLOTS 256u // The ray counters exist this many times on a device, so that work-items seldom meet at one
 #define TAKEN_TILES 2048u // Where behind the ray counters there is how many tiles of a launch are taken
@@ -133,30 +134,38 @@
 #define SPREAD_ERROR 0x1.8cccccp1f // What the error of edge functions makes of t, times the triangle's extent in depth
 #define DEPTH_ERROR 0x1.ap-20f // What t is off by beside that, times the largest depth
 #define LEAST_DEPTH 0x1p-64f // What underflows of it
-#define DOUBLE_EPSILON 0x1p-53f // The relative error of one operation of double
-#define DOUBLE_PRECISION 0x1p53f // Its inverse
-#define PAIR_EPSILON 0x1p-44f // The relative error of one operation of pairs of floats
-#define PAIR_PRECISION 0x1p44f // Its inverse
-#define EXTENDED_ROUNDINGS 0x1.4p3f // Errors of T, D, U and V, in units of EXTENDED_EPSILON
-#define EXTENDED_ROUNDINGS_W 0x1.cp3f // Those of W
-#define LEAST_START 0x1p-145f // What no float is small enough for of a start's second part, in units of EXTENDED_EPSILON
-#define START_SHARE 0x1.99999ap-2f // The second part's error of 4 EPSILON, in units of that of T
+#define DOUBLE_EPSILON 0x1p-53f // With double: the relative error of one operation
+#define DOUBLE_ERROR 0x1.4p-50f // Errors of T, D, U and V
+#define DOUBLE_ERROR_W 0x1.cp-50f // Those of W
+#define DOUBLE_START_ERROR 0x1.99999ap27f // The error of a start's second part, in units of that of T
+#define DOUBLE_LEAST_FROM 0x1p-92f // What no float is small enough for of it, in units of the relative error
+#define PAIR_EPSILON 0x1p-44f // The same five with pairs of floats: the relative error of one operation
+#define PAIR_ERROR 0x1.4p-41f // Errors of T, D, U and V
+#define PAIR_ERROR_W 0x1.cp-41f // Those of W
+#define PAIR_START_ERROR 0x1.99999ap18f // The error of a start's second part
+#define PAIR_LEAST_FROM 0x1p-101f // What no float is small enough for of it
 #define LEAST_MAGNITUDE 0x1p-80f // Below this a product of floats may have underflowed
+#define MOST_DET_ERROR 0x1p-10f // A denominator that is off by more, relative to itself, tells no quotient
+#define QUOTIENT_MARGIN 0x1.028f5cp0f // The first order of a quotient's error, times this, is more than all of it
 
 // The last step of the exact test: `cl/intersect/exact_integers.cl`.
 #define INFINITE_SIGNIFICAND 33554431u // Numbers from this times a power of two on have no nearest float: FLT_MAX and half of its last bit
 #define INFINITE_EXPONENT 103 // The power's exponent
+#define QUOTIENT_BITS 34 // Bits of a quotient beside those of its positions and directions
+#define COMPARISON_BITS 40 // The same of a comparison of two t
 
 // The triangle test of the thesis: `cl/intersect/thesis.cl`.
 #define THESIS_EPSILON 0x1.0c6f7ap-20f // Below this the test takes determinants and distances, in world units, for zero
 
-// Shading: `cl/shade/normal.cl`, `light.cl`, `footprint.cl` and `texture.cl`.
+// Shading: `cl/shade/normal.cl`, `light.cl`, `footprint.cl`, `texture.cl` and `roulette.cl`.
 #define LARGEST_NORMAL_NOISE 0x1p-21f // Where all components of an interpolated normal are smaller than this, none needs to have the right sign
 #define TOON_HIGHLIGHT 0x1p-1f // The strength from which on a smooth highlight is one of a cartoon
 #define LEAST_CONE_COSINE 0x1p-7f // What the cosine between a cone and a surface counts as at least
 #define MORE_TEXELS 0x1p31f // More texels than any texture has on a side
+#define ROULETTE_UNITS 0x1p24f // What 1 is in units of the random numbers of Russian roulette
 
 // Procedural textures: `cl/shade/procedural.cl`.
+#define CELL_LIMIT 0x1p31f // From here on a coordinate is in no cell of its own: no int could number it
 #define HASH_X 2654435761u // Of a cell's hash: the factor of x
 #define HASH_Y 2246822519u // That of y
 #define HASH_Z 3266489917u // That of z
