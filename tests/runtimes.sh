@@ -21,7 +21,7 @@
 #                   zeros (u, v of --intersector plucker; exact and watertight kept all bits). Whole traces with --intersector
 #                   exact return hits that no triangle has, t = u = v = 0 (test the_closest_hit_is_the_exact_one; Mesa warns "Treating
 #                   load_kernel_arg in control flow as uniform, results may be incorrect"), and compile for minutes: refused on
-#                   llvmpipe (src/device/tracer.rs). Its compiler crashes on the mega-kernel. --kernels split --intersector
+#                   llvmpipe (src/device/tracer.rs). Its compiler crashes on the mega-kernel. --kernels wavefront --intersector
 #                   watertight rendered the reference's picture. So only functions are tested.
 #   Oclgrind 21.10  Loses kernels that are launched from several threads, so one test at a time. Ignores #line. Crashes on some vector code with
 #                   OCLGRIND_UNINITIALIZED.

@@ -419,7 +419,7 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
 fn files_broken_at_random_end_in_documented_codes() {
     let script = crate::common::root().join("tests/faults/mutate.py");
     if !Command::new("python3").arg("--version").output().is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: there is no python3");
+        crate::common::skip("there is no python3");
         return;
     }
     let output = Command::new("python3")
