@@ -136,7 +136,10 @@ fn comment_above(indent: &str, comment: &str) -> String {
 
 /// Defines a struct that host and kernels share. See the [module](self).
 macro_rules! device_struct {
-    ($(#[doc = $doc:literal])+ pub struct $name:ident { $($(#[doc = $field_doc:literal])+ pub $field:ident: $kind:ty,)+ }) => {
+    (
+        $(#[doc = $doc:literal])+
+        pub struct $name:ident { $($(#[doc = $field_doc:literal])+ pub $field:ident: $kind:ty,)+ }
+    ) => {
         $(#[doc = $doc])+
         #[repr(C)]
         #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]

@@ -171,7 +171,8 @@ ExtendedInverse invert_det(const ExtendedNumbers* n) {
 // Whether numerator / D, the numerator off by no more than the bound, surely rounds to the float *rounded.
 bool rounds_surely(Extended numerator, float bound, const ExtendedInverse* det, float* rounded) {
     const Extended quotient = extended_multiply(numerator, det->inverse);
-    // QUOTIENT_MARGIN: what is left out here of the quotient of two sums; 8: roundings of inverse, product and comparison.
+    // QUOTIENT_MARGIN: what is left out here of the quotient of two sums; 8: roundings of inverse, product and
+    // comparison.
     const float error = fma(QUOTIENT_MARGIN * bound, fabs(extended_to_float(det->inverse)),
                             fabs(extended_to_float(quotient)) *
                                 fma(QUOTIENT_MARGIN, det->det_error, 8.0f * EXTENDED_EPSILON));

@@ -113,8 +113,8 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
 
 // The rays of one work-item, those of the tile from `item` on, of items before `end`. What packets do not answer is
 // traced one ray after the other.
-void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, volatile __global uint* deferred,
-                uint row, uint in_bands, uint item, uint end, const bool any_hit) {
+void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits,
+                volatile __global uint* deferred, uint row, uint in_bands, uint item, uint end, const bool any_hit) {
     const RayTile tile = tile_at(item, row, in_bands);
     const uint packets = min((end - item) / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];

@@ -11,7 +11,8 @@
 //! 3-5   rows from tracing space to the object
 //! 6     reach: |object| <= reach |tracing space| for differences, on each axis; w: number of the object's root
 //! 7     blur: the padding of its boxes whatever the ray; w: the material, or NO_MATERIAL for the triangles' own
-//! 8-10  rows of the transform of normals; w: first primitive, how many, and what takes a primitive to its place in the arrays
+//! 8-10  rows of the transform of normals; w: first primitive, how many, and what takes a primitive to its place in the
+//!       arrays
 //! ```
 //!
 //! An instance that cannot be shared gets triangles of its own, placed beforehand: one whose inverse is not sure to a

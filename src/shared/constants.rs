@@ -147,7 +147,8 @@ device_const! {
     pub const QUOTIENT_MARGIN: f32 = 1.01;
 }
 
-/// Errors of T, D, U and V, in units of the relative error of one operation; `cl/intersect/exact_filter.cl` counts them.
+/// Errors of T, D, U and V, in units of the relative error of one operation; `cl/intersect/exact_filter.cl` counts
+/// them.
 const EXTENDED_ROUNDINGS: f32 = 10.0;
 /// Those of W.
 const EXTENDED_ROUNDINGS_W: f32 = 14.0;

@@ -38,8 +38,8 @@ pub fn device() -> Option<DeviceHandle> {
     DEVICE.get_or_init(open).as_ref().map(|(device, _)| device.clone())
 }
 
-/// The same device with kernels that its compiler does not optimise (OpenCL 1.2, section 5.6.4.4): PoCL compiles them in
-/// little more than half of the time, and they must not differ in a bit. For tests that compile one kernel after the
+/// The same device with kernels that its compiler does not optimise (OpenCL 1.2, section 5.6.4.4): PoCL compiles them
+/// in little more than half of the time, and they must not differ in a bit. For tests that compile one kernel after the
 /// other, beside some that are optimised.
 pub fn unoptimised(device: &DeviceHandle) -> DeviceHandle {
     device.clone().with_compiler_options("-cl-opt-disable").unwrap()

@@ -131,7 +131,8 @@ fn build_checked(build: Build, name: &str, triangles: &Triangles, options: &Buil
     let primitives = all(triangles);
     let start = Instant::now();
     let tree = build_kd_tree(build, triangles, &primitives, options);
-    let limit = Duration::from_secs(20); // tens of times what the slowest takes here, not optimised and on a busy machine
+    // Tens of times what the slowest takes here, not optimised and on a busy machine.
+    let limit = Duration::from_secs(20);
     assert!(start.elapsed() < limit, "{build} of '{name}' took {:?}", start.elapsed());
     if let Err(error) = check_tree(&tree, triangles, &primitives, options) {
         panic!("{build} of '{name}': {error}");

@@ -1,5 +1,5 @@
-//! `--kernels wavefront` against the mega-kernel and the twin: the same bits in every pixel and the same rays, whatever the
-//! scene, the number of paths in flight, the memory and who evaluates the textures.
+//! `--kernels wavefront` against the mega-kernel and the twin: the same bits in every pixel and the same rays, whatever
+//! the scene, the number of paths in flight, the memory and who evaluates the textures.
 
 use crate::common::{Random, SEED, device};
 use glam::Vec3;

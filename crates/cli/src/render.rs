@@ -65,7 +65,13 @@ pub struct RenderArgs {
     /// Every Nth block of the picture, or every Nth area of a large one. `auto` takes I and N from what runs the
     /// program: an array of Slurm jobs (SLURM_ARRAY_TASK_ID), or ranks of Slurm, Open MPI, or PMI. Such a file is a
     /// journal, so that the same command goes on after whatever stopped it.
-    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", conflicts_with_all = ["counters", "layers", "aov", "measure_error", "stats"])]
+    #[arg(
+        long,
+        help_heading = heading::OUTPUT,
+        hide_short_help = true,
+        value_name = "I/N|auto",
+        conflicts_with_all = ["counters", "layers", "aov", "measure_error", "stats"],
+    )]
     part: Option<PartChoice>,
     #[command(flatten)]
     keep: KeepArgs,
@@ -161,8 +167,8 @@ fn render_noting(
 /// Once a picture has this error, every pixel of it has a value that tells what is there: for the time being.
 const COARSE_ERROR: f32 = 8.0;
 
-/// The picture that is rendered before the one that is asked for, where the time for that may not suffice: so many times
-/// coarser that it takes a small part of the rays.
+/// The picture that is rendered before the one that is asked for, where the time for that may not suffice: so many
+/// times coarser that it takes a small part of the rays.
 fn coarse(picture: &Picture) -> Picture {
     const TIMES: f32 = 4.0;
     let error = match picture.samples {
@@ -210,8 +216,8 @@ fn write_so_far(
     if !talk.quiet {
         let error = so_far.adaptive.map_or(0.0, |adaptive| adaptive.estimated_error);
         tell!(
-            "note: {done} of {of} blocks of '{}' are finished; the others are coarse, with an error of about {error:.1} steps of 8-bit \
-             sRGB",
+            "note: {done} of {of} blocks of '{}' are finished; the others are coarse, with an error of about \
+             {error:.1} steps of 8-bit sRGB",
             output.display()
         );
     }

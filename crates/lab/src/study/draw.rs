@@ -106,12 +106,14 @@ impl Tip {
         let [x, y, width, height] = self.place;
         let text = self.text.replace('&', "&amp;").replace('<', "&lt;");
         format!(
-            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill-opacity=\"0\"><title>{text}</title></rect>\n"
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
+             fill-opacity=\"0\"><title>{text}</title></rect>\n"
         )
     }
 }
 
-/// The same as pixels: width, height, and three bytes each, the top row first; at twice the size, so that text is sharp.
+/// The same as pixels: width, height, and three bytes each, the top row first; at twice the size, so that text is
+/// sharp.
 ///
 /// # Errors
 /// What the plotting crate reports.

@@ -154,8 +154,8 @@ impl<'a> Lab<'a> {
         SceneBuffers::within(scene, options, &self.memory.unwrap_or_else(MemoryBudget::available))
     }
 
-    /// Rounds in which everything is timed by turns. Of five rounds the sign test decides if all agree, of nine if eight
-    /// do.
+    /// Rounds in which everything is timed by turns. Of five rounds the sign test decides if all agree, of nine if
+    /// eight do.
     pub fn rounds(&self) -> usize {
         if self.quick { FEWEST_ROUNDS } else { 9 }
     }

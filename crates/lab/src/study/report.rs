@@ -95,7 +95,8 @@ fn details(device: &DeviceHandle) -> String {
         options => format!(", compiled with {options}"),
     };
     format!(
-        "{kind}; {platform_name}, {platform_version}, driver {driver_version}; {compute_units} compute units, {clock_mhz} MHz{options}"
+        "{kind}; {platform_name}, {platform_version}, driver {driver_version}; {compute_units} compute units, \
+         {clock_mhz} MHz{options}"
     )
 }
 

@@ -154,8 +154,8 @@ impl Lab<'_> {
     }
 
     /// Renders pictures of a scene by turns with all `variants`, and tells of each what it took, how many pixels
-    /// of a small one differ from the reference's (where samples are few), and how far it is from the picture of `converged` samples
-    /// and depth, if that is given.
+    /// of a small one differ from the reference's (where samples are few), and how far it is from the picture of
+    /// `converged` samples and depth, if that is given.
     ///
     /// # Errors
     /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::render`].

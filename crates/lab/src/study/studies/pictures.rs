@@ -70,8 +70,8 @@ pub(super) fn tradeoff_charts(table: &Table, is_quick: bool) -> Vec<Chart> {
         ["flip", "frames_per_s"],
         |chart| {
             chart.log(true, true).caption(format!(
-                "Exact hits. FLIP to a picture of {converged} samples a pixel and chains of {MOST_DEPTH} rays; \"error E\" asks for so many 8-bit steps. \
-                 Pictures a second are by the wall clock. Left and high is better."
+                "Exact hits. FLIP to a picture of {converged} samples a pixel and chains of {MOST_DEPTH} rays; \"error \
+                 E\" asks for so many 8-bit steps. Pictures a second are by the wall clock. Left and high is better."
             ))
         },
     )
@@ -80,8 +80,8 @@ pub(super) fn tradeoff_charts(table: &Table, is_quick: bool) -> Vec<Chart> {
 pub const KERNELS: Study = Study {
     name: "kernels",
     title: "One kernel or several",
-    claim: "Thesis, section 5.2.1: one mega-kernel needs many registers, several kernels need traffic between them; the thesis takes the one. The claim \
-            tested: the mega-kernel is the faster one.",
+    claim: "Thesis, section 5.2.1: one mega-kernel needs many registers, several kernels need traffic between them; \
+            the thesis takes the one. The claim tested: the mega-kernel is the faster one.",
     own_shapes: None,
     source: include_str!("pictures.rs"),
     measure: kernels,
@@ -178,8 +178,8 @@ fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
 pub const TEXTURING: Study = Study {
     name: "texturing",
     title: "Procedural textures",
-    claim: "Thesis, section 5.2.2: evaluating procedural textures inside the kernel is impractical; the host should do it in a pass of its own. The claim \
-            tested: the host pass is the faster one.",
+    claim: "Thesis, section 5.2.2: evaluating procedural textures inside the kernel is impractical; the host should do \
+            it in a pass of its own. The claim tested: the host pass is the faster one.",
     own_shapes: None,
     source: include_str!("pictures.rs"),
     measure: texturing,
@@ -252,9 +252,9 @@ fn judge_texturing(found: &Measured) -> Result<Findings> {
 pub const SUBSAMPLING: Study = Study {
     name: "subsampling",
     title: "Adaptive subsampling",
-    claim: "Thesis, section 2.2.1: a lattice of pixels is traced, others only where neighbours differ, the rest is interpolated; that is tens of percent \
-            faster. The claim tested: a picture by its error (`--error`) takes at most 0.9 of the time of 1, 2, 4 and 8 samples in every pixel, each with \
-            an error that is no larger.",
+    claim: "Thesis, section 2.2.1: a lattice of pixels is traced, others only where neighbours differ, the rest is \
+            interpolated; that is tens of percent faster. The claim tested: a picture by its error (`--error`) takes \
+            at most 0.9 of the time of 1, 2, 4 and 8 samples in every pixel, each with an error that is no larger.",
     own_shapes: None,
     source: include_str!("pictures.rs"),
     measure: subsampling,
@@ -397,7 +397,8 @@ mod tests {
         assert_eq!((untextured.outcome, says), (Outcome::Undecided, true));
     }
 
-    /// As published of the H200: beside one sample a pixel a picture by its error looked good, and eight samples beat it.
+    /// As published of the H200: beside one sample a pixel a picture by its error looked good, and eight samples beat
+    /// it.
     #[test]
     fn pictures_by_their_error_must_beat_every_number_of_samples() {
         let full = |samples: u32, error: f64| {
