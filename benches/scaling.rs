@@ -33,8 +33,8 @@ fn median(mut seconds: Vec<f64>) -> f64 {
 
 fn triangles(most: usize, places: &[Place]) {
     println!(
-        "\n## Triangles\n\nns a ray: camera / shadow / diffuse; how much more of a camera ray for each doubling of the triangles. Builds and \
-         bytes are those of each device in turn.\n"
+        "\n## Triangles\n\nns a ray: camera / shadow / diffuse; how much more of a camera ray for each doubling of the \
+         triangles. Builds and bytes are those of each device in turn.\n"
     );
     println!("| triangles | structure | build s | bytes a triangle | {} |", names(places));
     println!("|--:|---|--:|--:|{}", "--:|".repeat(places.len()));

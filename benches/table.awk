@@ -1,5 +1,5 @@
-# Makes a Markdown table of what `cargo bench` printed: a line for each method, a column for each scene, device and kind of rays, and
-# in it millions of rays (or triangles) a second.
+# Makes a Markdown table of what `cargo bench` printed: a line for each method, a column for each scene, device and kind
+# of rays, and in it millions of rays (or triangles) a second.
 
 BEGIN { millions["elem/s"] = 1e-6; millions["Kelem/s"] = 1e-3; millions["Melem/s"] = 1; millions["Gelem/s"] = 1e3 }
 
@@ -18,7 +18,10 @@ BEGIN { millions["elem/s"] = 1e-6; millions["Kelem/s"] = 1e-3; millions["Melem/s
 
 END {
     head = "| |"; rule = "|---|"
-    for (i = 1; i <= width; i++) { title = columns[i]; gsub("/", " ", title); head = head " " title " |"; rule = rule "--:|" }
+    for (i = 1; i <= width; i++) {
+        title = columns[i]; gsub("/", " ", title)
+        head = head " " title " |"; rule = rule "--:|"
+    }
     print head; print rule
     for (j = 1; j <= lines; j++) {
         line = "| " methods[j] " |"

@@ -1,11 +1,11 @@
 //! Which pixels of a picture are decided about together: those of a block, and of none other.
 //!
-//! A picture is cut into areas, each of which is decided about as if it were a picture, and an area into square patches,
-//! which are dealt out to its blocks: a block has patches from all over its area. Where the first samples lie apart,
-//! what lies between is found by following it from pixel to pixel, which ends at a patch's border: there patches, and
-//! with them blocks, are larger. What is decided about a block depends on the scene, the options and its pixels alone,
-//! and on the first samples beside its patches. So the same pixels come out whoever renders the blocks of a picture,
-//! together or one by one.
+//! A picture is cut into areas, each of which is decided about as if it were a picture, and an area into square
+//! patches, which are dealt out to its blocks: a block has patches from all over its area. Where the first samples lie
+//! apart, what lies between is found by following it from pixel to pixel, which ends at a patch's border: there
+//! patches, and with them blocks, are larger. What is decided about a block depends on the scene, the options and its
+//! pixels alone, and on the first samples beside its patches. So the same pixels come out whoever renders the blocks of
+//! a picture, together or one by one.
 //!
 //! Every block is refined until its own error is small enough. Blocks of pixels that lie together, such as squares,
 //! took 15 to 24 % more rays for it than one picture as a whole (1920 x 1080, error 1: bunny, snowflake, showcase),

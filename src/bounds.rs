@@ -39,15 +39,15 @@ device_const! {
     pub const LEAST_SLAB_DIRECTION: f32 = 1.0 / (1u64 << 26) as f32;
     /// What slab tests are off by for a start far from 0, in units of its largest coordinate.
     pub const ORIGIN_ERROR: f32 = 4.0 * EPSILON;
-    /// A pad at least this thick stays in float32's range.
-    pub const LEAST_PAD: f32 = 1.0 / (1u128 << 120) as f32;
+    /// A padding at least this thick stays in float32's range.
+    pub const LEAST_PADDING: f32 = 1.0 / (1u128 << 120) as f32;
     /// From a start this far away a ray meets every box.
     pub const FARTHEST_START: f32 = (1u128 << 64) as f32;
     /// What slab tests in an object are off by for a start far from 0 in the scene, in units of its largest coordinate.
     pub const TRANSFORM_ERROR: f32 = 8.0 * EPSILON;
     /// The same for a start far from 0 in the object.
     pub const OBJECT_ORIGIN_ERROR: f32 = 12.0 * EPSILON;
-    /// With thicker pads a ray meets every box of an object.
+    /// With a thicker padding a ray meets every box of an object.
     pub const THICKEST: f32 = (1u128 << 126) as f32;
 }
 
@@ -68,21 +68,22 @@ device_const! {
 
 /// Rays that start no farther away than this from any corner of the scene's box, on any axis, in units of the box's
 /// largest side, want no more than the padding of its boxes: those that start in it, and from cameras three times its
-/// size beside it. Others take pads. As much again would make boxes larger by a hundred thousandth of the scene.
+/// size beside it. Others add a padding of their own. As much again would make boxes larger by a hundred thousandth of
+/// the scene.
 const PADDED_DISTANCE: f32 = 4.0;
 
-/// By how much boxes are made larger than what they hold, so that most rays need no pads: the thickness of the pads of
-/// a ray from `PADDED_DISTANCE` away. For boxes within `low..high`.
+/// By how much boxes are made larger than what they hold, so that most rays need no padding of their own: the thickness
+/// of that of a ray from `PADDED_DISTANCE` away. For boxes within `low..high`.
 pub fn padding_of_boxes(low: Vec3, high: Vec3) -> f32 {
     let distance = PADDED_DISTANCE * (high - low).max_element();
     let farthest_origin = low.abs().max(high.abs()).max_element() + distance;
-    let padding = farthest_origin.mul_add(ORIGIN_ERROR, SLACK.mul_add(distance, LEAST_PAD));
+    let padding = farthest_origin.mul_add(ORIGIN_ERROR, SLACK.mul_add(distance, LEAST_PADDING));
     if padding.is_finite() { padding } else { 0.0 }
 }
 
 /// As [`padding_of_boxes`], for boxes and rays within `near_reach` of 0.
 pub fn padding_within(near_reach: f32) -> f32 {
-    near_reach.mul_add(ORIGIN_ERROR, SLACK.mul_add(2.0 * near_reach, LEAST_PAD))
+    near_reach.mul_add(ORIGIN_ERROR, SLACK.mul_add(2.0 * near_reach, LEAST_PADDING))
 }
 
 #[cfg(test)]

@@ -73,8 +73,8 @@ fn exact_ray(origin: Vec3, direction: Vec3) -> IntegerRay {
 /// Rays whose hits are listed at a time.
 const RAYS_AT_A_TIME: usize = 1 << 20;
 
-/// How often each of `count` rays crosses a surface between its limits of t; `ray` tells origin, direction and limits in
-/// world units. The hits of a part of them may take as much memory as `budget` has.
+/// How often each of `count` rays crosses a surface between its limits of t; `ray` tells origin, direction and limits
+/// in world units. The hits of a part of them may take as much memory as `budget` has.
 ///
 /// # Errors
 /// As [`Backend::trace_all`]; [`Error::Option`] when the tracer's hits are not exact.

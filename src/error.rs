@@ -48,7 +48,10 @@ pub enum Error {
     #[error("{0}")]
     NoDevice(String),
     /// An OpenCL call failed.
-    #[error("device '{device}': {call} failed: {code}{}", if hint.is_empty() { String::new() } else { format!(" ({hint})") })]
+    #[error(
+        "device '{device}': {call} failed: {code}{}",
+        if hint.is_empty() { String::new() } else { format!(" ({hint})") }
+    )]
     OpenCl {
         /// The name of the device.
         device: String,
@@ -61,8 +64,8 @@ pub enum Error {
     },
     /// An OpenCL call did not return.
     #[error(
-        "device '{device}': {}{call} did not return in {limit_s} s: the driver hangs; start again, choose another with `device`, or \
-         let RAYBROOK_DRIVER_LIMIT be more seconds where the device is that slow",
+        "device '{device}': {}{call} did not return in {limit_s} s: the driver hangs; start again, choose another with \
+         `device`, or let RAYBROOK_DRIVER_LIMIT be more seconds where the device is that slow",
         failure.as_ref().map(|failure| format!("{failure}; then ")).unwrap_or_default()
     )]
     Hang {

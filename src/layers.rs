@@ -2,8 +2,8 @@
 //!
 //! Most are of the first hit on the ray through the middle of a pixel (of a picture through corners: the pixel's
 //! corner), whatever samples the picture has. These rays are a batch as any other; the hits of an exact tracer are the
-//! same bits on every device, and all else is computed of them on the host (`reference/first_hits.rs`). Two tell how the
-//! pixels were sampled. Whoever asks for no layer pays nothing.
+//! same bits on every device, and all else is computed of them on the host (`reference/first_hits.rs`). Two tell how
+//! the pixels were sampled. Whoever asks for no layer pays nothing.
 //!
 //! Bad at: edges. A mean of depths or numbers of what meets in a pixel would be neither, so that layers have no smooth
 //! ones.

@@ -79,8 +79,8 @@ pub struct Field {
     pub cl_type: &'static str,
     /// Offset on the host, bytes.
     pub offset_bytes: usize,
-    /// First line of its documentation.
-    pub doc: &'static str,
+    /// Lines of its documentation.
+    pub doc: &'static [&'static str],
 }
 
 /// A shared struct, described.
@@ -90,26 +90,56 @@ pub struct StructLayout {
     pub name: &'static str,
     /// Size on the host, bytes.
     pub size_bytes: usize,
-    /// First line of its documentation.
-    pub doc: &'static str,
+    /// Lines of its documentation.
+    pub doc: &'static [&'static str],
     /// Its fields in order.
     pub fields: &'static [Field],
 }
 
 impl StructLayout {
-    /// The struct as an OpenCL C `typedef`.
+    /// The struct as an OpenCL C `typedef`, with the first paragraph of its documentation and all of its fields'.
     pub fn cl_typedef(&self) -> String {
-        let mut text = format!("//{}\ntypedef struct {{\n", self.doc);
+        let paragraph: Vec<_> = self.doc.iter().copied().take_while(|line| !line.is_empty()).collect();
+        let mut text = comment_above("", &paragraph.concat()) + "typedef struct {\n";
         for field in self.fields {
-            text += &format!("    {} {}; //{}\n", field.cl_type, field.name, field.doc);
+            text += &commented(&format!("    {} {};", field.cl_type, field.name), &field.doc.concat());
         }
         text + &format!("}} {};\n", self.name)
     }
 }
 
+/// Columns of the generated files.
+const COLUMNS: usize = 120;
+
+/// A line of code with a comment: behind it, or above it where there is no room.
+fn commented(code: &str, comment: &str) -> String {
+    let line = format!("{code} // {}\n", comment.trim());
+    if line.trim_end().chars().count() <= COLUMNS {
+        return line;
+    }
+    let indent = &code[..code.len() - code.trim_start().len()];
+    format!("{}{code}\n", comment_above(indent, comment))
+}
+
+/// A comment on lines of its own.
+fn comment_above(indent: &str, comment: &str) -> String {
+    let (mut text, mut line) = (String::new(), format!("{indent}//"));
+    for word in comment.split_whitespace() {
+        if line.chars().count() + 1 + word.chars().count() > COLUMNS {
+            text += &format!("{line}\n");
+            line = format!("{indent}//");
+        }
+        line += &format!(" {word}");
+    }
+    text + &line + "\n"
+}
+
 /// Defines a struct that host and kernels share. See the [module](self).
 macro_rules! device_struct {
-    ($(#[doc = $doc:literal])+ pub struct $name:ident { $($(#[doc = $field_doc:literal])+ pub $field:ident: $kind:ty,)+ }) => {
+    (
+        $(#[doc = $doc:literal])+
+        pub struct $name:ident { $($(#[doc = $field_doc:literal])+ pub $field:ident: $kind:ty,)+ }
+    ) => {
         $(#[doc = $doc])+
         #[repr(C)]
         #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
@@ -120,12 +150,12 @@ macro_rules! device_struct {
             pub const LAYOUT: $crate::layout::StructLayout = $crate::layout::StructLayout {
                 name: stringify!($name),
                 size_bytes: std::mem::size_of::<$name>(),
-                doc: [$($doc),+][0],
+                doc: &[$($doc),+],
                 fields: &[$($crate::layout::Field {
                     name: stringify!($field),
                     cl_type: <$kind as $crate::layout::DeviceField>::CL_NAME,
                     offset_bytes: std::mem::offset_of!($name, $field),
-                    doc: [$($field_doc),+][0],
+                    doc: &[$($field_doc),+],
                 }),+],
             };
         }
@@ -200,14 +230,14 @@ pub struct ConstantGroup {
 impl ConstantGroup {
     /// The group as definitions of OpenCL C, each with the first sentence of its documentation.
     pub fn cl_definitions(&self) -> String {
-        let mut text = format!("//{}\n", self.doc.join("\n//"));
+        let mut text = comment_above("", &self.doc.concat());
         for constant in self.constants {
             let doc = constant.doc.concat();
             let sentence = doc.split_once(". ").map_or(doc.trim_end_matches('.'), |(first, _)| first);
             let sentence = sentence.replace("[`", "`").replace("`]", "`");
             let literal = (constant.cl_literal)();
             let literal = if literal.starts_with('-') { format!("({literal})") } else { literal };
-            text += &format!("#define {} {literal} //{sentence}\n", constant.name);
+            text += &commented(&format!("#define {} {literal}", constant.name), &sentence);
         }
         text
     }
@@ -236,7 +266,18 @@ pub(crate) use device_const;
 
 #[cfg(test)]
 mod tests {
-    use super::DeviceValue;
+    use super::{COLUMNS, DeviceValue, commented};
+
+    #[test]
+    fn a_comment_stands_behind_code_where_there_is_room() {
+        let code = "    uint a;";
+        let room = COLUMNS - "    uint a; // ".len();
+        assert_eq!(commented(code, &"b".repeat(room)), format!("{code} // {}\n", "b".repeat(room)));
+        let words = format!("{} c d", "b".repeat(room));
+        assert_eq!(commented(code, &words), format!("    // {words}\n{code}\n"));
+        let words = ["b".repeat(COLUMNS - "    // ".len()), "c".to_owned()];
+        assert_eq!(commented(code, &words.join(" ")), format!("    // {}\n    // c\n{code}\n", words[0]));
+    }
 
     #[test]
     fn literals_are_exact() {

@@ -123,6 +123,30 @@ impl Relit {
     }
 }
 
+/// What the kernels need to know of the scene as a whole.
+fn pack_params(
+    scene: &Scene,
+    StructureInput { space, padding, near_reach, .. }: &StructureInput,
+    (reference_count, light_count): (u32, usize),
+    features: Features,
+) -> SceneParams {
+    let sky = scene.sky.unwrap_or_default();
+    SceneParams {
+        low: Float4::new(space.bounds.low, *padding),
+        high: Float4::new(space.bounds.high, *near_reach),
+        background_bottom: Float4::new(scene.background.bottom, 0.0),
+        background_top: Float4::new(scene.background.top, 0.0),
+        sky_bottom: pack_colour(sky.bottom),
+        sky_top: pack_colour(sky.top),
+        sky_viewer: pack_colour(sky.viewer),
+        sky_up: pack_direction(sky.up),
+        reference_count,
+        light_count: light_count as u32,
+        has_transparent: u32::from(features.has(Feature::Transparency)),
+        scale: space.scale,
+    }
+}
+
 impl MadeFor {
     fn of(options: &TraceOptions) -> MadeFor {
         let is_kd = options.kind() == StructureKind::Kd;
@@ -195,41 +219,31 @@ impl SceneBuffers {
         let PackedStructure { structure, stack_entries, objects } = input.pack(scene, &used, kept)?;
         let build_s = start.elapsed().as_secs_f64();
 
-        let (padding, near_reach) = (input.padding, input.near_reach);
         let PackedObjects { vertices, shading, reference_count } = objects.unwrap_or_else(|| PackedObjects {
             vertices: space.triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect(),
             shading: shading_of(scene, &used),
             reference_count: structure.references.len() as u32,
         });
+        let transforms = match options.intersector.needs_transforms() {
+            true => space.triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
+            false => Vec::new(),
+        };
+        let left_out = match is_flat {
+            true => points::left_out(scene.triangle_count(), &space.primitives, |i| scene.vertices(i)),
+            false => Vec::new(),
+        };
         let ShadingArrays { materials, lights, textures, texels, brightest } =
             ShadingArrays::new(scene, &used, space.scale, options.picture.texture_filter)?;
         let features = Features::of_materials(scene, &used);
-        let sky = scene.sky.unwrap_or_default();
         let mut made_for = MadeFor::of(options);
         made_for.has_texture_levels |= !features.has(Feature::ImageTextures);
         Ok(SceneBuffers {
-            params: SceneParams {
-                low: Float4::new(space.bounds.low, padding),
-                high: Float4::new(space.bounds.high, near_reach),
-                background_bottom: Float4::new(scene.background.bottom, 0.0),
-                background_top: Float4::new(scene.background.top, 0.0),
-                sky_bottom: pack_colour(sky.bottom),
-                sky_top: pack_colour(sky.top),
-                sky_viewer: pack_colour(sky.viewer),
-                sky_up: pack_direction(sky.up),
-                reference_count,
-                light_count: lights.len() as u32,
-                has_transparent: u32::from(features.has(Feature::Transparency)),
-                scale: space.scale,
-            },
+            params: pack_params(scene, &input, (reference_count, lights.len()), features),
             nodes: structure.nodes,
             references: structure.references,
             vertices,
             bounds: structure.bounds,
-            transforms: match options.intersector.needs_transforms() {
-                true => space.triangles.iter().flat_map(|&triangle| triangle_transform(triangle)).collect(),
-                false => Vec::new(),
-            },
+            transforms,
             shading,
             materials,
             lights,
@@ -244,10 +258,7 @@ impl SceneBuffers {
             build_s,
             made_for,
             given_vertices,
-            left_out: match is_flat {
-                true => points::left_out(scene.triangle_count(), &space.primitives, |i| scene.vertices(i)),
-                false => Vec::new(),
-            },
+            left_out,
             triangle_count: scene.triangle_count(),
         })
     }

@@ -217,8 +217,8 @@ fn device_bytes(pixels: u64, options: &TraceOptions, device: Option<&DeviceHandl
     RUN_BYTES + if device.is_some_and(shares_host_memory) { DRIVER_BYTES + of_device } else { 0 }
 }
 
-/// From how many bytes of pixels on a picture is large: all else of one takes no more, so that a picture which is not in
-/// memory whole is done within 1 GiB.
+/// From how many bytes of pixels on a picture is large: all else of one takes no more, so that a picture which is not
+/// in memory whole is done within 1 GiB.
 pub const LARGE_FROM: u64 = 512 << 20;
 
 /// Whether a picture of this size is so large that it should not be in memory whole.

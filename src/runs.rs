@@ -4,8 +4,8 @@
 //! Exact hits, lists and counts are the same bits whatever else is traced with a ray. There as many runs are traced
 //! together as take about a second: short launches keep no GPU busy, and rays are sorted best among many. Which
 //! triangle the hit of an any-hit ray names, and what a method answers that is not exact, may depend on which rays
-//! share a packet. Where rays share packets such runs are traced one by one, so that their bits depend on the scene, the
-//! options and the run alone.
+//! share a packet. Where rays share packets such runs are traced one by one, so that their bits depend on the scene,
+//! the options and the run alone.
 //!
 //! Bad at: batches of few runs on many machines, because a part has whole runs.
 

@@ -31,8 +31,8 @@ pub struct DeviceTracer<'a> {
 pub struct Devices<'a> {
     /// Those that share the work.
     pub devices: Vec<DeviceTracer<'a>>,
-    /// Does what is left once all devices are lost, if that is wanted: the reference. Without it the work fails then, and
-    /// it does in any case where no device was ready to begin.
+    /// Does what is left once all devices are lost, if that is wanted: the reference. Without it the work fails then,
+    /// and it does in any case where no device was ready to begin.
     pub last_resort: Option<DeviceTracer<'a>>,
 }
 
@@ -135,8 +135,8 @@ pub(crate) fn share_out<'a>(
     }
 }
 
-/// Thrown through the work of a device whose pieces others have finished. [`Backend::stop_when`] would make all launches
-/// short: nobody watches this work, and it is to be done soon.
+/// Thrown through the work of a device whose pieces others have finished. [`Backend::stop_when`] would make all
+/// launches short: nobody watches this work, and it is to be done soon.
 struct Cancelled;
 
 /// Ends the work of all devices where one of their threads panics: the others would wait for it for ever.
@@ -199,8 +199,8 @@ impl Worker<'_> {
         Ok(())
     }
 
-    /// Does some pieces, and counts those that nobody else has finished before. Unwinds with [`Cancelled`] when there is
-    /// nothing more to do.
+    /// Does some pieces, and counts those that nobody else has finished before. Unwinds with [`Cancelled`] when there
+    /// is nothing more to do.
     fn some(
         &self,
         tracer: (&mut dyn Backend, &SceneBuffers),

@@ -56,7 +56,7 @@ device_const! {
     pub const INSTANCE_TO_OBJECT: u32 = 3;
     /// The one with how far differences of tracing space reach in the object.
     pub const INSTANCE_REACH: u32 = 6;
-    /// The one with what the pads of its boxes need whatever the ray.
+    /// The one with the padding of its boxes whatever the ray.
     pub const INSTANCE_BLUR: u32 = 7;
     /// The first with the transform of normals.
     pub const INSTANCE_NORMALS: u32 = 8;
@@ -94,6 +94,8 @@ device_const! {
     pub const PACKETS_OF_ITEM: u32 = 4;
     /// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.
     pub const TILE_SIDE: u32 = 8;
+    /// Pixels of a tile.
+    pub const TILE_PIXELS: u32 = TILE_SIDE * TILE_SIDE;
     /// How many ray counters there are.
     pub const COUNTERS: usize = 8;
     /// The ray counters exist this many times on a device, so that work-items seldom meet at one.
@@ -113,9 +115,9 @@ device_const! {
     pub const WORK_COUNTERS: usize = WorkCounter::ALL.len();
     /// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this. Then no
     /// sum overflows: a pixel is the sum of up to 2^16 samples, and of each of these the weights of all rays of one
-    /// depth add up to at most 1 (with roulette: on average), at up to 2^6 depths. An infinity would become NaN where its weight is 0. White is 1,
-    /// the sun in candela per square metre 1.6e9: 2^100 is out of reach for all but a lamp that touches the surface,
-    /// whose light grows with 1 / distance^2 beyond all bounds.
+    /// depth add up to at most 1 (with roulette: on average), at up to 2^6 depths. An infinity would become NaN where
+    /// its weight is 0. White is 1, the sun in candela per square metre 1.6e9: 2^100 is out of reach for all but a lamp
+    /// that touches the surface, whose light grows with 1 / distance^2 beyond all bounds.
     pub const MAX_RADIANCE: f32 = constants::power_of_two(100);
 }
 
@@ -233,7 +235,8 @@ device_struct! {
     /// ```text
     /// flags: bits 0-1  split axis 0..2, or 3 = leaf; the rest 0
     /// inner: left, right = node indices; split = plane coordinate
-    /// leaf:  left = first entry in the reference array; right = number of entries; split = 0, with ropes the leaf's number as bits
+    /// leaf:  left = first entry in the reference array; right = number of entries; split = 0, with ropes the leaf's
+    ///        number as bits
     /// ```
     pub struct KdNode {
         /// Split axis, or KD_LEAF.

@@ -271,8 +271,8 @@ pub struct Adaptive {
     pub error: f32,
     /// Pixels from one point of the first lattice to the next; 1, or 0: every pixel is traced.
     pub lattice: u32,
-    /// Rays of one list at most, but for those of one patch or tile of pixels. Fewer take less memory, more keep a device
-    /// busy.
+    /// Rays of one list at most, but for those of one patch or tile of pixels. Fewer take less memory, more keep a
+    /// device busy.
     pub list_rays: usize,
 }
 
@@ -462,8 +462,8 @@ pub fn require_clock(tracer: &dyn Backend) -> Result<()> {
         return Ok(());
     }
     let message = format!(
-        "device '{}' does not time its commands (clGetEventProfilingInfo fails, or there are no queues with CL_QUEUE_PROFILING_ENABLE), so \
-         that nothing can be measured on it; choose another with `device`",
+        "device '{}' does not time its commands (clGetEventProfilingInfo fails, or there are no queues with \
+         CL_QUEUE_PROFILING_ENABLE), so that nothing can be measured on it; choose another with `device`",
         tracer.device_name()
     );
     Err(Error::NoDevice(message))

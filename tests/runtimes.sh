@@ -1,31 +1,36 @@
 #!/usr/bin/env bash
-# Runs the tests of bit-identity (device = Rust twin) on every OpenCL runtime for CPUs that can be had here, one runtime alone after the
-# other, and prints a table. Installs what is missing on Debian and Ubuntu: PoCL, Oclgrind and Mesa's rusticl with apt, Intel's runtime
-# from PyPI. What cannot be installed is left out with the reason; an installed runtime that disagrees, crashes or hangs fails the script.
+# Runs the tests of bit-identity (device = Rust twin) on every OpenCL runtime for CPUs that can be had here, one runtime
+# alone after the other, and prints a table. Installs what is missing on Debian and Ubuntu: PoCL, Oclgrind and Mesa's
+# rusticl with apt, Intel's runtime from PyPI. What cannot be installed is left out with the reason; an installed
+# runtime that disagrees, crashes or hangs fails the script.
 #
 #   tests/runtimes.sh                 all of them
 #   tests/runtimes.sh intel rusticl   these
 #
-# RAYBROOK_INTEL_OPENCL names the folder (a Python environment, 0.8 GB) with Intel's runtime; default ~/.cache/raybrook-intel-opencl.
-# OCLGRIND_DATA_RACES=0 and OCLGRIND_UNINITIALIZED=1: see ./test. A GPU's runtime is tested by hand: RAYBROOK_DEVICE=gpu cargo test.
+# RAYBROOK_INTEL_OPENCL names the folder (a Python environment, 0.8 GB) with Intel's runtime; default
+# ~/.cache/raybrook-intel-opencl. OCLGRIND_DATA_RACES=0 and OCLGRIND_UNINITIALIZED=1: see ./test. A GPU's runtime is
+# tested by hand: RAYBROOK_DEVICE=gpu cargo test.
 #
 # What the runtimes get wrong, and what stands against it:
-#   Intel 2026.22   A function that is not inlined and takes a float3 sees the first lane's argument in all lanes of a work-group of 4
-#                   and more: __attribute__((noinline)) float f(float3 p) { return p.x + p.y; } called by a kernel. One lane for each
-#                   vector instead, by an attribute (cl/shared/compiler.cl). (float)(int)x is -0 for x in -1..0; not used.
+#   Intel 2026.22   A function that is not inlined and takes a float3 sees the first lane's argument in all lanes of a
+#                   work-group of 4 and more: __attribute__((noinline)) float f(float3 p) { return p.x + p.y; } called
+#                   by a kernel. One lane for each vector instead, by an attribute (cl/shared/compiler.cl).
+#                   (float)(int)x is -0 for x in -1..0; not used.
 #                   -cl-fast-relaxed-math takes every NaN for a number: refused there (cl/shared/compiler.cl).
-#                   Once in some ten runs of the tests, two at a time, its compiler did not end (it propagated constants for eight
-#                   minutes): one test at a time, and a run that hangs is tried once more.
+#                   Once in some ten runs of the tests, two at a time, its compiler did not end (it propagated constants
+#                   for eight minutes): one test at a time, and a run that hangs is tried once more.
 #   NVIDIA          -cl-fast-relaxed-math makes divisions inexact: refused there (cl/shared/compiler.cl).
-#   rusticl 22.3.6  No double: the triangle test takes its float-only path. Flushes numbers below 1.2e-38 and drops the sign of some
-#                   zeros (u, v of --intersector plucker; exact and watertight kept all bits). Whole traces with --intersector
-#                   exact return hits that no triangle has, t = u = v = 0 (test the_closest_hit_is_the_exact_one; Mesa warns "Treating
-#                   load_kernel_arg in control flow as uniform, results may be incorrect"), and compile for minutes: refused on
-#                   llvmpipe (src/device/tracer.rs). Its compiler crashes on the mega-kernel. --kernels split --intersector
-#                   watertight rendered the reference's picture. So only functions are tested.
-#   Oclgrind 21.10  Loses kernels that are launched from several threads, so one test at a time. Ignores #line. Crashes on some vector code with
-#                   OCLGRIND_UNINITIALIZED.
-#   PoCL 3.1        Contexts from several threads at once fail (src/device/mod.rs has a lock); processes must not share an empty cache.
+#   rusticl 22.3.6  No double: the triangle test takes its float-only path. Flushes numbers below 1.2e-38 and drops the
+#                   sign of some zeros (u, v of --intersector plucker; exact and watertight kept all bits). Whole traces
+#                   with --intersector exact return hits that no triangle has, t = u = v = 0 (test
+#                   the_closest_hit_is_the_exact_one; Mesa warns "Treating load_kernel_arg in control flow as uniform,
+#                   results may be incorrect"), and compile for minutes: refused on llvmpipe (src/device/tracer.rs). Its
+#                   compiler crashes on the mega-kernel. --kernels wavefront --intersector watertight rendered the
+#                   reference's picture. So only functions are tested.
+#   Oclgrind 21.10  Loses kernels that are launched from several threads, so one test at a time. Ignores #line. Crashes
+#                   on some vector code with OCLGRIND_UNINITIALIZED.
+#   PoCL 3.1        Contexts from several threads at once fail (src/device/mod.rs has a lock); processes must not share
+#                   an empty cache.
 
 ALL_RUNTIMES=(pocl intel oclgrind rusticl)
 # Seconds for one test file on one runtime. Oclgrind interprets; the others need most of them for compilation.
@@ -37,7 +42,9 @@ heading() { printf '\n=== %s ===\n' "$1"; }
 fail() { printf '%s: %s\n' "$0" "$1" >&2; exit 1; }
 
 # A library that the dynamic linker knows by that name.
-find_library() { { /sbin/ldconfig -p || ldconfig -p; } 2>/dev/null | awk -v name="$1" '$1 == name { print $NF; exit }' | grep .; }
+find_library() {
+    { /sbin/ldconfig -p || ldconfig -p; } 2>/dev/null | awk -v name="$1" '$1 == name { print $NF; exit }' | grep .
+}
 
 intel_folder() { printf '%s\n' "${RAYBROOK_INTEL_OPENCL:-${XDG_CACHE_HOME:-$HOME/.cache}/raybrook-intel-opencl}"; }
 
@@ -53,7 +60,8 @@ find_driver() {
             ;;
         oclgrind)
             # Distributions and hand builds put it in different folders.
-            for file in /usr/lib/oclgrind /usr/lib/*/oclgrind /usr/lib/* /usr/local/lib /usr/local/lib/oclgrind /opt/oclgrind/lib; do
+            for file in /usr/lib/oclgrind /usr/lib/*/oclgrind /usr/lib/* /usr/local/lib /usr/local/lib/oclgrind \
+                /opt/oclgrind/lib; do
                 file+=/liboclgrind-rt-icd.so
                 if [[ -e $file ]]; then
                     printf '%s\n' "$file"
@@ -96,13 +104,14 @@ install_runtime() {
     esac
 }
 
-# The tests that prove bit-identity on a runtime, as program:arguments, with commas between the arguments. Those of Oclgrind, which
-# interprets, are small; of rusticl see above.
+# The tests that prove bit-identity on a runtime, as program:arguments, with commas between the arguments. Those of
+# Oclgrind, which interprets, are small; of rusticl see above.
 tests_of() {
     case $1 in
         oclgrind) printf '%s\n' device:--test-threads=1,kernels:: device:--test-threads=1,memory:: \
             pictures:--test-threads=1,shading:: \
-            methods:--test-threads=1,packets::what_packets_leave_open,packets::a_small_picture pictures:adaptive::short_lists ;;
+            methods:--test-threads=1,packets::what_packets_leave_open,packets::a_small_picture \
+            pictures:adaptive::short_lists ;;
         rusticl) printf '%s\n' device:kernels::the_exact_intersector pictures:shading::refraction ;;
         *) printf '%s\n' device:kernels:: methods:exact:: pictures:images:: device:memory:: device:compiler_options:: \
             methods:packets:: ;;
@@ -116,7 +125,8 @@ with_runtime() {
     driver=$(find_driver "$runtime") || return
     mkdir -p "$vendors" "$scratch/pocl"
     printf '%s\n' "$driver" >"$vendors/$runtime.icd"
-    local -x OCL_ICD_VENDORS=$vendors RAYBROOK_DEVICE=0 RAYBROOK_REQUIRE_DEVICE=1 RAYBROOK_CACHE_DIR=$scratch/cache-$runtime
+    local -x OCL_ICD_VENDORS=$vendors RAYBROOK_DEVICE=0 RAYBROOK_REQUIRE_DEVICE=1
+    local -x RAYBROOK_CACHE_DIR=$scratch/cache-$runtime
     # A cache of its own: PoCL 3.1 may abort when processes fill the same empty cache at once.
     local -x POCL_CACHE_DIR=$scratch/pocl
     case $runtime in
@@ -124,7 +134,8 @@ with_runtime() {
         rusticl) local -x RUSTICL_ENABLE=llvmpipe ;;
         oclgrind)
             local -x OCLGRIND_DATA_RACES=${OCLGRIND_DATA_RACES:-1} OCLGRIND_UNINITIALIZED=${OCLGRIND_UNINITIALIZED:-0}
-            # It reports on standard error. Its own OCLGRIND_LOG is of no use here: each new OpenCL context empties that file.
+            # It reports on standard error. Its own OCLGRIND_LOG is of no use here: each new OpenCL context empties that
+            # file.
             unset OCLGRIND_LOG
             ;;
     esac
@@ -133,7 +144,8 @@ with_runtime() {
 
 # A test program.
 test_program() {
-    cargo test --workspace --profile quick --locked --no-run --test "$1" 2>&1 | sed -n 's/^ *Executable .* (\(.*\))$/\1/p' | grep .
+    cargo test --workspace --profile quick --locked --no-run --test "$1" 2>&1 |
+        sed -n 's/^ *Executable .* (\(.*\))$/\1/p' | grep .
 }
 
 # Runs tests of one program on one runtime; its output is in $scratch/log. Prints the verdict.
@@ -171,7 +183,8 @@ run_test() {
     return 1
 }
 
-# Runs the tests of a runtime, of which the second argument may name some, and adds lines to $scratch/table. Fails when one fails.
+# Runs the tests of a runtime, of which the second argument may name some, and adds lines to $scratch/table. Fails when
+# one fails.
 test_runtime() {
     local runtime=$1 tests=${2:-$(tests_of "$1")} test verdict failed=0
     heading "$runtime"

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# Traces every case of a folder of stress cases with every structure, every traversal and both kinds of planes of the kd-tree, and prints
-# how many answers each gets wrong. For numbers by hand; `raybrook stress --methods` makes its own cases.
+# Traces every case of a folder of stress cases with every structure, every traversal and both kinds of planes of the
+# kd-tree, and prints how many answers each gets wrong. For numbers by hand; `raybrook stress --methods` makes its own
+# cases.
 #
 #   tests/stress-matrix.sh CHECK.py [OPTION of raybrook trace]...
 #
 # docs/record/2026-11-21-pocl-stress-cases.md has a run.
 #
-# CHECK.py traces its cases with `raybrook trace` (`CHECK.py --raybrook PATH -- OPTIONS`), prints its counts in the last line and ends with
-# 0 when nothing is wrong. RAYBROOK names another binary than target/release/raybrook. Ends with 1 when a method that promises exact
-# hits is wrong; thesis-restart, which loses hits by design, is shown only.
+# CHECK.py traces its cases with `raybrook trace` (`CHECK.py --raybrook PATH -- OPTIONS`), prints its counts in the last
+# line and ends with 0 when nothing is wrong. RAYBROOK names another binary than target/release/raybrook. Ends with 1
+# when a method that promises exact hits is wrong; thesis-restart, which loses hits by design, is shown only.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 binary=${RAYBROOK:-$root/target/release/raybrook}
@@ -33,7 +34,8 @@ for build in sah median; do
         count_wrong "kd $build $traversal" yes --structure kd --build "$build" --traversal "$traversal" "$@"
     done
     # As good as no stack at all: nearly every far child is forgotten.
-    count_wrong "kd $build short-stack 1" yes --structure kd --build "$build" --traversal short-stack --stack-size 1 "$@"
+    count_wrong "kd $build short-stack 1" yes --structure kd --build "$build" --traversal short-stack \
+        --stack-size 1 "$@"
     count_wrong "kd $build thesis-restart" no --structure kd --build "$build" --traversal thesis-restart "$@"
 done
 for build in sampled-median spatial-median volume; do

@@ -6,8 +6,8 @@
 
 #ifdef EXTENDED_IS_DOUBLE
 // Calls, of which each is compiled once: inlined they take an H100's driver a second or more.
-// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see EXTENDED_ERROR): edges are exact, the start's two
-// products and sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three
+// With u = 2^-53, none of the numbers is off by more than 40 u^2 P (see EXTENDED_ERROR): edges are exact, the start's
+// two products and sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three
 // products by 11; W by 9 more.
 #define CLOSER_ERROR 0x1p-100f
 
@@ -116,7 +116,7 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
                           float denominator_bound, float* rounded) {
     if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
     const double relative = (double)denominator_bound / fabs(denominator.x);
-    if (!(relative < 0x1p-10)) return false;
+    if (!(relative < MOST_DET_ERROR)) return false;
     const DoubleDouble quotient = dd_divide(numerator, denominator);
     const double error =
         1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + (double)numerator_bound / fabs(denominator.x));

@@ -63,16 +63,12 @@ int place_hit(const Ray* ray, const Hit* hit, float t_low, float t_high) {
 //     T = N . a,  D = N . direction,  t = T / D;
 //     U = e2 . c,  V = -e1 . c,  W = D - U - V: D times the vertices' weights.
 // None of them is off by more than 9 EXTENDED_EPSILON P: 1 for an edge, 2 for a, 2 for a vector product, 3 for a sum of
-// three products; W by 3 more. P, the same expression of magnitudes, is computed in float32, which the roundings of
-// src/shared/constants.rs leave room for.
-#define EXTENDED_ERROR (EXTENDED_ROUNDINGS * EXTENDED_EPSILON)
-#define EXTENDED_ERROR_W (EXTENDED_ROUNDINGS_W * EXTENDED_EPSILON)
-// a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by this
-// times that part. And by what no float is small enough for (PLANE_ERROR in ray.cl): each of nine terms by up to
-// 2^-149, which the bounds are to cover whatever direction it is multiplied by, be it lifted to 2^61.
-#define LEAST_FROM (LEAST_START * EXTENDED_PRECISION)
-// 4 EPSILON / EXTENDED_ERROR: not every compiler divides constants.
-#define START_ERROR (START_SHARE * EPSILON * EXTENDED_PRECISION)
+// three products; W by 3 more. P, the same expression of magnitudes, is computed in float32, which EXTENDED_ERROR, 10
+// EXTENDED_EPSILON, and EXTENDED_ERROR_W, 14 of them, leave room for.
+// a is off by 2 EPSILON of the start's second part, too (start_on_triangle), as if its magnitude were larger by
+// START_ERROR, 4 EPSILON / EXTENDED_ERROR, times that part. And by what no float is small enough for (PLANE_ERROR in
+// ray.cl): each of nine terms by up to 2^-149, which the bounds are to cover whatever direction it is multiplied by, be
+// it lifted to 2^61 (LEAST_FROM).
 // Below LEAST_MAGNITUDE a product of floats may have underflowed: nothing is certain.
 
 typedef struct {
@@ -150,7 +146,7 @@ RARE ExtendedDecision decide_extended(float3 origin, float3 origin_low, float3 d
     // |D| is above its bound: by more than a rounding, as both are floats. The 4 EPSILON are for the roundings of t and
     // its limits; a smaller t loses bits, and only a comparison of T itself with zero would help.
     const float error =
-        1.01f * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(extended_to_float(n.det)) - n.det_bound);
+        QUOTIENT_MARGIN * fma(fabs(t), n.det_bound, n.distance_bound) / (fabs(extended_to_float(n.det)) - n.det_bound);
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result;
     result.decision = HIT;
     result.t_low = t - fma(4.0f * EPSILON, fabs(t), error);
@@ -168,16 +164,18 @@ typedef struct {
 ExtendedInverse invert_det(const ExtendedNumbers* n) {
     const float det_error = n->det_bound / fabs(extended_to_float(n->det));
     const ExtendedInverse inverse = {extended_divide(extended_from(1.0f), n->det), det_error,
-                                     is_bound(n->det_bound) && det_error < 0x1p-10f};
+                                     is_bound(n->det_bound) && det_error < MOST_DET_ERROR};
     return inverse;
 }
 
 // Whether numerator / D, the numerator off by no more than the bound, surely rounds to the float *rounded.
 bool rounds_surely(Extended numerator, float bound, const ExtendedInverse* det, float* rounded) {
     const Extended quotient = extended_multiply(numerator, det->inverse);
-    // 1.01: what is left out here of the quotient of two sums; 8: roundings of inverse, product and comparison.
-    const float error = fma(1.01f * bound, fabs(extended_to_float(det->inverse)),
-                            fabs(extended_to_float(quotient)) * fma(1.01f, det->det_error, 8.0f * EXTENDED_EPSILON));
+    // QUOTIENT_MARGIN: what is left out here of the quotient of two sums; 8: roundings of inverse, product and
+    // comparison.
+    const float error = fma(QUOTIENT_MARGIN * bound, fabs(extended_to_float(det->inverse)),
+                            fabs(extended_to_float(quotient)) *
+                                fma(QUOTIENT_MARGIN, det->det_error, 8.0f * EXTENDED_EPSILON));
     // Of smaller quotients the error may have underflowed.
     return is_bound(bound) && extended_rounds_surely(quotient, error, rounded) && fabs(*rounded) > LEAST_MAGNITUDE;
 }

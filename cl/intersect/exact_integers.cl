@@ -14,10 +14,10 @@ typedef struct {
 // The units of a ray from `start` and of `count` triangles (three vertices each). Let p and d be the bits of the
 // largest position and direction. A difference has p + 1 bits, N and c have 2 p + 3 and p + d + 2, T 3 p + 6, the
 // others 2 p + d + 6; a comparison of two t multiplies T by D: 5 p + d + 12. A quotient needs 26 bits to spare, a
-// comparison with a limit 25, and all need a sign. MAX_LIMBS suffice for every ray: vertices are below 2^28 in tracing
-// space, where the largest scenes are scaled by 2^-100 (src/pack.rs), and what is lowest of a float is 2^-149. A ray
-// that starts at a point has p = 128 + 149. One that leaves a triangle starts at vertices times weights: p = 28 + 149 +
-// 149. Directions have d = 61 + 149.
+// comparison with a limit 25, and all need a sign (COMPARISON_BITS, QUOTIENT_BITS). MAX_LIMBS suffice for every ray:
+// vertices are below 2^28 in tracing space, where the largest scenes are scaled by 2^-100 (src/pack.rs), and what is
+// lowest of a float is 2^-149. A ray that starts at a point has p = 128 + 149. One that leaves a triangle starts at
+// vertices times weights: p = 28 + 149 + 149. Directions have d = 61 + 149.
 RARE IntegerUnits integer_units(const TrianglePoint* start, float3 direction, const float3* corners, int count) {
     int low_p = 1000, high_p = -1000, low_d = 1000, high_d = -1000, low_w = 0, high_w = 0;
     widen_exponents3(start->base, &low_p, &high_p);
@@ -34,7 +34,8 @@ RARE IntegerUnits integer_units(const TrianglePoint* start, float3 direction, co
     const int bits_p = max(high_p - units.position, 1), bits_d = max(high_d - low_d, 1);
     units.weight = low_w;
     units.vertex = units.position - low_w;
-    units.n = ((count > 1 ? 5 * bits_p + bits_d + 40 : 3 * max(bits_p, bits_d) + 34) + 31) / 32;
+    const int bits = count > 1 ? 5 * bits_p + bits_d + COMPARISON_BITS : 3 * max(bits_p, bits_d) + QUOTIENT_BITS;
+    units.n = (bits + 31) / 32;
     return units;
 }
 

@@ -163,7 +163,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
     if (traced != 0u) TRAVERSE_PACKETS(GEOMETRY, packet, traced, any_hit, found, undecided_lanes);
     for (uint k = 0; k < packets; k++) {
         Ray ray;
-        ulong alone = lanes[k];
+        ulong single = lanes[k];
         if ((traced >> k & 1u) != 0u) {
             answer[k].together = lanes_where16(used[k]);
             for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul;
@@ -173,12 +173,12 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
                 settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k], &undecided_lanes[k]);
             }
             const int16 is_settled = used[k] && !undecided_lanes[k];
-            alone &= ~lanes_where16(is_settled);
+            single &= ~lanes_where16(is_settled);
             answer[k].hits = lanes_where16(is_settled && found[k].primitive != NO_PRIMITIVE);
             keep_packet(&answer[k], &found[k]);
         }
-        for (; alone != 0ul; alone = other_lanes8(alone)) {
-            const uint lane = first_lane16(alone);
+        for (; single != 0ul; single = other_lanes8(single)) {
+            const uint lane = first_lane16(single);
             Hit hit;
             take_ray_of(group, kind, 16u * k + lane, &ray);
             if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) answer[k].hits |= lane_bit16(lane);

@@ -11,7 +11,8 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
     const Geometry geometry = MAKE_GEOMETRY;
     Hit hit;
     if (!trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, false, &hit))
-        TAKE_DEFERRED(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, false, hit.t, hit.u, hit.primitive));
+        TAKE_DEFERRED(
+            complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, false, hit.t, hit.u, hit.primitive));
     STORE_WORK(&geometry, index);
     NOTE_DEFERRED(index);
 }
@@ -27,7 +28,8 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     const Geometry geometry = MAKE_GEOMETRY;
     Hit hit;
     if (!trace_batch(GEOMETRY_AT(&geometry), rays, hits, index, true, &hit))
-        TAKE_DEFERRED(complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, true, hit.t, hit.u, hit.primitive));
+        TAKE_DEFERRED(
+            complete_batch(GEOMETRY_VALUES STATE_VALUES, rays, hits, index, true, hit.t, hit.u, hit.primitive));
     STORE_WORK(&geometry, index);
     NOTE_DEFERRED(index);
 }

@@ -113,16 +113,16 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
 
 // The rays of one work-item, those of the tile from `item` on, of items before `end`. What packets do not answer is
 // traced one ray after the other.
-void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, volatile __global uint* deferred,
-                uint row, uint in_bands, uint item, uint end, const bool any_hit) {
+void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits,
+                volatile __global uint* deferred, uint row, uint in_bands, uint item, uint end, const bool any_hit) {
     const RayTile tile = tile_at(item, row, in_bands);
     const uint packets = min((end - item) / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
     trace_together(GEOMETRY, rays, hits, &tile, (1u << packets) - 1u, any_hit, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
         const int16 here = k < packets ? answered[k] : (int16)(0);
-        for (ulong alone = ALL_LANES16 & ~lanes_where16(here); alone != 0ul; alone = other_lanes8(alone)) {
-            const uint lane = first_lane16(alone), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
+        for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
+            const uint lane = first_lane16(single), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
             if (item + 16u * k + lane >= end) continue;
             Hit hit;
             if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit))

@@ -58,7 +58,9 @@
 #endif
 
 // The end of a queue of rays, or of the list of those that are deferred.
-uint traced_end(uint end, volatile __global const uint* deferred) { return IS_SECOND_PASS ? min(end, deferred[0]) : end; }
+uint traced_end(uint end, volatile __global const uint* deferred) {
+    return IS_SECOND_PASS ? min(end, deferred[0]) : end;
+}
 
 // A place in the queue of this length for every work-item that wants one. All work-items of a group must come here;
 // only one of them meets the other groups at the counter. `places`: two words for the group.

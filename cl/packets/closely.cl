@@ -21,7 +21,7 @@ double8 dot_doubles(const Doubles3* a, const Doubles3* b) { return a->x * b->x +
 double8 smaller_of_doubles(double8 a, double8 b) { return a < b ? a : b; }
 double8 larger_of_doubles(double8 a, double8 b) { return a > b ? a : b; }
 
-// The bounds here are those of decide.cl times these: its numbers are off by EXTENDED_ROUNDINGS in this precision
+// The bounds here are those of decide.cl times these: its numbers are off by EXTENDED_ERROR in this precision
 // (exact_filter.cl), but not where a ray's origin has a second part. A hundredth is for the bounds' own roundings.
 // Nothing underflows here, and DECIDE_LEAST is more than what does in the bounds.
 #define CLOSELY_WEIGHT (1.01 * EXTENDED_ERROR_W / DECIDE_ERROR_WEIGHT)

@@ -43,8 +43,9 @@ FinishBounds finish_bounds(const RayPacket* p, const float16* c, const bool want
 int8 round_surely8(double8 numerator, float8 bound, double8 inverse, float8 det_error, float8* rounded) {
     const double8 quotient = numerator * inverse;
     const float8 error =
-        fma(1.01f * bound, fabs(convert_float8(inverse)),
-            fabs(convert_float8(quotient)) * fma((float8)(1.01f), det_error, (float8)(8.0f * EXTENDED_EPSILON)));
+        fma(QUOTIENT_MARGIN * bound, fabs(convert_float8(inverse)),
+            fabs(convert_float8(quotient)) *
+                fma((float8)(QUOTIENT_MARGIN), det_error, (float8)(8.0f * EXTENDED_EPSILON)));
     *rounded = convert_float8(quotient + convert_double8(error));
     return bound > LEAST_MAGNITUDE * EXTENDED_EPSILON && bound <= FLT_MAX && fabs(*rounded) > LEAST_MAGNITUDE &&
            convert_float8(quotient - convert_double8(error)) == *rounded;
@@ -79,7 +80,8 @@ Finished8 finish_eight(const float8* o, const float8* low, const float8* d, cons
     const double8 inverse = 1.0 / det;
     const float8 det_error = bounds.det / fabs(convert_float8(det));
     Finished8 f;
-    int8 is_sure = bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < 0x1p-10f;
+    int8 is_sure =
+        bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < MOST_DET_ERROR;
     is_sure = is_sure && round_surely8(weight1, bounds.u, inverse, det_error, &f.u);
     is_sure = is_sure && round_surely8(weight2, bounds.v, inverse, det_error, &f.v);
     if (wants_t) {

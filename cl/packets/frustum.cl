@@ -28,7 +28,7 @@ typedef struct {
     float a[4], b[4]; // below u, above u, below v, above v:  a + b z
     bool is_upwards;  // along z
     // Coordinates as ALONG() has them: where the first and the last ray start, and by how much they may be off.
-    float first_start, last_start, pad;
+    float first_start, last_start, padding;
 } Frustum;
 
 // Coordinates z of the axis, so that they grow along the rays.
@@ -45,7 +45,7 @@ void set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float4 at_start = (float4)(least.s0, -least.s1, least.s2, -least.s3);
     const float4 at_end = (float4)(least.s4, -least.s5, least.s6, -least.s7);
     const float4 b = (at_end - at_start) / (end - start);
-    vstore4(at_start - b * start + (float4)(-f->pad, f->pad, -f->pad, f->pad), 0, f->a);
+    vstore4(at_start - b * start + (float4)(-f->padding, f->padding, -f->padding, f->padding), 0, f->a);
     vstore4(b, 0, f->b);
 }
 
@@ -81,7 +81,7 @@ bool make_frusta(const RayPacket* packets, const uint members, const PacketRange
         reach = max_or(reach, max_or(fabs(lows[axis]), fabs(highs[axis])));
     }
     if (!((f.is_upwards ? end - start : start - end) > LEAST_FRUSTUM_LENGTH * reach)) return false;
-    f.pad = FRUSTUM_SLACK * reach;
+    f.padding = FRUSTUM_SLACK * reach;
     f.first_start = f.is_upwards ? least : -greatest;
     f.last_start = f.is_upwards ? greatest : -least;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
@@ -98,7 +98,7 @@ float reach_along(const RayPacket* p, const Frustum* f, float16 t_limit) {
     const float8 eight = larger8(along.lo, along.hi);
     const float4 four = fmax(eight.lo, eight.hi);
     const float2 two = fmax(four.lo, four.hi);
-    return fmax(two.x, two.y) + f->pad;
+    return fmax(two.x, two.y) + f->padding;
 }
 
 // The triangles abc that the frustum meets: those whose vertices are not all beyond one of the planes.

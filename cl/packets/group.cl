@@ -1,10 +1,10 @@
 // Packets whose rays go much the same way, through the hierarchy of cl/traverse/bvh8.cl together: a node is read once
 // for all of them, and of its eight boxes, and of the eight triangles of a leaf, each packet takes those that its
 // frustum meets. The rays themselves are asked whether they meet a box only where a frustum tells little: where it is
-// wider than the box, and where some rays have not started yet.
+// broader than the box, and where some rays have not started yet.
 
-// A box is small where the frustum is more than so many times as wide. A quarter and 4 are as fast.
-#define WIDE_FRUSTUM 1.0f
+// A box is small where the frustum is more than so many times as broad. A quarter and 4 are as fast.
+#define BROAD_FRUSTUM 1.0f
 
 // What waits on the stack: a child, which packets meet it, and where it begins (ALONG).
 typedef struct {
@@ -22,12 +22,12 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
     const float8 low_u = LOAD_EIGHT(geometry, u), high_u = LOAD_EIGHT(geometry, u + 2u);
     const float8 low_v = LOAD_EIGHT(geometry, v), high_v = LOAD_EIGHT(geometry, v + 2u);
     const float8 low_z = LOAD_EIGHT(geometry, z), high_z = LOAD_EIGHT(geometry, z + 2u);
-    const float8 small_u = WIDE_FRUSTUM * (high_u - low_u), small_v = WIDE_FRUSTUM * (high_v - low_v);
+    const float8 small_u = BROAD_FRUSTUM * (high_u - low_u), small_v = BROAD_FRUSTUM * (high_v - low_v);
     const float8 first = one->is_upwards ? low_z : -high_z, last = one->is_upwards ? high_z : -low_z;
     // The boxes of children that there are not are upside down.
-    const int8 is_there = low_z <= high_z && last >= one->first_start - one->pad,
-               is_early = first < one->last_start - one->pad;
-    ulong met = 0ul, wide = 0ul;
+    const int8 is_there = low_z <= high_z && last >= one->first_start - one->padding,
+               is_early = first < one->last_start - one->padding;
+    ulong met = 0ul, broad = 0ul;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         const Frustum* f = &frusta[k];
@@ -37,12 +37,12 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
         const float8 above_v = fma((float8)(f->b[3]), f->b[3] > 0.0f ? high_z : low_z, (float8)(f->a[3]));
         const int8 is_met = is_there && below_u <= high_u && above_u >= low_u && below_v <= high_v &&
                             above_v >= low_v && first <= ((const float*)&reach)[k];
-        const int8 is_wide = is_met && (is_early || above_u - below_u > small_u || above_v - below_v > small_v);
+        const int8 is_broad = is_met && (is_early || above_u - below_u > small_u || above_v - below_v > small_v);
         met |= lanes_where8(is_met) << k;
-        wide |= lanes_where8(is_wide) << k;
+        broad |= lanes_where8(is_broad) << k;
     }
-    for (; wide != 0ul; wide = other_lanes8(wide)) {
-        const uint bit = lowest_bit(wide), k = bit % 8u;
+    for (; broad != 0ul; broad = other_lanes8(broad)) {
+        const uint bit = lowest_bit(broad), k = bit % 8u;
         if (!packets[k].has_slabs) add_slabs(&packets[k], range, geometry->low, geometry->high, geometry->near_reach);
         if (!is_any16(clip_packet(GEOMETRY, &packets[k], node, bit / 8u, t_limits[k]) < INFINITY)) met &= ~(1ul << bit);
     }
@@ -152,7 +152,7 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
     if (are_several && first_rays_go_one_way(packets, members)) {
         Frustum frusta[PACKETS_OF_ITEM];
         range_of(packets, members, &range);
-        // Pads of frusta are for all of the scene, however far out the rest is.
+        // The padding of frusta is for all of the scene, however far out the rest is.
         if (geometry->near_reach == 0.0f &&
             make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
             traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, undecided_lanes);

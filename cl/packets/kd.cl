@@ -4,7 +4,7 @@
 // entered as long as some ray is in it. The packets of a work-item go together: a node is read once for all of them,
 // and while one packet's comparisons are waited for, others are under way.
 //
-// Planes are tested as those of boxes, with the pads of cl/shared/slab.cl: a hit's t is within the interval of every
+// Planes are tested as those of boxes, with the padding of cl/shared/slab.cl: a hit's t is within the interval of every
 // cell that the hit's point is in. Leaves are packets of triangles as those of cl/traverse/bvh8.cl, several of them
 // where a leaf has many triangles.
 

@@ -188,7 +188,7 @@ void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high, floa
         p->near[axis] = 4u * axis + (is_up ? 0u : 2u);
         if (!is_up && r->direction_greatest[axis] >= 0.0f) p->mixed_axes |= 1u << axis;
     }
-    // As pad_distance() and make_slabs(), whose pad is for the origin's second part, too.
+    // As padding_distance() and make_slabs(), whose padding is for the origin's second part, too.
     const float lows[3] = {low.x, low.y, low.z}, highs[3] = {high.x, high.y, high.z};
     float16 distance = (float16)(0.0f);
 #pragma unroll
@@ -199,16 +199,16 @@ void add_slabs(RayPacket* p, const PacketRange* r, float3 low, float3 high, floa
         const float16 size = larger16(fabs(p->origin[0]), larger16(fabs(p->origin[1]), fabs(p->origin[2])));
         distance = size <= near_reach && 2.0f * near_reach < distance ? (float16)(2.0f * near_reach) : distance;
     }
-    const float16 thickness = fma((float16)(SLACK), distance, (float16)(LEAST_PAD));
+    const float16 thickness = fma((float16)(SLACK), distance, (float16)(LEAST_PADDING));
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         const float16 d = p->direction[axis], largest = (float16)(1.0f / LEAST_SLAB_DIRECTION);
         const float16 inv = fabs(d) >= LEAST_SLAB_DIRECTION ? 1.0f / d : d < 0.0f ? -largest : largest;
-        const float16 pad = fma(fabs(p->origin[axis]), (float16)(ORIGIN_ERROR), thickness) * fabs(inv);
+        const float16 padding = fma(fabs(p->origin[axis]), (float16)(ORIGIN_ERROR), thickness) * fabs(inv);
         const float16 at_origin = -(p->origin[axis] * inv);
         p->inv[axis] = inv;
-        p->enter[axis] = at_origin - pad;
-        p->leave[axis] = at_origin + pad;
+        p->enter[axis] = at_origin - padding;
+        p->leave[axis] = at_origin + padding;
     }
 }
 

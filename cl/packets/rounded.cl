@@ -2,7 +2,7 @@
 // everything themselves, so nothing is put aside and no lane is undecided.
 //
 // Which hit a lane gets does not depend on its neighbours where the hits that the test finds lie no farther than
-// HIT_ERROR EPSILON D from their triangles (ray.cl). The pads of boxes, planes and frusta are for that: each of these
+// HIT_ERROR EPSILON D from their triangles (ray.cl). The padding of boxes, planes and frusta is for that: each of these
 // triangles is tested as long as no nearer hit is known; and the least t counts, of equal ones the lower number, as
 // is_nearer() has it. Every hit of `watertight` lies so. `moller_trumbore` and `plucker` may find hits elsewhere, on
 // triangles that are seen edge-on: such a hit a packet may meet and its ray by itself not, or the other way round. The

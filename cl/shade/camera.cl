@@ -67,8 +67,6 @@ bool is_in_film(__global const RenderParams* render, uint2 pixel) {
     return render->ray_count == 0u || pixel.y * render->width + pixel.x < render->ray_count;
 }
 
-#define TILE_PIXELS (TILE_SIDE * TILE_SIDE)
-
 // Pixels are numbered tile by tile: item i is pixel i % TILE_PIXELS of tile i / TILE_PIXELS, row by row. It may lie
 // outside of the picture.
 uint2 pixel_of_item(__global const RenderParams* render, uint item) {

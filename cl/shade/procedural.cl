@@ -12,7 +12,7 @@
 // infinity or NaN counts as the corner of cell 0, so that no conversion is ever out of range.
 float split_cell(float x, uint* cell) {
     const float low = floor(x);
-    const bool in_range = fabs(low) < 0x1p31f;
+    const bool in_range = fabs(low) < CELL_LIMIT;
     *cell = in_range ? (uint)(int)low : 0u;
     return in_range ? x - low : 0.0f;
 }

@@ -52,7 +52,7 @@ uint pack_way(uint depth, uint kind) { return depth << RAY_KIND_BITS | kind; }
 // exact but the one by W, which is not subnormal, as src/options/mod.rs says; a ray that wins weighs more than 2^-24 W,
 // so that W divided by its weight is a number.
 bool wins_roulette(uint random, float most, float roulette) {
-    return (float)(random >> 8 | 1u) * roulette < most * 0x1p24f;
+    return (float)(random >> 8 | 1u) * roulette < most * ROULETTE_UNITS;
 }
 
 // Whether a ray of this weight and kind is cast from where one of this depth has hit. What is below kill_weight in

@@ -20,7 +20,7 @@
 #define INSTANCE_TO_WORLD 0u // The first of these with the transform to the world
 #define INSTANCE_TO_OBJECT 3u // The first with the transform from tracing space
 #define INSTANCE_REACH 6u // The one with how far differences of tracing space reach in the object
-#define INSTANCE_BLUR 7u // The one with what the pads of its boxes need whatever the ray
+#define INSTANCE_BLUR 7u // The one with the padding of its boxes whatever the ray
 #define INSTANCE_NORMALS 8u // The first with the transform of normals
 #define NO_MATERIAL 4294967295u // The material of an instance whose triangles have their own
 
@@ -37,16 +37,20 @@
 
 // Pictures and batches: how they are divided, counted and limited.
 #define PACKETS_OF_ITEM 4u // How many packets of sixteen rays, of a batch or of the camera, a work-item traces together
-#define TILE_SIDE 8u // Side of the square tile of pixels that neighbouring work-items render: their rays run close together
+// Side of the square tile of pixels that neighbouring work-items render: their rays run close together
+#define TILE_SIDE 8u
+#define TILE_PIXELS 64u // Pixels of a tile
 #define COUNTERS 8u // How many ray counters there are
 #define COUNTER_SLOTS 256u // The ray counters exist this many times on a device, so that work-items seldom meet at one
 #define TAKEN_TILES 2048u // Where behind the ray counters there is how many tiles of a launch are taken
 #define MAX_SHADOW_LAYERS 256u // Transparent surfaces that one shadow ray passes before it counts as blocked
 #define MOST_TAPS 8u // The most places at which a texture is read along a footprint
-#define RAY_KIND_BITS 8u // The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above
+// The kind of ray in `WaitingRay::weight_kind_depth` takes this many low bits of w, the depth the ones above
+#define RAY_KIND_BITS 8u
 #define RAY_DEPTH_BITS 8u // With roulette the depth takes this many of these, the ray's way the rest
 #define WORK_COUNTERS 11u // How many work counters there are
-#define MAX_RADIANCE 0x1p100f // The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this
+// The largest radiance of one surface, or of the background, along a ray; what is brighter counts as this
+#define MAX_RADIANCE 0x1p100f
 
 // Queues of the wavefront kernels.
 #define NO_PATH 4294967295u // `WavefrontSlot::path` of a slot that follows none
@@ -62,7 +66,8 @@
 #define WIDEN_UP 0x1.00000ap0f // More than the t of a plane is off by, upwards
 #define WIDEN_DOWN 0x1.ffffecp-1f // The same downwards
 #define PLANE_ERROR 0x1p-64f // What the distance of a plane from the origin is off by, however small it is
-#define HIT_ERROR 0x1p5f // How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance
+// How far a computed hit can lie outside of its triangle's box, in units of EPSILON times the vertices' distance
+#define HIT_ERROR 0x1p5f
 #define SLACK 0x1.4p-19f // With it the rounding of the tests of thick boxes
 
 // Spheres: `cl/traverse/spheres.cl`.
@@ -71,14 +76,16 @@
 // Boxes: `cl/shared/slab.cl`, those of objects behind its `INSTANCES`.
 #define LEAST_SLAB_DIRECTION 0x1p-26f // The least component of a direction in slab tests
 #define ORIGIN_ERROR 0x1p-22f // What slab tests are off by for a start far from 0, in units of its largest coordinate
-#define LEAST_PAD 0x1p-120f // A pad at least this thick stays in float32's range
+#define LEAST_PADDING 0x1p-120f // A padding at least this thick stays in float32's range
 #define FARTHEST_START 0x1p64f // From a start this far away a ray meets every box
-#define TRANSFORM_ERROR 0x1p-21f // What slab tests in an object are off by for a start far from 0 in the scene, in units of its largest coordinate
+// What slab tests in an object are off by for a start far from 0 in the scene, in units of its largest coordinate
+#define TRANSFORM_ERROR 0x1p-21f
 #define OBJECT_ORIGIN_ERROR 0x1.8p-21f // The same for a start far from 0 in the object
-#define THICKEST 0x1p126f // With thicker pads a ray meets every box of an object
+#define THICKEST 0x1p126f // With a thicker padding a ray meets every box of an object
 
 // Distances of points: `cl/kernels/closest_point.cl`.
-#define DISTANCE_ERROR 0x1p-19f // What bounds of a triangle's distance are off by, in units of the distance of its farthest corner
+// What bounds of a triangle's distance are off by, in units of the distance of its farthest corner
+#define DISTANCE_ERROR 0x1p-19f
 #define LEAST_DISTANCE_ERROR 0x1p-60f // What they are off by, however near the triangle is
 #define BOX_DISTANCE_DOWN 0x1.fffff8p-1f // What makes up for the roundings of a distance from the middle of a box
 #define BOX_LIMIT_UP 0x1.00001p0f // What makes up for the roundings of squared distances of boxes
@@ -87,7 +94,8 @@
 // Rays: `cl/shared/ray.cl`.
 #define SHORT_DIRECTION 0x1p-100f // A direction whose components are all below this is lifted by LIFT
 #define SMALL_TURN_LIFT 0x1p60f // What a direction is lifted by where its least component would lose bits
-#define POINT_ERROR 0x1p-22f // What a rounded triangle test may be off from the plane of a neighbour, times the largest component of the edges
+// What a rounded triangle test may be off from the plane of a neighbour, times the largest component of the edges
+#define POINT_ERROR 0x1p-22f
 
 // The point that a ray leaves a triangle from: `cl/shared/rounding_errors.cl`.
 #define POINT_TERMS 9u // Summands of the point
@@ -133,40 +141,52 @@
 #define SPREAD_ERROR 0x1.8cccccp1f // What the error of edge functions makes of t, times the triangle's extent in depth
 #define DEPTH_ERROR 0x1.ap-20f // What t is off by beside that, times the largest depth
 #define LEAST_DEPTH 0x1p-64f // What underflows of it
-#define DOUBLE_EPSILON 0x1p-53f // The relative error of one operation of double
-#define DOUBLE_PRECISION 0x1p53f // Its inverse
-#define PAIR_EPSILON 0x1p-44f // The relative error of one operation of pairs of floats
-#define PAIR_PRECISION 0x1p44f // Its inverse
-#define EXTENDED_ROUNDINGS 0x1.4p3f // Errors of T, D, U and V, in units of EXTENDED_EPSILON
-#define EXTENDED_ROUNDINGS_W 0x1.cp3f // Those of W
-#define LEAST_START 0x1p-145f // What no float is small enough for of a start's second part, in units of EXTENDED_EPSILON
-#define START_SHARE 0x1.99999ap-2f // The second part's error of 4 EPSILON, in units of that of T
+#define DOUBLE_EPSILON 0x1p-53f // With double: the relative error of one operation
+#define DOUBLE_ERROR 0x1.4p-50f // Errors of T, D, U and V
+#define DOUBLE_ERROR_W 0x1.cp-50f // Those of W
+#define DOUBLE_START_ERROR 0x1.99999ap27f // The error of a start's second part, in units of that of T
+#define DOUBLE_LEAST_FROM 0x1p-92f // What no float is small enough for of it, in units of the relative error
+#define PAIR_EPSILON 0x1p-44f // The same five with pairs of floats: the relative error of one operation
+#define PAIR_ERROR 0x1.4p-41f // Errors of T, D, U and V
+#define PAIR_ERROR_W 0x1.cp-41f // Those of W
+#define PAIR_START_ERROR 0x1.99999ap18f // The error of a start's second part
+#define PAIR_LEAST_FROM 0x1p-101f // What no float is small enough for of it
 #define LEAST_MAGNITUDE 0x1p-80f // Below this a product of floats may have underflowed
+#define MOST_DET_ERROR 0x1p-10f // A denominator that is off by more, relative to itself, tells no quotient
+#define QUOTIENT_MARGIN 0x1.028f5cp0f // The first order of a quotient's error, times this, is more than all of it
 
 // The last step of the exact test: `cl/intersect/exact_integers.cl`.
-#define INFINITE_SIGNIFICAND 33554431u // Numbers from this times a power of two on have no nearest float: FLT_MAX and half of its last bit
+// Numbers from this times a power of two on have no nearest float: FLT_MAX and half of its last bit
+#define INFINITE_SIGNIFICAND 33554431u
 #define INFINITE_EXPONENT 103 // The power's exponent
+#define QUOTIENT_BITS 34 // Bits of a quotient beside those of its positions and directions
+#define COMPARISON_BITS 40 // The same of a comparison of two t
 
 // The triangle test of the thesis: `cl/intersect/thesis.cl`.
 #define THESIS_EPSILON 0x1.0c6f7ap-20f // Below this the test takes determinants and distances, in world units, for zero
 
-// Shading: `cl/shade/normal.cl`, `light.cl`, `footprint.cl` and `texture.cl`.
-#define LARGEST_NORMAL_NOISE 0x1p-21f // Where all components of an interpolated normal are smaller than this, none needs to have the right sign
+// Shading: `cl/shade/normal.cl`, `light.cl`, `footprint.cl`, `texture.cl` and `roulette.cl`.
+// Where all components of an interpolated normal are smaller than this, none needs to have the right sign
+#define LARGEST_NORMAL_NOISE 0x1p-21f
 #define TOON_HIGHLIGHT 0x1p-1f // The strength from which on a smooth highlight is one of a cartoon
 #define LEAST_CONE_COSINE 0x1p-7f // What the cosine between a cone and a surface counts as at least
 #define MORE_TEXELS 0x1p31f // More texels than any texture has on a side
+#define ROULETTE_UNITS 0x1p24f // What 1 is in units of the random numbers of Russian roulette
 
 // Procedural textures: `cl/shade/procedural.cl`.
+#define CELL_LIMIT 0x1p31f // From here on a coordinate is in no cell of its own: no int could number it
 #define HASH_X 2654435761u // Of a cell's hash: the factor of x
 #define HASH_Y 2246822519u // That of y
 #define HASH_Z 3266489917u // That of z
 #define HASH_SEED 668265263u // That of the seed
 #define HASH_FIRST 2246822507u // The first factor of the finaliser
 #define HASH_SECOND 3266489909u // The second one
-#define OCTAVE_SHIFT (float3)(0x1.a36a94p-1f, 0x1.579306p-1f, 0x1.197258p-1f) // By how much an octave of noise is moved against the one before
+// By how much an octave of noise is moved against the one before
+#define OCTAVE_SHIFT (float3)(0x1.a36a94p-1f, 0x1.579306p-1f, 0x1.197258p-1f)
 #define EARLY_WOOD 0x1.b33334p-1f // Share of a year's ring that is early wood
 #define WOOD_NOISE (float3)(0x1p-2f, 0x1p-5f, 0x1p-2f) // The frequencies of the noise that bends the rings
-#define SOLID_DEPTH 0x1.8p-21f // How far beneath the surface a solid texture is looked at, times the triangle's largest coordinate
+// How far beneath the surface a solid texture is looked at, times the triangle's largest coordinate
+#define SOLID_DEPTH 0x1.8p-21f
 
 // Counters of rays and of work, and what a scene needs of kernels.
 #define COUNT_CAMERA_CAST 0u

@@ -11,8 +11,12 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 #define EXTENDED_IS_DOUBLE
 typedef double Extended;
-#define EXTENDED_EPSILON DOUBLE_EPSILON     // the relative error of one operation
-#define EXTENDED_PRECISION DOUBLE_PRECISION // its inverse
+#define EXTENDED_EPSILON DOUBLE_EPSILON // the relative error of one operation
+// Of cl/intersect/exact_filter.cl.
+#define EXTENDED_ERROR DOUBLE_ERROR
+#define EXTENDED_ERROR_W DOUBLE_ERROR_W
+#define START_ERROR DOUBLE_START_ERROR
+#define LEAST_FROM DOUBLE_LEAST_FROM
 Extended extended_difference(float a, float b) { return (double)a - (double)b; }
 Extended extended_from(float a) { return (double)a; }
 Extended extended_add(Extended a, Extended b) { return a + b; }
@@ -23,7 +27,10 @@ float extended_to_float(Extended a) { return (float)a; }
 #else
 typedef float2 Extended; // the value is x + y, and x is that rounded
 #define EXTENDED_EPSILON PAIR_EPSILON
-#define EXTENDED_PRECISION PAIR_PRECISION
+#define EXTENDED_ERROR PAIR_ERROR
+#define EXTENDED_ERROR_W PAIR_ERROR_W
+#define START_ERROR PAIR_START_ERROR
+#define LEAST_FROM PAIR_LEAST_FROM
 Extended extended_sum(float a, float b) {
     const float sum = a + b;
     const float b_part = sum - a;

@@ -4,14 +4,14 @@
 // Traversal", JCGT 2(2), 2013, but for the errors of the triangle tests, too.
 //
 // On an axis with origin o, direction d and inv = 1 / d the ray meets the plane p at t = (p - o) inv = fma(p, inv, -o
-// inv). The offset is lowered by a pad for planes where the ray enters, and raised by it for those where it leaves,
-// once for each ray:
+// inv). The offset is lowered by the ray's padding for planes where it enters, and raised by it for those where it
+// leaves, once for each ray:
 //     t_enter <= the t of any hit in the box <= t_leave,  for every box within the scene's, every ray and every
 //                                                         triangle test.
 //
-// The pad. D is no less than the distance on any axis of any point of the scene's box from the start (farthest_distance
-// in ray.cl), and |d| is at least 1 on some axis, so the hits that matter have |t| <= D (1 + SLACK). On each axis, in
-// units of |inv|:
+// The padding. D is no less than the distance on any axis of any point of the scene's box from the start
+// (farthest_distance in ray.cl), and |d| is at least 1 on some axis, so the hits that matter have |t| <= D (1 + SLACK).
+// On each axis, in units of |inv|:
 //   - the hit's point may lie HIT_ERROR EPSILON D away from the nearest point of its triangle (ray.cl), which is in the
 //     box of some leaf that lists the triangle;
 //   - inv is off by 5 EPSILON of itself (2.5 ulp, on devices whose division is no better) and the fma by EPSILON of its
@@ -21,13 +21,13 @@
 //     no more than EPSILON D / 4. A zero component is one of these: boxes that the ray runs beside are culled, those
 //     that it touches are not;
 //   - the second part of the origin, which is left out, is at most EPSILON |o|; the product -o inv is off by as much;
-//     and so is its sum with the pad, beside EPSILON of the pad: 3 EPSILON |o|.
+//     and so is its sum with the padding, beside EPSILON of the padding: 3 EPSILON |o|.
 // HIT_ERROR + 7.25 is below SLACK / EPSILON = HIT_ERROR + 8, and 3 below 4 (ORIGIN_ERROR), which leaves room for the
-// second order. LEAST_PAD is for what underflows, here or on devices without the smallest numbers: half a dozen times
-// 2^-126, on the scale of t, where |inv| > 1/2.
+// second order. LEAST_PADDING is for what underflows, here or on devices without the smallest numbers: half a dozen
+// times 2^-126, on the scale of t, where |inv| > 1/2.
 //
-// From FARTHEST_START on, where the pad has long been larger than the scene, an offset could overflow: such a ray meets
-// every box. So every number here is one: neither NaN nor, but for these rays' offsets, infinite.
+// From FARTHEST_START on, where the padding has long been larger than the scene, an offset could overflow: such a ray
+// meets every box. So every number here is one: neither NaN nor, but for these rays' offsets, infinite.
 
 // Of a ray. The near plane of a slab is the upper one where inv < 0.
 typedef struct {
@@ -48,9 +48,9 @@ Slabs all_slabs(void) {
 
 // Those whose planes are `thickness` away from where they are, on both sides.
 Slabs thick_slabs(float3 origin, float3 inv, float3 thickness) {
-    const float3 pad = thickness * abs3(inv);
+    const float3 padding = thickness * abs3(inv);
     const float3 at_origin = -(origin * inv);
-    const Slabs slabs = {inv, at_origin - pad, at_origin + pad};
+    const Slabs slabs = {inv, at_origin - padding, at_origin + padding};
     return slabs;
 }
 
@@ -60,11 +60,11 @@ float3 slab_inverses(const Ray* ray) {
                     slab_inverse(ray->direction.z, LEAST_SLAB_DIRECTION));
 }
 
-// D for boxes within low..high of a scene of which few triangles lie so far out that pads for them would be larger than
-// all the rest (src/accel/near.rs): from a start that is within `near_reach` of 0 on all axes, no point of a box that
-// is within it, too, is farther away than twice that. Boxes that reach beyond are larger by what is left out here. In
-// other scenes near_reach is 0, also for a start at 0.
-float pad_distance(const Ray* ray, float3 low, float3 high, float near_reach) {
+// D for boxes within low..high of a scene of which few triangles lie so far out that a padding for them would be larger
+// than all the rest (src/accel/near.rs): from a start that is within `near_reach` of 0 on all axes, no point of a box
+// that is within it, too, is farther away than twice that. Boxes that reach beyond are larger by what is left out here.
+// In other scenes near_reach is 0, also for a start at 0.
+float padding_distance(const Ray* ray, float3 low, float3 high, float near_reach) {
     const float farthest = farthest_distance(ray, low, high), nearer = 2.0f * near_reach;
     const bool is_near = nearer > 0.0f && largest_component(abs3(ray->origin)) <= near_reach;
     return is_near && nearer < farthest ? nearer : farthest;
@@ -72,21 +72,21 @@ float pad_distance(const Ray* ray, float3 low, float3 high, float near_reach) {
 
 // For boxes within low..high.
 Slabs make_slabs(const Ray* ray, float3 low, float3 high, float near_reach) {
-    const float distance = pad_distance(ray, low, high, near_reach);
+    const float distance = padding_distance(ray, low, high, near_reach);
     if (!(distance < FARTHEST_START)) return all_slabs();
-    const float thickness = fma(SLACK, distance, LEAST_PAD);
+    const float thickness = fma(SLACK, distance, LEAST_PADDING);
     return thick_slabs(ray->origin, slab_inverses(ray), fma3(abs3(ray->origin), ORIGIN_ERROR, (float3)(thickness)));
 }
 
-// Whether boxes that are larger by `padding` than what they hold need no pads for this ray. So it is for most:
+// Whether boxes that are larger by `padding` than what they hold need no padding of this ray. So it is for most:
 // padding_of_boxes() in src/bounds.rs.
 bool is_padding_enough(const Ray* ray, float3 low, float3 high, float near_reach, float padding) {
-    const float thickness = fma(SLACK, pad_distance(ray, low, high, near_reach), LEAST_PAD);
+    const float thickness = fma(SLACK, padding_distance(ray, low, high, near_reach), LEAST_PADDING);
     return fma(largest_component(abs3(ray->origin)), ORIGIN_ERROR, thickness) <= padding;
 }
 
-// Those without pads.
-Slabs slabs_without_pads(const Ray* ray) {
+// Those without padding.
+Slabs slabs_without_padding(const Ray* ray) {
     const float3 inv = slab_inverses(ray), at_origin = -(ray->origin * inv);
     const Slabs slabs = {inv, at_origin, at_origin};
     return slabs;
@@ -95,8 +95,8 @@ Slabs slabs_without_pads(const Ray* ray) {
 #ifdef INSTANCES
 // For boxes within an object: of the ray as the rows of an instance take it to the object's coordinates. There t is the
 // same. `reach` is what these rows make of a difference at most, R on an axis, with a quarter to spare; o' and d' are
-// the origin and direction in the object. The pad in the object's units, where the hit's point as computed from o' and
-// d' is off the object's triangle, in EPSILON:
+// the origin and direction in the object. The padding in the object's units, where the hit's point as computed from o'
+// and d' is off the object's triangle, in EPSILON:
 //   - by what it is off in tracing space, HIT_ERROR D, as far as R takes it;
 //   - by the rounding of the triangle's vertices when they were placed, 3 R Q for coordinates up to Q;
 //   - by the rounding of o', 4 R |o| + 4 R Q, because the rows' summands are no larger than R Q, and by what it leaves
@@ -104,11 +104,11 @@ Slabs slabs_without_pads(const Ray* ray) {
 //   - by the rounding of d' times t, 4 R D, and by its least value, R D / 4;
 //   - by the slab's own arithmetic as above: 7 (|o'| + X) for boxes that reach to X, and 3 |o'|.
 // So R ((HIT_ERROR + 4.25) D + 5 |o| + 7 Q) + 10 |o'| + 7 X: below R (SLACK / EPSILON D + 8 |o|) + 12 |o'| + blur,
-// where blur is what does not depend on the ray, R (8 Q + LEAST_PAD) + 8 X, with a quarter to spare: TRANSFORM_ERROR is
-// the 8, OBJECT_ORIGIN_ERROR the 12.
+// where blur is what does not depend on the ray, R (8 Q + LEAST_PADDING) + 8 X, with a quarter to spare:
+// TRANSFORM_ERROR is the 8, OBJECT_ORIGIN_ERROR the 12.
 //
-// From THICKEST on pads may overflow, and directions, whose components may be 2^60 times as large as those of others
-// (make_ray): such a ray meets every box, and so does one that is no number in the object.
+// From THICKEST on the padding may overflow, and directions, whose components may be 2^60 times as large as those of
+// others (make_ray): such a ray meets every box, and so does one that is no number in the object.
 
 // False for NaN.
 bool is_below3(float3 v, float limit) { return v.x < limit && v.y < limit && v.z < limit; }

@@ -69,7 +69,8 @@ typedef struct {
 
 // A texture: where its picture lies in the texel array, or the parameters of a procedural one.
 typedef struct {
-    float4 to_x; // Procedural: how x of the texture's own space comes from a position (factors in x, y, z and a summand in w).
+    // Procedural: how x of the texture's own space comes from a position (factors in x, y, z and a summand in w).
+    float4 to_x;
     float4 to_y; // Procedural: the same for y.
     float4 to_z; // Procedural: the same for z.
     float4 colour0_turbulence; // Procedural: first colour in x, y, z and strength of the turbulence in w.
@@ -80,8 +81,11 @@ typedef struct {
     uint height; // Image: rows.
     uint octaves; // Procedural: octaves of the noise.
     uint seed; // Procedural: which noise.
-    uint in_uv; // Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing
-    uint levels; // Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a
+    // Procedural: 1 when the position is (u, v, 0) of the texture coordinates, 0 when it is the hit's in tracing space.
+    uint in_uv;
+    // Image: itself, and pictures of it that are half as wide and high, each behind the one before, as small as a ray
+    // may want it.
+    uint levels;
 } TextureInfo;
 
 // A place in a picture through which a camera ray passes.
@@ -93,17 +97,23 @@ typedef struct {
 
 // What the kernels need to know of the scene as a whole.
 typedef struct {
-    float4 low; // Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
-    float4 high; // High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther,
+    // Low corner of the box around all triangles in x, y, z, tracing space; w: the padding of the boxes of bvh2.
+    float4 low;
+    // High corner of that box; w: how far from 0 most triangles reach, where few others reach very much farther, else
+    // 0.
+    float4 high;
     float4 background_bottom; // Background straight down, linear RGB; w unused.
     float4 background_top; // Background straight up; w unused.
     float4 sky_bottom; // Light of the sky on a surface that faces down, linear RGB; w unused.
     float4 sky_top; // Light of the sky on a surface that faces up; w unused.
     float4 sky_viewer; // Light from the viewer on a surface that faces the viewer; w unused.
     float4 sky_up; // Which way is up for sky and background, length 1; w unused.
-    uint reference_count; // Length of the reference list; with brute force the number of triangles that can be hit; with instances their
+    // Length of the reference list; with brute force the number of triangles that can be hit; with instances their
+    // number.
+    uint reference_count;
     uint light_count; // Number of lights that shine.
-    uint has_transparent; // 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.
+    // 1 when the material of some triangle is transparent, so that shadow rays must look for the tint.
+    uint has_transparent;
     float scale; // Tracing space = world units times this power of two.
 } SceneParams;
 
@@ -121,9 +131,12 @@ typedef struct {
     float pixel_width; // 2 / width; for rays through corners 2 / (width - 1).
     float pixel_height; // 2 / height; for rays through corners 2 / (height - 1).
     float sample_weight; // 1 / sample_count.
-    uint ray_count; // 0, or of a list of camera rays in place of a picture how many there are. Number i, at `x + width * y` of the
+    // 0, or of a list of camera rays in place of a picture how many there are. Number i, at `x + width * y` of the
+    // film, passes through the position `samples[i]`, in pixels of the picture.
+    uint ray_count;
     float pixel_size; // Side of a pixel at distance 1 in the middle of the picture.
-    float roulette_weight; // A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
+    // A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
+    float roulette_weight;
     uint first_pixel; // Of a part of a picture the place of its first pixel in the picture: column | row << 16.
 } RenderParams;
 
@@ -139,8 +152,10 @@ typedef struct {
 // A ray that waits to be traced. It ends nowhere.
 typedef struct {
     float4 origin_t_near; // Origin in x, y, z and t_near in w.
-    float4 origin_low_width; // What that leaves out of the origin in x, y, z and the width of the ray's cone there in w.
-    float4 start_weights_spread; // Where it lies on the triangle, as weights of the vertices, in x, y, z and by how much the cone widens in w.
+    // What that leaves out of the origin in x, y, z and the width of the ray's cone there in w.
+    float4 origin_low_width;
+    // Where it lies on the triangle, as weights of the vertices, in x, y, z and by how much the cone widens in w.
+    float4 start_weights_spread;
     int4 direction_skip; // Bits of the direction in x, y, z and the triangle that it starts on in w.
     int4 weight_kind_depth; // Bits of the weight in x, y, z and depth << RAY_KIND_BITS | kind in w.
 } WaitingRay;
@@ -148,7 +163,8 @@ typedef struct {
 // What the lights need to know of a hit.
 typedef struct {
     float4 position_error; // Position in x, y, z and bound of its error in w.
-    float4 position_low_lift_x; // What that leaves out of the position in x, y, z; x of the way to where shadow rays start in w.
+    // What that leaves out of the position in x, y, z; x of the way to where shadow rays start in w.
+    float4 position_low_lift_x;
     float4 weights; // Where that is on the triangle, as weights of the vertices, in x, y, z; w unused.
     int4 geometric_normal_primitive; // Bits of the geometric normal in x, y, z and the triangle in w.
     int4 normal_material; // Bits of the shading normal in x, y, z and the material in w.

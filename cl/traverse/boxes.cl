@@ -10,7 +10,7 @@
 // the times of entry and exit as computed here, and a box that is entered after the hit has no nearer one.
 bool traverse_boxes(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const float slack = SLACK * pad_distance(ray, geometry->low, geometry->high, geometry->near_reach);
+    const float slack = SLACK * padding_distance(ray, geometry->low, geometry->high, geometry->near_reach);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
     for (uint cluster = 0; cluster < count; cluster++) {
         COUNT(geometry, STEPS, 1);

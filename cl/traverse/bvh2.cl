@@ -9,7 +9,7 @@
 // need not be the nearest one, because boxes overlap.
 //
 // nodes: four records each; what they are, and what a link is, src/accel/bvh2.rs says. Boxes have the padding of
-// cl/shared/slab.cl, or are tested with its pads, so that a hit's t is within the computed interval of all boxes above
+// cl/shared/slab.cl, or are tested with a ray's, so that a hit's t is within the computed interval of all boxes above
 // it, and a box that is entered after the hit has no nearer one.
 
 #ifndef STACK_SIZE
@@ -46,9 +46,9 @@ INLINE uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_
     return link;
 }
 
-// descend_to_leaf() for rays from far away, which want pads, and those that look for hits behind their start.
-INLINE uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
-                              uint link) {
+// descend_to_leaf() for rays from far away, which want a padding, and those that look for hits behind their start.
+INLINE uint descend_with_padding(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
+                                 uint link) {
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     const PairSlabs pair = make_pair_slabs(&slabs);
     return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, stacked, link);
@@ -56,10 +56,10 @@ INLINE uint descend_with_pads(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit
 
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const bool needs_no_pads =
+    const bool needs_no_padding =
         is_padding_enough(ray, geometry->low, geometry->high, geometry->near_reach, geometry->padding) &&
         as_int(ray->t_near) >= 0;
-    const Slabs slabs = slabs_without_pads(ray);
+    const Slabs slabs = slabs_without_padding(ray);
     const PairSlabs pair = make_pair_slabs(&slabs);
 
     uint stack[STACK_SIZE];
@@ -67,8 +67,9 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = needs_no_pads ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
-                       : descend_with_pads(GEOMETRY, ray, hit->t, stack, &stacked, link);
+        link = needs_no_padding
+                   ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
+                   : descend_with_padding(GEOMETRY, ray, hit->t, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;

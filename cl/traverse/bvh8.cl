@@ -7,7 +7,7 @@
 // whatever its neighbours do. Bad at: GPUs, where a work-item has one lane and eight boxes take its registers.
 //
 // nodes: BVH8_NODE_RECORDS records a node; what they are, and what a link is, src/accel/bvh8.rs says. bounds: packets
-// of triangles (cl/intersect/filter.cl). Boxes are tested with the pads of cl/shared/slab.cl.
+// of triangles (cl/intersect/filter.cl). Boxes are tested with the padding of cl/shared/slab.cl.
 
 #ifndef STACK_SIZE
 #define STACK_SIZE 64 // the host knows it

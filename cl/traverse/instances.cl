@@ -3,7 +3,7 @@
 // Rubin and Whitted, "A 3-Dimensional Representation for Fast Rendering of Complex Scenes", SIGGRAPH 1980.
 //
 // An object that stands in the scene a thousand times takes the memory of one. Hits are those of the flattened scene,
-// bit for bit: rays in object coordinates meet boxes alone, with pads for their rounding (make_instance_slabs in
+// bit for bit: rays in object coordinates meet boxes alone, with a padding for their rounding (make_instance_slabs in
 // slab.cl), and triangles are placed in the scene before they are tested (cl/shared/instances.cl). t is the same in
 // both spaces.
 //

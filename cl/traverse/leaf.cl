@@ -68,8 +68,8 @@ uint counted_hits(const Hit* hit) { return as_uint(hit->v); }
 void set_counted_hits(Hit* hit, uint count) { hit->v = as_float(count); }
 
 #if defined(COUNT_HITS)
-// Counts a triangle that the ray hits, which is in no other leaf. The last one that is asked for becomes *hit, which ends
-// a traversal for any hit.
+// Counts a triangle that the ray hits, which is in no other leaf. The last one that is asked for becomes *hit, which
+// ends a traversal for any hit.
 void test_for_count(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
     Hit found = no_hit_yet(ray);
     TEST(GEOMETRY, ray, primitive, slot, &found);

@@ -39,7 +39,7 @@ bool may_meet_sphere(const Ray* ray, float slack, float4 sphere, float t_hit) {
 
 bool traverse_spheres(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     *hit = no_hit_yet(ray);
-    const float slack = SPHERE_SLACK * pad_distance(ray, geometry->low, geometry->high, geometry->near_reach);
+    const float slack = SPHERE_SLACK * padding_distance(ray, geometry->low, geometry->high, geometry->near_reach);
     const uint count = (uint)LOAD_NODE(geometry, 0).z;
     for (uint cluster = 0; cluster < count; cluster++) {
         COUNT(geometry, STEPS, 1);

@@ -141,8 +141,8 @@ impl<'a> Tracing<'a> {
 
 /// So long takes what is lost of an area at the most, about, when the program is stopped.
 const GROUP_TIME: Duration = Duration::from_secs(2);
-/// A picture takes about so many times as long as its first samples: a pixel has about three rays, and what is traced in
-/// lists takes longer.
+/// A picture takes about so many times as long as its first samples: a pixel has about three rays, and what is traced
+/// in lists takes longer.
 const FIRST_SAMPLES_PART: u32 = 4;
 
 /// Into how many groups so many blocks are divided, which are refined one after the other, if their first samples took
@@ -504,7 +504,8 @@ fn pixels_of_lattice(area: &Area, side: usize, lattice: &Lattice, is_wanted: &[b
     parallel::flat_map_numbers(columns * rows, of_patch)
 }
 
-/// Where the first samples of a patch are needed: everywhere, where it is wanted, else around the wanted ones beside it.
+/// Where the first samples of a patch are needed: everywhere, where it is wanted, else around the wanted ones beside
+/// it.
 fn needed_of_patch(area: &Area, side: usize, step: usize, is_wanted: &[bool], number: usize) -> Vec<Area> {
     if is_wanted[number] {
         return vec![area.patch(number, side)];

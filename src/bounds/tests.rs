@@ -170,7 +170,7 @@ fn the_slack_of_thick_boxes_covers_the_hit_error_and_the_rounding_of_its_own_tes
     assert!(most > 0.3, "{most}");
 }
 
-/// The offset of a slab, -o inv, with a pad: what it is off by in units of |o inv|, beside EPSILON of the pad.
+/// The offset of a slab, -o inv, with a padding: what it is off by in units of |o inv|, beside EPSILON of the padding.
 #[test]
 fn the_origin_error_covers_the_roundings_of_a_slabs_offset() {
     let mut random = Random::new(SEED + 5);
@@ -178,12 +178,12 @@ fn the_origin_error_covers_the_roundings_of_a_slabs_offset() {
     for i in 0..2_000_000 {
         let place = Place { true_low: 0.0, ..Place::new(2 * i + 1, &mut random) };
         let inverse = 1.0 / place.direction;
-        let pad = (place.origin * inverse).abs() * random.size(-30, 0);
-        let computed = f64::from(-(place.origin * inverse) - pad);
-        let exact = -(f64::from(place.origin) + f64::from(place.origin_low)) * f64::from(inverse) - f64::from(pad);
+        let padding = (place.origin * inverse).abs() * random.size(-30, 0);
+        let computed = f64::from(-(place.origin * inverse) - padding);
+        let exact = -(f64::from(place.origin) + f64::from(place.origin_low)) * f64::from(inverse) - f64::from(padding);
         let unit = (f64::from(place.origin) * f64::from(inverse)).abs();
-        let error = (computed - exact).abs() - UNIT * f64::from(pad);
-        assert!(error <= f64::from(ORIGIN_ERROR) * unit, "{i} (seed {SEED}): {place:?} {pad}");
+        let error = (computed - exact).abs() - UNIT * f64::from(padding);
+        assert!(error <= f64::from(ORIGIN_ERROR) * unit, "{i} (seed {SEED}): {place:?} {padding}");
         most = most.max(error / (f64::from(ORIGIN_ERROR) * unit));
     }
     assert!(most > 0.5, "{most}");
@@ -192,10 +192,10 @@ fn the_origin_error_covers_the_roundings_of_a_slabs_offset() {
 /// Half a dozen numbers below the least normal one may be lost, on devices that have no smaller ones; the bound is ten
 /// times as much, because it costs nothing.
 #[test]
-fn the_least_pad_is_more_than_underflow_takes_and_nothing_to_a_scene() {
-    const { assert!(LEAST_PAD >= 6.0 * f32::MIN_POSITIVE && LEAST_PAD < f32::MIN_POSITIVE * 1e3) };
-    // Pads stay normal numbers where they are multiplied with the least reciprocals, those of components below 2.
-    assert!((LEAST_PAD * 0.5).is_normal());
+fn the_least_padding_is_more_than_underflow_takes_and_nothing_to_a_scene() {
+    const { assert!(LEAST_PADDING >= 6.0 * f32::MIN_POSITIVE && LEAST_PADDING < f32::MIN_POSITIVE * 1e3) };
+    // A padding stays a normal number where it is multiplied with the least reciprocals, those of components below 2.
+    assert!((LEAST_PADDING * 0.5).is_normal());
     // And all offsets stay floats: those of the farthest starts times the largest reciprocals.
     assert!((FARTHEST_START * (1.0 / LEAST_SLAB_DIRECTION) * 4.0).is_finite());
     assert!((THICKEST * 2.0).is_finite() && !(THICKEST * 4.0).is_finite());
@@ -209,19 +209,19 @@ fn the_least_slab_direction_moves_hits_by_a_quarter_of_a_rounding() {
 
 /// Rays from four sides away have padding enough, and from more than four not: half of the padding would be too little.
 #[test]
-fn the_padding_of_boxes_is_the_pad_of_the_farthest_ray_that_needs_no_other() {
+fn the_padding_of_boxes_is_that_of_the_farthest_ray_that_needs_no_other() {
     let mut random = Random::new(SEED + 6);
     for i in 0..100_000 {
         let (a, b) = (random.vec3() * random.size(-10, 4), random.vec3() * random.size(-10, 4));
         let (low, high) = (a.min(b), a.max(b));
         let side = f64::from((high - low).max_element());
         let farthest = f64::from(low.abs().max(high.abs()).max_element()) + 4.0 * side;
-        let pad = f64::from(SLACK) * 4.0 * side + f64::from(ORIGIN_ERROR) * farthest;
-        let share = pad / f64::from(padding_of_boxes(low, high));
+        let padding = f64::from(SLACK) * 4.0 * side + f64::from(ORIGIN_ERROR) * farthest;
+        let share = padding / f64::from(padding_of_boxes(low, high));
         assert!((0.999_999..1.000_001).contains(&share), "{i} (seed {SEED}): {share}, {low} {high}");
         let reach = random.size(-60, 60);
-        let pad = f64::from(SLACK) * 2.0 * f64::from(reach) + f64::from(ORIGIN_ERROR) * f64::from(reach);
-        assert!((0.999_999..1.000_001).contains(&(pad / f64::from(padding_within(reach)))), "{reach}");
+        let padding = f64::from(SLACK) * 2.0 * f64::from(reach) + f64::from(ORIGIN_ERROR) * f64::from(reach);
+        assert!((0.999_999..1.000_001).contains(&(padding / f64::from(padding_within(reach)))), "{reach}");
     }
-    assert_eq!(padding_of_boxes(Vec3::splat(-f32::MAX), Vec3::splat(f32::MAX)), 0.0, "no number: rays take pads");
+    assert_eq!(padding_of_boxes(Vec3::splat(-f32::MAX), Vec3::splat(f32::MAX)), 0.0, "no number: rays add their own");
 }

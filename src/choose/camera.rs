@@ -1,7 +1,7 @@
 //! Where a picture is seen from, as decisions: each part of the camera with its source.
 
 use super::request::{Decision, Source};
-use crate::scene::{Origin, Placed};
+use crate::scene::{AimSource, Placed};
 use glam::Vec3;
 
 /// The parts of a camera, each with where it comes from.
@@ -21,12 +21,12 @@ fn vector(Vec3 { x, y, z }: Vec3) -> String {
     format!("{},{},{}", x + 0.0, y + 0.0, z + 0.0)
 }
 
-fn decision(option: &'static str, value: String, origin: &Origin) -> Decision {
-    let (source, reason) = match origin {
-        Origin::Given => (Source::Given, ""),
-        Origin::Scene => (Source::Scene, "its camera"),
-        Origin::Format => (Source::Scene, "the rule of its format, or of the program that wrote the file"),
-        Origin::Automatic(reason) => (Source::Model, reason.as_ref()),
+fn decision(option: &'static str, value: String, from: &AimSource) -> Decision {
+    let (source, reason) = match from {
+        AimSource::Given => (Source::Given, ""),
+        AimSource::Scene => (Source::Scene, "its camera"),
+        AimSource::Format => (Source::Scene, "the rule of its format, or of the program that wrote the file"),
+        AimSource::Automatic(reason) => (Source::Model, reason.as_ref()),
     };
     Decision { option: option.into(), value, source, reason: reason.to_owned() }
 }

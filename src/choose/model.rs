@@ -95,7 +95,8 @@ impl Workload<'_> {
         }
         match (self.kind(), self.triangle_count.map(SceneSize::of)) {
             (Some(DeviceKind::Cpu), _) => {
-                let reason = "the device is a CPU, whose vectors hold the eight boxes of a node; brute force is slower at any size";
+                let reason = "the device is a CPU, whose vectors hold the eight boxes of a node; brute force is slower \
+                              at any size";
                 (StructureKind::Bvh8, with_count(reason))
             }
             (Some(kind), _) => {
@@ -136,7 +137,8 @@ impl Workload<'_> {
 }
 
 impl Workload<'_> {
-    /// That a triangle test makes rays slower here than the exact one, where it does: with it they do not go in packets.
+    /// That a triangle test makes rays slower here than the exact one, where it does: with it they do not go in
+    /// packets.
     pub fn slower_than_exact(&self, options: &TraceOptions) -> Option<String> {
         let exact = TraceOptions { intersector: Intersector::Exact, packet_size: PacketSize::Sixteen, ..*options };
         let is_slower =
@@ -154,10 +156,10 @@ impl Workload<'_> {
 }
 
 impl TraceOptions {
-    /// Whether [`RayOrder::Auto`](crate::options::RayOrder::Auto) sorts shuffled batches on a kind of device (`None`: the reference). Packets on a CPU
-    /// take up to eleven times as long when their rays are no neighbours, single rays up to 1.7 times, most of which
-    /// sorting would take. An H200 takes 1.3 to 2.7 times as long, 0.1 to 0.5 ns a ray, and sixteen cores beside it
-    /// sort one in 20 to 30.
+    /// Whether [`RayOrder::Auto`](crate::options::RayOrder::Auto) sorts shuffled batches on a kind of device (`None`:
+    /// the reference). Packets on a CPU take up to eleven times as long when their rays are no neighbours, single rays
+    /// up to 1.7 times, most of which sorting would take. An H200 takes 1.3 to 2.7 times as long, 0.1 to 0.5 ns a ray,
+    /// and sixteen cores beside it sort one in 20 to 30.
     pub fn gains_by_sorted_rays(&self, device: Option<DeviceKind>) -> bool {
         device == Some(DeviceKind::Cpu) && self.packet_size == PacketSize::Sixteen
     }

@@ -12,7 +12,7 @@ use crate::blocks::Blocks;
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::layout::Float4;
-use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
+use crate::shared::{CameraSample, RenderParams, TILE_PIXELS, TILE_SIDE};
 use crate::tracer::{Adaptive, MOST_SAMPLES, Progress, RenderResult, Spent};
 use std::ops::Range;
 use std::time::Instant;
@@ -21,7 +21,6 @@ use std::time::Instant;
 const LATTICE: u32 = 0;
 /// Parts of the sum of a block's squared errors, so that work-items seldom meet at one.
 const SUM_SLOTS: usize = 32;
-const TILE_PIXELS: usize = (TILE_SIDE * TILE_SIDE) as usize;
 
 /// What no picture changes.
 pub(super) struct AdaptiveProgram {
@@ -199,7 +198,7 @@ impl<'a> DevicePixels<'a> {
         let cells = if adaptive.step() > 1 { areas * on_axis(blocks.area.0) * on_axis(blocks.area.1) } else { 0 };
         let count = areas * blocks.per_area;
         // A tile is not divided between lists.
-        let tile_rays = TILE_PIXELS * MOST_SAMPLES as usize;
+        let tile_rays = (TILE_PIXELS * MOST_SAMPLES) as usize;
         let most_rays = adaptive.list_rays.max(tile_rays).min(pixels.count().saturating_mul(MOST_SAMPLES as usize));
         let rays = PictureBuffers::of_lists(context, params, most_rays)?;
         let launches = tracer.launches(&params.of_list(most_rays as u32))?;

@@ -10,7 +10,8 @@
 //! # fn main() -> raybrook::Result<()> {
 //! let Selection::OpenCl(handle) = device::select(None)? else { return Ok(()) };
 //! let context = DeviceContext::open(&handle)?;
-//! let source = ProgramSource::new([("cl/twice.cl", "kernel void twice(global float* x) { x[get_global_id(0)] *= 2.0f; }")]);
+//! let text = "kernel void twice(global float* x) { x[get_global_id(0)] *= 2.0f; }";
+//! let source = ProgramSource::new([("cl/twice.cl", text)]);
 //! let built = device::build(&context, &source, &CompileOptions::new(), None)?;
 //! let numbers = Buffer::from_slice(&context, "numbers", &[1.0_f32, 2.0])?;
 //! let mut twice = built.program.kernel("twice")?;

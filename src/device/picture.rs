@@ -7,7 +7,7 @@ use super::{Buffer, DeviceContext, Kernel};
 use crate::error::Result;
 use crate::io::film::Film;
 use crate::layout::Float4;
-use crate::shared::{COUNTERS, CameraSample, RenderParams, TAKEN_TILES, TILE_SIDE};
+use crate::shared::{COUNTERS, CameraSample, RenderParams, TAKEN_TILES, TILE_PIXELS, TILE_SIDE};
 use crate::tracer::{RenderResult, WavefrontStats};
 
 /// The counters before a launch.
@@ -85,7 +85,7 @@ impl Launches {
 /// Items of a picture, or of a list: the pixels of its tiles.
 pub(super) fn items_of(params: &RenderParams) -> usize {
     let tiles = params.width.div_ceil(TILE_SIDE) as usize * params.height.div_ceil(TILE_SIDE) as usize;
-    tiles * (TILE_SIDE * TILE_SIDE) as usize
+    tiles * TILE_PIXELS as usize
 }
 
 /// What renders lists of rays into buffers of the device.

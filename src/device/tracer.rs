@@ -113,8 +113,8 @@ fn check_runtime(info: &DeviceInfo, options: &TraceOptions) -> Result<()> {
     // Mesa 22.3.6: whole traces return hits that no triangle has (t = u = v = 0), although the test alone is right.
     if options.intersector == Intersector::Exact && info.platform_name == "rusticl" && info.name.contains("llvmpipe") {
         let message = format!(
-            "exact gives wrong hits on device '{}': the driver miscompiles it; nearest: `intersector = watertight` `kernels = wavefront`, \
-             or another `device`",
+            "exact gives wrong hits on device '{}': the driver miscompiles it; nearest: `intersector = watertight` \
+             `kernels = wavefront`, or another `device`",
             info.name
         );
         return Err(Error::option(Intersector::OPTION, message));

@@ -171,7 +171,8 @@ impl WavefrontPipeline {
         let (mut active, mut traced, mut largest) = (slots, 0, 0);
         loop {
             self.camera.launch(&run.plan, active, run.work_group)?;
-            let lengths = state.lengths.read()?; // waits for the wave before, too, whose list of shadow rays is still there
+            // Waits for the wave before, too, whose list of shadow rays is still there.
+            let lengths = state.lengths.read()?;
             let tracing_s = self.wait(run)?;
             let shadow_rays: usize = lengths[QUEUE_SHADOWS as usize..].iter().map(|&n| n as usize).sum();
             run.plan.learn_from_several(largest, traced + shadow_rays, tracing_s);

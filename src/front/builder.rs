@@ -116,10 +116,10 @@ impl<'a> TracerBuilder<'a> {
         self
     }
 
-    /// Whether the reference goes on where the driver fails in the middle of the work: with the same answers, many times
-    /// as slowly, for all that is asked from then on. [`Tracer::notes`] tells of it, and [`Tracer::device_name`] is
-    /// `reference` then. What the device had is not released, because a driver that failed may hang in that. Default: no,
-    /// the call ends with [`Error::OpenCl`].
+    /// Whether the reference goes on where the driver fails in the middle of the work: with the same answers, many
+    /// times as slowly, for all that is asked from then on. [`Tracer::notes`] tells of it, and [`Tracer::device_name`]
+    /// is `reference` then. What the device had is not released, because a driver that failed may hang in that.
+    /// Default: no, the call ends with [`Error::OpenCl`].
     ///
     /// ```
     /// # use raybrook::{Scene, Tracer};

@@ -95,8 +95,8 @@ pub(super) fn check_indices(scene: &Scene) -> Result<()> {
         Some(i) => {
             let Triangle { positions: [a, b, c], material, .. } = scene.triangles[i];
             Err(Error::Scene(format!(
-                "triangle {i} names the vertices {a}, {b}, {c} and material {material}, but there are {positions} vertices and {materials} \
-                 materials"
+                "triangle {i} names the vertices {a}, {b}, {c} and material {material}, but there are {positions} \
+                 vertices and {materials} materials"
             )))
         }
     }

@@ -310,9 +310,9 @@ impl Tracer {
     }
 
     /// Whether each of the hits of `all` is at the t of the hit before it on its ray: exactly, not only once t is
-    /// rounded. So it is where a ray goes through an edge or a vertex, or where triangles lie in one another. `all`: what
-    /// [`Tracer::all_hits`] or [`Tracer::first_hits`] found for `rays`. Hits that are not exact are compared as they
-    /// are.
+    /// rounded. So it is where a ray goes through an edge or a vertex, or where triangles lie in one another. `all`:
+    /// what [`Tracer::all_hits`] or [`Tracer::first_hits`] found for `rays`. Hits that are not exact are compared as
+    /// they are.
     ///
     /// # Panics
     /// Where `all` has more rays than `rays`.
@@ -665,7 +665,8 @@ impl Tracer {
     }
 
     /// What a curious user should know, a sentence each: why a device was passed over, that there is no OpenCL, that a
-    /// cache cannot be used, that a device was lost. What a scene's file has that is not usable is in [`Scene::warnings`] instead.
+    /// cache cannot be used, that a device was lost. What a scene's file has that is not usable is in
+    /// [`Scene::warnings`] instead.
     pub fn notes(&self) -> Vec<String> {
         let of_backend = self.backend.iter().flat_map(|backend| backend.notes());
         let lost = self.backend.iter().filter_map(|backend| backend.lost()).map(note_of);

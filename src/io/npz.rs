@@ -71,7 +71,8 @@ impl NpzFile {
         let mut magic = Vec::new();
         file.by_ref().take(6).read_to_end(&mut magic).map_err(to_io)?;
         if magic == b"\x93NUMPY" {
-            let message = "this is a single array (.npy); a batch needs named arrays: numpy.savez(file, origin=..., direction=...)";
+            let message = "this is a single array (.npy); a batch needs named arrays: numpy.savez(file, origin=..., \
+                           direction=...)";
             return Err(Error::input(path, None, message));
         }
         let archive = ZipArchive::new(file).map_err(|e| zip_error(path, "this is no .npz file", e))?;

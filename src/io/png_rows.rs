@@ -21,7 +21,8 @@ const PART_BYTES: usize = 1 << 18;
 const BATCH_BYTES: usize = 1 << 23;
 /// How far back DEFLATE finds what repeats (RFC 1951, section 2).
 const WINDOW_BYTES: usize = 1 << 15;
-/// What a stream of zlib begins with: DEFLATE with that window, compressed by the default level (RFC 1950, section 2.2).
+/// What a stream of zlib begins with: DEFLATE with that window, compressed by the default level (RFC 1950, section
+/// 2.2).
 const ZLIB_HEADER: [u8; 2] = [0x78, 0x9c];
 /// The number of filters of the specification, from 0: none, left, above, their mean, Paeth's.
 const FILTERS: usize = 5;

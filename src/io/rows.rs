@@ -43,9 +43,9 @@ pub(crate) fn writing_bytes(format: ImageFormat, pixels: u64) -> u64 {
     }
 }
 
-/// Writes a picture of `width` x `height` pixels to `path`. `fill` is given what takes its rows, of which all must come;
-/// what it returns is returned. The file appears when it is complete (see [`crate::low_level::output`]), and not at all
-/// where `fill` fails.
+/// Writes a picture of `width` x `height` pixels to `path`. `fill` is given what takes its rows, of which all must
+/// come; what it returns is returned. The file appears when it is complete (see [`crate::low_level::output`]), and not
+/// at all where `fill` fails.
 ///
 /// # Errors
 /// Those of `fill`, and [`Error::Io`] when the file cannot be written, or has more or fewer rows.

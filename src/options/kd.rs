@@ -83,8 +83,8 @@ impl KdOptions {
     pub const PACKET_COST_TRAVERSE: f32 = 10.0;
 
     /// See [`KdOptions::empty_bonus`]. Wald and Havran (2006) take 0.2. Of 0, 0.1, 0.2 and 0.4 this one gave the lowest
-    /// expected cost on thirteen of fifteen models: 0.95 to 1.00 of that of 0.2 on all; 0 gave 0.96 to 1.18 of this one's
-    /// (docs/record/2026-11-25-host-empty-bonus.md).
+    /// expected cost on thirteen of fifteen models: 0.95 to 1.00 of that of 0.2 on all; 0 gave 0.96 to 1.18 of this
+    /// one's (docs/record/2026-11-25-host-empty-bonus.md).
     pub const EMPTY_BONUS: f32 = 0.1;
 
     /// Children that both keep more than this share are nearly alike (the thesis tells no number). On bunny, sponza,

@@ -86,8 +86,8 @@ names! {
 
 names! {
     /// How many rays a work-item traces together. The closest hits, and the pixels, are the same, but with
-    /// moller-trumbore and plucker on some triangles that are seen edge-on; of several hits of a ray, where any will do,
-    /// another one may be found. The wavefront kernels trace pictures one ray at a time.
+    /// moller-trumbore and plucker on some triangles that are seen edge-on; of several hits of a ray, where any will
+    /// do, another one may be found. The wavefront kernels trace pictures one ray at a time.
     pub enum PacketSize ("packet_size") {
         /// Each ray by itself.
         One = "1",

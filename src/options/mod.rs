@@ -220,7 +220,8 @@ impl TraceOptions {
         self.check_that_all_apply()?;
         self.structure.validate()?;
         if self.arrays.triangles == TriangleOrder::LeafOrder && self.arrays.layout == Layout::Whole {
-            let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: `layout = split`";
+            let reason = "leaf-order copies vertices alone, because shading data is looked up by triangle; nearest: \
+                          `layout = split`";
             return Err(Error::option("triangles", reason));
         }
         self.check_roulette()?;
@@ -241,8 +242,8 @@ impl TraceOptions {
             return Ok(());
         }
         let reason = format!(
-            "{} reads data that is computed of every triangle beforehand, and instances have none; nearest: `intersector = exact`, or \
-             `structure = bvh2`",
+            "{} reads data that is computed of every triangle beforehand, and instances have none; nearest: \
+             `intersector = exact`, or `structure = bvh2`",
             self.intersector
         );
         Err(Error::option(Intersector::OPTION, reason))
@@ -268,7 +269,8 @@ impl TraceOptions {
         }
         if !self.intersector.has_packets() {
             let reason = format!(
-                "{} tests one ray at a time; nearest: `intersector = moller-trumbore`, or `packet_size = 1` `intersector = {}`",
+                "{} tests one ray at a time; nearest: `intersector = moller-trumbore`, or `packet_size = 1` \
+                 `intersector = {}`",
                 self.intersector, self.intersector
             );
             return Err(Error::option(PacketSize::OPTION, reason));
@@ -303,7 +305,8 @@ impl TraceOptions {
         }
         if let Some(paths) = paths_in_flight {
             let reason = format!(
-                "the mega-kernel has as many as the device runs work-items; nearest: `kernels = wavefront` `paths_in_flight = {paths}`"
+                "the mega-kernel has as many as the device runs work-items; nearest: `kernels = wavefront` \
+                 `paths_in_flight = {paths}`"
             );
             return Err(Error::option("paths_in_flight", reason));
         }

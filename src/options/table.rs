@@ -120,7 +120,10 @@ macro_rules! name {
 
 /// The row of an option that takes a number.
 macro_rules! number {
-    ($name:literal, $kind:ident, $heading:ident, $structures:expr, $at:expr, $example:expr, $about:literal, $default:literal) => {
+    (
+        $name:literal, $kind:ident, $heading:ident, $structures:expr, $at:expr, $example:expr, $about:literal,
+        $default:literal
+    ) => {
         MethodOption {
             name: $name,
             heading: Heading::$heading,
@@ -186,8 +189,8 @@ pub static OPTIONS: &[MethodOption] = &[
         |o| o.structure.leaf_size_mut(),
         1,
         "Triangles up to which a node is not split; the most of a leaf of boxes (bvh2: 15, bvh8: 8), or of a cluster.",
-        "kd: 1 where the cost decides, else 12 for median and sampled-median, 8 for spatial-median, 4 for sah and volume; octree, \
-         bvh2, bvh8: 8; clusters: the square root of the triangles"
+        "kd: 1 where the cost decides, else 12 for median and sampled-median, 8 for spatial-median, 4 for sah and \
+         volume; octree, bvh2, bvh8: 8; clusters: the square root of the triangles"
     ),
     number!(
         "max_depth",
@@ -300,8 +303,9 @@ pub static OPTIONS: &[MethodOption] = &[
         ALL,
         |o| Some(&mut o.picture.roulette),
         0.5,
-        "Russian roulette: of the mirrored and refracted rays of less weight than this, kill some at random: one of weight w is cast \
-         with a probability of w / this, and then weighs this, so that the picture is right on average, with noise. At most 1; 0: none.",
+        "Russian roulette: of the mirrored and refracted rays of less weight than this, kill some at random: one of \
+         weight w is cast with a probability of w / this, and then weighs this, so that the picture is right on \
+         average, with noise. At most 1; 0: none.",
         "0"
     ),
     number!(

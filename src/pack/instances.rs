@@ -10,8 +10,9 @@
 //! 0-2   rows of the transform to the world (world units, as Transform::point has it)
 //! 3-5   rows from tracing space to the object
 //! 6     reach: |object| <= reach |tracing space| for differences, on each axis; w: number of the object's root
-//! 7     blur: what the pads of its boxes need whatever the ray; w: the material, or NO_MATERIAL for the triangles' own
-//! 8-10  rows of the transform of normals; w: first primitive, how many, and what takes a primitive to its place in the arrays
+//! 7     blur: the padding of its boxes whatever the ray; w: the material, or NO_MATERIAL for the triangles' own
+//! 8-10  rows of the transform of normals; w: first primitive, how many, and what takes a primitive to its place in the
+//!       arrays
 //! ```
 //!
 //! An instance that cannot be shared gets triangles of its own, placed beforehand: one whose inverse is not sure to a
@@ -22,7 +23,7 @@ use crate::accel::{
     BuildOptions, Bvh, KeptBvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link,
     leaf_link, move_links, pack_bvh2, tree_of,
 };
-use crate::bounds::{EPSILON, LEAST_PAD};
+use crate::bounds::{EPSILON, LEAST_PADDING};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
 use crate::parallel;
@@ -121,7 +122,7 @@ struct Inverse {
     blur: Vec3,
 }
 
-/// What the rounding of an inverse may add to differences; a quarter of what the pads have to spare.
+/// What the rounding of an inverse may add to differences; a quarter of what the padding has to spare.
 const REACH_MARGIN: f64 = 1.25;
 /// Limits of an inverse's size: kernels' products of it stay in float32's range.
 const LEAST_REACH: f64 = 1.0 / (1u128 << 101) as f64;
@@ -160,7 +161,7 @@ impl Inverse {
             let (epsilon, widest) = (f64::from(EPSILON), REACH_MARGIN * sums[k]);
             reach[k] = (widest as f32).next_up();
             // Vertices of the least scenes are placed among subnormal numbers.
-            let least = f64::from(LEAST_PAD) + 4.0 * f64::from(f32::from_bits(1)) * scale;
+            let least = f64::from(LEAST_PADDING) + 4.0 * f64::from(f32::from_bits(1)) * scale;
             let needed = widest * (8.0 * epsilon * magnitude + least) + 8.0 * epsilon * extent[k];
             blur[k] = (REACH_MARGIN * needed) as f32;
         }

@@ -1,11 +1,11 @@
 //! Rays whose numbers tracing space cannot hold: they are answered on the host, exactly as all others, whatever the
 //! device and the method.
 //!
-//! Scenes are brought to tracing space by a power of two ([`crate::low_level::pack`]), which is exact until a number gets lost
-//! below 2^-149 or grows beyond 2^128: the origin 1.4e-45 in a scene of size 4, the origin 1e20 in one of size 1e-20, a
-//! vertex of 1e-38 in a scene of size 1000. The kernels see of such a ray that it is none, and miss; here each is
-//! traced through the scene as it was given, in f64, whose range holds every product of floats, and what that leaves
-//! open is decided in exact integers.
+//! Scenes are brought to tracing space by a power of two ([`crate::low_level::pack`]), which is exact until a number
+//! gets lost below 2^-149 or grows beyond 2^128: the origin 1.4e-45 in a scene of size 4, the origin 1e20 in one of
+//! size 1e-20, a vertex of 1e-38 in a scene of size 1000. The kernels see of such a ray that it is none, and miss; here
+//! each is traced through the scene as it was given, in f64, whose range holds every product of floats, and what that
+//! leaves open is decided in exact integers.
 //!
 //! Filter after Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete
 //! & Computational Geometry 18, 1997. Bad at speed: a scalar search with a plain hierarchy for what is rare. A scene

@@ -185,8 +185,8 @@ impl PictureBlocks {
         pieces.into_iter().enumerate().map(move |(piece, blocks)| (piece % count, blocks))
     }
 
-    /// Some blocks in pieces that are best rendered together: those of an area, where they lie in so many areas, because
-    /// they have first samples in common; else one by one.
+    /// Some blocks in pieces that are best rendered together: those of an area, where they lie in so many areas,
+    /// because they have first samples in common; else one by one.
     pub(super) fn units_of(&self, numbers: &[usize], enough: usize) -> Vec<Vec<usize>> {
         let per_area = match self.cut {
             Cut::Strewn(blocks, _) => blocks.per_area,
@@ -214,8 +214,8 @@ impl PictureBlocks {
         Cow::Owned(pixels)
     }
 
-    /// Puts the pixels of a block, as [`PictureBlocks::gather`] has them, onto a film of the part, or one without pixels
-    /// yet.
+    /// Puts the pixels of a block, as [`PictureBlocks::gather`] has them, onto a film of the part, or one without
+    /// pixels yet.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) when the system has no memory for the film.

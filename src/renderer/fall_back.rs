@@ -19,8 +19,8 @@ use std::sync::atomic::AtomicBool;
 pub type OnLoss = Box<dyn FnMut(&LostDevice) + Send>;
 
 /// A tracer whose calls the reference does over, and all later ones, once a call of the driver has failed. What fails
-/// before a call, such as the opening of the device, its compiler, or a scene larger than its memory, remains an error; memory
-/// that the driver refuses in a call is a loss.
+/// before a call, such as the opening of the device, its compiler, or a scene larger than its memory, remains an error;
+/// memory that the driver refuses in a call is a loss.
 pub struct FallBack {
     tracer: Box<dyn Backend>,
     buffers: Arc<SceneBuffers>,

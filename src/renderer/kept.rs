@@ -347,8 +347,8 @@ pub fn read_kept(path: &Path, id: Option<&PictureId>, take: TakeBlock) -> Result
 }
 
 impl StoredBlocks {
-    /// Takes note of the blocks in a journal, which stays where it is. Returns what is in it, and how many of its blocks
-    /// were there already.
+    /// Takes note of the blocks in a journal, which stays where it is. Returns what is in it, and how many of its
+    /// blocks were there already.
     ///
     /// # Errors
     /// As [`read_kept`], and [`Error::Input`] when a block has other pixels than before.
@@ -364,8 +364,8 @@ impl StoredBlocks {
                 return Ok(());
             }
             let message = format!(
-                "block {} has other pixels here than in another journal: one of them is damaged, or was rendered by another \
-                 program; leave out one of the two, or render that part anew",
+                "block {} has other pixels here than in another journal: one of them is damaged, or was rendered by \
+                 another program; leave out one of the two, or render that part anew",
                 block.number
             );
             Err(Error::input(path, None, message))

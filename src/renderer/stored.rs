@@ -1,10 +1,10 @@
-//! Blocks of a picture that lie in journals: where each is, so that the picture is written from them row by row, with no
-//! more of it in memory than [`GROUP_BYTES`], or what one row of patches or one band takes.
+//! Blocks of a picture that lie in journals: where each is, so that the picture is written from them row by row, with
+//! no more of it in memory than [`GROUP_BYTES`], or what one row of patches or one band takes.
 //!
-//! A journal is read once from its beginning to its end, which finds its blocks and checks them, and a second time where
-//! rows are due; what is read then is checked again. Files are opened as they are needed: there may be more journals
-//! than files that a program may have open. Patches of a thousand parts lie strewn over all of their journals: where not
-//! all can be open, each is opened once for so many rows of patches as are gathered at a time.
+//! A journal is read once from its beginning to its end, which finds its blocks and checks them, and a second time
+//! where rows are due; what is read then is checked again. Files are opened as they are needed: there may be more
+//! journals than files that a program may have open. Patches of a thousand parts lie strewn over all of their journals:
+//! where not all can be open, each is opened once for so many rows of patches as are gathered at a time.
 //!
 //! Bad at: disks that turn, because patches of a row lie far from each other in a journal.
 
@@ -224,8 +224,8 @@ impl StoredBlocks {
     }
 }
 
-/// Hands on the rows of a picture while its blocks are rendered one after the other: bands as soon as they are finished,
-/// everything else from where it is kept.
+/// Hands on the rows of a picture while its blocks are rendered one after the other: bands as soon as they are
+/// finished, everything else from where it is kept.
 pub struct RowsInOrder<'a> {
     blocks: PictureBlocks,
     put: PutRows<'a>,

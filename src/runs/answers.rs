@@ -134,8 +134,8 @@ pub type CountedWork<'a> = [Option<&'a [RayWork]>; 2];
 ///
 /// Of closest hits and any ones it has the arrays `t`, `u`, `v` float32 and `primitive` int32, -1 where nothing is hit,
 /// of each ray; of any ones `hit` uint8, 0 or 1; and where there are second rays their `next_t` and `next_primitive`.
-/// Otherwise it has `count` uint32 of each ray, and where hits are listed `t`, `primitive`, `u` and `v` of all hits. Work
-/// that was counted is in `work_…` and `next_work_…` uint32 of each [`WorkCounter`].
+/// Otherwise it has `count` uint32 of each ray, and where hits are listed `t`, `primitive`, `u` and `v` of all hits.
+/// Work that was counted is in `work_…` and `next_work_…` uint32 of each [`WorkCounter`].
 ///
 /// # Errors
 /// As [`crate::low_level::output::write_atomically`].

@@ -1,5 +1,5 @@
-//! Runs of a batch that lie in journals: where each is, so that the answers are written from them with no more than a run
-//! in memory.
+//! Runs of a batch that lie in journals: where each is, so that the answers are written from them with no more than a
+//! run in memory.
 //!
 //! A journal is read once from its beginning to its end, which finds its runs and checks them, and then once for each
 //! array of the output; what is read then is checked again. There may be more journals than files that a program may
@@ -30,8 +30,8 @@ pub struct StoredRuns {
 }
 
 impl StoredRuns {
-    /// Takes note of the runs of one more journal. Tells what it is of, too, and how many of its runs there were before,
-    /// with the same answers.
+    /// Takes note of the runs of one more journal. Tells what it is of, too, and how many of its runs there were
+    /// before, with the same answers.
     ///
     /// # Errors
     /// As [`super::read_kept_runs`], and [`Error::Input`] where a run has other answers than it had before.
@@ -69,8 +69,8 @@ impl StoredRuns {
             return Ok(());
         }
         let message = format!(
-            "run {run} has other answers here than in another journal: one of them is damaged, or was traced by another \
-             program; leave out one of the two, or trace that part anew"
+            "run {run} has other answers here than in another journal: one of them is damaged, or was traced by \
+             another program; leave out one of the two, or trace that part anew"
         );
         Err(Error::input(path, None, message))
     }

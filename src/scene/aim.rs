@@ -57,7 +57,7 @@ impl From<Camera> for Aim {
 
 /// Where a part of a camera comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Origin {
+pub enum AimSource {
     /// It was given.
     Given,
     /// The scene's camera has it so.
@@ -74,13 +74,13 @@ pub struct Placed {
     /// The camera.
     pub camera: Camera,
     /// Where its eye comes from.
-    pub eye: Origin,
+    pub eye: AimSource,
     /// Where its target comes from.
-    pub target: Origin,
+    pub target: AimSource,
     /// Where its up comes from.
-    pub up: Origin,
+    pub up: AimSource,
     /// Where its field of view comes from.
-    pub fov: Origin,
+    pub fov: AimSource,
     /// The camera that was placed by itself, if there was need of one, and for what.
     pub(crate) framed: Option<(Framing, Framed)>,
     /// Where the lamp of a room hangs that the camera was put inside of.
@@ -157,14 +157,14 @@ impl Aim {
         aspect: f32,
         frame: impl FnOnce(&Framing) -> Framed,
     ) -> Placed {
-        let (up, up_origin) = match (self.up, scene, format_up) {
-            (Some(up), ..) => (up, Origin::Given),
-            (None, Some(camera), _) => (camera.up, Origin::Scene),
-            (None, None, Some(up)) => (up, Origin::Format),
+        let (up, up_source) = match (self.up, scene, format_up) {
+            (Some(up), ..) => (up, AimSource::Given),
+            (None, Some(camera), _) => (camera.up, AimSource::Scene),
+            (None, None, Some(up)) => (up, AimSource::Format),
             (None, None, None) => {
                 let (up, reason) =
                     shape_up().unwrap_or((Vec3::Y, "y is up where neither scene, format nor shape says"));
-                (up, Origin::Automatic(reason.into()))
+                (up, AimSource::Automatic(reason.into()))
             }
         };
         let own = scene.filter(|_| self.viewpoint.is_none());
@@ -180,25 +180,25 @@ impl Aim {
         let automatic = framed.map(|(_, framed)| framed.camera);
         let subject = framed.map_or(Subject::Everything, |(_, framed)| framed.subject);
         let (fov_degrees, fov) = match (self.fov_degrees, scene, automatic) {
-            (Some(fov), ..) => (fov, Origin::Given),
-            (None, Some(camera), _) => (camera.fov_degrees, Origin::Scene),
+            (Some(fov), ..) => (fov, AimSource::Given),
+            (None, Some(camera), _) => (camera.fov_degrees, AimSource::Scene),
             (None, None, Some(camera)) if subject == Subject::Room => {
-                (camera.fov_degrees, Origin::Automatic("wide, as the walls of a room are near".into()))
+                (camera.fov_degrees, AimSource::Automatic("wide, as the walls of a room are near".into()))
             }
-            (None, None, _) => (FOV_DEGREES, Origin::Automatic("a picture of usual width".into())),
+            (None, None, _) => (FOV_DEGREES, AimSource::Automatic("a picture of usual width".into())),
         };
         let of_eye = match framed.is_some_and(|(_, framed)| framed.is_turned) {
             true => "from where everything is in the picture, on the side where the model is open".into(),
             false => self.eye_reason(subject),
         };
-        let (eye, eye_origin) = part(self.eye, own.map(|c| c.eye), automatic.map(|c| c.eye), of_eye);
+        let (eye, eye_source) = part(self.eye, own.map(|c| c.eye), automatic.map(|c| c.eye), of_eye);
         let of_target = self.target_reason(subject);
-        let (target, target_origin) = part(self.target, own.map(|c| c.target), automatic.map(|c| c.target), of_target);
+        let (target, target_source) = part(self.target, own.map(|c| c.target), automatic.map(|c| c.target), of_target);
         let camera = Camera { eye, target, up, fov_degrees };
         let sky_up = up;
-        let (camera, up) = self.with_fitting_up(camera, up_origin);
+        let (camera, up) = self.with_fitting_up(camera, up_source);
         let room_lamp = framed.and_then(|(_, framed)| framed.lamp);
-        Placed { camera, eye: eye_origin, target: target_origin, up, fov, framed, room_lamp, sky_up }
+        Placed { camera, eye: eye_source, target: target_source, up, fov, framed, room_lamp, sky_up }
     }
 
     fn eye_reason(&self, subject: Subject) -> Cow<'static, str> {
@@ -222,17 +222,17 @@ impl Aim {
 
     /// `camera` with an up that is not along the view, where nobody insists on one that is: the far side is up then, as
     /// on a map.
-    fn with_fitting_up(&self, camera: Camera, origin: Origin) -> (Camera, Origin) {
+    fn with_fitting_up(&self, camera: Camera, source: AimSource) -> (Camera, AimSource) {
         let forward = camera.target.as_dvec3() - camera.eye.as_dvec3();
-        let is_open = matches!(origin, Origin::Format | Origin::Automatic(_));
+        let is_open = matches!(source, AimSource::Format | AimSource::Automatic(_));
         let looks_along = matches!(self.viewpoint, Some(Viewpoint::Top | Viewpoint::Bottom));
         if !(looks_along || is_open && forward.is_finite() && is_along(camera.up.as_dvec3(), forward)) {
-            return (camera, origin);
+            return (camera, source);
         }
         let axes = Axes::of(camera.up);
         let up = if forward.dot(axes.up()) < 0.0 { axes.back() } else { axes.front() };
         let camera = Camera { up: up.as_vec3(), ..camera };
-        (camera, Origin::Automatic("as the view is straight down or up".into()))
+        (camera, AimSource::Automatic("as the view is straight down or up".into()))
     }
 }
 
@@ -248,11 +248,11 @@ fn part(
     scene: Option<Vec3>,
     automatic: Option<Vec3>,
     reason: Cow<'static, str>,
-) -> (Vec3, Origin) {
+) -> (Vec3, AimSource) {
     match (given, scene) {
-        (Some(place), _) => (place, Origin::Given),
-        (None, Some(place)) => (place, Origin::Scene),
-        (None, None) => (automatic.unwrap_or_default(), Origin::Automatic(reason)),
+        (Some(place), _) => (place, AimSource::Given),
+        (None, Some(place)) => (place, AimSource::Scene),
+        (None, None) => (automatic.unwrap_or_default(), AimSource::Automatic(reason)),
     }
 }
 
@@ -282,7 +282,7 @@ impl Placed {
 
     /// How the camera was placed, where nobody gave its eye or target.
     pub(super) fn automatic(&self) -> Option<(Framing, Framed)> {
-        let is_automatic = |origin: &Origin| matches!(origin, Origin::Automatic(_));
+        let is_automatic = |source: &AimSource| matches!(source, AimSource::Automatic(_));
         self.framed.filter(|_| is_automatic(&self.eye) && is_automatic(&self.target))
     }
 

@@ -53,7 +53,8 @@ pub enum Normals<'a> {
 ///     builder.push().translate(Vec3::X * i as f32 * 2.5).sphere(1.0, 32).pop();
 /// }
 /// builder.light(Light::point(Vec3::new(0.0, 10.0, 5.0), Vec3::ONE));
-/// builder.camera(Camera { eye: Vec3::new(2.5, 2.0, 9.0), target: Vec3::new(2.5, 0.0, 0.0), up: Vec3::Y, fov_degrees: 45.0 });
+/// let (eye, target) = (Vec3::new(2.5, 2.0, 9.0), Vec3::new(2.5, 0.0, 0.0));
+/// builder.camera(Camera { eye, target, up: Vec3::Y, fov_degrees: 45.0 });
 /// let scene = builder.finish()?;
 /// assert_eq!(scene.triangles.len(), 3 * 2 * 32 * 15);
 /// # Ok::<(), raybrook::Error>(())

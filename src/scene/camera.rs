@@ -15,8 +15,8 @@ pub(super) const INSIDE_FOV_DEGREES: f32 = 65.0;
 /// How much of the way from the middle of a room to what is behind a camera steps back: the rest keeps it out of walls.
 const STEP_BACK: f64 = 0.9;
 
-/// Where the lamp of a room hangs, in parts of the way from the middle to where a camera steps back to, from there up to
-/// what is above, and from there to what is on the left. From the camera itself it would light walls and what stands
+/// Where the lamp of a room hangs, in parts of the way from the middle to where a camera steps back to, from there up
+/// to what is above, and from there to what is on the left. From the camera itself it would light walls and what stands
 /// before them alike, without shadows; and under the ceiling that would have none of its light.
 const LAMP_BACK: f64 = 0.4;
 const LAMP_UP: f64 = 0.7;
@@ -238,8 +238,8 @@ impl Framing {
 
     /// A camera in the middle of the triangles' box that looks along the longer of its horizontal sides: to the right,
     /// or away from the front; but the other way where much more surface lies, as the end of a room may be open. Where
-    /// nobody asked for the inside, it steps back from the middle as far as there is room, to show more. And the place of
-    /// a lamp that it sees walls, corners and form by.
+    /// nobody asked for the inside, it steps back from the middle as far as there is room, to show more. And the place
+    /// of a lamp that it sees walls, corners and form by.
     fn inside(
         &self,
         axes: &Axes,
@@ -268,7 +268,8 @@ impl Framing {
             up: self.up,
             fov_degrees: self.fov_degrees.unwrap_or(INSIDE_FOV_DEGREES),
         };
-        // From the line to the middle, along which nothing is in the way, up and then to the left as far as there is room.
+        // From the line to the middle, along which nothing is in the way, up and then to the left as far as there is
+        // room.
         let toward = |from: DVec3, axis: DVec3, share: f64| {
             let way = axis * reach(axis);
             from + way * share * free_way(triangles.clone(), from, way)

@@ -1,14 +1,14 @@
 //! The light of a scene that has none: what pictures add to it.
 //!
-//! A studio has three sources: the key, a lamp beside the camera that casts shadows; the fill, here at the camera itself,
-//! where it sees all that is seen and needs no shadow rays; and a soft sky, whose light depends on the normal alone. By
-//! the last two every side shows its form where the key does not reach: two normals on the same side of the picture's
-//! middle never have the same cosines with both up and the viewer. There is no lamp behind the model: it would cost a
-//! shadow ray where it shines, to part dark outlines from a dark background, and this one is light.
+//! A studio has three sources: the key, a lamp beside the camera that casts shadows; the fill, here at the camera
+//! itself, where it sees all that is seen and needs no shadow rays; and a soft sky, whose light depends on the normal
+//! alone. By the last two every side shows its form where the key does not reach: two normals on the same side of the
+//! picture's middle never have the same cosines with both up and the viewer. There is no lamp behind the model: it
+//! would cost a shadow ray where it shines, to part dark outlines from a dark background, and this one is light.
 //!
-//! The key goes with the camera, and the rest stays as it is. In a room, whose walls would keep the key out, a lamp hangs
-//! under the ceiling, left of the middle and nearer to the camera: at the camera it would light back wall and furniture
-//! alike, and cast no shadow that is seen. It stays there when the camera moves.
+//! The key goes with the camera, and the rest stays as it is. In a room, whose walls would keep the key out, a lamp
+//! hangs under the ceiling, left of the middle and nearer to the camera: at the camera it would light back wall and
+//! furniture alike, and cast no shadow that is seen. It stays there when the camera moves.
 
 use super::{Background, Camera, Light, Placed, Scene, Sky};
 use crate::names::names;
@@ -31,8 +31,8 @@ impl Default for DefaultLight {
     }
 }
 
-/// The studio's key, fill and sky, from straight down to straight up. A white matt surface sends 0.9 of white where it is
-/// lightest, so that none is burnt out; and in the key's shadow 0.28 to 0.07, by the way that it faces.
+/// The studio's key, fill and sky, from straight down to straight up. A white matt surface sends 0.9 of white where it
+/// is lightest, so that none is burnt out; and in the key's shadow 0.28 to 0.07, by the way that it faces.
 const KEY: f32 = 0.65;
 const FILL: f32 = 0.09;
 const SKY: (f32, f32) = (0.07, 0.22);

@@ -14,7 +14,8 @@ impl Scene {
         #[rustfmt::skip]
         let Scene {
             positions, normals, uvs, triangles, instances, materials, textures, lights, sky, default_light, camera,
-            wide_cameras, background, has_background, ambient, up: _, object_ends: _, camera_keys: _, picture: _, warnings: _, files: _,
+            wide_cameras, background, has_background, ambient, up: _, object_ends: _, camera_keys: _, picture: _,
+            warnings: _, files: _,
         } = self;
         let mut hash = Hash(Sha256::new());
         hash.geometry((positions, normals, uvs), triangles);

@@ -25,8 +25,8 @@ pub enum LightKind {
         /// Need not be of unit length; not zero.
         direction: Vec3,
     },
-    /// Shines from `position` in a cone around `direction`. Between the two angles intensity is 3 s^2 - 2 s^3 of what it
-    /// is within: s is the cosine's share of the way from that of `outer_degrees` to that of `inner_degrees`.
+    /// Shines from `position` in a cone around `direction`. Between the two angles intensity is 3 s^2 - 2 s^3 of what
+    /// it is within: s is the cosine's share of the way from that of `outer_degrees` to that of `inner_degrees`.
     Spot {
         /// World units.
         position: Vec3,

@@ -146,8 +146,8 @@ impl Mesh {
     }
 }
 
-/// The rotation about `axis`, of unit length, counter-clockwise seen against it, by Rodrigues' formula (1840) instead of
-/// a quaternion: quarter turns about the coordinate axes are then exact.
+/// The rotation about `axis`, of unit length, counter-clockwise seen against it, by Rodrigues' formula (1840) instead
+/// of a quaternion: quarter turns about the coordinate axes are then exact.
 pub(super) fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
     let (sin, cos) = sin_cos_degrees(degrees);
     let DVec3 { x, y, z } = axis;

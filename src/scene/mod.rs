@@ -42,7 +42,7 @@ mod unused;
 mod upright;
 mod words;
 
-pub use aim::{Aim, Origin, Placed, Viewpoint};
+pub use aim::{Aim, AimSource, Placed, Viewpoint};
 pub use area::{PROJECTIONS, projected_area};
 pub use builder::{Builder, Normals, Primitive};
 pub use camera::{Camera, WideCamera};
@@ -83,9 +83,9 @@ pub struct Triangle {
     pub material: MaterialId,
 }
 
-/// What a ray that leaves the scene sees, linear RGB: a gradient over the cosine between its direction and up, which from
-/// -1 to 1 leads from `bottom` to `top` in a straight line (equal colours: constant). Up is that of the scene's sky;
-/// without one it is y.
+/// What a ray that leaves the scene sees, linear RGB: a gradient over the cosine between its direction and up, which
+/// from -1 to 1 leads from `bottom` to `top` in a straight line (equal colours: constant). Up is that of the scene's
+/// sky; without one it is y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Background {
     /// Colour straight down, linear RGB; the horizon has the mean of both.

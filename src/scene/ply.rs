@@ -17,8 +17,8 @@
 //! | | `texnumber` | which `comment TextureFile` is its texture; the first when missing |
 //!
 //! Colours are values as displayed (sRGB): 0 to 255, 0 to 65535 for integers of 16 bits, 0 to 1 for floats; kept in 8
-//! bits. The material model has no colours of vertices, so each colour becomes a matt material (`../paint.rs`), and where
-//! a texture could be loaded colours are not used. What else a file has is read over and told in a warning.
+//! bits. The material model has no colours of vertices, so each colour becomes a matt material (`../paint.rs`), and
+//! where a texture could be loaded colours are not used. What else a file has is read over and told in a warning.
 //!
 //! Bad at: smooth colours on large triangles. Triangle strips and point clouds are refused.
 

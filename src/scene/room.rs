@@ -25,12 +25,12 @@ const MOST: f64 = 0.75;
 /// How far from a side of the scene's box its walls lie, of that side's distance from the other one.
 const WALL: f64 = 0.02;
 
-/// The largest share of a scene's diagonal that ground leaves for everything else; and the least of it that both legs of
-/// a right-angled triangle have which is as large as ground.
+/// The largest share of a scene's diagonal that ground leaves for everything else; and the least of it that both legs
+/// of a right-angled triangle have which is as large as ground.
 const GROUND: f64 = 0.25;
 
-/// What to show of triangles between `low` and `high` from a camera that stands in the direction `back`, which may enter
-/// a room.
+/// What to show of triangles between `low` and `high` from a camera that stands in the direction `back`, which may
+/// enter a room.
 pub(super) fn subject(
     triangles: impl Iterator<Item = [DVec3; 3]> + Clone,
     (low, high): (DVec3, DVec3),
@@ -50,8 +50,8 @@ pub(super) fn subject(
     if is_small { Subject::WithoutGround } else { Subject::Everything }
 }
 
-/// Whether a triangle is as large as ground in a scene of this diagonal. Its area tells: a long stick, which a model may
-/// stand on, has little.
+/// Whether a triangle is as large as ground in a scene of this diagonal. Its area tells: a long stick, which a model
+/// may stand on, has little.
 pub(super) fn is_ground([a, b, c]: &[DVec3; 3], diagonal: f64) -> bool {
     (b - a).cross(c - a).length() > (GROUND * diagonal).powi(2)
 }

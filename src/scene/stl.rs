@@ -91,8 +91,8 @@ fn attributes(data: &[u8], facets: usize) -> Tally {
     tally
 }
 
-/// Whether `data` looks like a text: many binary files begin with "solid" too, but their counts have NUL bytes, which no
-/// text has.
+/// Whether `data` looks like a text: many binary files begin with "solid" too, but their counts have NUL bytes, which
+/// no text has.
 fn is_text(data: &[u8]) -> bool {
     let head = &data[..data.len().min(HEAD_BYTES as usize)];
     starts_with(head.trim_ascii_start(), b"solid") && !head.contains(&0)

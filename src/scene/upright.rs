@@ -246,7 +246,8 @@ impl Lines {
     }
 
     /// How many lines there are in the smallest rectangle of all those that end on another side of the surface than
-    /// they began, if nearly all of these once cross surface that faces up: there is an open sheet, and all else is closed.
+    /// they began, if nearly all of these once cross surface that faces up: there is an open sheet, and all else is
+    /// closed.
     fn sheet(&self) -> Option<usize> {
         let open = (0..GRID * GRID).filter(|&i| self.0[i].net != 0);
         let (low, high) = open.fold(((GRID, GRID), (0, 0)), |(low, high), i| {

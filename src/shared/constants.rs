@@ -119,25 +119,43 @@ device_const! {
     pub const DEPTH_ERROR: f32 = 26.0 * EPSILON;
     /// What underflows of it.
     pub const LEAST_DEPTH: f32 = power_of_two(-64);
-    /// The relative error of one operation of double.
+    /// With double: the relative error of one operation.
     pub const DOUBLE_EPSILON: f32 = power_of_two(-53);
-    /// Its inverse.
-    pub const DOUBLE_PRECISION: f32 = power_of_two(53);
-    /// The relative error of one operation of pairs of floats.
-    pub const PAIR_EPSILON: f32 = power_of_two(-44);
-    /// Its inverse.
-    pub const PAIR_PRECISION: f32 = power_of_two(44);
-    /// Errors of T, D, U and V, in units of EXTENDED_EPSILON.
-    pub const EXTENDED_ROUNDINGS: f32 = 10.0;
+    /// Errors of T, D, U and V.
+    pub const DOUBLE_ERROR: f32 = EXTENDED_ROUNDINGS * DOUBLE_EPSILON;
     /// Those of W.
-    pub const EXTENDED_ROUNDINGS_W: f32 = 14.0;
-    /// What no float is small enough for of a start's second part, in units of EXTENDED_EPSILON.
-    pub const LEAST_START: f32 = power_of_two(-145);
-    /// The second part's error of 4 EPSILON, in units of that of T.
-    pub const START_SHARE: f32 = 4.0 / EXTENDED_ROUNDINGS;
+    pub const DOUBLE_ERROR_W: f32 = EXTENDED_ROUNDINGS_W * DOUBLE_EPSILON;
+    /// The error of a start's second part, in units of that of T.
+    pub const DOUBLE_START_ERROR: f32 = SECOND_PART_ERROR / DOUBLE_ERROR;
+    /// What no float is small enough for of it, in units of the relative error.
+    pub const DOUBLE_LEAST_FROM: f32 = LEAST_START / DOUBLE_EPSILON;
+    /// The same five with pairs of floats: the relative error of one operation.
+    pub const PAIR_EPSILON: f32 = power_of_two(-44);
+    /// Errors of T, D, U and V.
+    pub const PAIR_ERROR: f32 = EXTENDED_ROUNDINGS * PAIR_EPSILON;
+    /// Those of W.
+    pub const PAIR_ERROR_W: f32 = EXTENDED_ROUNDINGS_W * PAIR_EPSILON;
+    /// The error of a start's second part.
+    pub const PAIR_START_ERROR: f32 = SECOND_PART_ERROR / PAIR_ERROR;
+    /// What no float is small enough for of it.
+    pub const PAIR_LEAST_FROM: f32 = LEAST_START / PAIR_EPSILON;
     /// Below this a product of floats may have underflowed.
     pub const LEAST_MAGNITUDE: f32 = power_of_two(-80);
+    /// A denominator that is off by more, relative to itself, tells no quotient.
+    pub const MOST_DET_ERROR: f32 = power_of_two(-10);
+    /// The first order of a quotient's error, times this, is more than all of it.
+    pub const QUOTIENT_MARGIN: f32 = 1.01;
 }
+
+/// Errors of T, D, U and V, in units of the relative error of one operation; `cl/intersect/exact_filter.cl` counts
+/// them.
+const EXTENDED_ROUNDINGS: f32 = 10.0;
+/// Those of W.
+const EXTENDED_ROUNDINGS_W: f32 = 14.0;
+/// What the second part of a start is off by, relative to itself.
+const SECOND_PART_ERROR: f32 = 4.0 * EPSILON;
+/// What no float is small enough for of it.
+const LEAST_START: f32 = power_of_two(-145);
 
 device_const! {
     /// The last step of the exact test: `cl/intersect/exact_integers.cl`.
@@ -146,6 +164,10 @@ device_const! {
     pub const INFINITE_SIGNIFICAND: u32 = (1 << 25) - 1;
     /// The power's exponent.
     pub const INFINITE_EXPONENT: i32 = 103;
+    /// Bits of a quotient beside those of its positions and directions.
+    pub const QUOTIENT_BITS: i32 = 34;
+    /// The same of a comparison of two t.
+    pub const COMPARISON_BITS: i32 = 40;
 }
 
 device_const! {
@@ -156,7 +178,7 @@ device_const! {
 }
 
 device_const! {
-    /// Shading: `cl/shade/normal.cl`, `light.cl`, `footprint.cl` and `texture.cl`.
+    /// Shading: `cl/shade/normal.cl`, `light.cl`, `footprint.cl`, `texture.cl` and `roulette.cl`.
     pub group SHADING;
     /// Where all components of an interpolated normal are smaller than this, none needs to have the right sign.
     pub const LARGEST_NORMAL_NOISE: f32 = 8.0 * EPSILON;
@@ -166,11 +188,15 @@ device_const! {
     pub const LEAST_CONE_COSINE: f32 = power_of_two(-7);
     /// More texels than any texture has on a side.
     pub const MORE_TEXELS: f32 = power_of_two(31);
+    /// What 1 is in units of the random numbers of Russian roulette.
+    pub const ROULETTE_UNITS: f32 = power_of_two(24);
 }
 
 device_const! {
     /// Procedural textures: `cl/shade/procedural.cl`.
     pub group PATTERNS;
+    /// From here on a coordinate is in no cell of its own: no int could number it.
+    pub const CELL_LIMIT: f32 = power_of_two(31);
     /// Of a cell's hash: the factor of x.
     pub const HASH_X: u32 = 0x9e37_79b1;
     /// That of y.

@@ -154,7 +154,8 @@ fn rooms_are_seen_from_inside_and_ground_does_not_count() {
     for words in ["--eye 0,0,2.7: model: ", "a room", "--target 0,0,-3: model: ", "--fov 65: model: "] {
         assert!(said.contains(words), "'{words}' is missing in {said}");
     }
-    // Seen by a lamp that hangs on the left: the right wall is lighter than the left one, and the floor than the ceiling.
+    // Seen by a lamp that hangs on the left: the right wall is lighter than the left one, and the floor than the
+    // ceiling.
     let seen = pixels(&room);
     assert!(seen.iter().all(|pixel| pixel[0] > 0.05));
     let mean = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {

@@ -176,7 +176,7 @@ fn undisturbed(case: &Case) -> Option<Ended> {
         return Some(ended);
     }
     assert!(std::env::var_os("RAYBROOK_REQUIRE_DEVICE").is_none(), "{}", ended.stderr());
-    eprintln!("SKIPPED, no device: {}", ended.stderr());
+    crate::common::skip(format_args!("no device: {}", ended.stderr()));
     None
 }
 

@@ -19,8 +19,8 @@ const OPTIONS: [&str; 8] = [
 /// What every picture explains behind that.
 const CAMERA: [&str; 4] = ["--eye", "--target", "--up", "--fov"];
 
-/// Runs `arguments` and returns what it said of each choice: the lines, and the entries of the JSON file. Of a picture it
-/// also says what took how long.
+/// Runs `arguments` and returns what it said of each choice: the lines, and the entries of the JSON file. Of a picture
+/// it also says what took how long.
 fn explained(at: &Path, arguments: &[&str]) -> (Vec<String>, Vec<Value>) {
     let output = raybrook(at, &[arguments, &["--explain", "--stats", "stats.json"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));

@@ -46,7 +46,8 @@ fn wait_for(run: &mut Child, journal: &Path, bytes: u64) -> bool {
     panic!("nothing was kept in a minute");
 }
 
-/// Starts a run, and stops it by a signal as soon as its journal is longer than `kept` bytes; or it was faster than that.
+/// Starts a run, and stops it by a signal as soon as its journal is longer than `kept` bytes; or it was faster than
+/// that.
 pub fn stopped(at: &Path, words: &str, journal: &str, (signal, kept): (&str, u64)) -> Output {
     let mut run = Command::new(env!("CARGO_BIN_EXE_raybrook"))
         .args(words.split_whitespace())

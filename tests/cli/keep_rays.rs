@@ -59,7 +59,7 @@ fn a_batch_that_was_stopped_goes_on_with_the_same_bits() {
     let (at, journal) = (folder.path(), folder.path().join("hits.npz.partial"));
     let output = stopped(at, "-INT", 1000);
     if output.status.success() {
-        return eprintln!("skipped: the batch was traced before the signal came");
+        return crate::common::skip("the batch was traced before the signal came");
     }
     assert_fails(&output, 130, &["of 4 runs are kept in 'hits.npz.partial'", "the same command goes on", "SIGINT"]);
     let length = journal.metadata().unwrap().len();

@@ -26,7 +26,7 @@ fn a_stress_test_that_was_stopped_goes_on() {
     let written = |name: &str| std::fs::read(at.join(name)).unwrap();
     let output = stopped(at, "-INT", 4000);
     if output.status.code() == Some(1) {
-        return eprintln!("skipped: the run was at its end before the signal came");
+        return crate::common::skip("the run was at its end before the signal came");
     }
     assert_fails(&output, 130, &["scenes are kept in 'a.json.partial'", "the same command goes on", "SIGINT"]);
     let length = journal.metadata().unwrap().len();

@@ -111,7 +111,8 @@ fn sparse_glb(count: usize) -> Vec<u8> {
         "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}],
         "accessors": [{{"componentType": 5121, "count": {count}, "type": "VEC3", "sparse": {{"count": {count},
             "indices": {{"bufferView": 0, "componentType": 5125}}, "values": {{"bufferView": 1}}}}}}],
-        "bufferViews": [{{"buffer": 0, "byteLength": {from}}}, {{"buffer": 0, "byteOffset": {from}, "byteLength": {values}}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": {from}}},
+            {{"buffer": 0, "byteOffset": {from}, "byteLength": {values}}}],
         "buffers": [{{"byteLength": {}}}]}}"#,
         from + values
     );
@@ -132,15 +133,15 @@ fn journals_that_promise_much_are_refused_at_once() {
     let at = folder.path();
     let batch = |count: u64, run: u64, part: &str| {
         format!(
-            r#"H{{"batch": {{"version": "0.1.0", "geometry": "", "rays": "", "count": {count}, "run": {run}, "asked": "counts",
-            "has_second": false, "method": null}}, "part": {part}}}"#
+            r#"H{{"batch": {{"version": "0.1.0", "geometry": "", "rays": "", "count": {count}, "run": {run},
+            "asked": "counts", "has_second": false, "method": null}}, "part": {part}}}"#
         )
     };
     let picture = |size: &str, part: &str| {
         format!(
-            r#"H{{"picture": {{"version": "0.1.0", "scene": "", "size": {size}, "error": null, "samples": "1", "crop": null,
-            "depth": 1, "kill_weight": null, "roulette": null, "texture_filter": "", "terminator": "", "method": null}},
-            "part": {part}}}"#
+            r#"H{{"picture": {{"version": "0.1.0", "scene": "", "size": {size}, "error": null, "samples": "1",
+            "crop": null, "depth": 1, "kill_weight": null, "roulette": null, "texture_filter": "", "terminator": "",
+            "method": null}}, "part": {part}}}"#
         )
     };
     let part = r#"{"number": 1, "of": 2}"#;
@@ -350,7 +351,8 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
     let model = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     let ply = |what: &str| {
         format!(
-            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{what}element face 1\n\
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             {what}element face 1\n\
              property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
         )
     };
@@ -374,9 +376,11 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
         (
             "names.gltf",
             format!(
-                "{{\"asset\": {{\"version\": \"2.0\"}}, \"extensionsUsed\": [\"{toml}\"], \"nodes\": [{{\"mesh\": 0}}], \
+                "{{\"asset\": {{\"version\": \"2.0\"}}, \"extensionsUsed\": [\"{toml}\"], \
+                 \"nodes\": [{{\"mesh\": 0}}], \
                  \"meshes\": [{{\"primitives\": [{{\"attributes\": {{\"POSITION\": 0}}, \"material\": 0}}]}}], \
-                 \"materials\": [{{\"name\": \"{toml}\", \"pbrMetallicRoughness\": {{\"baseColorTexture\": {{\"index\": 0}}}}}}], \
+                 \"materials\": [{{\"name\": \"{toml}\", \"pbrMetallicRoughness\": {{\"baseColorTexture\": \
+                 {{\"index\": 0}}}}}}], \
                  \"textures\": [{{\"source\": 0}}], \"images\": [{{\"uri\": \"{toml}.png\"}}], \
                  \"accessors\": [{{\"count\": 3, \"componentType\": 5126, \"type\": \"VEC3\"}}]}}"
             ),
@@ -419,7 +423,7 @@ fn texts_of_files_and_arguments_never_command_the_terminal() {
 fn files_broken_at_random_end_in_documented_codes() {
     let script = crate::common::root().join("tests/faults/mutate.py");
     if !Command::new("python3").arg("--version").output().is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: there is no python3");
+        crate::common::skip("there is no python3");
         return;
     }
     let output = Command::new("python3")

@@ -19,12 +19,14 @@ fn with_inputs() -> tempfile::TempDir {
     write("model.mtl", "newmtl m\nmap_Kd model.png\nnewmtl unused\nbump -bm 2 bump.png\nmap_Ks unread.png\n");
     write(
         "textured.ply",
-        "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        "ply\nformat ascii 1.0\ncomment TextureFile skin.png\nelement vertex 3\nproperty float x\nproperty float y\n\
+         property float z\n\
          element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
     );
     write(
         "scene.toml",
-        "[material.m]\ndiffuse = 1\ntexture = \"floor.png\"\n[[object]]\nfile = \"model.obj\"\n[[object]]\nfile = \"textured.ply\"\n\
+        "[material.m]\ndiffuse = 1\ntexture = \"floor.png\"\n[[object]]\nfile = \"model.obj\"\n[[object]]\n\
+         file = \"textured.ply\"\n\
          [[object]]\nsolid = \"height-field\"\nmaterial = \"m\"\npicture = \"heights.png\"\n",
     );
     for name in ["model", "bump", "unread", "skin", "floor", "heights"] {
@@ -247,7 +249,8 @@ mod on_linux {
     fn signals_that_are_to_be_ignored_are() {
         let folder = folder();
         // As `nohup` starts it; the program's process is the shell's own.
-        let script = "trap '' HUP; (sleep 0.2; kill -HUP $$) & exec $0 stress edges --rays 30000 --device reference --json out.json";
+        let script = "trap '' HUP; (sleep 0.2; kill -HUP $$) & exec $0 stress edges --rays 30000 --device reference \
+                      --json out.json";
         assert_eq!(code(folder.path(), script), 0);
         let report = std::fs::read_to_string(folder.path().join("out.json")).unwrap();
         assert!(report.contains("\"finished\": true"), "{report}");

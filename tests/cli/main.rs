@@ -68,7 +68,7 @@ fn browser() -> Option<&'static str> {
     let is_there = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|out| out.status.success());
     let found = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(is_there);
     if found.is_none() {
-        println!("skipped: there is no chromium here");
+        crate::common::skip("there is no chromium here");
     }
     found
 }
@@ -510,7 +510,7 @@ fn check_compares_device_and_reference() {
     }
     let output = raybrook(folder.path(), &["check", "one.obj", "--size", "40x30", "--device", "cpu"]);
     if output.status.code() == Some(4) && std::env::var_os("RAYBROOK_REQUIRE_DEVICE").is_none() {
-        eprintln!("SKIPPED, no device: {}", stderr(&output));
+        crate::common::skip(format_args!("no device: {}", stderr(&output)));
         return;
     }
     let said = String::from_utf8_lossy(&output.stdout).into_owned();

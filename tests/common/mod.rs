@@ -12,11 +12,22 @@ use raybrook::low_level::device::{DeviceContext, DeviceHandle, Selection, select
 use raybrook::low_level::options::TraceOptions;
 pub use raybrook::low_level::random::Random;
 use raybrook::low_level::scene::{Material, NO_INDEX, Scene, Triangle};
+use std::fmt::Display;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 /// Seed of every random sequence; printed by the tests that fail.
 pub const SEED: u64 = 20_081_121;
+
+/// Says that a test, or a part of it, is skipped: past `eprintln!`, of which nobody sees what tests print that pass.
+/// `./test` repeats these lines at its end.
+pub fn skip(why: impl Display) {
+    let why = why.to_string();
+    let test = std::thread::current().name().map(|test| format!(" ({test})")).unwrap_or_default();
+    let line = format!("SKIPPED, {}{test}\n", why.lines().next().unwrap_or_default());
+    std::io::stderr().write_all(line.as_bytes()).expect("standard error takes a line");
+}
 
 /// The device to test on: `RAYBROOK_DEVICE`, else a CPU. `None`, with the reason printed, when there is none; where
 /// `RAYBROOK_REQUIRE_DEVICE` is set that is a failure.
@@ -27,8 +38,8 @@ pub fn device() -> Option<DeviceHandle> {
     DEVICE.get_or_init(open).as_ref().map(|(device, _)| device.clone())
 }
 
-/// The same device with kernels that its compiler does not optimise (OpenCL 1.2, section 5.6.4.4): PoCL compiles them in
-/// little more than half of the time, and they must not differ in a bit. For tests that compile one kernel after the
+/// The same device with kernels that its compiler does not optimise (OpenCL 1.2, section 5.6.4.4): PoCL compiles them
+/// in little more than half of the time, and they must not differ in a bit. For tests that compile one kernel after the
 /// other, beside some that are optimised.
 pub fn unoptimised(device: &DeviceHandle) -> DeviceHandle {
     device.clone().with_compiler_options("-cl-opt-disable").unwrap()
@@ -63,7 +74,7 @@ fn choose_device() -> Option<DeviceHandle> {
         Err(error) => error.to_string(),
     };
     assert!(std::env::var_os("RAYBROOK_REQUIRE_DEVICE").is_none(), "{reason}");
-    eprintln!("SKIPPED, no device: {reason}");
+    skip(format_args!("no device: {reason}"));
     None
 }
 
@@ -83,7 +94,7 @@ pub fn shared(path: &str) -> Option<PathBuf> {
         return Some(path);
     }
     assert!(std::env::var_os("RAYBROOK_REQUIRE_SHARED").is_none(), "there is no {}", path.display());
-    eprintln!("SKIPPED, there is no {}", path.display());
+    skip(format_args!("there is no {}", path.display()));
     None
 }
 

@@ -33,7 +33,8 @@ pub fn run_with(
     let kernel = format!(
         "__kernel void probe(__global const float* restrict data, __global float* restrict results) {{\n\
          const size_t item = get_global_id(0);\n\
-         __global const float* in = data + item * {inputs};\n__global float* out = results + item * {outputs};\n{body}\n}}\n"
+         __global const float* in = data + item * {inputs};\n__global float* out = results + item * {outputs};\n\
+         {body}\n}}\n"
     );
     let context = DeviceContext::open(device).unwrap();
     let source = ProgramSource::new(KERNEL_FILES.iter().copied().chain([("tests/probe.cl", kernel.as_str())]));
@@ -65,7 +66,8 @@ pub fn assert_same_bits(name: &str, inputs: usize, data: &[f32], got: &[f32], ex
     if let Some(&i) = wrong.first() {
         let item = i / outputs;
         panic!(
-            "{name}: {} of {} numbers differ; first: item {item}, output {}: device {:e}, twin {:e}, inputs {:?} (seed {SEED})",
+            "{name}: {} of {} numbers differ; first: item {item}, output {}: device {:e}, twin {:e}, inputs {:?} \
+             (seed {SEED})",
             wrong.len(),
             got.len(),
             i % outputs,

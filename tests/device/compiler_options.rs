@@ -46,7 +46,7 @@ fn open(
             let message = error.to_string();
             assert!(message.contains(" refuses '-cl-fast-relaxed-math': "), "{message}");
             assert!(message.contains("cannot be protected"), "{message}");
-            eprintln!("SKIPPED, refused: {}", message.lines().next().unwrap_or_default());
+            crate::common::skip(format_args!("refused: {}", message.lines().next().unwrap_or_default()));
             None
         }
         Err(error) => panic!("{error}"),
@@ -198,7 +198,7 @@ fn a_refused_option_is_named() {
     let refused = |options: &str| build_empty(&device.clone().with_compiler_options(options).unwrap(), None);
     refused("-cl-mad-enable -w -D UNUSED=1 -D USED").unwrap();
     let Err(error) = refused("-cl-mad-enable -cl-no-such-option -w") else {
-        eprintln!("SKIPPED, '{}' takes options that do not exist", device.info.name);
+        crate::common::skip(format_args!("'{}' takes options that do not exist", device.info.name));
         return;
     };
     let message = error.to_string();
@@ -233,7 +233,7 @@ fn options_are_part_of_the_cache_key() {
         |options: &str| build_empty(&device.clone().with_compiler_options(options).unwrap(), Some(&cache)).unwrap();
     assert!(!from_cache(""));
     if !from_cache("") {
-        eprintln!("SKIPPED, '{}' gives no binaries", device.info.name);
+        crate::common::skip(format_args!("'{}' gives no binaries", device.info.name));
         return;
     }
     assert!(!from_cache("-cl-mad-enable") && from_cache("-cl-mad-enable") && from_cache(""));

@@ -49,7 +49,7 @@ fn select_device() -> Option<DeviceHandle> {
     match select(wanted.as_deref()).expect("the device that RAYBROOK_DEVICE names") {
         Selection::OpenCl(handle) => Some(handle),
         Selection::Reference { notice } => {
-            println!("skipped: {}", notice.unwrap_or_default());
+            crate::common::skip(notice.unwrap_or_default());
             None
         }
     }
@@ -89,7 +89,7 @@ fn check_scale(context: &DeviceContext, built: &Built, offset: f32) {
 fn the_list_is_sane() {
     let list = list_devices().unwrap();
     if list.devices.is_empty() {
-        println!("skipped: {}", list.diagnosis.summary());
+        crate::common::skip(list.diagnosis.summary());
         assert!(!list.diagnosis.problems.is_empty());
         return;
     }
@@ -117,7 +117,7 @@ fn the_list_is_sane() {
 #[test]
 fn a_device_is_selected_by_index_name_or_kind() {
     let list = list_devices().unwrap();
-    let Some(first) = list.infos().next() else { return println!("skipped: {}", list.diagnosis.summary()) };
+    let Some(first) = list.infos().next() else { return crate::common::skip(list.diagnosis.summary()) };
     let selected = |spec: &str| match select(Some(spec)) {
         Ok(Selection::OpenCl(handle)) => handle.info.index,
         other => panic!("'{spec}' gives {other:?}"),
@@ -325,7 +325,7 @@ fn a_cache_that_cannot_be_written_is_only_a_note() {
 fn several_threads_use_a_device_of_their_own() {
     let Some(context) = open_device() else { return };
     if context.info().platform_name == "Oclgrind" {
-        return println!("skipped: Oclgrind loses the work of several threads");
+        return crate::common::skip("Oclgrind loses the work of several threads");
     }
     std::thread::scope(|scope| {
         for number in 0..8 {
@@ -386,7 +386,7 @@ fn without_a_driver_the_diagnosis_says_so() {
     let text = child("report", &[("OCL_ICD_VENDORS", vendors.path())]);
     println!("{text}");
     if text.contains("the OpenCL loader") {
-        return println!("skipped: there is no loader either");
+        return crate::common::skip("there is no loader either");
     }
     assert!(text.contains("No OpenCL device."), "{text}");
     assert!(text.contains(&format!(
@@ -432,7 +432,7 @@ fn without_a_loader_the_diagnosis_says_so() {
 fn oclgrind_builds_whether_its_binaries_load_or_not() {
     const LIBRARY: &str = "/usr/lib/oclgrind/liboclgrind-rt-icd.so";
     if !Path::new(LIBRARY).exists() {
-        return println!("skipped: oclgrind is not installed");
+        return crate::common::skip("oclgrind is not installed");
     }
     let vendors = tempfile::tempdir().unwrap();
     std::fs::write(vendors.path().join("oclgrind.icd"), LIBRARY).unwrap();
@@ -445,7 +445,7 @@ fn oclgrind_builds_whether_its_binaries_load_or_not() {
 #[test]
 fn every_kernel_of_the_program_has_its_work_group_limits() {
     let wanted = std::env::var("RAYBROOK_DEVICE").ok();
-    let Ok(Selection::OpenCl(device)) = select(wanted.as_deref()) else { return println!("skipped: no device") };
+    let Ok(Selection::OpenCl(device)) = select(wanted.as_deref()) else { return crate::common::skip("no device") };
     let _one_at_a_time = open_device();
     let mut builder = Builder::new();
     builder.sphere(1.0, 16);

@@ -82,7 +82,7 @@ fn place(random: &mut Random) -> f32 {
 
 const MAKE_RAY: &str = "Ray ray = make_ray(vload3(0, in), vload3(1, in), in[6], in[7], NO_PRIMITIVE);";
 
-const SLABS: &str = "make_slabs, slabs_without_pads, clip_to_pair";
+const SLABS: &str = "make_slabs, slabs_without_padding, clip_to_pair";
 
 const CASES: &[Case] = &[
     Case {
@@ -114,12 +114,13 @@ const CASES: &[Case] = &[
                float3 m = vload3(0, in + 8), h = vload3(0, in + 11), low = m - fabs(h), high = m + fabs(h);\
                const Slabs slabs = make_slabs(&ray, low, high, 0.0f); const PairSlabs pair = make_pair_slabs(&slabs);\
                vstore3(slabs.inv, 0, out); vstore3(slabs.enter, 1, out); vstore3(slabs.leave, 2, out);\
-               const float4 xy0 = (float4)(m.x, h.x, m.y, h.y), xy1 = (float4)(h.x, m.x, h.y, h.y), zz = (float4)(m.z, h.z, h.z, h.z);\
+               const float4 xy0 = (float4)(m.x, h.x, m.y, h.y), xy1 = (float4)(h.x, m.x, h.y, h.y), \
+               zz = (float4)(m.z, h.z, h.z, h.z);\
                vstore4(clip_to_pair(&pair, ray.t_near, ray.t_far, false, xy0, xy1, zz), 0, out + 9);\
                out[13] = is_padding_enough(&ray, low, high, 0.0f, in[11]) ? 1.0f : 0.0f;\
                for (uint i = 14; i < 18u; i++) out[i] = 0.0f;\
                if (!is_padding_enough(&ray, low, high, 0.0f, 1000.0f)) return;\
-               const Slabs plain = slabs_without_pads(&ray); const PairSlabs plain_pair = make_pair_slabs(&plain);\
+               const Slabs plain = slabs_without_padding(&ray); const PairSlabs plain_pair = make_pair_slabs(&plain);\
                const float4 t = clip_to_pair(&plain_pair, fabs(ray.t_near), ray.t_far, true, xy0, xy1, zz);\
                if (t.x <= -t.y) vstore2(t.xy, 0, out + 14); if (t.z <= -t.w) vstore2(t.zw, 0, out + 16);",
         inputs: 14,
@@ -134,7 +135,7 @@ const CASES: &[Case] = &[
             let t = PairSlabs::new(&slabs).clip([ray.t_near, ray.t_far], xy0, xy1, zz);
             let mut plain = [0.0; 4];
             if is_padding_enough(&ray, low, high, 0.0, 1000.0) {
-                let t = PairSlabs::new(&Slabs::without_pads(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
+                let t = PairSlabs::new(&Slabs::without_padding(&ray)).clip([ray.t_near.abs(), ray.t_far], xy0, xy1, zz);
                 for i in [0, 2].into_iter().filter(|&i| t[i] <= -t[i + 1]) {
                     plain[i..i + 2].copy_from_slice(&t[i..i + 2]);
                 }
@@ -186,14 +187,16 @@ const CASES: &[Case] = &[
     },
     Case {
         name: "point_of_weights, start_on_triangle",
-        body: "float3 weights = (float3)(fabs(in[9]), fabs(in[10]), fabs(in[11])); uint largest = (uint)fabs(in[12]) % 3;\
+        body: "float3 weights = (float3)(fabs(in[9]), fabs(in[10]), fabs(in[11])); \
+               uint largest = (uint)fabs(in[12]) % 3;\
                if (largest == 0) weights.x = -1.0f; else if (largest == 1) weights.y = -1.0f; else weights.z = -1.0f;\
                const TrianglePoint point = point_of_weights(vload3(0, in), vload3(1, in), vload3(2, in), weights);\
                float3 high, low; start_on_triangle(&point, &high, &low); vstore3(high, 0, out); vstore3(low, 1, out);\
                const float* base = (const float*)&point.base; const float* other1 = (const float*)&point.other1;\
                const float* other2 = (const float*)&point.other2; float16 highs, lows;\
                for (uint i = 0; i < 3; i++) {\
-                   point_of_triangle16((float16)(base[i]), (float16)(other1[i]), (float16)(other2[i]), (float16)(point.weight1),\
+                   point_of_triangle16((float16)(base[i]), (float16)(other1[i]), (float16)(other2[i]), \
+                                       (float16)(point.weight1),\
                                        (float16)(point.weight2), &highs, &lows);\
                    out[6 + i] = lane_of16(&highs, 11); out[9 + i] = lane_of16(&lows, 4);\
                }",
@@ -224,7 +227,8 @@ const CASES: &[Case] = &[
     },
     Case {
         name: "log2_fixed, exp2_fixed, power_fixed",
-        body: "float x = fabs(in[0]); out[0] = power_fixed(x, fabs(in[1]) * 100.0f); out[1] = exp2_fixed(fabs(in[1]) * -130.0f);\
+        body: "float x = fabs(in[0]); out[0] = power_fixed(x, fabs(in[1]) * 100.0f); \
+               out[1] = exp2_fixed(fabs(in[1]) * -130.0f);\
                out[2] = x >= FLT_MIN && x <= 1.0f ? log2_fixed(x) : 0.0f;",
         inputs: 2,
         outputs: 3,
@@ -366,7 +370,8 @@ fn intersector_equals_its_twin(intersector: Intersector) {
             format!("float t, u, v; bool is_hit = {function}(GEOMETRY_AT(&geometry), &ray, 0, &t, &u, &v);")
         }
         // As no_hit_yet(), of which Oclgrind 21.10 makes here what it cannot run.
-        None => "Hit hit = {ray.t_far, ray.t_far, 0.0f, NO_PRIMITIVE}; test_exactly(GEOMETRY_AT(&geometry), &ray, 0, 0, &hit);\
+        None => "Hit hit = {ray.t_far, ray.t_far, 0.0f, NO_PRIMITIVE}; \
+                 test_exactly(GEOMETRY_AT(&geometry), &ray, 0, 0, &hit);\
                      finish_exactly(GEOMETRY_AT(&geometry), &ray, &hit); bool is_hit = hit.primitive == 0;\
                      float t = hit.t, u = hit.u, v = hit.v;"
             .to_owned(),
@@ -375,9 +380,11 @@ fn intersector_equals_its_twin(intersector: Intersector) {
         "{MAKE_RAY} Geometry geometry; geometry.vertices = (__global const float4*)(in + 8);\
              geometry.transforms = (__global const float4*)(in + 20); geometry.scale = in[32];\
              geometry.low = (float3)(-1.0f); geometry.high = (float3)(1.0f); {test}\
-             out[0] = is_hit ? 1.0f : 0.0f; out[1] = is_hit ? t : 0.0f; out[2] = is_hit ? u : 0.0f; out[3] = is_hit ? v : 0.0f;"
+             out[0] = is_hit ? 1.0f : 0.0f; out[1] = is_hit ? t : 0.0f; out[2] = is_hit ? u : 0.0f; \
+             out[3] = is_hit ? v : 0.0f;"
     );
-    const INPUTS: usize = 36; // a ray, three float4, a transform of three float4, the scale, and three to align the next
+    // A ray, three float4, a transform of three float4, the scale, and three to align the next.
+    const INPUTS: usize = 36;
     let mut random = Random::new(SEED);
     let mut data = Vec::new();
     for i in 0..4 * ITEMS {

@@ -37,13 +37,12 @@ fn files_in(folder: &Path, extension: &str) -> Vec<PathBuf> {
     found
 }
 
-/// The name in `#define NAME value`, where the value has a number in it and is not another name or a function's.
+/// The name in `#define NAME value`, where the value is a number, or what is computed from other names, and `NAME` is
+/// no function.
 fn defined_number(line: &str) -> Option<&str> {
     let (name, value) = line.trim().strip_prefix("#define ")?.trim_start().split_once(' ')?;
-    let value = value.split("//").next()?;
-    let starts_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
-    let is_number = value.split(|c: char| !c.is_alphanumeric() && c != '_').any(starts_number);
-    (is_number && !name.contains('(')).then_some(name)
+    let value = value.split("//").next()?.trim();
+    (!value.is_empty() && !value.starts_with('{') && !name.contains('(')).then_some(name)
 }
 
 /// The name in `const NAME: f32 = …`, or another number's type.

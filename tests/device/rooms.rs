@@ -1,5 +1,5 @@
-//! The rooms of the library, the files and folders of `src/`: what they take from each other goes one way, and none of
-//! them knows how options are typed.
+//! The rooms of the library, the files and folders of `src/`: what they take from each other goes one way, none of
+//! them knows how options are typed, and few names are public. And how long lines are.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -98,4 +98,72 @@ fn no_flag_is_spelled_in_the_library() {
         let found: Vec<_> = strings.filter(|text| has_flag(text) && !text.contains("cargo test")).collect();
         assert!(found.is_empty(), "{}: {found:?}", path.display());
     }
+}
+
+/// The names that a file makes public: its own items, and those that it passes on.
+fn public_names(code: &str) -> Vec<String> {
+    const ITEMS: [&str; 8] = ["const", "enum", "fn", "mod", "static", "struct", "trait", "type"];
+    let is_name = |c: char| c.is_alphanumeric() || c == '_';
+    let mut names = Vec::new();
+    for declaration in format!("\n{code}").split("\npub ").skip(1) {
+        let (kind, rest) = declaration.split_once(' ').unwrap();
+        if kind == "use" {
+            let (path, _) = rest.split_once(';').unwrap();
+            assert!(!path.contains('*'), "names that are passed on are named: {path}");
+            let list = path.split_once('{').map_or(path.rsplit("::").next().unwrap(), |(_, list)| list);
+            names.extend(list.split(|c| !is_name(c)).filter(|name| !name.is_empty()).map(str::to_owned));
+        } else if ITEMS.contains(&kind) {
+            names.push(rest.chars().take_while(|c| is_name(*c)).collect());
+        }
+    }
+    names
+}
+
+/// Who embeds the library reads no more than this; what stands in `low_level` is for those who take it apart.
+const MOST_PUBLIC_NAMES: usize = 80;
+
+#[test]
+fn the_front_door_has_few_names() {
+    let code = code();
+    let names_in = |file: &str| {
+        let (_, code) = code.iter().find(|(path, _)| path.as_path() == Path::new(file)).unwrap();
+        public_names(code)
+    };
+    let front = names_in("lib.rs");
+    let rooms = ["low_level", "scene"];
+    let modules: Vec<_> = front.iter().filter(|name| code.iter().any(|(path, _)| room_of(path) == **name)).collect();
+    assert_eq!(modules, rooms, "another room is public: its names count, too");
+    let names: BTreeSet<_> = front.iter().chain(&names_in("scene/mod.rs")).cloned().collect();
+    assert!(names.contains("Tracer") && names.contains("Transform") && names.len() > 50, "{names:?}");
+    assert!(names.len() <= MOST_PUBLIC_NAMES, "{}: {names:?}", names.len());
+}
+
+/// Columns of a line of text.
+const COLUMNS: usize = 120;
+
+/// Everything that people wrote, and what is generated for them to read. Rows of tables in doc comments cannot be
+/// broken, nor can addresses.
+#[test]
+fn lines_fit_the_page() {
+    fn long_lines(folder: &Path, found: &mut Vec<String>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let is_text = path.extension().is_some_and(|end| ["rs", "cl", "py", "sh"].iter().any(|text| end == *text));
+            if path.is_dir() {
+                long_lines(&path, found);
+            } else if is_text {
+                for (number, line) in std::fs::read_to_string(&path).unwrap().lines().enumerate() {
+                    let is_row = ["//! |", "/// |"].iter().any(|row| line.trim_start().starts_with(row));
+                    if line.chars().count() > COLUMNS && !is_row && !line.contains("://") {
+                        found.push(format!("{}:{}", path.display(), number + 1));
+                    }
+                }
+            }
+        }
+    }
+    let (root, mut found) = (crate::common::root(), Vec::new());
+    for folder in ["src", "cl", "crates", "tests", "benches", "examples"] {
+        long_lines(&root.join(folder), &mut found);
+    }
+    assert!(found.is_empty(), "more than {COLUMNS} columns: {found:#?}");
 }

@@ -2,6 +2,7 @@
 //! whatever the number of threads.
 
 use crate::common::Random;
+use crate::common::models::shared_scenes;
 use glam::Vec3;
 use raybrook::low_level::accel::{Aabb, BuildOptions, KdTree, TreeStats, build_kd_tree, check_tree};
 use raybrook::low_level::options::{Build, KdOptions, SplitAxis, Stop, TraceOptions};
@@ -130,7 +131,8 @@ fn build_checked(build: Build, name: &str, triangles: &Triangles, options: &Buil
     let primitives = all(triangles);
     let start = Instant::now();
     let tree = build_kd_tree(build, triangles, &primitives, options);
-    let limit = Duration::from_secs(20); // tens of times what the slowest takes here, not optimised and on a busy machine
+    // Tens of times what the slowest takes here, not optimised and on a busy machine.
+    let limit = Duration::from_secs(20);
     assert!(start.elapsed() < limit, "{build} of '{name}' took {:?}", start.elapsed());
     if let Err(error) = check_tree(&tree, triangles, &primitives, options) {
         panic!("{build} of '{name}': {error}");
@@ -263,8 +265,7 @@ fn the_numbers_of_a_known_tree_are_right() {
 /// The triangles of an OBJ file of the shared test scenes (`v` and `f` lines, polygons as fans), or `None` without the
 /// file. Triangles without area are left out, as they are before a tree is built.
 fn model(path: &str) -> Option<Triangles> {
-    let root = crate::common::root();
-    let text = std::fs::read_to_string(root.join("../shared/scenes").join(path)).ok()?;
+    let text = std::fs::read_to_string(shared_scenes(path)?).unwrap();
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for line in text.lines() {
         let mut words = line.split_ascii_whitespace();
@@ -305,10 +306,7 @@ const MODELS: &[&str] = &[
 #[test]
 fn trees_of_models_are_right() {
     for name in MODELS {
-        let Some(triangles) = model(name) else {
-            eprintln!("{name} is not there: skipped");
-            continue;
-        };
+        let Some(triangles) = model(name) else { continue };
         for &build in Build::ALL {
             let options = options_of(build, triangles.len());
             let tree = build_checked(build, name, &triangles, &options);
@@ -317,7 +315,7 @@ fn trees_of_models_are_right() {
     }
 }
 
-/// Prints build times: `cargo test --release --test accel -- --ignored --nocapture`.
+/// Prints build times: `cargo test --release --test methods time_builds -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement, not a check"]
 fn time_builds_of_models() {

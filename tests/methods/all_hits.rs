@@ -54,7 +54,7 @@ impl Model {
         });
         let rays = rays.collect();
         models.push(Model::new("sheets", sheets, rays));
-        // Rays from exactly 0 along the faces of boxes: pads of boxes must not vanish with the origin.
+        // Rays from exactly 0 along the faces of boxes: the padding of boxes must not vanish with the origin.
         let along = [Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, 1.0, -1.0)];
         let from_zero = along.iter().flat_map(|&to| {
             [StressRay::new(Vec3::ZERO, to).within(1.0, f32::INFINITY), StressRay::new(Vec3::ZERO, to)]

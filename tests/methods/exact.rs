@@ -632,7 +632,8 @@ fn planes_are_one_where_whole_numbers_say_so() {
         };
         (0..6).for_each(|_| data.extend(point().to_array()));
     }
-    let body = "out[0] = are_in_one_plane(vload3(0, in), vload3(1, in), vload3(2, in), vload3(3, in), vload3(4, in), vload3(5, in)) \
+    let body = "out[0] = are_in_one_plane(vload3(0, in), vload3(1, in), vload3(2, in), vload3(3, in), vload3(4, in), \
+                vload3(5, in)) \
                 ? 1.0f : 0.0f;";
     let on_device = crate::common::probe::run(&device, body, 18, 1, &data);
     let mut counts = [0; 2];

@@ -20,7 +20,8 @@ fn ulps(got: f32, exact: f64) -> f64 {
     if exact == 0.0 {
         return if got == 0.0 { 0.0 } else { f64::INFINITY };
     }
-    let exponent = ((exact.abs().to_bits() >> 52) as i32 - 1023).max(f32::MIN_EXP - 1); // subnormal ones are as far apart
+    // Subnormal ones are as far apart.
+    let exponent = ((exact.abs().to_bits() >> 52) as i32 - 1023).max(f32::MIN_EXP - 1);
     (f64::from(got) - exact).abs() / 2f64.powi(exponent - 23)
 }
 

@@ -1,5 +1,5 @@
-//! Packets of rays with exact hits: the closest hits of the twin, which traces one ray after the other, to the bit; and of any hits one
-//! that is there. Packets of other triangle tests: `rounded_packets.rs`.
+//! Packets of rays with exact hits: the closest hits of the twin, which traces one ray after the other, to the bit; and
+//! of any hits one that is there. Packets of other triangle tests: `rounded_packets.rs`.
 
 use crate::common::{Random, SEED, device, on_oclgrind, scene_of, sheet, soup, usually_every};
 use glam::Vec3;

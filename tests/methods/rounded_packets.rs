@@ -32,8 +32,8 @@ fn nearest_point([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     points.into_iter().min_by(|p0, p1| (*p0 - p).length().total_cmp(&(*p1 - p).length())).unwrap()
 }
 
-/// Whether the hit is surely no farther from its triangle, on any axis, than HIT_ERROR EPSILON D, where D is the largest
-/// distance of the scene from the ray's start.
+/// Whether the hit is surely no farther from its triangle, on any axis, than HIT_ERROR EPSILON D, where D is the
+/// largest distance of the scene from the ray's start.
 fn is_near_its_triangle(triangles: &[[Vec3; 3]], ray: &TraceRay, hit: &Hit) -> bool {
     let origin = ray.origin_t_min.xyz().as_dvec3();
     let point = origin + ray.direction_t_max.xyz().as_dvec3() * f64::from(hit.t);

@@ -183,7 +183,8 @@ impl Comparison {
     fn finish(self, combinations: usize, kernels: usize) {
         let Tally { runs, rays, differences, descriptions } = self.tally.into_inner().unwrap();
         println!(
-            "{combinations} combinations of {kernels} sets of kernels, {runs} runs on {} models, {rays} rays, {differences} differences",
+            "{combinations} combinations of {kernels} sets of kernels, {runs} runs on {} models, {rays} rays, \
+             {differences} differences",
             self.models.len()
         );
         assert!(descriptions.is_empty(), "{differences} differences; the first:\n{}", descriptions.join("\n"));

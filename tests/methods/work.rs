@@ -444,7 +444,8 @@ fn assert_work_is_as_published(name: &str, scene: &Scene) {
         let ratio = |steps: [f64; 3]| steps[i] / stack[i];
         let what = format!("{name}, {rays} rays");
         println!(
-            "{what}: stack {:.2} steps; restart x{:.3}, push-down x{:.3}, ropes x{:.3}, short stack of 1 x{:.4}, 3 x{:.4}, 8 x{:.4}",
+            "{what}: stack {:.2} steps; restart x{:.3}, push-down x{:.3}, ropes x{:.3}, short stack of 1 x{:.4}, \
+             3 x{:.4}, 8 x{:.4}",
             stack[i],
             ratio(restart),
             ratio(push_down),

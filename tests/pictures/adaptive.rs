@@ -267,8 +267,9 @@ fn assert_bound_is_kept(path: &Path, side: u32) {
         ..TraceOptions::of(StructureKind::Bvh8)
     };
     let mut scene = load(path).unwrap();
-    // Rooms, too, are seen from outside, as they were when the bound was measured. From inside a detail that lies between
-    // all samples of a small picture can weigh more: `cornell_box.obj` at 48x48 makes 1.37 where 1 is asked for.
+    // Rooms, too, are seen from outside, as they were when the bound was measured. From inside a detail that lies
+    // between all samples of a small picture can weigh more: `cornell_box.obj` at 48x48 makes 1.37 where 1 is asked
+    // for.
     let points: Vec<Vec3> = scene.hittable().iter().flat_map(|&i| scene.vertices(i as usize)).collect();
     scene.camera = scene.camera.or(Some(Camera::framing(points.iter().copied(), 1.0)));
     let first = Ready::new(scene, (side, side), Samples::Error(1.0), options);
@@ -299,9 +300,9 @@ fn assert_bound_is_kept(path: &Path, side: u32) {
 }
 
 /// The estimate is one, not a proof: so much more than what was asked for is allowed. Of 28 scenes and three errors the
-/// most was 1.12 (a box and gears in the studio's light; 82 of 86 kept 1.05, and all in the plain lamp's, 1.04). Before a
-/// light background a dark detail that lies between all samples weighs more: of five other sizes, 40 to 160, the legs of a
-/// spider made 2.1 times what was asked for at 40x40 pixels, and nothing else more than 1.24 times.
+/// most was 1.12 (a box and gears in the studio's light; 82 of 86 kept 1.05, and all in the plain lamp's, 1.04). Before
+/// a light background a dark detail that lies between all samples weighs more: of five other sizes, 40 to 160, the legs
+/// of a spider made 2.1 times what was asked for at 40x40 pixels, and nothing else more than 1.24 times.
 const BOUND: f64 = 1.15;
 
 #[test]

@@ -61,7 +61,7 @@ fn check_parts(name: &str, options: &TraceOptions, device: Option<&DeviceHandle>
 fn parts_have_the_bits_of_the_whole_picture() {
     let kd = TraceOptions::DEFAULT;
     let roulette = PictureOptions { roulette: Some(0.6), ..kd.picture };
-    let split = |textures| PictureOptions { kernels: Kernels::Wavefront, textures, ..roulette };
+    let wavefront = |textures| PictureOptions { kernels: Kernels::Wavefront, textures, ..roulette };
     let bvh8 = TraceOptions { packet_size: PacketSize::Sixteen, ..TraceOptions::of(StructureKind::Bvh8) };
     check_parts("reference", &TraceOptions { picture: roulette, ..kd }, None);
     check_parts("reference, counting", &TraceOptions { counters: true, ..kd }, None);
@@ -73,8 +73,8 @@ fn parts_have_the_bits_of_the_whole_picture() {
             "decided by the device",
             TraceOptions { picture: PictureOptions { decisions: Decisions::Device, ..kd.picture }, ..kd },
         ),
-        ("wavefront kernels", TraceOptions { picture: split(TexturePass::InKernel), ..kd }),
-        ("host-pass", TraceOptions { picture: split(TexturePass::HostPass), ..kd }),
+        ("wavefront kernels", TraceOptions { picture: wavefront(TexturePass::InKernel), ..kd }),
+        ("host-pass", TraceOptions { picture: wavefront(TexturePass::HostPass), ..kd }),
         ("counting", TraceOptions { counters: true, ..kd }),
     ];
     for (name, options) in usually_every(2, all) {

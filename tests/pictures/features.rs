@@ -167,7 +167,7 @@ fn scenes_of_all_features_but_one_have_the_same_pixels() {
     usually_every(3, Feature::ALL).for_each(|&feature| compare(lacking(feature), &QUICK));
 }
 
-/// The kernels that are not quick to compile: packets and exact hits, and the split ones.
+/// The kernels that are not quick to compile: packets and exact hits, and the wavefront kernels.
 #[test]
 fn other_kernels_have_the_same_pixels() {
     let packets = TraceOptions {
@@ -175,8 +175,8 @@ fn other_kernels_have_the_same_pixels() {
         intersector: Intersector::Exact,
         ..TraceOptions::of(StructureKind::Bvh8)
     };
-    let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..QUICK.picture }, ..QUICK };
-    for options in [packets, split] {
+    let wavefront = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..QUICK.picture }, ..QUICK };
+    for options in [packets, wavefront] {
         for set in usually_every(2, [Features::ALL, with(Feature::Mirrors)]) {
             compare(set, &options);
         }
@@ -215,7 +215,7 @@ fn kernels_for_few_features_are_smaller() {
         (Some(few), Some(sky), Some(all)) => {
             assert!(few < sky && sky < all, "{few} bytes, {sky} with a sky, and {all} with everything");
         }
-        _ => eprintln!("SKIPPED, the driver does not tell how large binaries are"),
+        _ => crate::common::skip("the driver does not tell how large binaries are"),
     }
 }
 

@@ -43,7 +43,7 @@ fn the_same_rays_live_in_all_kernels_and_in_the_twin() {
     let scene = glass_house(one_light());
     let kd = playing(TraceOptions::DEFAULT, 0.6);
     let bvh8 = playing(TraceOptions::of(StructureKind::Bvh8), 0.6);
-    let split = |textures| PictureOptions { kernels: Kernels::Wavefront, textures, ..kd.picture };
+    let wavefront = |textures| PictureOptions { kernels: Kernels::Wavefront, textures, ..kd.picture };
     let pictures = [Samples::PerPixel(3), Samples::Error(2.0), Samples::Corners].map(|s| picture(&scene, (29, 21), s));
     let expected = pictures.each_ref().map(|picture| rendered(&scene, picture, &kd, None));
     for result in &expected {
@@ -52,8 +52,8 @@ fn the_same_rays_live_in_all_kernels_and_in_the_twin() {
     }
     for (name, options) in [
         ("mega-kernel", kd),
-        ("wavefront kernels", TraceOptions { picture: split(TexturePass::InKernel), ..kd }),
-        ("host-pass", TraceOptions { picture: split(TexturePass::HostPass), ..kd }),
+        ("wavefront kernels", TraceOptions { picture: wavefront(TexturePass::InKernel), ..kd }),
+        ("host-pass", TraceOptions { picture: wavefront(TexturePass::HostPass), ..kd }),
         ("packets", TraceOptions { packet_size: PacketSize::Sixteen, ..bvh8 }),
     ] {
         for (picture, expected) in pictures.iter().zip(&expected) {

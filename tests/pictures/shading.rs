@@ -252,7 +252,8 @@ fn normals_of_needles_and_specks_are_right() {
                 out[48] = (float)count_lanes16(sure);\
                 for (uint i = 0; i < 16; i++) {\
                     const bool is_known = (sure & lane_bit16(i)) != 0ul;\
-                    const float3 one = triangle_normal(vload3(3 * i, in), vload3(3 * i + 1, in), vload3(3 * i + 2, in));\
+                    const float3 one = triangle_normal(vload3(3 * i, in), vload3(3 * i + 1, in), \
+                                                          vload3(3 * i + 2, in));\
                     vstore3(is_known ? three_of_lane(normals, i) : one, i, out);\
                 }";
     let Some(device) = device() else { return };
@@ -286,7 +287,8 @@ fn normals_without_direction_are_the_geometric_one() {
         data.extend([(1.0 - u) - v, u, v]);
         data.extend(geometric.to_array());
     }
-    let body = "vstore3(interpolated_normal(vload3(0, in), vload3(1, in), vload3(2, in), in[9], in[10], in[11], vload3(4, in)),\
+    let body = "vstore3(interpolated_normal(vload3(0, in), vload3(1, in), vload3(2, in), \
+                in[9], in[10], in[11], vload3(4, in)),\
                 0, out);";
     compare("interpolated_normal", body, 15, &data, |x| {
         let geometric = v3(&x[12..]);
@@ -350,7 +352,8 @@ fn shadow_rays_start_where_the_normals_claim_the_surface() {
             assert!(lifted.length() < 1e-6, "{i}: {lifted}");
         }
     }
-    let body = "vstore3(smooth_lift(vload3(0, in), vload3(1, in), vload3(2, in), vload3(3, in), vload3(4, in), in[15], in[16],\
+    let body = "vstore3(smooth_lift(vload3(0, in), vload3(1, in), vload3(2, in), vload3(3, in), vload3(4, in), \
+                in[15], in[16],\
                 in[17], vload3(6, in)), 0, out);";
     compare("smooth_lift", body, 21, &data, |x| lift(x).to_array().to_vec());
 }
@@ -444,9 +447,11 @@ fn light_is_a_number_whatever_lamp_and_material_are() {
     let body = format!(
         "LightSample sample = sample_light((__global const Light*)in, 0u, vload3(0, in + {at}));\
          Material material = *(__global const Material*)(in + {LIGHT});\
-         Surface surface; surface.geometric_normal = vload3(1, in + {at}); surface.normal = vload3(2, in + {at}); surface.lift = (float3)(0.0f);\
+         Surface surface; surface.geometric_normal = vload3(1, in + {at}); surface.normal = vload3(2, in + {at}); \
+         surface.lift = (float3)(0.0f);\
          vstore3(blinn_phong(&surface, &material, vload3(4, in + {at}), vload3(3, in + {at}), &sample, 0), 0, out);\
-         vstore3(sample.to_light, 0, out + 3); vstore3(sample.direction, 0, out + 6); vstore3(sample.radiance, 0, out + 9);\
+         vstore3(sample.to_light, 0, out + 3); vstore3(sample.direction, 0, out + 6); \
+         vstore3(sample.radiance, 0, out + 9);\
          out[12] = sample.t_far;",
         at = LIGHT + MATERIAL
     );

@@ -1,5 +1,5 @@
-//! `--kernels split` against the mega-kernel and the twin: the same bits in every pixel and the same rays, whatever the
-//! scene, the number of paths in flight, the memory and who evaluates the textures.
+//! `--kernels wavefront` against the mega-kernel and the twin: the same bits in every pixel and the same rays, whatever
+//! the scene, the number of paths in flight, the memory and who evaluates the textures.
 
 use crate::common::{Random, SEED, device};
 use glam::Vec3;
@@ -22,7 +22,7 @@ const DEPTH: u32 = 8;
 
 /// With all features, so that all scenes have the same kernels: what is left out of others is the business of
 /// `tests/pictures/features.rs`.
-const SPLIT: TraceOptions = TraceOptions {
+const WAVEFRONT: TraceOptions = TraceOptions {
     picture: PictureOptions { kernels: Kernels::Wavefront, features: KernelFeatures::All, ..PictureOptions::DEFAULT },
     ..TraceOptions::DEFAULT
 };
@@ -68,9 +68,10 @@ impl Tracers {
     /// Renders with the wavefront kernels, mega-kernel and twin, and compares; `options` are of the first.
     fn compare(&mut self, options: &TraceOptions, pictures: &[Picture]) -> Vec<RenderResult> {
         let device = device().unwrap();
-        let mut split = open_tracer(Some(&device), &self.buffers, options, DEPTH, None).unwrap();
+        let mut wavefront = open_tracer(Some(&device), &self.buffers, options, DEPTH, None).unwrap();
         let mut compare = |picture: &Picture| {
-            let result = render(split.as_mut(), &self.buffers, picture, &|done| assert!((0.0..=1.0).contains(&done)));
+            let result =
+                render(wavefront.as_mut(), &self.buffers, picture, &|done| assert!((0.0..=1.0).contains(&done)));
             let result = result.unwrap();
             for tracer in [&mut self.mega, &mut self.twin] {
                 let expected = render(tracer.as_mut(), &self.buffers, picture, &|_| ()).unwrap();
@@ -172,13 +173,15 @@ fn every_scene_has_the_same_pixels() {
     assert!(scenes.len() >= 6, "{files:?}");
     for (file, mut scene) in scenes {
         complete(&mut scene, 37.0 / 29.0);
-        let Some(mut tracers) = Tracers::of(scene, SPLIT) else { return };
+        let Some(mut tracers) = Tracers::of(scene, WAVEFRONT) else { return };
         let depths = [1, 2, 3, 5, DEPTH].map(|depth| tracers.picture((37, 29), 1, depth));
         let samples = tracers.picture((29, 21), 3, DEPTH);
-        tracers.compare(&SPLIT, &[&depths[..], &[samples]].concat());
+        tracers.compare(&WAVEFRONT, &[&depths[..], &[samples]].concat());
         if !tracers.scene.textures.is_empty() {
-            let host_pass =
-                TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture }, ..SPLIT };
+            let host_pass = TraceOptions {
+                picture: PictureOptions { textures: TexturePass::HostPass, ..WAVEFRONT.picture },
+                ..WAVEFRONT
+            };
             let result = &tracers.compare(&host_pass, &depths[4..])[0];
             assert!(result.wavefront.unwrap().host_colours > 0, "{}", file.display());
         }
@@ -187,13 +190,15 @@ fn every_scene_has_the_same_pixels() {
 
 #[test]
 fn paths_in_flight_change_no_bit() {
-    let Some(mut tracers) = Tracers::of(glass_house(one_light()), SPLIT) else { return };
+    let Some(mut tracers) = Tracers::of(glass_house(one_light()), WAVEFRONT) else { return };
     let size = (43, 27); // no multiples of the tile's side, of which the last ones are narrower and lower
     let pictures = [tracers.picture(size, 2, 6)];
     let mut waves = Vec::new();
     for in_flight in [1, 7, 64, 100, 1000, 1_000_000] {
-        let options =
-            TraceOptions { picture: PictureOptions { paths_in_flight: Some(in_flight), ..SPLIT.picture }, ..SPLIT };
+        let options = TraceOptions {
+            picture: PictureOptions { paths_in_flight: Some(in_flight), ..WAVEFRONT.picture },
+            ..WAVEFRONT
+        };
         // A single path in flight takes a wave for every ray.
         let small = [tracers.picture((5, 4), 2, 6)];
         let result = &tracers.compare(&options, if in_flight == 1 { &small } else { &pictures })[0];
@@ -212,12 +217,13 @@ fn paths_in_flight_change_no_bit() {
 
 #[test]
 fn one_pixel_and_other_odd_sizes() {
-    let Some(mut tracers) = Tracers::of(glass_house(one_light()), SPLIT) else { return };
+    let Some(mut tracers) = Tracers::of(glass_house(one_light()), WAVEFRONT) else { return };
     let sizes = [(1, 1), (1, 19), (23, 1), (8, 8), (16, 9), (9, 16), (7, 7)];
     let pictures = sizes.map(|size| tracers.picture(size, 1, DEPTH));
-    tracers.compare(&SPLIT, &pictures);
+    tracers.compare(&WAVEFRONT, &pictures);
     // One pixel of more samples than the batch of a single path in flight has.
-    let options = TraceOptions { picture: PictureOptions { paths_in_flight: Some(1), ..SPLIT.picture }, ..SPLIT };
+    let options =
+        TraceOptions { picture: PictureOptions { paths_in_flight: Some(1), ..WAVEFRONT.picture }, ..WAVEFRONT };
     let pictures = [tracers.picture((1, 1), 40, 3), tracers.picture((3, 2), 5, 1)];
     tracers.compare(&options, &pictures);
 }
@@ -225,9 +231,9 @@ fn one_pixel_and_other_odd_sizes() {
 #[test]
 fn lights_add_up_in_their_order() {
     for lights in [many_lights(), Vec::new()] {
-        let Some(mut tracers) = Tracers::of(glass_house(lights), SPLIT) else { return };
+        let Some(mut tracers) = Tracers::of(glass_house(lights), WAVEFRONT) else { return };
         let pictures = [tracers.picture((40, 30), 2, 4)];
-        let result = &tracers.compare(&SPLIT, &pictures)[0];
+        let result = &tracers.compare(&WAVEFRONT, &pictures)[0];
         let [cast, blocked] = [result.counts[2], result.counts[3]];
         assert_eq!(cast > 0, !tracers.scene.lights.is_empty());
         assert!(cast == 0 || blocked > 0 && blocked < cast, "{blocked} of {cast} shadow rays are blocked");
@@ -239,18 +245,18 @@ fn an_empty_scene_shows_its_background() {
     let mut scene = Builder::new().finish().unwrap();
     scene.background = Background { bottom: Vec3::X, top: Vec3::Z };
     scene.lights = one_light();
-    let Some(mut tracers) = Tracers::of(scene, SPLIT) else { return };
+    let Some(mut tracers) = Tracers::of(scene, WAVEFRONT) else { return };
     let pictures = [tracers.picture((11, 10), 2, 4)];
-    let result = &tracers.compare(&SPLIT, &pictures)[0];
+    let result = &tracers.compare(&WAVEFRONT, &pictures)[0];
     assert_eq!(result.counts, [220, 0, 0, 0, 0, 0, 0, 0]);
 }
 
 #[test]
 fn the_host_evaluates_textures_to_the_same_bits() {
-    let Some(mut tracers) = Tracers::of(glass_house(many_lights()), SPLIT) else { return };
+    let Some(mut tracers) = Tracers::of(glass_house(many_lights()), WAVEFRONT) else { return };
     let pictures = [1, 4].map(|depth| tracers.picture((40, 30), 2, depth));
     let host_pass =
-        TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture }, ..SPLIT };
+        TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..WAVEFRONT.picture }, ..WAVEFRONT };
     for options in [
         host_pass,
         TraceOptions { picture: PictureOptions { paths_in_flight: Some(300), ..host_pass.picture }, ..host_pass },
@@ -261,7 +267,7 @@ fn the_host_evaluates_textures_to_the_same_bits() {
             assert!(stats.host_colours > 0 && stats.host_colours < hits, "{stats:?} of {hits} hits");
         }
     }
-    for result in tracers.compare(&SPLIT, &pictures) {
+    for result in tracers.compare(&WAVEFRONT, &pictures) {
         assert_eq!(result.wavefront.unwrap().host_colours, 0);
     }
     // On the twin the choice is accepted and changes nothing.
@@ -275,16 +281,16 @@ fn the_host_evaluates_textures_to_the_same_bits() {
 fn wavefront_kernels_read_every_kind_of_memory() {
     let others = [
         TraceOptions {
-            arrays: ArrayOptions { layout: Layout::Whole, ..SPLIT.arrays },
-            picture: PictureOptions { textures: TexturePass::HostPass, ..SPLIT.picture },
-            ..SPLIT
+            arrays: ArrayOptions { layout: Layout::Whole, ..WAVEFRONT.arrays },
+            picture: PictureOptions { textures: TexturePass::HostPass, ..WAVEFRONT.picture },
+            ..WAVEFRONT
         },
-        TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..SPLIT.arrays }, ..SPLIT },
-        TraceOptions { structure: Structure::of(StructureKind::Brute), ..SPLIT },
+        TraceOptions { arrays: ArrayOptions { triangles: TriangleOrder::LeafOrder, ..WAVEFRONT.arrays }, ..WAVEFRONT },
+        TraceOptions { structure: Structure::of(StructureKind::Brute), ..WAVEFRONT },
     ];
     for options in Memory::ALL
         .iter()
-        .map(|&memory| TraceOptions { arrays: ArrayOptions { memory, ..SPLIT.arrays }, ..SPLIT })
+        .map(|&memory| TraceOptions { arrays: ArrayOptions { memory, ..WAVEFRONT.arrays }, ..WAVEFRONT })
         .chain(others)
     {
         let Some(mut tracers) = Tracers::of(glass_house(one_light()), options) else { return };
@@ -309,10 +315,10 @@ fn deferred_rays_take_the_second_pass() {
     let lights = vec![Light::directional(Vec3::NEG_Z, Vec3::splat(0.5)), Light::point(lamp, Vec3::splat(0.3))];
     let mut resolved = Vec::new();
     for (lights, depth) in [(Vec::new(), 1), (Vec::new(), 4), (lights, 4)] {
-        let Some(mut tracers) = Tracers::of(Scene { lights, ..scene.clone() }, SPLIT) else { return };
+        let Some(mut tracers) = Tracers::of(Scene { lights, ..scene.clone() }, WAVEFRONT) else { return };
         let pictures = [tracers.picture((16, 16), 1, depth)];
-        resolved.push(tracers.compare(&SPLIT, &pictures)[0].second_pass.unwrap());
-        let watertight = TraceOptions { intersector: Intersector::Watertight, ..SPLIT };
+        resolved.push(tracers.compare(&WAVEFRONT, &pictures)[0].second_pass.unwrap());
+        let watertight = TraceOptions { intersector: Intersector::Watertight, ..WAVEFRONT };
         let Some(mut tracers) = Tracers::of(tracers.scene, watertight) else { return };
         assert_eq!(tracers.compare(&watertight, &pictures)[0].second_pass, None);
     }

@@ -24,6 +24,16 @@ CUBE_FACES = np.array(
 )
 
 
+def shared(path):
+    """A path under the shared models, which lie in RAYBROOK_SHARED or else beside the project. Skips the test where
+    they are not, or fails it where RAYBROOK_REQUIRE_SHARED is set."""
+    path = Path(os.environ.get("RAYBROOK_SHARED", ROOT / ".." / "shared")).resolve() / path
+    if not path.exists():
+        assert "RAYBROOK_REQUIRE_SHARED" not in os.environ, f"there is no {path}"
+        pytest.skip(f"there is no {path}")
+    return path
+
+
 def has_device():
     return any(device.unusable is None for device in raybrook.devices())
 

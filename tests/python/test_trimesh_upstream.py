@@ -9,25 +9,28 @@ import xml.etree.ElementTree as xml
 from pathlib import Path
 
 import pytest
+from conftest import shared
 
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 pytest.importorskip("manifold3d", reason="manifold3d, which one of trimesh's tests needs, is not installed")
 
 HERE = Path(__file__).parent
-SHARED = Path(os.environ.get("RAYBROOK_SHARED", HERE.parents[1] / ".." / "shared"))
-MODELS = SHARED.resolve() / "trimesh-models"
 TESTS = ("test_ray.py", "test_ray_upstream.py")
 HOW_MANY = 30
 DOWNLOAD_LIMIT_S = 60
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A folder with trimesh's tests."""
+def models():
+    """The models of trimesh's tests."""
+    return shared("trimesh-models")
+
+
+@pytest.fixture(scope="module")
+def folder(models, tmp_path_factory):
+    """A folder with trimesh's tests; without their models it is not needed."""
     import trimesh
 
-    if not MODELS.is_dir():
-        pytest.skip(f"the models of trimesh's tests are not in {MODELS}")
     folder = tmp_path_factory.mktemp("trimesh")
     command = [
         sys.executable,
@@ -55,12 +58,12 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_all_of_trimeshs_ray_tests_pass(folder):
+def test_all_of_trimeshs_ray_tests_pass(folder, models):
     report = folder / "report.xml"
     command = [sys.executable, "-m", "pytest", "-q", "-p", "raybrook_in_trimesh", "-p", "no:cacheprovider"]
     command += [f"--rootdir={folder}", f"--junitxml={report}", *(folder / name for name in TESTS)]
     paths = os.pathsep.join([str(HERE / "upstream"), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "PYTHONPATH": paths, "TRIMESH_MODELS": str(MODELS)}
+    environment = {**os.environ, "PYTHONPATH": paths, "TRIMESH_MODELS": str(models)}
     run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     suite = xml.parse(report).getroot().find("testsuite")
     counts = {key: int(suite.get(key)) for key in ("tests", "failures", "errors", "skipped")}

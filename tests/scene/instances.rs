@@ -188,9 +188,9 @@ fn pictures_are_those_of_the_flattened_scene() {
     let Some(device) = device() else { return };
     assert_eq!(picture(&scene, &playing(INSTANCES), Some(&device)), random, "roulette");
     assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected, "mega-kernel");
-    let split =
+    let wavefront =
         TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..INSTANCES.picture }, ..INSTANCES };
-    assert_eq!(picture(&scene, &split, Some(&device)), expected, "wavefront kernels");
+    assert_eq!(picture(&scene, &wavefront, Some(&device)), expected, "wavefront kernels");
 }
 
 /// Transforms, objects and scenes of very different sizes: what is shared and what is placed beforehand hit alike.

@@ -80,7 +80,8 @@ fn looks_follow_the_standard_databases() {
 #[test]
 fn polygons_and_patches_become_triangles() {
     // Comments, line breaks and blanks anywhere; an arrow, a bent quad, and a patch.
-    let text = "\u{feff}# made by hand\r\np 4 -1 -1 0 # tip\r\n 0 0\n0 1 -1 0 0 1 0\rp\n4\n0 0 0\n1 0 0\n1 1 0.5\n0 1 0\n\
+    let text = "\u{feff}# made by hand\r\np 4 -1 -1 0 # tip\r\n 0 0\n0 1 -1 0 0 1 0\rp\n4\n0 0 0\n1 0 0\n1 1 0.5\n\
+                0 1 0\n\
                 pp 3\n0 0 0 0 0 2\n1 0 0 0.6 0 0.8\n0 1 0 0 0 0\n";
     let scene = scene(text);
     assert_eq!(scene.triangles.len(), 2 + 2 + 1);
@@ -194,7 +195,8 @@ fn faults_name_their_line() {
 #[test]
 fn what_is_left_out_is_warned_of() {
     let left_out = scene(&format!(
-        "fm 1 2 3\nfm 4 5 6\n7 8\nkfa name\n{TRIANGLE}p 3\n0 0 0\nnan 0 0\n0 1e39 0\np 3\n0 0 0\n1 1 1\n2 2 2\np 1 0 0 0\np 0\n\
+        "fm 1 2 3\nfm 4 5 6\n7 8\nkfa name\n{TRIANGLE}p 3\n0 0 0\nnan 0 0\n0 1e39 0\np 3\n0 0 0\n1 1 1\n2 2 2\n\
+         p 1 0 0 0\np 0\n\
          s 0 0 0 0\ns 0 nan 0 1\nc 0 0 0 1 0 0 0 1\nc 0 0 0 0 0 0 1 0\n"
     ));
     assert_eq!((left_out.triangles.len(), left_out.hittable().len()), (3, 1));
@@ -250,7 +252,8 @@ fn more_materials_than_are_kept_are_told() {
 #[test]
 fn damaged_files_end_in_a_message_or_a_scene() {
     let whole = format!(
-        "{VIEW}l 0 0 9\nf 1 0 0 0.5 0.5 9 0.5 1.5\n{TRIANGLE}s 0 0 0 1\nc 0 0 0 1 0 0 1 0\npp 3 0 0 0 0 0 1 1 0 0 0 0 1 1 1 0 0 0 1\n"
+        "{VIEW}l 0 0 9\nf 1 0 0 0.5 0.5 9 0.5 1.5\n{TRIANGLE}s 0 0 0 1\nc 0 0 0 1 0 0 1 0\n\
+         pp 3 0 0 0 0 0 1 1 0 0 0 0 1 1 1 0 0 0 1\n"
     );
     let words = [
         "p",
@@ -307,7 +310,8 @@ fn scene_files_take_geometry_and_materials() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     std::fs::write(at.join("a.nff"), format!("b 1 0 0\n{VIEW}l 1 1 1\nf 1 0 0 1 0 0 0 0\n{TRIANGLE}")).unwrap();
-    let toml = "[material.blue]\ndiffuse = [0, 0, 1]\n[[object]]\nfile = \"a.nff\"\n[[object]]\nfile = \"a.nff\"\nmaterial = \"blue\"\n";
+    let toml = "[material.blue]\ndiffuse = [0, 0, 1]\n[[object]]\nfile = \"a.nff\"\n[[object]]\nfile = \"a.nff\"\n\
+                material = \"blue\"\n";
     std::fs::write(at.join("a.toml"), toml).unwrap();
     let scene = load(at.join("a.toml")).unwrap();
     let colours = scene.triangles.iter().map(|t| scene.materials[t.material as usize].diffuse);

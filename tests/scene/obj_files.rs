@@ -299,7 +299,8 @@ fn materials_follow_the_table_in_mtl_rs() {
                    newmtl light\nKa 20 20 20\nKd 1 1 1\n\
                    newmtl constant\nKd 0.3 0.2 0.1\nKs 1 1 1\nillum 0\n\
                    newmtl gray\nKd 0.5\nKe 3 0 0\n\
-                   newmtl bad\nKd nan inf -1\nKs 1e39 0 0\nNs 1e30\nNi 0\nd -3\nillum 99\nKd 0.5 0.5\nKd 0.5 0.5 x\nKd 2 0.5 0\n\
+                   newmtl bad\nKd nan inf -1\nKs 1e39 0 0\nNs 1e30\nNi 0\nd -3\nillum 99\nKd 0.5 0.5\nKd 0.5 0.5 x\n\
+                   Kd 2 0.5 0\n\
                    map_Ks a.png\nnorm b.png\nPr 0.5\nPr 0.5\n";
     let names: Vec<&str> = library.lines().filter_map(|l| l.strip_prefix("newmtl ")).collect();
     let mut text = String::from("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n");

@@ -42,9 +42,8 @@ fn triangles_are_those_of_an_obj() {
 
 #[test]
 fn vertices_have_what_the_first_word_says() {
-    let scene = off(
-        "STCNOFF\n3 1 0\n0 0 0  0 0 1  255 0 0 255  0 0\n1 0 0  0 0 1  255 0 0 255  1 0\n0 1 0  0 0 1  255 0 0 255  0 1\n3 0 1 2\n",
-    );
+    let scene = off("STCNOFF\n3 1 0\n0 0 0  0 0 1  255 0 0 255  0 0\n1 0 0  0 0 1  255 0 0 255  1 0\n\
+         0 1 0  0 0 1  255 0 0 255  0 1\n3 0 1 2\n");
     assert_eq!((scene.normals.len(), scene.uvs[1], scene.uvs[2]), (3, Vec2::X, Vec2::Y));
     assert_eq!((&scene.materials[0].name[..], scene.materials[0].diffuse), ("#ff0000", Vec3::X));
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
@@ -113,7 +112,11 @@ fn wrong_files_are_refused_with_what_is_wrong() {
 
 #[test]
 fn damaged_files_never_panic() {
-    damage("off", b"STCNOFF\n3 2 0\n0 0 0 0 0 1 255 0 0 0 0\n1 0 0 0 0 1 255 0 0 1 0\n0 1 0 0 0 1 9 9 9 0 1\n3 0 1 2\n4 0 1 2 0 1 0 0\n");
+    damage(
+        "off",
+        b"STCNOFF\n3 2 0\n0 0 0 0 0 1 255 0 0 0 0\n1 0 0 0 0 1 255 0 0 1 0\n0 1 0 0 0 1 9 9 9 0 1\n3 0 1 2\n\
+                    4 0 1 2 0 1 0 0\n",
+    );
 }
 
 #[test]

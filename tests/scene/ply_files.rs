@@ -395,7 +395,8 @@ fn real_models_have_their_triangles() {
 fn large_files_keep_order_and_numbers() {
     const ROWS: usize = 40_000; // more than two blocks
     let header = format!(
-        "element face {ROWS}\n{CORNERS}\nproperty list uchar float texcoord\nelement odd 2\nproperty int a\nelement vertex {ROWS}\n{XYZ}\n"
+        "element face {ROWS}\n{CORNERS}\nproperty list uchar float texcoord\nelement odd 2\nproperty int a\n\
+         element vertex {ROWS}\n{XYZ}\n"
     );
     let header: Vec<&str> = header.trim().lines().collect();
     let faces: String = (0..ROWS)

@@ -178,7 +178,8 @@ fn the_box_fills_pictures_of_every_width() {
 #[test]
 fn lights_are_read() {
     let lights = scene(
-        "[[light]]\nkind = \"point\"\nposition = [1, 2, 3]\nintensity = 2\ncolor = [1, 0.5, 0]\nfalloff = \"quadratic\"\n\
+        "[[light]]\nkind = \"point\"\nposition = [1, 2, 3]\nintensity = 2\ncolor = [1, 0.5, 0]\n\
+         falloff = \"quadratic\"\n\
          [[light]]\nkind = \"directional\"\ndirection = [0, -1, 0]\nintensity = [3, 2, 1]\n\
          [[light]]\nkind = \"directional\"\nposition = [0, 5, 0]\ntarget = [1, 4, 0]\n\
          [[light]]\nkind = \"spot\"\nposition = [0, 5, 0]\ntarget = [0, 0, 1]\ninner = 10\nouter = 15\n\
@@ -238,8 +239,8 @@ fn materials_are_read() {
 fn procedural_textures_are_read() {
     let scene = scene(
         "[material.a]\ntexture = { kind = \"checker\" }\n\
-         [material.b]\ndiffuse = 0.5\ntexture = { kind = \"marble\", colors = [[0.1, 0.2, 0.3], \"#ffffff\"], scale = [2, 4, 8], \
-         rotate = [0, 0, 90], translate = [1, 2, 3], turbulence = -0.5, octaves = 16, seed = 4294967295 }\n\
+         [material.b]\ndiffuse = 0.5\ntexture = { kind = \"marble\", colors = [[0.1, 0.2, 0.3], \"#ffffff\"], scale = \
+         [2, 4, 8], rotate = [0, 0, 90], translate = [1, 2, 3], turbulence = -0.5, octaves = 16, seed = 4294967295 }\n\
          [material.c.texture]\nkind = \"wood\"\nspace = \"uv\"\nrotate = { axis = [0, 0, 2], degrees = 180 }\n\
          [material.d]\ntexture = { kind = \"noise\", octaves = 2, seed = 3, space = \"world\" }\n\
          [material.e]\ntexture = { kind = \"checker\" }\n",
@@ -268,7 +269,8 @@ fn procedural_textures_are_read() {
 #[test]
 fn threshold_shading_is_read() {
     let toons = scene(
-        "[material.a]\ntoon = 4\n[material.b]\ntoon = { steps = 2, threshold = 0.1 }\n[material.c]\ntoon = { steps = 1 }\n\
+        "[material.a]\ntoon = 4\n[material.b]\ntoon = { steps = 2, threshold = 0.1 }\n[material.c]\n\
+         toon = { steps = 1 }\n\
          [material.d]\ntoon = 0\n[material.e]\n",
     )
     .materials

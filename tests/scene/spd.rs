@@ -67,9 +67,9 @@ fn counts(scene: &Scene, options: &TraceOptions, device: Option<&DeviceHandle>, 
     render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().counts
 }
 
-/// Every structure and exact traversal, but brute force only where it ends in time, and lists, which take as long as all
-/// the rest, not in a usual run. Devices take a structure each: that
-/// their other traversals have the twin's hits is the business of `tests/methods/traverse.rs`.
+/// Every structure and exact traversal, but brute force only where it ends in time, and lists, which take as long as
+/// all the rest, not in a usual run. Devices take a structure each: that their other traversals have the twin's hits is
+/// the business of `tests/methods/traverse.rs`.
 fn structures(triangles: usize) -> Vec<TraceOptions> {
     const MOST_FOR_BRUTE_FORCE: usize = 5000;
     let base = TraceOptions::DEFAULT;

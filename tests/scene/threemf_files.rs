@@ -8,7 +8,8 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 const RELATIONSHIPS: &str = r#"<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
-<Relationship Id="t" Target="/Metadata/t.png" Type="http://schemas.openxmlformats.org/package/2006/relationships/metadata/thumbnail"/>
+<Relationship Id="t" Target="/Metadata/t.png"
+Type="http://schemas.openxmlformats.org/package/2006/relationships/metadata/thumbnail"/>
 <Relationship Id="m" Target="/3D/own.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
 </Relationships>"#;
 
@@ -30,8 +31,9 @@ fn archive(parts: &[(&str, &str)]) -> Vec<u8> {
 /// A model of these resources and build items.
 fn model(attributes: &str, resources: &str, build: &str) -> String {
     format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?><model unit=\"millimeter\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\" \
-         {attributes}><metadata name=\"a\">b</metadata><resources>{resources}</resources><build>{build}</build></model>"
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?><model unit=\"millimeter\" \
+         xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\" {attributes}><metadata \
+         name=\"a\">b</metadata><resources>{resources}</resources><build>{build}</build></model>"
     )
 }
 
@@ -72,7 +74,8 @@ fn an_object_in_its_place() {
 
 #[test]
 fn components_are_instances() {
-    let pair = r#"<components><component objectid="1"/><component objectid="1" transform="-1 0 0 0 1 0 0 0 1 9 0 0"/></components>"#;
+    let pair = r#"<components><component objectid="1"/>
+        <component objectid="1" transform="-1 0 0 0 1 0 0 0 1 9 0 0"/></components>"#;
     let resources = [object(1, MESH), object(2, pair), object(3, MESH)].concat();
     let build = r#"<item objectid="2"/><item objectid="2" transform="2 0 0 0 2 0 0 0 2 0 0 10"/><item objectid="3"/>"#;
     let scene = load_model(&model("", &resources, build));
@@ -86,7 +89,8 @@ fn components_are_instances() {
 
 #[test]
 fn colours_become_materials() {
-    let groups = r##"<basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF00FF"/></basematerials>
+    let groups = r##"<basematerials id="5"><base name="a" displaycolor="#FF0000"/>
+<base name="b" displaycolor="#00FF00FF"/></basematerials>
 <m:colorgroup id="6"><m:color color="#000000"/><m:color color="#0000FF80"/></m:colorgroup>"##;
     let mesh = MESH
         .replacen("v3=\"1\"", "v3=\"1\" pid=\"5\" p1=\"1\"", 1)
@@ -122,7 +126,8 @@ fn what_is_required_and_not_known_is_refused_by_name_and_the_rest_is_told() {
 #[test]
 fn elements_are_told_apart_by_their_namespaces() {
     let slices = "xmlns:s=\"http://schemas.microsoft.com/3dmanufacturing/slice/2015/07\"";
-    let stack = "<s:slicestack id=\"1\"><s:slice><s:vertices><s:vertex x=\"0\" y=\"1\"/></s:vertices><s:object/></s:slice></s:slicestack>";
+    let stack = "<s:slicestack id=\"1\"><s:slice><s:vertices><s:vertex x=\"0\" \
+                 y=\"1\"/></s:vertices><s:object/></s:slice></s:slicestack>";
     let more = format!("{stack}<s:item objectid=\"7\"/><s:basematerials/><color color=\"red\"/>");
     let text = model(slices, &(object(1, MESH) + &more), r#"<item objectid="1" s:objectid="7"/>"#);
     let scene = load_model(&text);
@@ -130,8 +135,9 @@ fn elements_are_told_apart_by_their_namespaces() {
     let unused = "a.3MF: not used: basematerials, color, item, object, slice, slicestack, vertex, vertices";
     assert_warned(&scene, unused);
 
-    let prefixed = r#"<c:model xmlns:c="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><c:resources><c:object id="1">
-        <c:mesh><c:vertices><c:vertex x="0" y="0" z="0"/><c:vertex x="1" y="0" z="0"/><c:vertex x="0" y="1" z="0"/></c:vertices>
+    let prefixed = r#"<c:model xmlns:c="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><c:resources>
+        <c:object id="1"><c:mesh><c:vertices><c:vertex x="0" y="0" z="0"/><c:vertex x="1" y="0" z="0"/>
+        <c:vertex x="0" y="1" z="0"/></c:vertices>
         <c:triangles><c:triangle v1="0" v2="1" v3="2"/></c:triangles></c:mesh></c:object></c:resources>
         <c:build><c:item objectid="1"/></c:build></c:model>"#;
     let scene = load_model(prefixed);
@@ -207,7 +213,8 @@ fn an_archive_that_unpacks_to_much_is_bounded() {
 
 #[test]
 fn damaged_files_never_panic() {
-    let mesh = r#"<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>
+    let mesh = r#"<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
+<vertex x="0" y="1" z="0"/></vertices>
 <triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh>"#;
     damage("3mf", &archive(&[("3D/3dmodel.model", &model("", &object(1, mesh), r#"<item objectid="1"/>"#))]));
 }

@@ -3,7 +3,7 @@
 use crate::common::models::shared_scenes;
 use crate::common::root;
 use raybrook::low_level::renderer::complete_as;
-use raybrook::low_level::scene::{Aim, Origin, Placed, Scene, load};
+use raybrook::low_level::scene::{Aim, AimSource, Placed, Scene, load};
 use raybrook::{Light, Tracer, View, Viewpoint};
 use std::path::Path;
 
@@ -75,10 +75,10 @@ fn the_source_of_up_is_known() {
     let ply = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
         property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 1\n3 0 1 2\n";
     let scene_file = "[[object]]\nfile = \"ground.obj\"\n";
-    let format = Origin::Format;
-    let shape = Origin::Automatic("the model has level ground across z, and none across y".into());
-    let default = Origin::Automatic("y is up where neither scene, format nor shape says".into());
-    for (name, text, up, origin) in [
+    let format = AimSource::Format;
+    let shape = AimSource::Automatic("the model has level ground across z, and none across y".into());
+    let default = AimSource::Automatic("y is up where neither scene, format nor shape says".into());
+    for (name, text, up, source) in [
         ("ground.obj", obj_of(&pillar(2)), "z", &shape),
         ("standing.obj", obj_of(&pillar(1)), "y", &default),
         ("scene.toml", scene_file.into(), "y", &format),
@@ -92,7 +92,7 @@ fn the_source_of_up_is_known() {
     ] {
         std::fs::write(at.join(name), text).unwrap();
         let placed = placed(&at.join(name));
-        assert_eq!((up_of(&placed), &placed.up), (up, origin), "{name}");
+        assert_eq!((up_of(&placed), &placed.up), (up, source), "{name}");
     }
 }
 

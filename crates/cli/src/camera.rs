@@ -33,8 +33,8 @@ pub struct CameraArgs {
     /// Which way is up: an axis, or a direction X,Y,Z [default: the scene's, else that of its format or its shape].
     ///
     /// z in .stl and .3mf files, y in scene files, .gltf and .glb. Of others some programs that write them are known to
-    /// have z up; and a model is seen with z up that has level ground across z and none across y, is a terrain over x and
-    /// y, or stands on a flat base across z and would tip over along y. All else has y up. --explain tells.
+    /// have z up; and a model is seen with z up that has level ground across z and none across y, is a terrain over x
+    /// and y, or stands on a flat base across z and would tip over along y. All else has y up. --explain tells.
     #[arg(
         long,
         help_heading = heading::CAMERA,

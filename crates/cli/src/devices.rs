@@ -10,9 +10,10 @@ use raybrook::{Error, Result};
 use std::path::PathBuf;
 
 const KERNELS_HELP: &str = "\
-Build the kernels, of the mega-kernel or of those named, and list what each takes: registers and bytes of spills and stack frame \
-(NVIDIA only), bytes of private and local memory, largest work-group and its preferred multiple; `-` is what the driver does not \
-tell. The kernels of the second pass of --intersector exact come second. All options but --json are for this";
+Build the kernels, of the mega-kernel or of those named, and list what each takes: registers and bytes of spills and \
+stack frame (NVIDIA only), bytes of private and local memory, largest work-group and its preferred multiple; `-` is \
+what the driver does not tell. The kernels of the second pass of --intersector exact come second. All options but \
+--json are for this";
 
 /// Of the method options `--kernels` may stand alone here.
 fn optional_kernels(argument: clap::Arg) -> clap::Arg {
@@ -35,7 +36,11 @@ pub struct DevicesArgs {
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     /// Longest chain of rays [default: 8].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)),
+    )]
     pub depth: Option<u32>,
     #[command(flatten)]
     pub compiler: CompilerArgs,

@@ -1,5 +1,5 @@
-//! `--display tev`: shows a picture in tev, an image viewer (Müller, <https://github.com/Tom94/tev>), while it is rendered,
-//! by the protocol that tev listens for.
+//! `--display tev`: shows a picture in tev, an image viewer (Müller, <https://github.com/Tom94/tev>), while it is
+//! rendered, by the protocol that tev listens for.
 
 use super::{Talk, heading};
 use raybrook::low_level::blocks::Area;
@@ -22,8 +22,8 @@ const CHANNELS: [&str; 3] = ["R", "G", "B"];
 pub struct DisplayArgs {
     /// Show the picture in the viewer tev, while it is rendered: `tev`, or `tev=HOST:PORT`.
     ///
-    /// tev must be running; by itself it listens at 127.0.0.1:14158. It is shown linear light without --exposure, as soon
-    /// as blocks are finished. The picture is written as always, and also when the viewer is closed meanwhile.
+    /// tev must be running; by itself it listens at 127.0.0.1:14158. It is shown linear light without --exposure, as
+    /// soon as blocks are finished. The picture is written as always, and also when the viewer is closed meanwhile.
     #[arg(long, value_name = "tev[=HOST:PORT]", help_heading = heading::OUTPUT, hide_short_help = true)]
     display: Option<Address>,
 }

@@ -23,7 +23,14 @@ pub struct InsideArgs {
     ///
     /// The generalised winding number is 1 inside of a closed mesh whose triangles are turned outwards, 0 outside, and
     /// between them near the holes of an open one. The output also has it, as the array `winding` float64.
-    #[arg(long, value_name = "THRESHOLD", num_args = 0..=1, require_equals = true, default_missing_value = "0.5", value_parser = parse_threshold)]
+    #[arg(
+        long,
+        value_name = "THRESHOLD",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "0.5",
+        value_parser = parse_threshold,
+    )]
     winding: Option<f64>,
 }
 

@@ -56,9 +56,35 @@ fn parser() -> impl TypedValueParser<Value = Asked> {
 /// What to tell of pixels beside light.
 #[derive(clap::Args)]
 pub struct LayerArgs {
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parser(), hide_possible_values = true, hide_short_help = true, help_heading = heading::OUTPUT, help = format!("Write what else is known of the pixels: channels of an .exr file, pictures beside a .png, out-depth.png and so on. One or more of {}; or of the work on rays, which is then counted: {}", Layer::names(), WorkCounter::names()))]
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        value_parser = parser(),
+        hide_possible_values = true,
+        hide_short_help = true,
+        help_heading = heading::OUTPUT,
+        help = format!(
+            "Write what else is known of the pixels: channels of an .exr file, pictures beside a .png, out-depth.png \
+             and so on. One or more of {}; or of the work on rays, which is then counted: {}",
+            Layer::names(),
+            WorkCounter::names()
+        ),
+    )]
     layers: Vec<Asked>,
-    #[arg(long, hide_short_help = true, help_heading = heading::DIAGNOSIS, help = format!("Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output .exr or .pfm also its numbers in that format; implies --counters. The older way to ask --layers for one or more of {}", WorkCounter::names()), value_name = "NAMES", value_delimiter = ',')]
+    #[arg(
+        long,
+        hide_short_help = true,
+        help_heading = heading::DIAGNOSIS,
+        help = format!(
+            "Write false-colour pictures of counted work beside the output, out-steps.png and so on, with --output \
+             .exr or .pfm also its numbers in that format; implies --counters. The older way to ask --layers for one \
+             or more of {}",
+            WorkCounter::names()
+        ),
+        value_name = "NAMES",
+        value_delimiter = ',',
+    )]
     aov: Vec<WorkCounter>,
 }
 

@@ -15,12 +15,25 @@ pub struct LimitArgs {
     ///
     /// Counted from the program's start. A picture is rendered coarsely first, so that there is one when the time is
     /// up: with the pixels of all blocks that are finished. The exit code is then 124.
-    #[arg(long, value_name = "DURATION", value_parser = parse_duration, hide_short_help = true, help_heading = heading::OUTPUT)]
+    #[arg(
+        long,
+        value_name = "DURATION",
+        value_parser = parse_duration,
+        hide_short_help = true,
+        help_heading = heading::OUTPUT,
+    )]
     time_limit: Option<Duration>,
     /// The same at a time of day, such as 18:30, or of a date, such as 2026-11-27T08:00 or 2026-11-27T08:00+01:00.
     ///
     /// Without an offset from UTC it is the time of this machine's place.
-    #[arg(long, value_name = "TIME", value_parser = parse_deadline, conflicts_with = "time_limit", hide_short_help = true, help_heading = heading::OUTPUT)]
+    #[arg(
+        long,
+        value_name = "TIME",
+        value_parser = parse_deadline,
+        conflicts_with = "time_limit",
+        hide_short_help = true,
+        help_heading = heading::OUTPUT,
+    )]
     deadline: Option<Deadline>,
 }
 

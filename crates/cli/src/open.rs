@@ -107,8 +107,8 @@ fn cannot_be_framed(scene: &Scene, path: &Path) -> Error {
     let vertex = scene.triangles.get(primitive as usize).map(|t| t.positions[corner.unwrap_or(0)] as usize);
     let line = vertex.and_then(|vertex| scene::line_of_vertex(path, vertex));
     let message = format!(
-        "the vertex ({:e}, {:e}, {:e}) of triangle {primitive} is so far away that no camera which shows the scene has a place \
-         in float32's range; correct it, make the scene smaller, or give a camera by --eye and --target",
+        "the vertex ({:e}, {:e}, {:e}) of triangle {primitive} is so far away that no camera which shows the scene has \
+         a place in float32's range; correct it, make the scene smaller, or give a camera by --eye and --target",
         position.x, position.y, position.z
     );
     Error::input(path, line, message)

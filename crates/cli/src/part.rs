@@ -24,8 +24,8 @@ impl FromStr for PartChoice {
     }
 }
 
-/// What tells one of many programs which it is: variables of its number, of the first one's number, of the step from one
-/// to the next, and of how many there are.
+/// What tells one of many programs which it is: variables of its number, of the first one's number, of the step from
+/// one to the next, and of how many there are.
 struct Engine {
     name: &'static str,
     number: &'static str,

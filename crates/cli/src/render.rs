@@ -8,14 +8,18 @@ use super::keep::{Canvas, KeepArgs, Keeper, LazyId, journal_of};
 use super::layers::LayerArgs;
 use super::limit::{Limit, LimitArgs};
 use super::loss::LossArgs;
-use super::open::Opened;
+use super::open::{Loaded, Opened};
 use super::part::PartChoice;
 use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
 use super::several::{self, Built};
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, open, work};
+use raybrook::low_level::budget::MemoryBudget;
+use raybrook::low_level::choose::Chosen;
 use raybrook::low_level::compare::compare_films;
+use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::film::{Film, ImageFormat, check_output};
+use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::planes::PlaneGroup;
 use raybrook::low_level::renderer::{
@@ -24,7 +28,7 @@ use raybrook::low_level::renderer::{
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{FullPicture, RayCounts, RunStats, WorkStats};
-use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Sampling, Spent, Task};
+use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Spent, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -61,7 +65,13 @@ pub struct RenderArgs {
     /// Every Nth block of the picture, or every Nth area of a large one. `auto` takes I and N from what runs the
     /// program: an array of Slurm jobs (SLURM_ARRAY_TASK_ID), or ranks of Slurm, Open MPI, or PMI. Such a file is a
     /// journal, so that the same command goes on after whatever stopped it.
-    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", conflicts_with_all = ["counters", "layers", "aov", "measure_error", "stats"])]
+    #[arg(
+        long,
+        help_heading = heading::OUTPUT,
+        hide_short_help = true,
+        value_name = "I/N|auto",
+        conflicts_with_all = ["counters", "layers", "aov", "measure_error", "stats"],
+    )]
     part: Option<PartChoice>,
     #[command(flatten)]
     keep: KeepArgs,
@@ -157,8 +167,8 @@ fn render_noting(
 /// Once a picture has this error, every pixel of it has a value that tells what is there: for the time being.
 const COARSE_ERROR: f32 = 8.0;
 
-/// The picture that is rendered before the one that is asked for, where the time for that may not suffice: so many times
-/// coarser that it takes a small part of the rays.
+/// The picture that is rendered before the one that is asked for, where the time for that may not suffice: so many
+/// times coarser that it takes a small part of the rays.
 fn coarse(picture: &Picture) -> Picture {
     const TIMES: f32 = 4.0;
     let error = match picture.samples {
@@ -206,8 +216,8 @@ fn write_so_far(
     if !talk.quiet {
         let error = so_far.adaptive.map_or(0.0, |adaptive| adaptive.estimated_error);
         tell!(
-            "note: {done} of {of} blocks of '{}' are finished; the others are coarse, with an error of about {error:.1} steps of 8-bit \
-             sRGB",
+            "note: {done} of {of} blocks of '{}' are finished; the others are coarse, with an error of about \
+             {error:.1} steps of 8-bit sRGB",
             output.display()
         );
     }
@@ -217,184 +227,303 @@ fn write_so_far(
 pub fn run(args: &RenderArgs, talk: Talk) -> Result<Code> {
     let start = Instant::now();
     let limit = args.limit.begin(start);
-    let counters = args.counters || args.layers.wants_counters();
-    if limit.is_set() && (counters || args.layers.any()) {
-        let message = "work is counted and layers are traced of pictures that are finished; leave out one of both";
-        return Err(Error::option(limit.option(), message));
-    }
-    if args.display.is_given() && !args.is_kept() {
-        let message =
-            "a picture whose work or samples are told is not shown while it is rendered; leave out one of both";
-        return Err(Error::option("--display", message));
-    }
-    let options = args.method.check(counters)?;
-    let part = args.part.map(PartChoice::part).transpose()?;
-    let wanted = match &args.output {
-        Some(path) => path.clone(),
-        None => open::default_output(&args.scene.scene, ".png")?,
-    };
-    let format = args.file.format(&wanted)?;
-    args.layers.check(format)?;
-    let mut files = Files::default();
-    files.read(&args.scene.scene, "the scene");
-    let output = args.output(&wanted, format, part, files.clone())?;
-    check_output(&output, Some(format))?;
-    args.layers.check_writable(&output, format)?;
-    args.stats.as_deref().map_or(Ok(()), check_writable)?;
-    let opening = Instant::now();
-    let devices = several::choose(&args.device, talk)?;
-    if devices.len() > 1 && (counters || args.measure_error || args.layers.any()) {
-        let message = "work is counted, errors are measured and layers are traced on one device; name one";
-        return Err(Error::option("--device", message));
-    }
-    let device = devices.first().cloned().flatten();
-    let device_s = opening.elapsed().as_secs_f64();
-    let budget = args.scene.memory.budget();
-    let rendered_size = |size, samples| args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
-    let canvas = |size, samples| args.canvas((size, samples), part);
-    let check_picture = |size, samples| {
-        args.crop.map_or(Ok(()), |crop| crop.check(size))?;
-        // A picture whose time may be up has a coarse one beside it.
-        let has_coarse = limit.is_set() && part.is_none();
-        if canvas(size, samples) != Canvas::Film && !has_coarse {
-            let (of, format) = ((size, args.crop), part.is_none().then_some(format));
-            let devices = (device.as_ref(), devices.len());
-            return open::check_picture_by_rows(of, samples, &options, devices, format, &budget);
-        }
-        let layer_bytes = args.layers.bytes(args.crop.map_or(size, |crop| crop.size));
-        let size = rendered_size(size, samples);
-        open::check_picture((size, layer_bytes), samples, &options, device.as_ref(), format, &budget)
-    };
-    if let Some(size) = args.picture.size {
-        check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
-    }
-    let loaded = open::load_for_picture(&args.scene, &args.picture, &budget, talk)?;
-    files.read_scene(&loaded.scene);
-    let output = args.output(&wanted, format, part, files)?;
-    open::note_name(&output, &wanted, talk);
-    if args.measure_error && loaded.scene.picture.samples == Some(Samples::Corners) {
-        let message =
-            "rays through corners are no samples of pixels; leave it out, or ask for --samples N or --error E";
-        return Err(Error::option("--measure-error", message));
-    }
-    let chooser = Chooser {
-        counters,
-        pictures: true,
-        ..Chooser::new((&args.method, &args.device, &args.explain), device.as_ref(), talk)
-    };
-    let mut chosen = several::choose_methods(&chooser, &devices, &loaded)?;
-    let picture = args.picture.picture(&loaded.scene);
-    check_picture(picture.size, picture.samples)?;
-    args.layers.check_samples(picture.samples)?;
-    let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
-    let canvas = canvas(picture.size, picture.samples);
-    let is_by_rows = canvas != Canvas::Film && part.is_none();
-    let (scene, of_first) = (&loaded.scene, chosen[0].options);
-    let id = move || PictureId::new(scene, &picture, args.crop, &of_first);
-    let mut keeper = match args.is_kept() {
-        true => {
-            let of = (LazyId::new(Box::new(id)), blocks, canvas);
-            let display = args.display.open(&output, blocks.size(), talk)?;
-            Some(Keeper::open((&args.keep, limit), (&output, part), of, (display, talk))?)
-        }
-        false => None,
-    };
-    let (mut opened, mut so_far) = (None, None);
-    let mut render = |rows: Option<PutRows>| match &mut keeper {
-        Some(keeper) if devices.len() > 1 => {
-            let built = Built::new(&loaded, (&devices, &chosen), &budget)?;
-            let by = built.devices(&args.device, (Task::Picture, picture.depth), args.loss)?;
-            let (result, shares, lost) = keeper.render_by(by, (&picture, rows), (args.loss, talk))?;
-            Ok((result, built.stats(shares, lost)))
-        }
-        keeper => {
-            let (tasks, chosen) = ((args.layers.tasks(), &budget), chosen.swap_remove(0));
-            let one = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
-            let opened = opened.insert(args.loss.strict_if(counters).guard(one, device.as_ref(), talk));
-            check_picture(picture.size, picture.samples)?;
-            let result = match keeper {
-                Some(keeper) => {
-                    so_far = coarse_within(limit, args, keeper, (opened, &picture), talk)?;
-                    limit.within(|| keeper.render(opened, &picture, rows, talk))?.ok_or(Error::Stopped)?
-                }
-                None => render_noting(opened, &picture, args.crop, args.layers.wants_sampling(), talk)?,
-            };
-            Ok((result, std::mem::take(&mut opened.stats)))
-        }
-    };
-    let rendered = match is_by_rows {
-        true => args.file.write_rows((&output, format), blocks.size(), |put| render(Some(put)), talk),
-        false => render(None).map(|rendered| (rendered, 0.0)),
-    };
-    let ((mut result, mut stats), mut write_s) = match rendered {
+    let (job, files) = Job::new(args, limit, talk)?;
+    let (loaded, output) = job.load(files)?;
+    let mut rendering = Rendering::begin(&job, &loaded, &output)?;
+    let rendered = match rendering.render_all() {
         Err(Error::Stopped) if limit.is_over() => {
-            let so_far = so_far.zip(keeper.as_ref());
-            so_far.map_or(Ok(()), |(film, keeper)| write_so_far(film, args, (&output, format), keeper, talk))?;
+            rendering.write_so_far()?;
             return Ok(limit.end(talk));
         }
         other => other?,
     };
-    if let Some(part) = part {
-        return keeper.map_or(Ok(()), |keeper| keeper.finish_part(part, talk)).map(|()| SUCCESS);
+    match job.part {
+        Some(part) => rendering.keeper.map_or(Ok(()), |keeper| keeper.finish_part(part, talk))?,
+        None => rendering.finish(rendered, start)?,
     }
-    let tracing_layers = Instant::now();
-    let trace_layers = |opened: &mut Opened| {
-        let of = (&picture, blocks.size(), result.sampling.as_ref());
-        trace_layers(args, (opened, &loaded.scene), of, talk)
-    };
-    let layers = opened.as_mut().map(trace_layers).transpose()?.unwrap_or_default();
-    let layers_s = args.layers.any().then(|| tracing_layers.elapsed().as_secs_f64());
-
-    if !is_by_rows {
-        args.file.finish(&mut result.film, &output.display().to_string(), talk)?;
-        let writing = Instant::now();
-        args.layers.write((&output, format), &result, layers, talk)?;
-        write_s = writing.elapsed().as_secs_f64();
-    }
-    let earlier = keeper.as_ref().map_or_else(Spent::default, Keeper::earlier);
-    keeper.map_or(Ok(()), Keeper::finish)?;
-
-    stats.write_s = Some(write_s);
-    stats.device_s = Some(device_s);
-    stats.layers_s = layers_s;
-    stats.materials = args.layers.materials(&loaded.scene);
-    take_note(&mut stats, &result, &picture);
-    if let Some(pixels) = &result.work {
-        stats.work = Some(WorkStats {
-            camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
-            all: WorkSum::new(stats.rays.total_cast(), pixels.iter().flat_map(|pixel| [pixel.camera, pixel.secondary])),
-            aovs: args.layers.write_aovs((&output, format), pixels, (result.film.width, result.film.height))?,
-        });
-    }
-    if let Some(opened) = &opened {
-        opened.note_times(vec![result.kernel_s], &mut stats, talk);
-    }
-    stats.total_s = start.elapsed().as_secs_f64();
-    if let (true, Some(opened)) = (args.measure_error, &mut opened) {
-        stats.full_picture = Some(measure_error(args, opened, &picture, &result.film, talk)?);
-    }
-    if let Some(path) = &args.stats {
-        stats.write(path)?;
-    }
-    tell_result(&output, (&stats, &result.film), talk);
-    args.explain.print_times(&stats, &earlier, talk);
     Ok(SUCCESS)
 }
 
-/// The layers of a picture, or of the part of this size that is rendered of it.
-fn trace_layers(
-    args: &RenderArgs,
-    (opened, scene): (&mut Opened, &Scene),
-    (picture, size, sampling): (&Picture, (u32, u32), Option<&Sampling>),
-    talk: Talk,
-) -> Result<Vec<PlaneGroup>> {
-    if !args.layers.any() {
-        return Ok(Vec::new());
+impl RenderArgs {
+    /// Whether the work on rays is counted.
+    fn counts_work(&self) -> bool {
+        self.counters || self.layers.wants_counters()
     }
-    let bar = Bar::new("layers", talk);
-    let rays = f64::from(size.0) * f64::from(size.1) / 1e6;
-    let progress = |done: f64| bar.update(done, rays, "M rays");
-    args.layers.trace(opened.tracer.as_mut(), (&opened.buffers, scene), picture, (args.crop, sampling), &progress)
+
+    /// Refuses options that do not go together.
+    fn check(&self, limit: Limit) -> Result<()> {
+        if limit.is_set() && (self.counts_work() || self.layers.any()) {
+            let message = "work is counted and layers are traced of pictures that are finished; leave out one of both";
+            return Err(Error::option(limit.option(), message));
+        }
+        if self.display.is_given() && !self.is_kept() {
+            let message =
+                "a picture whose work or samples are told is not shown while it is rendered; leave out one of both";
+            return Err(Error::option("--display", message));
+        }
+        Ok(())
+    }
+
+    /// Refuses names of files that cannot be written.
+    fn check_files(&self, wanted: &Path, format: ImageFormat, part: Option<Part>, files: Files) -> Result<()> {
+        let output = self.output(wanted, format, part, files)?;
+        check_output(&output, Some(format))?;
+        self.layers.check_writable(&output, format)?;
+        self.stats.as_deref().map_or(Ok(()), check_writable)
+    }
+
+    /// The devices that are asked for, and the seconds that finding them took.
+    fn devices(&self, talk: Talk) -> Result<(Vec<Option<DeviceHandle>>, f64)> {
+        let start = Instant::now();
+        let devices = several::choose(&self.device, talk)?;
+        if devices.len() > 1 && (self.counts_work() || self.measure_error || self.layers.any()) {
+            let message = "work is counted, errors are measured and layers are traced on one device; name one";
+            return Err(Error::option("--device", message));
+        }
+        Ok((devices, start.elapsed().as_secs_f64()))
+    }
+}
+
+/// What is known before the scene is read.
+struct Job<'a> {
+    args: &'a RenderArgs,
+    limit: Limit,
+    /// Those for no scene and no device in particular.
+    options: TraceOptions,
+    part: Option<Part>,
+    /// The picture's name, if it takes nothing from the scene's files.
+    wanted: PathBuf,
+    format: ImageFormat,
+    devices: Vec<Option<DeviceHandle>>,
+    /// Seconds that finding them took.
+    device_s: f64,
+    budget: MemoryBudget,
+    talk: Talk,
+}
+
+impl<'a> Job<'a> {
+    /// Checks the options and finds the devices; with the files that are read.
+    fn new(args: &'a RenderArgs, limit: Limit, talk: Talk) -> Result<(Job<'a>, Files)> {
+        args.check(limit)?;
+        let options = args.method.check(args.counts_work())?;
+        let part = args.part.map(PartChoice::part).transpose()?;
+        let wanted = match &args.output {
+            Some(path) => path.clone(),
+            None => open::default_output(&args.scene.scene, ".png")?,
+        };
+        let format = args.file.format(&wanted)?;
+        args.layers.check(format)?;
+        let mut files = Files::default();
+        files.read(&args.scene.scene, "the scene");
+        args.check_files(&wanted, format, part, files.clone())?;
+        let (devices, device_s) = args.devices(talk)?;
+        let budget = args.scene.memory.budget();
+        Ok((Job { args, limit, options, part, wanted, format, devices, device_s, budget, talk }, files))
+    }
+
+    /// The first device; `None` is the reference.
+    fn device(&self) -> Option<&DeviceHandle> {
+        self.devices.first().and_then(Option::as_ref)
+    }
+
+    fn canvas(&self, size: (u32, u32), samples: Samples) -> Canvas {
+        self.args.canvas((size, samples), self.part)
+    }
+
+    /// Refuses a picture that there is no memory for, and a part that lies outside of it.
+    fn check_picture(&self, size: (u32, u32), samples: Samples) -> Result<()> {
+        let Job { args, options, format, budget, .. } = self;
+        args.crop.map_or(Ok(()), |crop| crop.check(size))?;
+        // A picture whose time may be up has a coarse one beside it.
+        let has_coarse = self.limit.is_set() && self.part.is_none();
+        if self.canvas(size, samples) != Canvas::Film && !has_coarse {
+            let (of, format) = ((size, args.crop), self.part.is_none().then_some(*format));
+            let devices = (self.device(), self.devices.len());
+            return open::check_picture_by_rows(of, samples, options, devices, format, budget);
+        }
+        let layer_bytes = args.layers.bytes(args.crop.map_or(size, |crop| crop.size));
+        let size = args.crop.map_or(size, |crop| crop.rendered_size(size, samples));
+        open::check_picture((size, layer_bytes), samples, options, self.device(), *format, budget)
+    }
+
+    /// The scene, and the name of the picture, which is none of the scene's files.
+    fn load(&self, mut files: Files) -> Result<(Loaded, PathBuf)> {
+        let Job { args, wanted, budget, talk, .. } = self;
+        if let Some(size) = args.picture.size {
+            self.check_picture(size, args.picture.samples().unwrap_or(Samples::PerPixel(1)))?;
+        }
+        let loaded = open::load_for_picture(&args.scene, &args.picture, budget, *talk)?;
+        files.read_scene(&loaded.scene);
+        let output = args.output(wanted, self.format, self.part, files)?;
+        open::note_name(&output, wanted, *talk);
+        if args.measure_error && loaded.scene.picture.samples == Some(Samples::Corners) {
+            let message =
+                "rays through corners are no samples of pixels; leave it out, or ask for --samples N or --error E";
+            return Err(Error::option("--measure-error", message));
+        }
+        Ok((loaded, output))
+    }
+
+    /// The methods that each device uses for the scene.
+    fn choose_methods(&self, loaded: &Loaded) -> Result<Vec<Chosen>> {
+        let Job { args, talk, .. } = self;
+        let chooser = Chooser {
+            counters: args.counts_work(),
+            pictures: true,
+            ..Chooser::new((&args.method, &args.device, &args.explain), self.device(), *talk)
+        };
+        several::choose_methods(&chooser, &self.devices, loaded)
+    }
+}
+
+/// A picture on its way.
+struct Rendering<'a> {
+    job: &'a Job<'a>,
+    loaded: &'a Loaded,
+    output: &'a Path,
+    picture: Picture,
+    blocks: PictureBlocks,
+    /// Whether the file is written while the picture is rendered.
+    is_by_rows: bool,
+    /// Those of each device, until they are used.
+    chosen: Vec<Chosen>,
+    keeper: Option<Keeper<'a>>,
+    /// Where there is one device.
+    opened: Option<Opened>,
+    /// The coarse picture, for when the time is up.
+    coarse: Option<RenderResult>,
+}
+
+/// A picture, its times, and the seconds that were spent on writing it.
+type Rendered = ((RenderResult, RunStats), f64);
+
+impl<'a> Rendering<'a> {
+    /// Chooses the methods, and opens what keeps the picture on its way.
+    fn begin(job: &'a Job<'a>, loaded: &'a Loaded, output: &'a Path) -> Result<Self> {
+        let (args, talk) = (job.args, job.talk);
+        let chosen = job.choose_methods(loaded)?;
+        let picture = args.picture.picture(&loaded.scene);
+        job.check_picture(picture.size, picture.samples)?;
+        args.layers.check_samples(picture.samples)?;
+        let blocks = PictureBlocks::new(picture.size, picture.samples, args.crop);
+        let canvas = job.canvas(picture.size, picture.samples);
+        let is_by_rows = canvas != Canvas::Film && job.part.is_none();
+        let (scene, of_first) = (&loaded.scene, chosen[0].options);
+        let id = move || PictureId::new(scene, &picture, args.crop, &of_first);
+        let keeper = match args.is_kept() {
+            true => {
+                let of = (LazyId::new(Box::new(id)), blocks, canvas);
+                let display = args.display.open(output, blocks.size(), talk)?;
+                Some(Keeper::open((&args.keep, job.limit), (output, job.part), of, (display, talk))?)
+            }
+            false => None,
+        };
+        let (opened, coarse) = (None, None);
+        Ok(Rendering { job, loaded, output, picture, blocks, is_by_rows, chosen, keeper, opened, coarse })
+    }
+
+    /// Renders the picture, and writes it where that is done by rows.
+    fn render_all(&mut self) -> Result<Rendered> {
+        let Job { args, format, talk, .. } = self.job;
+        match self.is_by_rows {
+            true => {
+                let (of, size) = ((self.output, *format), self.blocks.size());
+                let (rendered, write_s) = args.file.write_rows(of, size, |put| self.render(Some(put)), *talk)?;
+                // Not what was written while other rows were traced.
+                let taking_s = rendered.0.taking_s.unwrap_or(f64::INFINITY);
+                Ok((rendered, write_s.min(taking_s)))
+            }
+            false => self.render(None).map(|rendered| (rendered, 0.0)),
+        }
+    }
+
+    fn render(&mut self, rows: Option<PutRows>) -> Result<(RenderResult, RunStats)> {
+        let Rendering { job, loaded, picture, chosen, keeper, opened, coarse, .. } = self;
+        let Job { args, devices, limit, budget, talk, .. } = job;
+        match keeper {
+            Some(keeper) if devices.len() > 1 => {
+                let built = Built::new(loaded, (devices, chosen), budget)?;
+                let by = built.devices(&args.device, (Task::Picture, picture.depth), args.loss)?;
+                let (result, shares, lost) = keeper.render_by(by, (picture, rows), (args.loss, *talk))?;
+                Ok((result, built.stats(shares, lost)))
+            }
+            keeper => {
+                let (tasks, chosen) = ((args.layers.tasks(), budget), chosen.swap_remove(0));
+                let one = open::open(loaded, job.device(), &args.device, chosen, picture.depth, tasks, *talk)?;
+                let opened = opened.insert(args.loss.strict_if(args.counts_work()).guard(one, job.device(), *talk));
+                job.check_picture(picture.size, picture.samples)?;
+                let result = match keeper {
+                    Some(keeper) => {
+                        *coarse = coarse_within(*limit, args, keeper, (opened, picture), *talk)?;
+                        limit.within(|| keeper.render(opened, picture, rows, *talk))?.ok_or(Error::Stopped)?
+                    }
+                    None => render_noting(opened, picture, args.crop, args.layers.wants_sampling(), *talk)?,
+                };
+                Ok((result, std::mem::take(&mut opened.stats)))
+            }
+        }
+    }
+
+    /// Writes what there is of the picture when its time is up.
+    fn write_so_far(self) -> Result<()> {
+        let Job { args, format, talk, .. } = self.job;
+        let Some((coarse, keeper)) = self.coarse.zip(self.keeper.as_ref()) else { return Ok(()) };
+        write_so_far(coarse, args, (self.output, *format), keeper, *talk)
+    }
+
+    /// Traces the layers, writes what is not written yet, and tells what was rendered.
+    fn finish(mut self, ((mut result, mut stats), mut write_s): Rendered, start: Instant) -> Result<()> {
+        let (args, of, talk) = (self.job.args, (self.output, self.job.format), self.job.talk);
+        let tracing_layers = Instant::now();
+        let layers = self.trace_layers(&result)?;
+        stats.layers_s = args.layers.any().then(|| tracing_layers.elapsed().as_secs_f64());
+        if !self.is_by_rows {
+            args.file.finish(&mut result.film, &self.output.display().to_string(), talk)?;
+            let writing = Instant::now();
+            args.layers.write(of, &result, layers, talk)?;
+            write_s = writing.elapsed().as_secs_f64();
+        }
+        let earlier = self.keeper.as_ref().map_or_else(Spent::default, Keeper::earlier);
+        self.keeper.take().map_or(Ok(()), Keeper::finish)?;
+
+        stats.write_s = Some(write_s);
+        stats.device_s = Some(self.job.device_s);
+        stats.materials = args.layers.materials(&self.loaded.scene);
+        take_note(&mut stats, &result, &self.picture);
+        if let Some(pixels) = &result.work {
+            stats.work = Some(WorkStats {
+                camera: WorkSum::new(stats.rays.camera.cast, pixels.iter().map(|pixel| pixel.camera)),
+                all: WorkSum::new(
+                    stats.rays.total_cast(),
+                    pixels.iter().flat_map(|pixel| [pixel.camera, pixel.secondary]),
+                ),
+                aovs: args.layers.write_aovs(of, pixels, (result.film.width, result.film.height))?,
+            });
+        }
+        if let Some(opened) = &self.opened {
+            opened.note_times(vec![result.kernel_s], &mut stats, talk);
+        }
+        stats.total_s = start.elapsed().as_secs_f64();
+        if let (true, Some(opened)) = (args.measure_error, &mut self.opened) {
+            stats.full_picture = Some(measure_error(args, opened, &self.picture, &result.film, talk)?);
+        }
+        args.stats.as_deref().map_or(Ok(()), |path| stats.write(path))?;
+        tell_result(self.output, (&stats, &result.film), talk);
+        args.explain.print_times(&stats, &earlier, talk);
+        Ok(())
+    }
+
+    /// The layers of the picture, or of the part of it that is rendered.
+    fn trace_layers(&mut self, result: &RenderResult) -> Result<Vec<PlaneGroup>> {
+        let Job { args, talk, .. } = self.job;
+        let Some(opened) = self.opened.as_mut().filter(|_| args.layers.any()) else { return Ok(Vec::new()) };
+        let bar = Bar::new("layers", *talk);
+        let (width, height) = self.blocks.size();
+        let rays = f64::from(width) * f64::from(height) / 1e6;
+        let progress = |done: f64| bar.update(done, rays, "M rays");
+        let (scene, how) = ((&*opened.buffers, &self.loaded.scene), (args.crop, result.sampling.as_ref()));
+        args.layers.trace(opened.tracer.as_mut(), scene, &self.picture, how, &progress)
+    }
 }
 
 /// What was rendered, and by what.

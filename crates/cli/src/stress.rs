@@ -73,17 +73,35 @@ pub struct StressArgs {
     strict: bool,
     /// A table of several methods. Without names: every triangle test, structure, build and traversal; else names of
     /// these, joined by + where several are meant, such as exact,grid+watertight,median+restart.
-    #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, value_delimiter = ',', default_missing_value = "")]
+    #[arg(
+        long,
+        value_name = "NAMES",
+        num_args = 0..=1,
+        require_equals = true,
+        value_delimiter = ',',
+        default_missing_value = "",
+    )]
     methods: Option<Vec<String>>,
-    /// Trace these rays through this model (.obj, .ply, .stl, .gltf, .glb, .off, .3mf) instead, such as --write wrote them or any others.
-    #[arg(long, num_args = 2, value_names = ["MODEL", "RAYS.npz"], conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"])]
+    /// Trace these rays through this model (.obj, .ply, .stl, .gltf, .glb, .off, .3mf) instead, such as --write wrote
+    /// them or any others.
+    #[arg(
+        long,
+        num_args = 2,
+        value_names = ["MODEL", "RAYS.npz"],
+        conflicts_with_all = ["kinds", "list", "seed", "rays", "methods", "write"],
+    )]
     replay: Option<Vec<PathBuf>>,
     /// With --replay: any hit within the limits will do, as for shadows.
     #[arg(long, requires = "replay", conflicts_with = "ask")]
     any_hit: bool,
     /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must
     /// hit for a reason that needs no exact answer. Models that are not closed are named and left out.
-    #[arg(long, num_args = 1.., value_name = "MODEL", conflicts_with_all = ["kinds", "list", "ask", "strict", "methods", "replay"])]
+    #[arg(
+        long,
+        num_args = 1..,
+        value_name = "MODEL",
+        conflicts_with_all = ["kinds", "list", "ask", "strict", "methods", "replay"],
+    )]
     closed: Option<Vec<PathBuf>>,
     /// Write the rays with wrong answers and their meshes to this folder, and say how to trace them again.
     #[arg(long, value_name = "DIR")]

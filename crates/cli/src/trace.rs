@@ -69,11 +69,19 @@ pub struct TraceArgs {
     /// outside has an odd number.
     #[arg(long, conflicts_with_all = ["any_hit", "all_hits", "count"])]
     crossings: bool,
-    /// Trace part I of N alone, for `raybrook merge`: into HITS.npz.part-I-of-N, by as many machines as there are parts.
+    /// Trace part I of N alone, for `raybrook merge`: into HITS.npz.part-I-of-N, by as many machines as there are
+    /// parts.
     ///
     /// Every Nth run of the batch; a run has 1,048,576 rays. `auto` takes I and N from what runs the program, as for
     /// `render`. Such a file is a journal, so that the same command goes on after whatever stopped it.
-    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "I/N|auto", requires = "output", conflicts_with_all = ["counters", "repeat", "stats"])]
+    #[arg(
+        long,
+        help_heading = heading::OUTPUT,
+        hide_short_help = true,
+        value_name = "I/N|auto",
+        requires = "output",
+        conflicts_with_all = ["counters", "repeat", "stats"],
+    )]
     part: Option<PartChoice>,
     #[command(flatten)]
     keep: KeepArgs,
@@ -316,7 +324,8 @@ impl Work<'_> {
         if !rays.extreme.is_empty() && !self.talk.quiet {
             let count = rays.extreme.len();
             tell!(
-                "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (see the page on exactness in the book)"
+                "note: {count} rays have numbers beyond what kernels hold and are traced on the host, as exactly (see \
+                 the page on exactness in the book)"
             );
         }
         rays

@@ -21,9 +21,24 @@ pub struct TuneArgs {
     scenes: Vec<PathBuf>,
     /// Camera rays; as many shadow and diffuse rays start where they hit [default: 262144, rounded down to the next
     /// square of a power of two].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(i64::from(Plan::LEAST_RAYS)..=i64::from(Plan::MOST_RAYS)))]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(i64::from(Plan::LEAST_RAYS)..=i64::from(Plan::MOST_RAYS)),
+    )]
     rays: Option<u32>,
-    #[arg(long, help = format!("Structures to measure, with every packet size, beside what the program takes by itself: {} [default: all; brute, boxes and spheres only up to {} triangles]", StructureKind::names(), Plan::MOST_FOR_LISTS), alias = "accel", value_name = "NAMES", value_delimiter = ',')]
+    #[arg(
+        long,
+        help = format!(
+            "Structures to measure, with every packet size, beside what the program takes by itself: {} [default: \
+             all; brute, boxes and spheres only up to {} triangles]",
+            StructureKind::names(),
+            Plan::MOST_FOR_LISTS
+        ),
+        alias = "accel",
+        value_name = "NAMES",
+        value_delimiter = ',',
+    )]
     structure: Vec<StructureKind>,
     /// Print JSON.
     #[arg(long)]
@@ -91,8 +106,8 @@ pub fn run(args: &TuneArgs, talk: Talk) -> Result<Code> {
     }
     if differing > 0 {
         tell!(
-            "raybrook: {differing} answers differ between structures, so nothing is remembered; `raybrook check` and `raybrook stress` \
-             tell more"
+            "raybrook: {differing} answers differ between structures, so nothing is remembered; `raybrook check` and \
+             `raybrook stress` tell more"
         );
         return Ok(FOUND_A_DIFFERENCE);
     }
@@ -159,7 +174,8 @@ fn print_scene(scene: &SceneTuning) {
         let model = if i == 0 { "  taken by default" } else { "" };
         let wrong = if *differing > 0 { format!("  {differing} DIFFERENT ANSWERS") } else { String::new() };
         say!(
-            "  {accel:9}  {packets:>7}  {camera:8.2}  {shadow:8.2}  {diffuse:8.2}  {ratio:6.2}  {build_s:7.3}{model}{wrong}"
+            "  {accel:9}  {packets:>7}  {camera:8.2}  {shadow:8.2}  {diffuse:8.2}  {ratio:6.2}  \
+             {build_s:7.3}{model}{wrong}"
         );
     }
 }

@@ -90,8 +90,8 @@ pub fn say_work(stats: &WorkStats, talk: Talk) {
     let line = |what: &str, sum: &WorkSum| {
         let mean = |counter| sum.mean(counter);
         say!(
-            "{what}: {:.2} steps, {:.2} leaves ({:.2} empty), {:.2} tests ({:.4} extended, {:.4} close), {:.2} restarts, {:.2} overflows, {:.0} bytes of nodes, \
-             {:.0} of triangles a ray; deepest stack {}",
+            "{what}: {:.2} steps, {:.2} leaves ({:.2} empty), {:.2} tests ({:.4} extended, {:.4} close), {:.2} \
+             restarts, {:.2} overflows, {:.0} bytes of nodes, {:.0} of triangles a ray; deepest stack {}",
             mean(WorkCounter::Steps),
             mean(WorkCounter::Leaves),
             mean(WorkCounter::EmptyLeaves),

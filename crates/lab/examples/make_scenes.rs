@@ -216,7 +216,8 @@ fn sphere_flake() -> String {
         let segments = SEGMENTS[level];
         _ = writeln!(
             text,
-            "    {{ solid = \"sphere\", radius = {r}, segments = {segments}, translate = [{x}, {y}, {z}], material = \"level{level}\" }},"
+            "    {{ solid = \"sphere\", radius = {r}, segments = {segments}, translate = [{x}, {y}, {z}], material = \
+             \"level{level}\" }},"
         );
     });
     text += "]\n";

@@ -165,8 +165,8 @@ impl TunedFile {
         match (of_device.iter().find(|entry| entry.key == *key), of_device.first()) {
             (Some(entry), _) => entry.choice(triangle_count).map(Some).map_err(ignored),
             (None, Some(Entry { key: old, .. })) => Err(format!(
-                "what `raybrook tune` found on {} is ignored: it was measured with driver '{}' and raybrook {}, now these are '{}' \
-                 and {}; measure again",
+                "what `raybrook tune` found on {} is ignored: it was measured with driver '{}' and raybrook {}, now \
+                 these are '{}' and {}; measure again",
                 key.device, old.driver_version, old.raybrook_version, key.driver_version, key.raybrook_version
             )),
             (None, None) => Ok(None),

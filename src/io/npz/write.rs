@@ -1,5 +1,5 @@
-//! Writes `.npz` files. Arrays that have to be made of something else are made on all cores, part by part, while one core
-//! writes what was made before: writing is most of the work, and the system lets one at a time write to a file.
+//! Writes `.npz` files. Arrays that have to be made of something else are made on all cores, part by part, while one
+//! core writes what was made before: writing is most of the work, and the system lets one at a time write to a file.
 //!
 //! Bad at: several arrays at a time.
 

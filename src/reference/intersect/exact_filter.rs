@@ -9,8 +9,12 @@ use crate::reference::shared::math::{abs3, dot3, fma3, max_or, min_or};
 use crate::reference::shared::ray::Ray;
 use crate::shared::Hit;
 use crate::shared::constants::{
-    DEPTH_ERROR, DOUBLE_EPSILON, DOUBLE_PRECISION, EXTENDED_ROUNDINGS, EXTENDED_ROUNDINGS_W, LEAST_DEPTH,
-    LEAST_MAGNITUDE, LEAST_START, SPREAD_ERROR, START_SHARE,
+    DEPTH_ERROR, LEAST_DEPTH, LEAST_MAGNITUDE, MOST_DET_ERROR, QUOTIENT_MARGIN, SPREAD_ERROR,
+};
+// `f64` is the twin's only kind of extended numbers.
+use crate::shared::constants::{
+    DOUBLE_EPSILON as EXTENDED_EPSILON, DOUBLE_ERROR as EXTENDED_ERROR, DOUBLE_ERROR_W as EXTENDED_ERROR_W,
+    DOUBLE_LEAST_FROM as LEAST_FROM, DOUBLE_START_ERROR as START_ERROR,
 };
 use glam::{DVec3, Vec3};
 
@@ -59,13 +63,6 @@ pub fn place_hit(ray: &Ray, hit: &Hit, limits: [f32; 2]) -> Decision {
     }
     if t_low > ray.t_near && t_high < hit.u { Decision::Hit(limits) } else { Decision::Undecided }
 }
-
-/// The relative error of one operation of `f64`, the twin's only kind of extended numbers.
-const EXTENDED_EPSILON: f32 = DOUBLE_EPSILON;
-const EXTENDED_ERROR: f32 = EXTENDED_ROUNDINGS * EXTENDED_EPSILON;
-const EXTENDED_ERROR_W: f32 = EXTENDED_ROUNDINGS_W * EXTENDED_EPSILON;
-const START_ERROR: f32 = START_SHARE * EPSILON * DOUBLE_PRECISION;
-const LEAST_FROM: f32 = LEAST_START * DOUBLE_PRECISION;
 
 #[inline(always)]
 fn magnitude_dot(a: Vec3, b: Vec3) -> f32 {
@@ -143,7 +140,7 @@ with_fma! {
             return Decision::Undecided;
         }
         let t = (n.distance.0 / n.det.0) as f32;
-        let error = 1.01 * t.abs().mul_add(n.det.1, n.distance.1) / ((n.det.0 as f32).abs() - n.det.1);
+        let error = QUOTIENT_MARGIN * t.abs().mul_add(n.det.1, n.distance.1) / ((n.det.0 as f32).abs() - n.det.1);
         if t.abs() > LEAST_MAGNITUDE {
             let half = (4.0 * EPSILON).mul_add(t.abs(), error);
             Decision::Hit([t - half, t + half])
@@ -165,10 +162,12 @@ fn rounds_surely(
     let inverse = 1.0 / denominator;
     let det_error = denominator_bound / (denominator as f32).abs();
     let quotient = numerator * inverse;
-    let relative = 1.01f32.mul_add(det_error, 8.0 * EXTENDED_EPSILON);
-    let error = f64::from((1.01 * numerator_bound).mul_add((inverse as f32).abs(), (quotient as f32).abs() * relative));
+    let relative = QUOTIENT_MARGIN.mul_add(det_error, 8.0 * EXTENDED_EPSILON);
+    let error = f64::from(
+        (QUOTIENT_MARGIN * numerator_bound).mul_add((inverse as f32).abs(), (quotient as f32).abs() * relative),
+    );
     let rounded = (quotient + error) as f32;
-    let is_sure = det_error < 1.0 / 1024.0 && (quotient - error) as f32 == rounded && rounded.abs() > LEAST_MAGNITUDE;
+    let is_sure = det_error < MOST_DET_ERROR && (quotient - error) as f32 == rounded && rounded.abs() > LEAST_MAGNITUDE;
     is_sure.then_some(rounded)
 }
 

@@ -6,7 +6,7 @@ use crate::pack::SceneBuffers;
 use crate::reference::shared::integer::{Integer, MAX_LIMBS, float_significand, integer_quotient, widen_exponents};
 use crate::reference::shared::memory::vertices;
 use crate::reference::shared::ray::{Ray, TrianglePoint};
-use crate::shared::constants::{INFINITE_EXPONENT, INFINITE_SIGNIFICAND};
+use crate::shared::constants::{COMPARISON_BITS, INFINITE_EXPONENT, INFINITE_SIGNIFICAND, QUOTIENT_BITS};
 use crate::shared::{Hit, NO_PRIMITIVE};
 use glam::Vec3;
 
@@ -58,7 +58,10 @@ impl IntegerUnits {
         start.weights.iter().for_each(|&x| widen_exponents(x, &mut low_w, &mut high_w));
         let position = low_p + low_w;
         let (bits_p, bits_d) = ((high_p - position).max(1), (high_d - low_d).max(1));
-        let bits = if triangles.len() > 1 { 5 * bits_p + bits_d + 40 } else { 3 * bits_p.max(bits_d) + 34 };
+        let bits = match triangles.len() > 1 {
+            true => 5 * bits_p + bits_d + COMPARISON_BITS,
+            false => 3 * bits_p.max(bits_d) + QUOTIENT_BITS,
+        };
         let n = (bits as usize).div_ceil(32);
         IntegerUnits { position, vertex: position - low_w, weight: low_w, direction: low_d, n }
     }

@@ -4,14 +4,16 @@ use super::surface::Surface;
 use crate::layout::Float4;
 use crate::reference::shared::hash::mix_bits;
 use crate::reference::shared::math::{clamp01, fma3, sin_turns};
-use crate::shared::constants::{EARLY_WOOD, HASH_SEED, HASH_X, HASH_Y, HASH_Z, OCTAVE_SHIFT, SOLID_DEPTH, WOOD_NOISE};
+use crate::shared::constants::{
+    CELL_LIMIT, EARLY_WOOD, HASH_SEED, HASH_X, HASH_Y, HASH_Z, OCTAVE_SHIFT, SOLID_DEPTH, WOOD_NOISE,
+};
 use crate::shared::{TEXTURE_CHECKER, TEXTURE_MARBLE, TEXTURE_NOISE, TextureInfo};
 use glam::Vec3;
 
 #[inline(always)]
 fn split_cell(x: f32) -> (u32, f32) {
     let low = x.floor();
-    if low.abs() < 2_147_483_648.0 { (low as i32 as u32, x - low) } else { (0, 0.0) }
+    if low.abs() < CELL_LIMIT { (low as i32 as u32, x - low) } else { (0, 0.0) }
 }
 
 #[inline(always)]

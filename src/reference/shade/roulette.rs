@@ -6,6 +6,7 @@ use super::whitted::RayKind;
 use crate::reference::shared::hash::hash_word;
 use crate::reference::shared::math::max_component;
 use crate::scene::PictureDefaults;
+use crate::shared::constants::ROULETTE_UNITS;
 use crate::shared::{CameraSample, RAY_DEPTH_BITS, RAY_KIND_BITS, RenderParams};
 use glam::Vec3;
 
@@ -61,7 +62,7 @@ impl<'a> Killing<'a> {
 /// Whether a ray of weight `most` in its largest channel wins with these random bits.
 #[inline(always)]
 pub fn wins_roulette(random: u32, most: f32, roulette: f32) -> bool {
-    (random >> 8 | 1) as f32 * roulette < most * 16_777_216.0
+    (random >> 8 | 1) as f32 * roulette < most * ROULETTE_UNITS
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::instances::{transform_direction, transform_point};
 use super::math::{abs3, fma3, max_component, max_or};
 use super::ray::Ray;
 use crate::bounds::{
-    FARTHEST_START, LEAST_PAD, LEAST_SLAB_DIRECTION, OBJECT_ORIGIN_ERROR, ORIGIN_ERROR, SLACK, THICKEST,
+    FARTHEST_START, LEAST_PADDING, LEAST_SLAB_DIRECTION, OBJECT_ORIGIN_ERROR, ORIGIN_ERROR, SLACK, THICKEST,
     TRANSFORM_ERROR,
 };
 use crate::layout::Float4;
@@ -35,17 +35,17 @@ fn slab_inverses(ray: &Ray) -> Vec3 {
     Vec3::from_array(std::array::from_fn(|k| slab_inverse(ray.direction[k], LEAST_SLAB_DIRECTION)))
 }
 
-/// Whether boxes within `low..high` that are larger by `padding` than what they hold need no pads for this ray.
+/// Whether boxes within `low..high` that are larger by `padding` than what they hold need no padding of this ray.
 #[inline(always)]
 pub fn is_padding_enough(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32, padding: f32) -> bool {
-    let thickness = SLACK.mul_add(pad_distance(ray, low, high, near_reach), LEAST_PAD);
+    let thickness = SLACK.mul_add(padding_distance(ray, low, high, near_reach), LEAST_PADDING);
     max_component(abs3(ray.origin)).mul_add(ORIGIN_ERROR, thickness) <= padding
 }
 
 /// How far boxes within `low..high` are from the start of the ray at most, but for what those have been made larger by
 /// that are not within `near_reach` of 0, if the ray starts there.
 #[inline(always)]
-pub fn pad_distance(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> f32 {
+pub fn padding_distance(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> f32 {
     let (farthest, nearer) = (ray.farthest_distance(low, high), 2.0 * near_reach);
     let is_near = nearer > 0.0 && max_component(abs3(ray.origin)) <= near_reach;
     if is_near && nearer < farthest { nearer } else { farthest }
@@ -58,17 +58,17 @@ impl Slabs {
     /// For boxes within `low..high`.
     #[inline(always)]
     pub fn new(ray: &Ray, low: Vec3, high: Vec3, near_reach: f32) -> Slabs {
-        let distance = pad_distance(ray, low, high, near_reach);
+        let distance = padding_distance(ray, low, high, near_reach);
         if !(distance < FARTHEST_START) {
             return Slabs::ALL;
         }
-        let thickness = SLACK.mul_add(distance, LEAST_PAD);
+        let thickness = SLACK.mul_add(distance, LEAST_PADDING);
         Slabs::thick(ray.origin, slab_inverses(ray), fma3(abs3(ray.origin), ORIGIN_ERROR, Vec3::splat(thickness)))
     }
 
-    /// Those without pads: for rays for which boxes have [padding enough](is_padding_enough).
+    /// Those without padding: for rays for which boxes have [padding enough](is_padding_enough).
     #[inline(always)]
-    pub fn without_pads(ray: &Ray) -> Slabs {
+    pub fn without_padding(ray: &Ray) -> Slabs {
         let inv = slab_inverses(ray);
         let at_origin = -(ray.origin * inv);
         Slabs { inv, enter: at_origin, leave: at_origin }
@@ -77,9 +77,9 @@ impl Slabs {
     /// Those whose planes are `thickness` away from where they are, on both sides.
     #[inline(always)]
     fn thick(origin: Vec3, inv: Vec3, thickness: Vec3) -> Slabs {
-        let pad = thickness * abs3(inv);
+        let padding = thickness * abs3(inv);
         let at_origin = -(origin * inv);
-        Slabs { inv, enter: at_origin - pad, leave: at_origin + pad }
+        Slabs { inv, enter: at_origin - padding, leave: at_origin + padding }
     }
 
     /// For boxes within an object, of whose instance these are the `records`.
@@ -215,8 +215,8 @@ mod tests {
         Query { ray, scene: [low(&corners), high(&corners)], bounds }
     }
 
-    /// When the ray is between two planes of a box that is larger by `thickness`, in f64: the pads' room for second
-    /// order is some 2^28 times its errors.
+    /// When the ray is between two planes of a box that is larger by `thickness`, in f64: the padding for
+    /// second order is some 2^28 times its errors.
     fn interval(ray: &Ray, axis: usize, [low, high]: [f32; 2], thickness: f64) -> [f64; 2] {
         let direction = f64::from(ray.direction[axis]);
         let from = |plane: f32| f64::from(plane) - f64::from(ray.origin[axis]) - f64::from(ray.origin_low[axis]);
@@ -315,9 +315,9 @@ mod tests {
     }
 
     #[test]
-    fn no_box_with_pads_or_padding_is_left_before_or_entered_after_any_hit_in_it() {
+    fn no_padded_box_is_left_before_or_entered_after_any_hit_in_it() {
         let mut random = Random::new(SEED + 3);
-        let (mut checked, mut without_pads) = (0, 0);
+        let (mut checked, mut without_padding) = (0, 0);
         for i in 0..400_000 {
             let query = query(i, &mut random);
             let [low, high] = query.scene;
@@ -325,17 +325,20 @@ mod tests {
                 continue; // no direction
             }
             let padding = padding_of_boxes(low, high);
-            let needs_no_pads = is_padding_enough(&query.ray, low, high, 0.0, padding);
-            let with_pads = (Slabs::new(&query.ray, low, high, 0.0), middle_of(query.bounds, 0.0));
-            let padded_box = (Slabs::without_pads(&query.ray), middle_of(query.bounds, padding));
-            without_pads += usize::from(needs_no_pads);
-            for (slabs, bounds) in std::iter::once(&with_pads).chain(needs_no_pads.then_some(&padded_box)) {
+            let needs_no_padding = is_padding_enough(&query.ray, low, high, 0.0, padding);
+            let with_padding = (Slabs::new(&query.ray, low, high, 0.0), middle_of(query.bounds, 0.0));
+            let padded_box = (Slabs::without_padding(&query.ray), middle_of(query.bounds, padding));
+            without_padding += usize::from(needs_no_padding);
+            for (slabs, bounds) in std::iter::once(&with_padding).chain(needs_no_padding.then_some(&padded_box)) {
                 for axis in 0..3 {
                     checked += usize::from(holds_hits(&query, axis, middle_interval(slabs, axis, bounds)));
                 }
             }
         }
-        assert!(checked > 700_000 && without_pads > 100_000 && without_pads < 300_000, "{checked} {without_pads}");
+        assert!(
+            checked > 700_000 && without_padding > 100_000 && without_padding < 300_000,
+            "{checked} {without_padding}"
+        );
     }
 
     #[test]
@@ -371,10 +374,11 @@ mod tests {
         let mut random = Random::new(SEED + 5);
         for i in 0..100_000 {
             let query = query(i, &mut random);
-            let slabs = [Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0), Slabs::without_pads(&query.ray)];
-            let needs_no_pads = is_padding_enough(&query.ray, query.scene[0], query.scene[1], 0.0, 1.0);
+            let slabs =
+                [Slabs::new(&query.ray, query.scene[0], query.scene[1], 0.0), Slabs::without_padding(&query.ray)];
+            let needs_no_padding = is_padding_enough(&query.ray, query.scene[0], query.scene[1], 0.0, 1.0);
             for slabs in
-                slabs.iter().take(1 + usize::from(needs_no_pads)).filter(|slabs| slabs.enter != Vec3::NEG_INFINITY)
+                slabs.iter().take(1 + usize::from(needs_no_padding)).filter(|slabs| slabs.enter != Vec3::NEG_INFINITY)
             {
                 for axis in 0..3 {
                     let [t_enter, t_leave] = middle_interval(slabs, axis, &NOWHERE);

@@ -6,7 +6,7 @@ use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shared::memory::{Work, load_bounds, load_node};
 use crate::reference::shared::ray::{Ray, no_hit_yet};
-use crate::reference::shared::slab::pad_distance;
+use crate::reference::shared::slab::padding_distance;
 use crate::shared::{Hit, WorkCounter};
 
 /// Every cluster whose volume the ray may meet, one after the other.
@@ -33,11 +33,11 @@ pub fn traverse_clusters<W: Work>(
     hit
 }
 
-/// [`pad_distance`] in the scene.
+/// [`padding_distance`] in the scene.
 #[inline(always)]
-pub fn pad_distance_in(buffers: &SceneBuffers, ray: &Ray) -> f32 {
+pub fn padding_distance_in(buffers: &SceneBuffers, ray: &Ray) -> f32 {
     let (low, high) = (buffers.params.low, buffers.params.high);
-    pad_distance(ray, low.xyz(), high.xyz(), high.w)
+    padding_distance(ray, low.xyz(), high.xyz(), high.w)
 }
 
 #[inline(always)]
@@ -48,7 +48,7 @@ pub fn traverse_boxes(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let slack = SLACK * pad_distance_in(buffers, ray);
+    let slack = SLACK * padding_distance_in(buffers, ray);
     traverse_clusters(buffers, options, ray, any_hit, work, |cluster, hit, work| {
         let low = load_bounds(buffers, 2 * cluster, work).xyz();
         let high = load_bounds(buffers, 2 * cluster + 1, work).xyz();

@@ -20,9 +20,12 @@ pub fn traverse_bvh2(
     let mut hit = no_hit_yet(ray);
     let (low, high) = (buffers.params.low.xyz(), buffers.params.high.xyz());
     let (near_reach, padding) = (buffers.params.high.w, buffers.params.low.w);
-    let needs_no_pads = is_padding_enough(ray, low, high, near_reach, padding) && ray.t_near.is_sign_positive();
-    let pair =
-        PairSlabs::new(&if needs_no_pads { Slabs::without_pads(ray) } else { Slabs::new(ray, low, high, near_reach) });
+    let needs_no_padding = is_padding_enough(ray, low, high, near_reach, padding) && ray.t_near.is_sign_positive();
+    let pair = PairSlabs::new(&if needs_no_padding {
+        Slabs::without_padding(ray)
+    } else {
+        Slabs::new(ray, low, high, near_reach)
+    });
 
     let mut stack = [BVH_END; TraceOptions::MAX_DEPTH as usize + 1];
     let mut stacked = 0;

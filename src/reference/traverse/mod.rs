@@ -61,8 +61,12 @@ with_fma! {
             (StructureKind::Spheres, _) => traverse_spheres(buffers, options, ray, any_hit, work),
             (StructureKind::Brute, _) => brute_force::traverse_brute_force(buffers, options, ray, any_hit, work),
             (StructureKind::Kd, Traversal::Stack) => kd_stack::traverse_kd_stack(buffers, options, ray, any_hit, work),
-            (StructureKind::Kd, Traversal::Restart) => kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work),
-            (StructureKind::Kd, Traversal::PushDown) => kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work),
+            (StructureKind::Kd, Traversal::Restart) => {
+                kd_restart::traverse_kd_restart(buffers, options, ray, any_hit, work)
+            }
+            (StructureKind::Kd, Traversal::PushDown) => {
+                kd_push_down::traverse_kd_push_down(buffers, options, ray, any_hit, work)
+            }
             (StructureKind::Kd, Traversal::ShortStack) => {
                 kd_short_stack::traverse_kd_short_stack(buffers, options, ray, any_hit, work)
             }

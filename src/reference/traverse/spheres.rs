@@ -1,6 +1,6 @@
 //! Twin of `cl/traverse/spheres.cl`: bounding spheres one after the other. The reasons are there.
 
-use super::boxes::{pad_distance_in, traverse_clusters};
+use super::boxes::{padding_distance_in, traverse_clusters};
 use crate::bounds::SPHERE_SLACK;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
@@ -41,7 +41,7 @@ pub fn traverse_spheres(
     any_hit: bool,
     work: &mut impl Work,
 ) -> Hit {
-    let slack = SPHERE_SLACK * pad_distance_in(buffers, ray);
+    let slack = SPHERE_SLACK * padding_distance_in(buffers, ray);
     traverse_clusters(buffers, options, ray, any_hit, work, |cluster, hit, work| {
         may_meet_sphere(ray, slack, load_bounds(buffers, cluster, work), hit.t)
     })

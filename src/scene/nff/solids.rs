@@ -27,8 +27,8 @@ pub(super) fn segments(path: &Path, text: &[u8], warnings: &mut Warnings) -> Res
     }
     if segments < DEFAULT_SEGMENTS {
         let message = format!(
-            "{solids} spheres, cones and cylinders are made of {segments} segments each, not {DEFAULT_SEGMENTS}, to have no \
-             more than {MAX_TRIANGLES} triangles"
+            "{solids} spheres, cones and cylinders are made of {segments} segments each, not {DEFAULT_SEGMENTS}, to \
+             have no more than {MAX_TRIANGLES} triangles"
         );
         warnings.add(path, None, message);
     }

@@ -88,8 +88,8 @@ impl Line {
     }
 
     /// Whether the line, which is not parallel to the triangle, crosses it when it starts at its origin + (h, h^2,
-    /// h^3), with an h less than any number. Each weight is linear in the origin, so that its gains by a step along each
-    /// axis tell its sign: it is that of the weight, or where this is zero of the first gain that is not.
+    /// h^3), with an h less than any number. Each weight is linear in the origin, so that its gains by a step along
+    /// each axis tell its sign: it is that of the weight, or where this is zero of the first gain that is not.
     pub fn crosses_when_moved(&self, corners: [DVec3; 3]) -> bool {
         let unit = self.unit().min(smallest_unit(&corners));
         let origin = self.whole_origin(unit);

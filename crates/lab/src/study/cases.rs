@@ -67,7 +67,9 @@ impl Sweep {
             about: "the same mesh, moved away from zero by so many times its size",
             values: &[1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7],
             base: 1.0,
-            remark: "Errors fall with the distance: the farther from zero, the fewer bits tell the corners apart, so that float32 computes their differences without an error. What is lost is the mesh: its corners are moved onto a coarse lattice before any method sees them.",
+            remark: "Errors fall with the distance: the farther from zero, the fewer bits tell the corners apart, so \
+                     that float32 computes their differences without an error. What is lost is the mesh: its corners \
+                     are moved onto a coarse lattice before any method sees them.",
             shape: Shape::Any(offset),
         },
         Sweep {
@@ -107,7 +109,8 @@ impl Sweep {
             about: "two rough sheets, one over the other by so many floats",
             values: &[1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0],
             base: 1024.0,
-            remark: "The sheets are apart by less than float32 can tell along most rays; an answer that takes one for the other there differs, and is not wrong.",
+            remark: "The sheets are apart by less than float32 can tell along most rays; an answer that takes one for \
+                     the other there differs, and is not wrong.",
             shape: Shape::Own(gap),
         },
     ];

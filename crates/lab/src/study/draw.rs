@@ -90,8 +90,8 @@ pub fn svg(chart: &Chart, table: &Table, format: Format) -> Drawn<Drawing> {
 ///
 /// # Errors
 /// What the plotting crate reports.
-pub fn lone_svg(chart: &Chart, table: &Table, format: Format) -> Drawn<String> {
-    Ok(Plan::alone(chart, table, format)?.svg()?.svg)
+pub fn standalone_svg(chart: &Chart, table: &Table, format: Format) -> Drawn<String> {
+    Ok(Plan::standalone(chart, table, format)?.svg()?.svg)
 }
 
 /// What is read of a mark by whoever points at it.
@@ -106,18 +106,20 @@ impl Tip {
         let [x, y, width, height] = self.place;
         let text = self.text.replace('&', "&amp;").replace('<', "&lt;");
         format!(
-            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill-opacity=\"0\"><title>{text}</title></rect>\n"
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
+             fill-opacity=\"0\"><title>{text}</title></rect>\n"
         )
     }
 }
 
-/// The same as pixels: width, height, and three bytes each, the top row first; at twice the size, so that text is sharp.
+/// The same as pixels: width, height, and three bytes each, the top row first; at twice the size, so that text is
+/// sharp.
 ///
 /// # Errors
 /// What the plotting crate reports.
 pub fn pixels(chart: &Chart, table: &Table, format: Format) -> Drawn<(u32, u32, Vec<u8>)> {
     let format = Format { width: format.width * 2, text: format.text * 2 };
-    let plan = Plan::alone(chart, table, format)?;
+    let plan = Plan::standalone(chart, table, format)?;
     let (width, height) = (format.width, plan.height());
     let mut bytes = vec![0; width as usize * height as usize * 3];
     {
@@ -164,7 +166,7 @@ impl<'a> Plan<'a> {
     }
 
     /// With a list of what the numbers beside points stand for.
-    fn alone(chart: &'a Chart, table: &'a Table, format: Format) -> Drawn<Plan<'a>> {
+    fn standalone(chart: &'a Chart, table: &'a Table, format: Format) -> Drawn<Plan<'a>> {
         let plan = Plan::new(chart, table, format);
         // They are known once it is drawn.
         let numbered = plan.svg()?.numbered;

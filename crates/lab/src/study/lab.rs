@@ -154,8 +154,8 @@ impl<'a> Lab<'a> {
         SceneBuffers::within(scene, options, &self.memory.unwrap_or_else(MemoryBudget::available))
     }
 
-    /// Rounds in which everything is timed by turns. Of five rounds the sign test decides if all agree, of nine if eight
-    /// do.
+    /// Rounds in which everything is timed by turns. Of five rounds the sign test decides if all agree, of nine if
+    /// eight do.
     pub fn rounds(&self) -> usize {
         if self.quick { FEWEST_ROUNDS } else { 9 }
     }
@@ -380,9 +380,14 @@ fn promise(options: &TraceOptions) -> Row {
     is_exact.then(|| ("promise".to_owned(), json!(EXACT))).into_iter().collect()
 }
 
-/// A row of an earlier version of the program as this one has it: its bound of wrong answers was k/N or 3/N, and its
-/// seconds left out the host's pass over textures.
+/// A row of an earlier version of the program as this one has it: its bound of wrong answers was k/N or 3/N, its
+/// seconds left out the host's pass over textures, and the wavefront kernels had another name.
 pub(super) fn bring_up_to_date(row: &mut Row) {
+    for column in ["method", "kernels"] {
+        if let Some(name) = row.get(column).and_then(Value::as_str).and_then(with_wavefront_kernels) {
+            row.insert(column.to_owned(), json!(name));
+        }
+    }
     let count = |row: &Row, column: &str| row.get(column).and_then(Value::as_u64);
     if let (true, Some(wrong), Some(tested)) =
         (row.contains_key("wrong_bound"), count(row, "wrong"), count(row, "tested"))
@@ -401,6 +406,16 @@ pub(super) fn bring_up_to_date(row: &mut Row) {
         row.insert("frames_per_s".into(), json!(1.0 / seconds));
     }
     row.insert("textures_s".into(), json!(host_s));
+}
+
+/// The name of a method that called its wavefront kernels split, as it is now.
+fn with_wavefront_kernels(old: &str) -> Option<String> {
+    match old.split_once(", ") {
+        None if old == "split" => Some("wavefront".to_owned()),
+        Some((textures, "split")) => Some(format!("{textures}, wavefront")),
+        Some(("split", paths)) if paths.ends_with("paths at a time") => Some(format!("wavefront, {paths}")),
+        _ => None,
+    }
 }
 
 /// The shortest and the longest of some times.
@@ -430,6 +445,7 @@ pub(super) fn with_rate(mut out: Row, rays: usize, seconds: &[f64]) -> Row {
 
 #[cfg(test)]
 mod tests {
+    use super::super::table::name;
     use super::*;
 
     /// Of a report of an earlier version: none of N stood at 3/N, and the host's pass over textures was left out.
@@ -445,5 +461,21 @@ mod tests {
         let mut again = old.clone();
         bring_up_to_date(&mut again);
         assert_eq!(again, old);
+    }
+
+    #[test]
+    fn wavefront_kernels_of_earlier_versions_have_their_name() {
+        for (old, new) in [
+            ("split", "wavefront"),
+            ("split, 4096 paths at a time", "wavefront, 4096 paths at a time"),
+            ("by the host, split", "by the host, wavefront"),
+            // A layout, in the study of memory.
+            ("split, pre-order", "split, pre-order"),
+            ("mega", "mega"),
+        ] {
+            let mut row = row([("method", json!(old)), ("kernels", json!("split"))]);
+            bring_up_to_date(&mut row);
+            assert_eq!([name(&row, "method"), name(&row, "kernels")], [new, "wavefront"]);
+        }
     }
 }

@@ -30,7 +30,7 @@ mod studies;
 mod table;
 
 pub use chart::{Chart, ChartKind};
-pub use draw::{Format, lone_svg, pixels, svg};
+pub use draw::{Format, pixels, standalone_svg, svg};
 pub use lab::{Lab, PictureVariant, Subject, Variant};
 pub use outcome::Outcome;
 pub use peers::{Peer, export_rays};

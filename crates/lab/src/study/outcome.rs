@@ -1,5 +1,5 @@
-//! What measurements say of a claim: that it holds, that it does not, or neither, because what was measured differs more
-//! from round to round than from one side to the other.
+//! What measurements say of a claim: that it holds, that it does not, or neither, because what was measured differs
+//! more from round to round than from one side to the other.
 //!
 //! Methods are timed by turns, in rounds, so that what slows a machine for a while slows both sides of a round. Each
 //! round therefore gives a ratio of its own, and the sign test says whether they lie on one side of a limit more often

@@ -20,23 +20,28 @@ const MOST_ROWS: usize = 400;
 pub const TITLE: &str = "raybrook study: ";
 
 const STYLE: &str = "
-:root { color-scheme: light dark; --ink: #1b1b1f; --muted: #5c5c66; --grid: #d8d8de; --paper: #ffffff; --holds: #00684c; --fails: #a3420a; }
+:root { color-scheme: light dark; --ink: #1b1b1f; --muted: #5c5c66; --grid: #d8d8de; --paper: #ffffff; \
+--holds: #00684c; --fails: #a3420a; }
 @media (prefers-color-scheme: dark) {
   :root { --ink: #ececf1; --muted: #a9a9b4; --grid: #3c3c45; --paper: #17171a; --holds: #4ecba4; --fails: #f39a5c; }
 }
 * { box-sizing: border-box; }
-body { margin: 0 auto; padding: 1rem; max-width: 60rem; background: var(--paper); color: var(--ink); font: 1rem/1.5 system-ui, sans-serif; overflow-wrap: anywhere; }
+body { margin: 0 auto; padding: 1rem; max-width: 60rem; background: var(--paper); color: var(--ink); \
+font: 1rem/1.5 system-ui, sans-serif; overflow-wrap: anywhere; }
 h1 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid var(--grid); padding-top: 1rem; }
 a { color: inherit; } code { font-size: .9em; }
 nav ol { columns: 16rem; column-gap: 2.5rem; padding-left: 1.5rem; }
 figure { margin: 1.5rem 0; } figcaption { color: var(--muted); font-size: .9rem; }
 svg { display: block; width: 100%; height: auto; } .narrow { display: none; }
 @media (max-width: 40rem) { .wide { display: none; } .narrow { display: block; } }
-.claim { color: var(--muted); } .anew { border-left: .25rem solid var(--fails); padding-left: .75rem; } .holds { color: var(--holds); } .fails { color: var(--fails); }
+.claim { color: var(--muted); } .anew { border-left: .25rem solid var(--fails); padding-left: .75rem; } \
+.holds { color: var(--holds); } .fails { color: var(--fails); }
 .table { overflow-x: auto; max-width: 100%; } table { border-collapse: collapse; font-size: .8rem; }
-th, td { padding: .2rem .5rem; border-bottom: 1px solid var(--grid); text-align: right; white-space: nowrap; overflow-wrap: normal; }
+th, td { padding: .2rem .5rem; border-bottom: 1px solid var(--grid); text-align: right; white-space: nowrap; \
+overflow-wrap: normal; }
 .numbered { margin: .3rem 0; font-size: .9rem; } .numbered b { color: var(--muted); }
-.scenes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; } .scenes img { max-width: 100%; height: auto; }
+.scenes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; } \
+.scenes img { max-width: 100%; height: auto; }
 .scenes p { margin: .2rem 0; }
 th:first-child, td:first-child, td.text { text-align: left; } details { margin: .5rem 0; }
 ";
@@ -63,7 +68,11 @@ pub fn html(header: &Header, entries: &[Entry], scenes: &[PicturedScene]) -> Str
                 (scenes_shown(header, scenes))
                 nav {
                     h2 { "Studies" }
-                    ol { @for (study, entry) in &studies { li { a href={ "#" (study.name) } { (study.title) } ": " (outcome_of(entry)) } } }
+                    ol {
+                        @for (study, entry) in &studies {
+                            li { a href={ "#" (study.name) } { (study.title) } ": " (outcome_of(entry)) }
+                        }
+                    }
                 }
                 @for (study, entry) in &studies { (section(study, entry)) }
             }
@@ -88,8 +97,10 @@ fn first_screen(studies: &[(&Study, &Entry)]) -> Markup {
             }
         }
         p {
-            "Claims tested: " (studies.len()) ". Hold here: " (holds) ". Do not hold: " (fails) ". Not decided: " (undecided)
-            ". Every claim is one of the thesis that this program began with, or of the program itself; each has its measurements below."
+            "Claims tested: " (studies.len()) ". Hold here: " (holds) ". Do not hold: " (fails)
+            ". Not decided: " (undecided)
+            ". Every claim is one of the thesis that this program began with, or of the program itself; each has its \
+             measurements below."
         }
     }
 }
@@ -98,17 +109,21 @@ fn how_to_read() -> Markup {
     html! {
         h2 { "How to read it" }
         ul {
-            li { "Each point is a method. In charts of speed against error left and high is better, and a line joins the points that no other beats." }
+            li { "Each point is a method. In charts of speed against error left and high is better, and a line joins \
+                  the points that no other beats." }
             li {
-                "A filled mark: no answer of this run was wrong. A hollow one: some were. A ring around it: the method is exact by construction, which is \
-                 a claim about the method, not about the run. Points stand at the upper bound of their rate of wrong answers with 95 % confidence; the \
-                 bar beside it goes down to the lower bound."
+                "A filled mark: no answer of this run was wrong. A hollow one: some were. A ring around it: the method \
+                 is exact by construction, which is a claim about the method, not about the run. Points stand at the \
+                 upper bound of their rate of wrong answers with 95 % confidence; the bar beside it goes down to the \
+                 lower bound."
             }
             li {
-                "Methods of a table took turns, round by round. \u{201c}1.20 [1.15, 1.31]\u{201d} is the median of the rounds' ratios, and their smallest and largest. A \
-                 claim holds, or does not, where the rounds agree on it by a sign test at a risk of 5 %; else it is not decided."
+                "Methods of a table took turns, round by round. \u{201c}1.20 [1.15, 1.31]\u{201d} is the median of the \
+                 rounds' ratios, and their smallest and largest. A claim holds, or does not, where the rounds agree on \
+                 it by a sign test at a risk of 5 %; else it is not decided."
             }
-            li { "Batches of rays are timed by the device's clock, pictures by the clock on the wall. Point at a mark to read its numbers." }
+            li { "Batches of rays are timed by the device's clock, pictures by the clock on the wall. Point at a mark \
+                  to read its numbers." }
         }
     }
 }
@@ -131,8 +146,8 @@ fn made_on(header: &Header, studies: &[(&Study, &Entry)]) -> Markup {
             @if !header.machine.is_empty() { ", in a computer with " (header.machine) }
             ". Seed " (header.seed) "."
             @if header.quick {
-                " Made in a hurry (" code { "--quick" } "): few rays, few rounds. A method without a wrong answer of some hundred may still err once in a \
-                 hundred times."
+                " Made in a hurry (" code { "--quick" } "): few rays, few rounds. A method without a wrong answer of \
+                 some hundred may still err once in a hundred times."
             }
         }
     }
@@ -173,8 +188,8 @@ fn judged_anew(studies: &[(&Study, &Entry)]) -> Markup {
     html! {
         @if !anew.is_empty() {
             p.anew {
-                "Verdicts, and bounds of wrong answers in all tables and charts, were computed anew from the same measurements; these \
-                 verdicts changed: "
+                "Verdicts, and bounds of wrong answers in all tables and charts, were computed anew from the same \
+                 measurements; these verdicts changed: "
                 @for (i, (study, _)) in anew.iter().enumerate() {
                     @if i > 0 { ", " }
                     a href={ "#" (study.name) } { (study.title) }
@@ -193,7 +208,8 @@ fn timed_twice(entries: &[Entry]) -> Markup {
     html! {
         @if let Some(widest) = pictures.last() {
             p {
-                (pictures.len()) " pictures were timed by several studies, not by turns. The longest of a picture's times is "
+                (pictures.len())
+                " pictures were timed by several studies, not by turns. The longest of a picture's times is "
                 (format!("{:.2}", pictures[pictures.len() / 2].ratio())) " times its shortest in the middle, "
                 (format!("{:.2}", widest.ratio())) " times at most (" (widest.name) ": "
                 (widest.times.iter().map(milliseconds).collect::<Vec<_>>().join(", "))
@@ -217,7 +233,8 @@ fn section(study: &Study, entry: &Entry) -> Markup {
             p class=(class) { (findings.judgement()) (findings.verdict) }
             @if let Some(earlier) = &entry.earlier {
                 p.anew {
-                    "Judged anew from the same measurements, which an earlier version of raybrook judged: \u{201c}" (earlier) "\u{201d}"
+                    "Judged anew from the same measurements, which an earlier version of raybrook judged: \u{201c}"
+                    (earlier) "\u{201d}"
                 }
             }
             @for chart in &findings.charts {
@@ -245,7 +262,9 @@ fn figure(entry: &Entry, chart: &Chart, table: &Table) -> Markup {
                     Ok(drawing) => div class=(class) {
                         div role="img" aria-label=(chart.title) { (PreEscaped(in_page(&drawing.svg))) }
                         @if !drawing.numbered.is_empty() {
-                            p.numbered { @for (i, name) in drawing.numbered.iter().enumerate() { b { (i + 1) } " " (name) " " } }
+                            p.numbered {
+                                @for (i, name) in drawing.numbered.iter().enumerate() { b { (i + 1) } " " (name) " " }
+                            }
                         }
                     },
                     Err(error) => p { "This chart could not be drawn: " (error) },

@@ -1,7 +1,7 @@
 //! A folder with what studies found: `index.html`, and for each study its data as JSON and CSV and its charts as SVG
 //! and PNG.
 
-use super::draw::{Format, lone_svg, pixels};
+use super::draw::{Format, pixels, standalone_svg};
 use super::fingerprint::fingerprint;
 use super::journal::Journal;
 use super::markdown::markdown;
@@ -95,7 +95,8 @@ fn details(device: &DeviceHandle) -> String {
         options => format!(", compiled with {options}"),
     };
     format!(
-        "{kind}; {platform_name}, {platform_version}, driver {driver_version}; {compute_units} compute units, {clock_mhz} MHz{options}"
+        "{kind}; {platform_name}, {platform_version}, driver {driver_version}; {compute_units} compute units, \
+         {clock_mhz} MHz{options}"
     )
 }
 
@@ -342,7 +343,8 @@ impl Report {
         for chart in &entry.findings.charts {
             let Some(table) = entry.findings.table(&chart.table) else { continue };
             let path = |ending: &str| self.folder.join(CHARTS).join(format!("{}-{}.{ending}", entry.study, chart.name));
-            let drawing = lone_svg(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
+            let drawing =
+                standalone_svg(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;
             write_bytes(&path("svg"), drawing.as_bytes())?;
             let (width, height, bytes) =
                 pixels(chart, table, Format::WIDE).map_err(|error| not_written(&chart.name, &error))?;

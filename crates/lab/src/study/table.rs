@@ -133,31 +133,47 @@ columns! {
     "call": "call", "the other tracer's function";
     "faults": "sorts of wrong answers", "of another tracer, as `raybrook stress` names them";
     "pass_s": "pass (s)", "of another tracer, by its clock, median";
-    "rays_of": "rays", "camera: one for each pixel, in tiles; shadow: from their hits to the light, any hit; diffuse: from there by a cosine lobe";
+    "rays_of": "rays",
+        "camera: one for each pixel, in tiles; shadow: from their hits to the light, any hit; diffuse: from there by a \
+         cosine lobe";
     "rays": "rays traced", "in one pass";
     "structure": "structure", "what is traced through";
-    "promise": "promise", "what is claimed of the method: exact by construction, or nothing; what this run found is another matter";
-    "mrays_per_s": "Mrays/s", "million rays a second of device time, of another tracer by its clock, by the median pass";
+    "promise": "promise",
+        "what is claimed of the method: exact by construction, or nothing; what this run found is another matter";
+    "mrays_per_s": "Mrays/s",
+        "million rays a second of device time, of another tracer by its clock, by the median pass";
     "mrays_low": "Mrays/s, slowest pass", "";
     "mrays_high": "Mrays/s, fastest pass", "";
     "relative": "speed relative to the fastest", "geometric mean over camera, shadow and diffuse rays";
     "relative_low": "lowest relative speed", "of all rounds";
     "relative_high": "highest relative speed", "of all rounds";
     "passes": "rounds", "timed, by turns with the other methods of the table";
-    "rounds_s": "seconds of each round", "of device time, not sorted, so that rounds of two methods can be compared one by one";
+    "rounds_s": "seconds of each round",
+        "of device time, not sorted, so that rounds of two methods can be compared one by one";
     "wall_rounds_s": "seconds of each round", "by the wall clock, likewise";
-    "wall_s": "seconds, wall clock", "from the call to the finished picture, median: launches and the gaps between them, what the host decides and computes, reading back";
+    "wall_s": "seconds, wall clock",
+        "from the call to the finished picture, median: launches and the gaps between them, what the host decides and \
+         computes, reading back";
     "wall_low": "seconds, wall clock, fastest", "";
     "wall_high": "seconds, wall clock, slowest", "";
-    "wrong": "wrong answers", "another triangle, a hit for a miss or a miss for a hit, by the f64 oracle and, where it differs, by rational arithmetic";
+    "wrong": "wrong answers",
+        "another triangle, a hit for a miss or a miss for a hit, by the f64 oracle and, where it differs, by rational \
+         arithmetic";
     "tested": "answers checked", "";
     "wrong_per_million": "wrong answers per million rays", "";
-    "differing": "answers that differ", "that name another triangle than exact arithmetic does, or none, or one for none: also where a ray that is off by no more than rounding would have it so, which is not counted as wrong";
+    "differing": "answers that differ",
+        "that name another triangle than exact arithmetic does, or none, or one for none: also where a ray that is off \
+         by no more than rounding would have it so, which is not counted as wrong";
     "differing_low": "answers that differ per million rays, at least (95 % bound)", "";
-    "differing_bound": "answers that differ per million rays, at most (95 % bound)", "from exact arithmetic, rounding not forgiven";
-    "wrong_low": "wrong answers per million rays, at least (95 % bound)", "the exact one-sided lower bound of Clopper and Pearson";
-    "wrong_bound": "wrong answers per million rays, at most (95 % bound)", "the exact one-sided upper bound of Clopper and Pearson for every count; where none of N was wrong about 3 million / N";
-    "largest_t_ulp": "largest error of t (ulp)", "in units in the last place, against the oracle in f64, where the triangle is right";
+    "differing_bound": "answers that differ per million rays, at most (95 % bound)",
+        "from exact arithmetic, rounding not forgiven";
+    "wrong_low": "wrong answers per million rays, at least (95 % bound)",
+        "the exact one-sided lower bound of Clopper and Pearson";
+    "wrong_bound": "wrong answers per million rays, at most (95 % bound)",
+        "the exact one-sided upper bound of Clopper and Pearson for every count; where none of N was wrong about 3 \
+         million / N";
+    "largest_t_ulp": "largest error of t (ulp)",
+        "in units in the last place, against the oracle in f64, where the triangle is right";
     "steps": "steps a ray", "nodes, cells or clusters that a ray looks at";
     "leaves": "leaves a ray", "";
     "tests": "triangle tests a ray", "";
@@ -193,21 +209,26 @@ columns! {
     "cubes": "cubes", "of 12 triangles each";
     "frames_per_s": "frames a second", "of the picture by the wall clock, or of 640 x 480 camera rays by the device's";
     "tests_per_s": "million tests a second", "";
-    "flops_a_test": "operations a test", "floating-point operations of Moller and Trumbore's test, fma counted as two, counted test by test up to where each may end";
+    "flops_a_test": "operations a test",
+        "floating-point operations of Moller and Trumbore's test, fma counted as two, counted test by test up to where \
+         each may end";
     "most_flops_a_test": "operations of a whole test", "of one that does not end early";
     "flop_per_byte": "operations a byte", "arithmetic intensity: operations a test by bytes of vertices a test";
     "gflops": "Gflop/s", "operations of triangle tests alone";
-    "limit": "limit", "of the device: arithmetic, reads of an array that all work-items read, copies from memory to memory";
+    "limit": "limit",
+        "of the device: arithmetic, reads of an array that all work-items read, copies from memory to memory";
     "unit": "unit", "";
     "reached": "reached", "by the triangle tests";
     "limit_value": "limit's value", "by a kernel that does nothing else";
     "limit_share": "share of the limit", "";
     "samples": "samples a pixel", "";
     "depth": "longest chain of rays", "the camera ray counted as 1";
-    "limited_by": "limited by", "what keeps rays from being cast: the depth of chains, a least weight, or Russian roulette below a weight";
+    "limited_by": "limited by",
+        "what keeps rays from being cast: the depth of chains, a least weight, or Russian roulette below a weight";
     "weight": "weight", "below which rays are killed, all of them or at random";
     "pixels": "pixels", "";
-    "seconds": "seconds, device and host", "device time of the picture and what the host takes to decide what is traced and to compute textures, median";
+    "seconds": "seconds, device and host",
+        "device time of the picture and what the host takes to decide what is traced and to compute textures, median";
     "decide_s": "of them the host's (s)", "between the rounds of a picture by its error, median";
     "seconds_low": "seconds, fastest", "";
     "seconds_high": "seconds, slowest", "";
@@ -216,7 +237,8 @@ columns! {
     "needs": "needs", "the features that its materials, normals and lamps use";
     "features": "features", "of the kernels: the scene's, or all";
     "feature_count": "number of features", "";
-    "unused_bytes": "bytes left out", "of materials and textures that no triangle has, and of normals and texture coordinates that nothing reads";
+    "unused_bytes": "bytes left out",
+        "of materials and textures that no triangle has, and of normals and texture coordinates that nothing reads";
     "time_of_all": "time, of kernels with all features", "one sample a pixel, with the scene's features against all";
     "private_of_all": "private memory, of kernels with all features", "of a work-item";
     "binary_of_all": "binary, of kernels with all features", "";
@@ -224,14 +246,17 @@ columns! {
     "rays_of_fixed": "rays at error 1, of 16 samples", "";
     "time_of_fixed": "time at error 1, of 16 samples", "the host's decisions counted";
     "error_of_fixed": "error of 16 samples (8-bit steps)", "";
-    "rays_at_flip": "fewest rays with the FLIP of 16 samples, of theirs", "of the pictures by their error that are in the table";
+    "rays_at_flip": "fewest rays with the FLIP of 16 samples, of theirs",
+        "of the pictures by their error that are in the table";
     "frame_bytes": "frame (bytes)", "arrays and spilled registers of a work-item, where the driver tells";
     "binary_bytes": "binary (bytes)", "of the kernels of pictures";
     "rmse": "RMSE to the converged picture", "linear radiance";
     "flip": "FLIP to the converged picture", "mean, 0 to 1";
     "wrong_pixels": "pixels that differ from the reference's", "as 8-bit sRGB, of a small picture of the same";
     "checked_pixels": "pixels compared with the reference's", "";
-    "tree_cost": "expected cost", "of a ray through the kd-tree's box by its surface areas (MacDonald and Booth 1990), a step and a test counted as 1 each";
+    "tree_cost": "expected cost",
+        "of a ray through the kd-tree's box by its surface areas (MacDonald and Booth 1990), a step and a test counted \
+         as 1 each";
     "kernels": "kernels", "";
     "textures": "textures", "";
     "figure": "figure", "";

@@ -46,9 +46,10 @@ class Picture:
         """The layers that were asked for, by their names: ``[height, width]``, or ``[height, width, channels]`` of
         position (3), normals (3), albedo (3) and uv (2).
 
-        Numbers of primitives (counted through all meshes), objects (the meshes), instances and materials, and samples, are uint32, with 2 ** 32 - 1 for what is not
-        there; all else is float32, with infinity for a depth and 0 for everything else where nothing is hit. They are of
-        the first hit on the ray through the middle of a pixel, and have the same bits on every device.
+        Numbers of primitives (counted through all meshes), objects (the meshes), instances and materials, and samples,
+        are uint32, with 2 ** 32 - 1 for what is not there; all else is float32, with infinity for a depth and 0 for
+        everything else where nothing is hit. They are of the first hit on the ray through the middle of a pixel, and
+        have the same bits on every device.
         """
 
         def array(planes: list[np.ndarray]) -> np.ndarray:

@@ -443,8 +443,8 @@ class Scene:
             width, height: pixels. None: what the scene's file says, else 1024 x 768.
             eye, target, up, fov: where the camera is, where it looks, what is up (``"y"``, ``"-z"`` or a direction),
                 and its vertical angle in degrees. None: as the file's camera has it, else one that shows the whole
-                scene, or a room from inside, with z upwards in .stl and .3mf files, and in others where the program that
-                wrote the file, or the model's shape, says so for sure; else y.
+                scene, or a room from inside, with z upwards in .stl and .3mf files, and in others where the program
+                that wrote the file, or the model's shape, says so for sure; else y.
             view: a camera that shows everything from ``"front"``, ``"back"``, ``"left"``, ``"right"``, ``"top"``,
                 ``"bottom"`` or ``"iso"``; or one in the middle of the scene: ``"inside"``. Not together with ``eye``
                 and ``target``.

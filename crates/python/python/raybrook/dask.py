@@ -6,10 +6,10 @@
 >>> t, triangle = dask.compute(hits.t, hits.triangle)        # on threads, processes or a cluster, as Dask is set up
 >>> picture = raybrook.dask.render(scene, 8192, 6144, error=0.5).compute()
 
-Each process opens the device and builds the structure of a scene once, however many tasks and calls it takes part in; it
-keeps the last two scenes. A scene of arrays is sent as they are, a scene of a file by the file's path: it must be there
-on every machine, and be the same. Scenes are taken as they are when a function is called: what is added or moved later
-changes no answer.
+Each process opens the device and builds the structure of a scene once, however many tasks and calls it takes part in;
+it keeps the last two scenes. A scene of arrays is sent as they are, a scene of a file by the file's path: it must be
+there on every machine, and be the same. Scenes are taken as they are when a function is called: what is added or moved
+later changes no answer.
 
 Needs Dask: ``pip install 'raybrook[dask]'``.
 """
@@ -179,8 +179,8 @@ def trace(
 ) -> Any:
     """What rays hit, as a method of `raybrook.Scene` tells it, lazily.
 
-    Each chunk of the rays is a task. Numbers that are no float32 numbers are rounded by the tasks, which warn where they
-    run.
+    Each chunk of the rays is a task. Numbers that are no float32 numbers are rounded by the tasks, which warn where
+    they run.
 
     Args:
         scene: the scene.

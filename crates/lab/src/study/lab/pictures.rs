@@ -132,7 +132,7 @@ impl Run {
         // Between the rounds of a picture by its error the device waits for the host, who decides what is traced next
         // or starts what does; and for the host's colours.
         let decide_s = result.adaptive.map_or(0.0, |adaptive| adaptive.decide_s);
-        let textures_s = result.wavefront.map_or(0.0, |split| split.host_pass_s);
+        let textures_s = result.wavefront.map_or(0.0, |wavefront| wavefront.host_pass_s);
         let Times { wall, work, decide, textures } = &mut self.times;
         wall.push(wall_s);
         work.push(result.kernel_s + decide_s + textures_s);
@@ -154,8 +154,8 @@ impl Lab<'_> {
     }
 
     /// Renders pictures of a scene by turns with all `variants`, and tells of each what it took, how many pixels
-    /// of a small one differ from the reference's (where samples are few), and how far it is from the picture of `converged` samples
-    /// and depth, if that is given.
+    /// of a small one differ from the reference's (where samples are few), and how far it is from the picture of
+    /// `converged` samples and depth, if that is given.
     ///
     /// # Errors
     /// As [`SceneBuffers::new`], [`open_tracer`] and [`Backend::render`].
@@ -205,10 +205,10 @@ impl Lab<'_> {
             };
             out.extend(variant.columns.clone());
             out.insert("rays".into(), json!(result.counts.iter().step_by(2).sum::<u64>()));
-            if let Some(split) = result.wavefront {
-                out.insert("launches".into(), json!(split.launches));
+            if let Some(wavefront) = result.wavefront {
+                out.insert("launches".into(), json!(wavefront.launches));
                 if variant.options.picture.textures == TexturePass::HostPass {
-                    out.insert("host_colours".into(), json!(split.host_colours));
+                    out.insert("host_colours".into(), json!(wavefront.host_colours));
                 }
             }
             out.extend(self.differing_pixels(&scene, variant, &mut run)?);

@@ -18,8 +18,9 @@ use serde_json::{Value, json};
 pub const STUDY: Study = Study {
     name: "occupancy",
     title: "The device, and how full kernels leave it",
-    claim: "Thesis, table 5.2 and section 5.8.1: the figures of the author's GPU; the kernel takes 42 registers, so that only 25 % of the warps that a \
-            multiprocessor can hold fit there. The claim tested: the kernels that trace and render have an occupancy of 25 % or more.",
+    claim: "Thesis, table 5.2 and section 5.8.1: the figures of the author's GPU; the kernel takes 42 registers, so \
+            that only 25 % of the warps that a multiprocessor can hold fit there. The claim tested: the kernels that \
+            trace and render have an occupancy of 25 % or more.",
     own_shapes: None,
     source: include_str!("device.rs"),
     measure,

@@ -22,8 +22,9 @@ use serde_json::json;
 pub const STUDY: Study = Study {
     name: "economy",
     title: "No more than a scene needs",
-    claim: "What a scene does not need shall cost nothing: kernels have the features that it uses and no others; rays go where they change the \
-            picture. The claim tested: the FLIP of 16 samples a pixel takes at most 40 % of their rays.",
+    claim: "What a scene does not need shall cost nothing: kernels have the features that it uses and no others; rays \
+            go where they change the picture. The claim tested: the FLIP of 16 samples a pixel takes at most 40 % of \
+            their rays.",
     own_shapes: None,
     source: include_str!("economy.rs"),
     measure: economy,
@@ -114,7 +115,8 @@ fn judge_economy(found: &Measured) -> Result<Findings> {
     let fails = verdict.outcomes.iter().filter(|outcome| **outcome == Outcome::Fails).count();
     let (most, count) = (100.0 * MOST_RAYS, parts.len());
     let text = format!(
-        "{fails} of {count} scenes take more than {most:.0} % of the rays of {FIXED} samples a pixel for their FLIP: {}.",
+        "{fails} of {count} scenes take more than {most:.0} % of the rays of {FIXED} samples a pixel for their FLIP: \
+         {}.",
         parts.join("; ")
     );
     let charts = by_scene(

@@ -14,9 +14,10 @@ use raybrook::low_level::scene::Scene;
 pub const STUDY: Study = Study {
     name: "killing",
     title: "Which secondary rays matter",
-    claim: "Thesis, section 2.1.2: the number of rays must be limited, by anything from killing rays at random to a greatest number of reflections. The \
-            claim tested: with an error that is no larger than that of chains of at most 2, 3, ... rays, killing by weight or at random takes fewer rays \
-            (geometric mean over those depths, of as many samples).",
+    claim: "Thesis, section 2.1.2: the number of rays must be limited, by anything from killing rays at random to a \
+            greatest number of reflections. The claim tested: with an error that is no larger than that of chains of \
+            at most 2, 3, ... rays, killing by weight or at random takes fewer rays (geometric mean over those depths, \
+            of as many samples).",
     own_shapes: None,
     source: include_str!("killing.rs"),
     measure,
@@ -102,8 +103,8 @@ fn judge(found: &Measured) -> Result<Findings> {
             Some((samples, Some([by_weight, at_random]))) => verdict.say(
                 Outcome::of(by_weight.min(at_random) < 1.0),
                 format!(
-                    "{scene}: with the errors of limited depths at {samples} samples killing by weight takes {by_weight:.2} of their rays, at \
-                     random {at_random:.2}"
+                    "{scene}: with the errors of limited depths at {samples} samples killing by weight takes \
+                     {by_weight:.2} of their rays, at random {at_random:.2}"
                 ),
             ),
         }
@@ -112,8 +113,8 @@ fn judge(found: &Measured) -> Result<Findings> {
         notes.extend(noise(&pictures, &scene)?);
     }
     notes.push(
-        "Every picture has the samples of those that it is compared with, so that a difference of errors is the limit's. Where no picture of a kind is as \
-         good as a limited depth, the one of all rays counts for it."
+        "Every picture has the samples of those that it is compared with, so that a difference of errors is the \
+         limit's. Where no picture of a kind is as good as a limited depth, the one of all rays counts for it."
             .to_owned(),
     );
     // Rays and errors are counted, not timed: no spread is in the way. In a hurry the pictures are too small to tell.
@@ -309,8 +310,8 @@ mod tests {
         let found = found([many, few].concat(), false);
         assert_eq!(
             found.notes[0],
-            "s, part of the rays of limited depths, by samples a pixel: 1: by weight 0.50, at random 1.41, which does not pay; 16: by weight 0.50, \
-             at random 0.18."
+            "s, part of the rays of limited depths, by samples a pixel: 1: by weight 0.50, at random 1.41, which does \
+             not pay; 16: by weight 0.50, at random 0.18."
         );
         assert!(found.verdict.contains("at 16 samples killing by weight takes 0.50 of their rays, at random 0.18"));
     }
@@ -320,8 +321,8 @@ mod tests {
         let few = pictures(1, &[(ALL, 0.0, 100, 4.0), (AT_RANDOM, 0.1, 70, 6.0), (AT_RANDOM, 1.0, 60, 8.0)]);
         let many = with([(BY_WEIGHT, 0.5, 200, 3.0), (BY_WEIGHT, 0.1, 400, 1.5)], (AT_RANDOM, 0.1, 700, 1.1));
         let notes = found([few, many].concat(), false).notes;
-        let expected = "s, roulette 0.1 against all rays, by samples a pixel: 1: 0.70 of the rays, 1.50 times the error; 16: 0.70 of the rays, \
-                        1.10 times the error.";
+        let expected = "s, roulette 0.1 against all rays, by samples a pixel: 1: 0.70 of the rays, 1.50 times the \
+                        error; 16: 0.70 of the rays, 1.10 times the error.";
         assert_eq!(notes[1], expected);
     }
 }

@@ -16,7 +16,8 @@ const LAYOUT_TITLE: &str = "Speed by layout";
 pub const MEMORY_KIND: Study = Study {
     name: "memory-kind",
     title: "Kinds of memory",
-    claim: "Thesis, sections 5.7 and 6.2.2: textures over global memory and constant memory are worth the trouble, because GPUs cache them.",
+    claim: "Thesis, sections 5.7 and 6.2.2: textures over global memory and constant memory are worth the trouble, \
+            because GPUs cache them.",
     own_shapes: None,
     source: include_str!("memory.rs"),
     measure: memory_kind,
@@ -82,7 +83,8 @@ fn over_all(table: &Table, a: &str, b: &str) -> Result<Option<Rounds>> {
 pub const LAYOUT: Study = Study {
     name: "layout",
     title: "Layout of triangles and nodes",
-    claim: "Thesis, section 5.7.1: vertices apart from shading data are \"surely better\" (not measured there); section 5.7.2: nodes in pre-order.",
+    claim: "Thesis, section 5.7.1: vertices apart from shading data are \"surely better\" (not measured there); \
+            section 5.7.2: nodes in pre-order.",
     own_shapes: None,
     source: include_str!("memory.rs"),
     measure: layout,
@@ -139,7 +141,8 @@ fn judge_layout(found: &Measured) -> Result<Findings> {
         verdict.not_measured(WHOLE);
     }
     let text = format!(
-        "Speed relative to that of vertices apart from shading data and nodes in pre-order, over all scenes and rays: {}",
+        "Speed relative to that of vertices apart from shading data and nodes in pre-order, over all scenes and rays: \
+         {}",
         verdict.text()
     );
     Ok(bars(table, verdict.all(), text, Vec::new(), LAYOUT_TITLE))

@@ -15,8 +15,8 @@ use serde_json::json;
 pub const STUDY: Study = Study {
     name: "pareto",
     title: "Speed against accuracy",
-    claim: "What this program is for: exact hits need not cost speed. The claim tested: some method without a wrong answer, of stress rays and of the \
-            scene's, has at least half of the speed of the fastest method of all.",
+    claim: "What this program is for: exact hits need not cost speed. The claim tested: some method without a wrong \
+            answer, of stress rays and of the scene's, has at least half of the speed of the fastest method of all.",
     own_shapes: Some("the meshes of stress rays"),
     source: include_str!("pareto.rs"),
     measure,
@@ -202,9 +202,9 @@ impl Peers {
         match places.is_empty() {
             true => String::new(),
             false => format!(
-                " Other tracers traced the same rays in programs of their own, in one batch in memory, not by turns with \
-                 these methods: {}. Their answers are judged within float32's rounding errors. Speed 1 is that of the \
-                 fastest of raybrook's methods.",
+                " Other tracers traced the same rays in programs of their own, in one batch in memory, not by turns \
+                 with these methods: {}. Their answers are judged within float32's rounding errors. Speed 1 is that of \
+                 the fastest of raybrook's methods.",
                 places.join("; ")
             ),
         }
@@ -248,11 +248,11 @@ fn judge(found: &Measured) -> Result<Findings> {
     let (outcome, verdict) = verdict(&peers.own(&stress), &peers.own(&scenes), &peers.own(&rays))?;
     let charts = charts(&stress, &scenes, &pictures, &peers, found.header.quick);
     let mut notes = vec![
-        "Exact arithmetic decides what is right: stress rays by rational numbers alone, scenes' rays by an oracle in f64 and, where it differs, by \
-         rational numbers."
+        "Exact arithmetic decides what is right: stress rays by rational numbers alone, scenes' rays by an oracle in \
+         f64 and, where it differs, by rational numbers."
             .to_owned(),
-        "Points stand, and beat each other, at the 95 % upper bound of their rate of wrong answers (exact, one-sided), also where none was wrong: \
-         few tests do not look better than many."
+        "Points stand, and beat each other, at the 95 % upper bound of their rate of wrong answers (exact, one-sided), \
+         also where none was wrong: few tests do not look better than many."
             .to_owned(),
     ];
     notes.extend(peers.note(&stress, &scenes));
@@ -304,8 +304,8 @@ fn charts(stress: &Table, scenes: &Table, pictures: &Table, peers: &Peers, is_qu
         chart.x_spread(["wrong_low", "wrong_bound"]).log(true, true)
     };
     let caption = format!(
-        "Left and high is better; the line joins what nothing beats. Speed is the geometric mean over camera, shadow and \
-         diffuse rays.{}",
+        "Left and high is better; the line joins what nothing beats. Speed is the geometric mean over camera, shadow \
+         and diffuse rays.{}",
         peers.caption()
     );
     let chart = Chart::new(ChartKind::Front, stress, "stress", "Speed against wrong answers to stress rays", AXES);
@@ -402,8 +402,8 @@ mod tests {
         assert_eq!(holds.outcome, Outcome::Holds);
         assert_eq!(
             holds.verdict,
-            "exact had no wrong answer of 1000 stress rays (at 95 % confidence at most 2992 per million) and has 0.80 [0.80, 0.80] of the speed of the \
-             fastest, leaky (17000 wrong per million stress rays, at most 25391)."
+            "exact had no wrong answer of 1000 stress rays (at 95 % confidence at most 2992 per million) and has 0.80 \
+             [0.80, 0.80] of the speed of the fastest, leaky (17000 wrong per million stress rays, at most 25391)."
         );
         assert_eq!(found(&[("exact", 4.0, 0, 1000), ("leaky", 10.0, 17, 1000)]).outcome, Outcome::Fails);
         assert_eq!(found(&[("leaky", 10.0, 17, 1000)]).outcome, Outcome::Undecided);

@@ -70,8 +70,8 @@ pub(super) fn tradeoff_charts(table: &Table, is_quick: bool) -> Vec<Chart> {
         ["flip", "frames_per_s"],
         |chart| {
             chart.log(true, true).caption(format!(
-                "Exact hits. FLIP to a picture of {converged} samples a pixel and chains of {MOST_DEPTH} rays; \"error E\" asks for so many 8-bit steps. \
-                 Pictures a second are by the wall clock. Left and high is better."
+                "Exact hits. FLIP to a picture of {converged} samples a pixel and chains of {MOST_DEPTH} rays; \"error \
+                 E\" asks for so many 8-bit steps. Pictures a second are by the wall clock. Left and high is better."
             ))
         },
     )
@@ -80,8 +80,8 @@ pub(super) fn tradeoff_charts(table: &Table, is_quick: bool) -> Vec<Chart> {
 pub const KERNELS: Study = Study {
     name: "kernels",
     title: "One kernel or several",
-    claim: "Thesis, section 5.2.1: one mega-kernel needs many registers, several kernels need traffic between them; the thesis takes the one. The claim \
-            tested: the mega-kernel is the faster one.",
+    claim: "Thesis, section 5.2.1: one mega-kernel needs many registers, several kernels need traffic between them; \
+            the thesis takes the one. The claim tested: the mega-kernel is the faster one.",
     own_shapes: None,
     source: include_str!("pictures.rs"),
     measure: kernels,
@@ -89,21 +89,24 @@ pub const KERNELS: Study = Study {
 };
 
 const MEGA: &str = "mega";
-const SPLIT: &str = "split";
+const WAVEFRONT: &str = "wavefront";
 
 fn kernels(lab: &mut Lab) -> Result<Vec<Table>> {
     let base = with(StructureKind::Bvh2);
-    let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
+    let wavefront = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
     let mut variants = vec![
         PictureVariant::new(MEGA, base, 1, 8).with("kernels", "mega"),
-        PictureVariant::new(SPLIT, split, 1, 8).with("kernels", "split"),
+        PictureVariant::new(WAVEFRONT, wavefront, 1, 8).with("kernels", "wavefront"),
     ];
     if !lab.quick {
         for paths in [1 << 12, 1 << 16] {
-            let options =
-                TraceOptions { picture: PictureOptions { paths_in_flight: Some(paths), ..split.picture }, ..split };
+            let options = TraceOptions {
+                picture: PictureOptions { paths_in_flight: Some(paths), ..wavefront.picture },
+                ..wavefront
+            };
             variants.push(
-                PictureVariant::new(format!("split, {paths} paths at a time"), options, 1, 8).with("kernels", "split"),
+                PictureVariant::new(format!("wavefront, {paths} paths at a time"), options, 1, 8)
+                    .with("kernels", "wavefront"),
             );
         }
     }
@@ -122,7 +125,7 @@ fn judge_kernels(found: &Measured) -> Result<Findings> {
     let table = found.table("pictures", &PICTURE)?;
     let mut verdict = Verdict::default();
     for scene in scenes_of(&table.rows) {
-        match time_ratio(&table, [&scene, SPLIT], [&scene, MEGA])? {
+        match time_ratio(&table, [&scene, WAVEFRONT], [&scene, MEGA])? {
             Some(ratio) => verdict.say(
                 ratio.above(1.0),
                 format!("{scene}: the wavefront kernels take {ratio} times the time of the mega-kernel"),
@@ -175,8 +178,8 @@ fn resources(lab: &Lab, variants: &[PictureVariant]) -> Result<Vec<Row>> {
 pub const TEXTURING: Study = Study {
     name: "texturing",
     title: "Procedural textures",
-    claim: "Thesis, section 5.2.2: evaluating procedural textures inside the kernel is impractical; the host should do it in a pass of its own. The claim \
-            tested: the host pass is the faster one.",
+    claim: "Thesis, section 5.2.2: evaluating procedural textures inside the kernel is impractical; the host should do \
+            it in a pass of its own. The claim tested: the host pass is the faster one.",
     own_shapes: None,
     source: include_str!("pictures.rs"),
     measure: texturing,
@@ -187,19 +190,20 @@ const PLAIN_SCENE: &str = scenes::STILL_LIFE;
 const TEXTURED_SCENE: &str = scenes::TEXTURED_STILL_LIFE;
 const PLAIN_MEGA: &str = "no textures, mega";
 const IN_MEGA: &str = "in the kernel, mega";
-const IN_SPLIT: &str = "in the kernel, split";
-const BY_HOST: &str = "by the host, split";
+const IN_WAVEFRONT: &str = "in the kernel, wavefront";
+const BY_HOST: &str = "by the host, wavefront";
 
 fn texturing(lab: &mut Lab) -> Result<Vec<Table>> {
     let base = with(StructureKind::Bvh2);
-    let split = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
-    let host = TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..split.picture }, ..split };
+    let wavefront = TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..base.picture }, ..base };
+    let host =
+        TraceOptions { picture: PictureOptions { textures: TexturePass::HostPass, ..wavefront.picture }, ..wavefront };
     let mut rows = Vec::new();
     let one =
         |label: &str, options, textures: &str| PictureVariant::new(label, options, 1, 8).with("textures", textures);
-    let plain = [one(PLAIN_MEGA, base, "none"), one("no textures, split", split, "none")];
+    let plain = [one(PLAIN_MEGA, base, "none"), one("no textures, wavefront", wavefront, "none")];
     let textured =
-        [one(IN_MEGA, base, "in-kernel"), one(IN_SPLIT, split, "in-kernel"), one(BY_HOST, host, "host-pass")];
+        [one(IN_MEGA, base, "in-kernel"), one(IN_WAVEFRONT, wavefront, "in-kernel"), one(BY_HOST, host, "host-pass")];
     if lab.scenes.is_empty() {
         rows.extend(lab.pictures(PLAIN_SCENE, &scenes::named(PLAIN_SCENE, lab.quick)?, &plain, None)?);
         rows.extend(lab.pictures(TEXTURED_SCENE, &scenes::named(TEXTURED_SCENE, lab.quick)?, &textured, None)?);
@@ -222,7 +226,7 @@ fn judge_texturing(found: &Measured) -> Result<Findings> {
             verdict.leave_open(format!("{scene}: no ray met a procedural texture: nothing was compared"));
             continue;
         }
-        match time_ratio(&table, [scene, BY_HOST], [scene, IN_SPLIT])? {
+        match time_ratio(&table, [scene, BY_HOST], [scene, IN_WAVEFRONT])? {
             Some(ratio) => verdict.say(
                 ratio.below(1.0),
                 format!("{scene}: the host pass takes {ratio} times the time of textures in the wavefront kernels"),
@@ -248,9 +252,9 @@ fn judge_texturing(found: &Measured) -> Result<Findings> {
 pub const SUBSAMPLING: Study = Study {
     name: "subsampling",
     title: "Adaptive subsampling",
-    claim: "Thesis, section 2.2.1: a lattice of pixels is traced, others only where neighbours differ, the rest is interpolated; that is tens of percent \
-            faster. The claim tested: a picture by its error (`--error`) takes at most 0.9 of the time of 1, 2, 4 and 8 samples in every pixel, each with \
-            an error that is no larger.",
+    claim: "Thesis, section 2.2.1: a lattice of pixels is traced, others only where neighbours differ, the rest is \
+            interpolated; that is tens of percent faster. The claim tested: a picture by its error (`--error`) takes \
+            at most 0.9 of the time of 1, 2, 4 and 8 samples in every pixel, each with an error that is no larger.",
     own_shapes: None,
     source: include_str!("pictures.rs"),
     measure: subsampling,
@@ -353,10 +357,10 @@ mod tests {
     }
 
     #[test]
-    fn the_mega_kernel_is_compared_with_split_kernels_of_every_path() {
-        let rows = |split: f64| {
-            let limited = ("s", "split, 4096 paths at a time", 0.1, Row::new());
-            pictures(&[("s", MEGA, 1.0, Row::new()), limited, ("s", SPLIT, split, Row::new())])
+    fn the_mega_kernel_is_compared_with_wavefront_kernels_of_every_path() {
+        let rows = |wavefront: f64| {
+            let limited = ("s", "wavefront, 4096 paths at a time", 0.1, Row::new());
+            pictures(&[("s", MEGA, 1.0, Row::new()), limited, ("s", WAVEFRONT, wavefront, Row::new())])
         };
         let slower = judge(&KERNELS, rows(3.2), &header(false)).unwrap();
         assert_eq!(slower.outcome, Outcome::Holds);
@@ -375,7 +379,7 @@ mod tests {
             pictures(&[
                 (PLAIN_SCENE, PLAIN_MEGA, 0.5, Row::new()),
                 (TEXTURED_SCENE, IN_MEGA, 0.6, Row::new()),
-                (TEXTURED_SCENE, IN_SPLIT, 1.0, row([("seconds", json!(0.9))])),
+                (TEXTURED_SCENE, IN_WAVEFRONT, 1.0, row([("seconds", json!(0.9))])),
                 (TEXTURED_SCENE, BY_HOST, by_host, row([("seconds", json!(0.8))])),
             ])
         };
@@ -387,13 +391,14 @@ mod tests {
         assert_eq!(judge(&TEXTURING, slow.tables.clone(), &header(false)).unwrap(), slow);
         assert_eq!(judge(&TEXTURING, rows(0.95), &header(false)).unwrap().outcome, Outcome::Holds);
         let untextured =
-            pictures(&[("s", IN_SPLIT, 1.0, Row::new()), ("s", BY_HOST, 0.9, row([("host_colours", json!(0))]))]);
+            pictures(&[("s", IN_WAVEFRONT, 1.0, Row::new()), ("s", BY_HOST, 0.9, row([("host_colours", json!(0))]))]);
         let untextured = judge(&TEXTURING, untextured, &header(false)).unwrap();
         let says = untextured.verdict.contains("nothing was compared");
         assert_eq!((untextured.outcome, says), (Outcome::Undecided, true));
     }
 
-    /// As published of the H200: beside one sample a pixel a picture by its error looked good, and eight samples beat it.
+    /// As published of the H200: beside one sample a pixel a picture by its error looked good, and eight samples beat
+    /// it.
     #[test]
     fn pictures_by_their_error_must_beat_every_number_of_samples() {
         let full = |samples: u32, error: f64| {

@@ -17,9 +17,10 @@ use serde_json::json;
 pub const INTERSECTION: Study = Study {
     name: "intersection",
     title: "Triangle tests a second",
-    claim: "Thesis, table 5.1 (section 5.4.3): brute force on 5 to 30 cubes makes 442 to 406 million tests a second, 9 % fewer at the end; it is \
-            bound by arithmetic, not by memory. Changing clocks showed that there; here tests a second must stay alike while the triangles grow \
-            sixfold, and come nearer to the device's limit of arithmetic than to those of reading.",
+    claim: "Thesis, table 5.1 (section 5.4.3): brute force on 5 to 30 cubes makes 442 to 406 million tests a second, 9 \
+            % fewer at the end; it is bound by arithmetic, not by memory. Changing clocks showed that there; here \
+            tests a second must stay alike while the triangles grow sixfold, and come nearer to the device's limit of \
+            arithmetic than to those of reading.",
     own_shapes: Some("cubes"),
     source: include_str!("rays.rs"),
     measure: intersection,
@@ -27,9 +28,10 @@ pub const INTERSECTION: Study = Study {
 };
 
 /// Operations of Moller and Trumbore's test up to each place where it may end: after u two edges 6, a cross product 9,
-/// two dot products 10, the reciprocal 1, the origin's difference 3 and a product 1; after v another cross product 9, dot
-/// product 5, product 1 and the sum 1; after t a dot product 5 and a product 1. A compiler may let a test run on to its
-/// end, as those do that trace several rays in step: the first number is the least, the last the most that one takes.
+/// two dot products 10, the reciprocal 1, the origin's difference 3 and a product 1; after v another cross product 9,
+/// dot product 5, product 1 and the sum 1; after t a dot product 5 and a product 1. A compiler may let a test run on to
+/// its end, as those do that trace several rays in step: the first number is the least, the last the most that one
+/// takes.
 const FLOPS_UP_TO: [f64; 3] = [30.0, 46.0, 52.0];
 /// Tests that are looked at to count the operations, at most.
 const MOST_COUNTED: usize = 1 << 20;
@@ -144,16 +146,18 @@ fn judge_intersection(found: &Measured) -> Result<Findings> {
     let intensity = table.rows.last().and_then(|row| number(row, "flop_per_byte")).unwrap_or(0.0);
     let mut charts = vec![
         chart("tests", "Triangle tests a second by the number of cubes", "tests_per_s").caption(format!(
-            "Camera rays, every triangle tested for every ray; {intensity:.2} operations a byte of vertices, counted test by test up to where \
-             each may end. The vertices fit into the smallest cache. {note}"
+            "Camera rays, every triangle tested for every ray; {intensity:.2} operations a byte of vertices, counted \
+             test by test up to where each may end. The vertices fit into the smallest cache. {note}"
         )),
-        chart("frames", "Frames of 640 x 480 a second", "frames_per_s").caption("The same measurements; the table has the operations a second."),
+        chart("frames", "Frames of 640 x 480 a second", "frames_per_s")
+            .caption("The same measurements; the table has the operations a second."),
     ];
     charts.extend(limits.as_ref().map(|limits| {
         Chart::new(ChartKind::Bars, limits, "limits", "Triangle tests by the device's limits", ["limit", "limit_share"])
             .caption(
-                "What of each limit the tests take, all measured on this device. Operations are the fewest that the tests need: where several rays \
-                 go in step, a test runs on while one of them needs it. No operation is fused, neither in the tests nor in the limit.",
+                "What of each limit the tests take, all measured on this device. Operations are the fewest that the \
+                 tests need: where several rays go in step, a test runs on while one of them needs it. No operation is \
+                 fused, neither in the tests nor in the limit.",
             )
     }));
     let tables = std::iter::once(table).chain(limits).collect();
@@ -251,7 +255,8 @@ fn judge_ray_kind(found: &Measured) -> Result<Findings> {
             (Some(reflected), Some(diffuse), Some(shuffled)) => verdict.say(
                 Outcome::all([reflected.below(1.0), diffuse.below(1.0)]),
                 format!(
-                    "{method}: reflected rays have {reflected}, diffuse {diffuse} and shuffled camera rays {shuffled} of the speed of camera rays"
+                    "{method}: reflected rays have {reflected}, diffuse {diffuse} and shuffled camera rays {shuffled} \
+                     of the speed of camera rays"
                 ),
             ),
             _ if hit.is_empty() => {}
@@ -272,8 +277,8 @@ fn judge_ray_kind(found: &Measured) -> Result<Findings> {
 pub const TRANSFER: Study = Study {
     name: "transfer",
     title: "What is done beside tracing",
-    claim: "Thesis, sections 5.1 and 5.2.2: sending data to the device and back is dear. The claim tested: building, compiling and moving data take \
-            longer than one pass of the kernel.",
+    claim: "Thesis, sections 5.1 and 5.2.2: sending data to the device and back is dear. The claim tested: building, \
+            compiling and moving data take longer than one pass of the kernel.",
     own_shapes: None,
     source: include_str!("rays.rs"),
     measure: transfer,
@@ -332,7 +337,8 @@ fn judge_transfer(found: &Measured) -> Result<Findings> {
         verdict.say(
             outcome,
             format!(
-                "{scene}: of {total:.3} s the kernel takes {:.0} %, moving data {:.0} %, compiling {:.0} %, building {:.0} %",
+                "{scene}: of {total:.3} s the kernel takes {:.0} %, moving data {:.0} %, compiling {:.0} %, building \
+                 {:.0} %",
                 percent(kernel),
                 percent(upload + rays_upload + read),
                 percent(compile),
@@ -354,8 +360,9 @@ fn judge_transfer(found: &Measured) -> Result<Findings> {
 pub const CPU_GPU: Study = Study {
     name: "cpu-gpu",
     title: "The GPU against the processor",
-    claim: "Thesis, section 5.8: the GPU is about 3 times as fast as the author's CPU tracer with a kd-tree, about 10 times with brute force. The \
-            claim tested: at least so many times as fast as the fastest way on all cores of this computer's processor.",
+    claim: "Thesis, section 5.8: the GPU is about 3 times as fast as the author's CPU tracer with a kd-tree, about 10 \
+            times with brute force. The claim tested: at least so many times as fast as the fastest way on all cores \
+            of this computer's processor.",
     own_shapes: None,
     source: include_str!("rays.rs"),
     measure: cpu_gpu,
@@ -451,13 +458,17 @@ fn judge_cpu_gpu(found: &Measured) -> Result<Findings> {
             verdict.say(
                 Outcome::all(outcomes),
                 format!(
-                    "the GPU has {} times the speed of the processor with the kd-tree (there in packets) and {} times with brute force",
-                    told(kd.as_ref()), told(brute.as_ref())
+                    "the GPU has {} times the speed of the processor with the kd-tree (there in packets) and {} times \
+                     with brute force",
+                    told(kd.as_ref()),
+                    told(brute.as_ref())
                 ),
             );
         }
         (true, false) => verdict.leave_open(
-            "this computer's processor is no OpenCL device here, so that the GPU was measured against the slow reference alone".to_owned(),
+            "this computer's processor is no OpenCL device here, so that the GPU was measured against the slow \
+             reference alone"
+                .to_owned(),
         ),
         (false, _) => verdict.leave_open("no GPU was measured".to_owned()),
     }

@@ -1,8 +1,8 @@
 //! What of the time goes into triangle tests.
 //!
-//! Trees with leaves of different sizes make the same rays take steps and tests in different proportions. A line is laid
-//! through their times by least squares: time = a steps + b tests, both counted. b times the tests is the tests' share.
-//! Nothing in the kernels is changed, so that what is measured is what runs.
+//! Trees with leaves of different sizes make the same rays take steps and tests in different proportions. A line is
+//! laid through their times by least squares: time = a steps + b tests, both counted. b times the tests is the tests'
+//! share. Nothing in the kernels is changed, so that what is measured is what runs.
 //!
 //! Bad at: times that go with something else, such as caches that a deep tree does not fit into. The part of the
 //! variation that the line explains is told.
@@ -19,8 +19,8 @@ use serde_json::json;
 pub const STUDY: Study = Study {
     name: "test-share",
     title: "What triangle tests take of the time",
-    claim: "Thesis, section 5.4.3: the triangle tests take 1/6 to 1/5 of the traversal's time. The claim tested: at the fastest size of leaves they take \
-            between 1/8 and 1/4.",
+    claim: "Thesis, section 5.4.3: the triangle tests take 1/6 to 1/5 of the traversal's time. The claim tested: at \
+            the fastest size of leaves they take between 1/8 and 1/4.",
     own_shapes: None,
     source: include_str!("share.rs"),
     measure,
@@ -63,7 +63,8 @@ fn judge(found: &Measured) -> Result<Findings> {
             let outcome = Outcome::all([of_tests.above(CLAIMED[0]), of_tests.below(CLAIMED[1])]);
             let (size, told) = (name(best, "leaf_size"), 100.0 * explained);
             let part = format!(
-                "{scene}, {test}: tests take {of_tests} of the time with at most {size} triangles a leaf (the line explains {told:.0} % of the variation)"
+                "{scene}, {test}: tests take {of_tests} of the time with at most {size} triangles a leaf (the line \
+                 explains {told:.0} % of the variation)"
             );
             // The thesis had one test; the exact one is there to be compared.
             match test == Intersector::MollerTrumbore.name() {

@@ -14,8 +14,8 @@ use serde_json::json;
 pub const STUDY: Study = Study {
     name: "stability",
     title: "Where methods fail",
-    claim: "Listing 5.1 of the thesis has an absolute epsilon, and no float32 test is right at every scale. The claim tested: exact hits are right at \
-            every number of every sweep and in every failure mode, and lose no path.",
+    claim: "Listing 5.1 of the thesis has an absolute epsilon, and no float32 test is right at every scale. The claim \
+            tested: exact hits are right at every number of every sweep and in every failure mode, and lose no path.",
     own_shapes: Some("the sweeps by valence and gap, the room of mirrors and the failure modes"),
     source: include_str!("stability.rs"),
     measure,
@@ -117,8 +117,8 @@ fn judge(found: &Measured) -> Result<Findings> {
             .spread(["wrong_low", "wrong_bound"])
             .log(true, true)
             .caption(format!(
-                "Whole pictures from inside a closed mesh whose triangles are all mirrors: every ray must hit, a path is lost with its first ray that does \
-                 not. {BOUNDS}"
+                "Whole pictures from inside a closed mesh whose triangles are all mirrors: every ray must hit, a path \
+                 is lost with its first ray that does not. {BOUNDS}"
             )),
     );
     let modes = found.table(MODES, &["method", "mode"])?;
@@ -139,11 +139,12 @@ fn judge(found: &Measured) -> Result<Findings> {
         breakdowns(&tables)?
     );
     let mut notes = vec![
-        "Exact hits are judged to the last bit of t, the others within what rounding in float32 may do to a ray; only what lies beyond that counts as \
-         wrong. The charts of sweeps show all answers that differ from those of exact arithmetic in the triangle, and hollow points where some are wrong."
+        "Exact hits are judged to the last bit of t, the others within what rounding in float32 may do to a ray; only \
+         what lies beyond that counts as wrong. The charts of sweeps show all answers that differ from those of exact \
+         arithmetic in the triangle, and hollow points where some are wrong."
             .to_owned(),
-        "A method breaks down at the first number, from where nothing is hard yet, at which it differs more often than it does there: by Fisher's exact \
-         test at a risk of 5 % for a whole sweep."
+        "A method breaks down at the first number, from where nothing is hard yet, at which it differs more often than \
+         it does there: by Fisher's exact test at a risk of 5 % for a whole sweep."
             .to_owned(),
     ];
     if !found.header.scenes.is_empty() {
@@ -153,7 +154,8 @@ fn judge(found: &Measured) -> Result<Findings> {
     Ok(Findings { outcome, verdict, notes, tables, charts })
 }
 
-const BOUNDS: &str = "Points stand at the 95 % upper bound, about 3/N where none of N; bars go down to the lower one. Lines may lie on each other.";
+const BOUNDS: &str = "Points stand at the 95 % upper bound, about 3/N where none of N; bars go down to the lower one. \
+                      Lines may lie on each other.";
 
 /// A chart for each mesh.
 fn charts_of(sweep: &Sweep, table: &Table) -> Vec<Chart> {
@@ -196,7 +198,9 @@ fn note_on_scenes(found: &Measured, tables: &[Table]) -> String {
     let is_swept = |scene: &str| tables.iter().flat_map(|table| &table.rows).any(|row| name(row, "scene") == scene);
     let (swept, empty): (Vec<_>, Vec<_>) =
         found.header.scenes.iter().map(|scene| scene.name.as_str()).partition(|scene| is_swept(scene));
-    let mut note = "Scenes that were named are moved to zero and scaled to the size of 1 before the sweeps by scale, offset, distance, angle and aspect.".to_owned();
+    let mut note = "Scenes that were named are moved to zero and scaled to the size of 1 before the sweeps by scale, \
+                    offset, distance, angle and aspect."
+        .to_owned();
     if swept.is_empty() {
         note.clear();
     }
@@ -232,8 +236,8 @@ fn breakdowns(tables: &[Table]) -> Result<String> {
     })
 }
 
-/// Where a method breaks down in a sweep, going from its base to either end, and the rate at the base, in words; `None`:
-/// nowhere.
+/// Where a method breaks down in a sweep, going from its base to either end, and the rate at the base, in words;
+/// `None`: nowhere.
 fn breakdown(sweep: &Sweep, rows: &[&Row]) -> Result<Option<String>> {
     let mut rows: Vec<_> = rows.iter().filter_map(|row| Some((number(row, sweep.name)?, counts(row)?))).collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -296,8 +300,8 @@ mod tests {
         assert_eq!(right.outcome, Outcome::Holds);
         assert_eq!(
             right.verdict,
-            "exact hits had 0 wrong answers of 3000 (at 95 % confidence at most 998.1 per million). Other methods break down, with plucker: \
-             scale at 1e-20 and below (0 per million differ at 1)."
+            "exact hits had 0 wrong answers of 3000 (at 95 % confidence at most 998.1 per million). Other methods \
+             break down, with plucker: scale at 1e-20 and below (0 per million differ at 1)."
         );
         assert_eq!(judged(&exact(1)).outcome, Outcome::Fails);
         let nothing = rows_of::judge(&STUDY, vec![sweep(DEPTH, &[]), sweep(MODES, &[])], &header(false)).unwrap();

@@ -10,8 +10,9 @@ use raybrook::low_level::options::{Build, GridOptions, KdOptions, Stop, Structur
 pub const GRID_SIZE: Study = Study {
     name: "grid-size",
     title: "Cells of a uniform grid",
-    claim: "Thesis, section 2.2.3: a uniform grid is the simplest division of space, and its resolution decides how good it is. The claim tested: the \
-            resolution that the program chooses has at least 0.9 of the speed of the best of a series.",
+    claim: "Thesis, section 2.2.3: a uniform grid is the simplest division of space, and its resolution decides how \
+            good it is. The claim tested: the resolution that the program chooses has at least 0.9 of the speed of the \
+            best of a series.",
     own_shapes: None,
     source: include_str!("structures.rs"),
     measure: grid_size,
@@ -66,9 +67,10 @@ fn judge_grid_size(found: &Measured) -> Result<Findings> {
 pub const STOP: Study = Study {
     name: "stop-rule",
     title: "What ends the division of a kd-tree",
-    claim: "Thesis, section 5.5: a node is divided until few triangles are left, until the tree is deep enough, or until it does not pay; Mental Ray's \
-            limits of 4 triangles and depth 24 are quoted. The claim tested: trees by areas that end where it does not pay are faster than those that \
-            end by any number of triangles in a leaf.",
+    claim: "Thesis, section 5.5: a node is divided until few triangles are left, until the tree is deep enough, or \
+            until it does not pay; Mental Ray's limits of 4 triangles and depth 24 are quoted. The claim tested: trees \
+            by areas that end where it does not pay are faster than those that end by any number of triangles in a \
+            leaf.",
     own_shapes: None,
     source: include_str!("structures.rs"),
     measure: stop,

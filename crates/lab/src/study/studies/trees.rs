@@ -61,7 +61,8 @@ fn judge_leaf_size(found: &Measured) -> Result<Findings> {
             Some(ratio) => verdict.say(
                 ratio.above(1.0),
                 format!(
-                    "{scene} is fastest with at most {} triangles a leaf; the best of 30 to 60 has {ratio} times the speed of the best other one",
+                    "{scene} is fastest with at most {} triangles a leaf; the best of 30 to 60 has {ratio} times the \
+                     speed of the best other one",
                     name(best, "leaf_size")
                 ),
             ),
@@ -86,8 +87,8 @@ fn judge_leaf_size(found: &Measured) -> Result<Findings> {
 pub const DEPTH: Study = Study {
     name: "depth",
     title: "Depth of the tree, and one huge plane",
-    claim: "Thesis, graph 5.2 (section 5.5.2): with scenes of about 700 triangles a plane of 2 huge triangles ruins the median kd-tree, which may \
-            then be slower than brute force.",
+    claim: "Thesis, graph 5.2 (section 5.5.2): with scenes of about 700 triangles a plane of 2 huge triangles ruins \
+            the median kd-tree, which may then be slower than brute force.",
     own_shapes: None,
     source: include_str!("trees.rs"),
     measure: depth,
@@ -156,7 +157,8 @@ fn judge_depth(found: &Measured) -> Result<Findings> {
             (Some(of_its_own), Some(of_brute)) => verdict.say(
                 of_brute.below(1.0),
                 format!(
-                    "{scene}: the best median tree has {of_its_own} of its speed when the plane is there, {of_brute:.1} times that of brute force"
+                    "{scene}: the best median tree has {of_its_own} of its speed when the plane is there, \
+                     {of_brute:.1} times that of brute force"
                 ),
             ),
             _ => verdict.leave_open(format!("{scene}: not measured with and without a plane")),
@@ -175,8 +177,8 @@ fn judge_depth(found: &Measured) -> Result<Findings> {
 pub const TRIANGLES: Study = Study {
     name: "triangles",
     title: "Time by the number of triangles",
-    claim: "Thesis, graph 5.3 (section 5.6.2): at 70,000 triangles a kd-tree is over 20 times as fast as brute force, at some hundred no faster; \
-            and the time of a ray in a tree grows with the logarithm of the triangles.",
+    claim: "Thesis, graph 5.3 (section 5.6.2): at 70,000 triangles a kd-tree is over 20 times as fast as brute force, \
+            at some hundred no faster; and the time of a ray in a tree grows with the logarithm of the triangles.",
     own_shapes: None,
     source: include_str!("trees.rs"),
     measure: triangles,
@@ -275,8 +277,8 @@ fn growth(table: &Table, verdict: &mut Verdict) {
 pub const SPLIT_RULE: Study = Study {
     name: "split-rule",
     title: "Where a kd-tree is split",
-    claim: "Thesis, section 5.5: the probability that a ray hits a cell is its share of the VOLUME; children that are nearly alike (within 5 %) end \
-            the division. The law is surface area (MacDonald and Booth 1990). The claim \
+    claim: "Thesis, section 5.5: the probability that a ray hits a cell is its share of the VOLUME; children that are \
+            nearly alike (within 5 %) end the division. The law is surface area (MacDonald and Booth 1990). The claim \
             tested: trees by volumes are as fast, within 5 %, as trees by areas.",
     own_shapes: None,
     source: include_str!("trees.rs"),
@@ -324,7 +326,8 @@ fn judge_split_rule(found: &Measured) -> Result<Findings> {
             Compared::Ratio(ratio) => verdict.say(
                 ratio.above(0.95),
                 format!(
-                    "{scene}: trees by volumes have {ratio} of the speed of trees by areas, at {} of their expected cost",
+                    "{scene}: trees by volumes have {ratio} of the speed of trees by areas, at {} of their expected \
+                     cost",
                     told_cost(&table, &scene)?
                 ),
             ),
@@ -379,8 +382,8 @@ fn lower(title: &str) -> String {
 pub const TRAVERSAL: Study = Study {
     name: "traversal",
     title: "How rays find their way through a kd-tree",
-    claim: "Thesis, section 5.6.1: a short stack is about twice as fast as restarts; ropes take over 3 times the memory for fewer steps, perhaps more \
-            accesses to memory.",
+    claim: "Thesis, section 5.6.1: a short stack is about twice as fast as restarts; ropes take over 3 times the \
+            memory for fewer steps, perhaps more accesses to memory.",
     own_shapes: None,
     source: include_str!("trees.rs"),
     measure: traversal,
@@ -442,8 +445,11 @@ fn judge_traversal(found: &Measured) -> Result<Findings> {
         let outcomes = [is_twice, count(memory.map(|memory| memory > 3.0)), count(steps.map(|steps| steps < 1.0))];
         verdict.outcomes.push(Outcome::all(outcomes));
         verdict.add(format!(
-            "{scene}: short stacks have {} times the speed of restarts; ropes take {} times the memory and {} of the steps of a full stack",
-            told(short.as_ref()), text(memory), text(steps)
+            "{scene}: short stacks have {} times the speed of restarts; ropes take {} times the memory and {} of the \
+             steps of a full stack",
+            told(short.as_ref()),
+            text(memory),
+            text(steps)
         ));
     }
     bars_of(table, verdict, TRAVERSAL_TITLE, "kd-tree by surface areas, exact hits")
@@ -465,7 +471,8 @@ fn short_stacks(table: &Table, scene: &str, sizes: &[String]) -> Result<Option<R
 pub const BOUNDING_VOLUMES: Study = Study {
     name: "bounding-volumes",
     title: "Bounding volumes",
-    claim: "Thesis, section 2.2.2: bounding volumes make tracing over 10 times as fast, and the sphere is the cheapest to test.",
+    claim: "Thesis, section 2.2.2: bounding volumes make tracing over 10 times as fast, and the sphere is the cheapest \
+            to test.",
     own_shapes: None,
     source: include_str!("trees.rs"),
     measure: bounding_volumes,
@@ -619,8 +626,8 @@ mod tests {
         assert_eq!(holds.outcome, Outcome::Holds);
         assert_eq!(
             holds.verdict,
-            "500 triangles: the kd-tree has 1.5 [1.5, 1.5] times the speed of brute force; 40000 triangles: the kd-tree has 25.0 \
-             [25.0, 25.0] times the speed of brute force."
+            "500 triangles: the kd-tree has 1.5 [1.5, 1.5] times the speed of brute force; 40000 triangles: the \
+             kd-tree has 25.0 [25.0, 25.0] times the speed of brute force."
         );
         assert_eq!(found(&TRIANGLES, rows(15.0)).outcome, Outcome::Fails);
         let grown = with_columns(rays(&[("a", "kd", 10.0)]), |_| row([("triangles", json!(100))]));
@@ -660,9 +667,8 @@ mod tests {
         assert!(published.verdict.contains("were not measured"), "{}", published.verdict);
         assert_eq!(
             published.notes,
-            [
-                "'median' and 'median, similar children 5 %' did the same work for every ray: between them nothing was compared."
-            ]
+            ["'median' and 'median, similar children 5 %' did the same work for every ray: between them nothing was \
+              compared."]
         );
         let rows = [("s", "median", 4.0), ("s", ANY_CHILDREN, 4.1), ("s", "sah", 10.0), ("s", "volume", 9.8)];
         let alike = found(&SPLIT_RULE, with_columns(rays(&rows), same));
