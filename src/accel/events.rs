@@ -149,7 +149,7 @@ impl EventNode {
         // Step 3: pass the old events on in their order; step 4: merge the new ones in.
         let axes = self.events.into_iter().zip(left.events.iter_mut().zip(&mut right.events));
         let distribute = |(events, (left, right)): (_, (&mut AxisEvents, &mut AxisEvents))| {
-            (left.old, right.old) = pass_on(events, &places);
+            (left.old, right.old) = pass_on(events, &places, right.count);
             left.merge();
             right.merge();
         };
@@ -163,9 +163,9 @@ impl EventNode {
 }
 
 /// Distributes events without a branch on the side, which would be a coin toss on two of the three axes. Those of the
-/// left side take the place of all.
-fn pass_on(mut events: Vec<Event>, places: &[u32]) -> (Vec<Event>, Vec<Event>) {
-    let mut right = vec![0; events.len() + 1];
+/// left side take the place of all; there are `of_right` others, with those that are to be merged in.
+fn pass_on(mut events: Vec<Event>, places: &[u32], of_right: usize) -> (Vec<Event>, Vec<Event>) {
+    let mut right = vec![0; of_right + 1];
     let (mut left_count, mut right_count) = (0, 0);
     for number in 0..events.len() {
         let event = events[number];
@@ -187,6 +187,8 @@ fn pass_on(mut events: Vec<Event>, places: &[u32]) -> (Vec<Event>, Vec<Event>) {
 struct AxisEvents {
     old: Vec<Event>,
     new: Vec<Event>,
+    /// How many there are of both.
+    count: usize,
 }
 
 impl AxisEvents {
@@ -219,6 +221,9 @@ impl Child {
 
     /// Adds a reference and tells its number.
     fn push(&mut self, reference: Reference) -> usize {
+        for (axis, events) in self.events.iter_mut().enumerate() {
+            events.count += if reference.low[axis] == reference.high[axis] { 1 } else { 2 };
+        }
         self.references.push(reference);
         self.references.len() - 1
     }
@@ -255,7 +260,7 @@ mod tests {
 
     #[test]
     fn merging_keeps_the_order() {
-        let mut events = AxisEvents { old: vec![2, 4, 6, 8], new: vec![9, 1, 5] };
+        let mut events = AxisEvents { old: vec![2, 4, 6, 8], new: vec![9, 1, 5], count: 7 };
         events.merge();
         assert_eq!(events.old, [1, 2, 4, 5, 6, 8, 9]);
     }
