@@ -6,17 +6,9 @@ use raybrook::{Ray, Result, Scene, Tracer};
 
 fn main() -> Result<()> {
     // A pyramid on a floor; no file, no types of this library.
-    let positions = [
-        [-4.0, 0.0, -4.0],
-        [4.0, 0.0, -4.0],
-        [4.0, 0.0, 4.0],
-        [-4.0, 0.0, 4.0],
-        [-2.0, 0.0, 0.0],
-        [2.0, 0.0, 0.0],
-        [0.0, 0.0, 2.0],
-        [0.0, 3.0, 0.0],
-        [0.0, 0.0, -2.0],
-    ];
+    let floor = [[-4.0, 0.0, -4.0], [4.0, 0.0, -4.0], [4.0, 0.0, 4.0], [-4.0, 0.0, 4.0]];
+    let pyramid = [[-2.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 3.0, 0.0], [0.0, 0.0, -2.0]];
+    let positions = [&floor[..], &pyramid].concat();
     let triangles = [[0, 2, 1], [0, 3, 2], [4, 6, 7], [6, 5, 7], [5, 8, 7], [8, 4, 7]];
     let mut tracer = Tracer::new(&Scene::from_mesh(&positions, &triangles)?)?;
 
@@ -25,14 +17,12 @@ fn main() -> Result<()> {
     let down: Vec<Ray> =
         (0..side * side).map(|i| Ray::new([place(i % side), 10.0, place(i / side)], [0.0, -1.0, 0.0])).collect();
     let hits = tracer.closest_hits(&down)?;
-
-    // A shadow ray starts at each hit, a little above it, and goes on to infinity.
     let height = |i: usize| hits[i].map_or(0.0, |hit| 10.0 - hit.t);
-    let to_sun: Vec<Ray> = down
-        .iter()
-        .enumerate()
-        .map(|(i, ray)| Ray::new([ray.origin[0], height(i) + 1e-3, ray.origin[2]], [1.0, 0.8, 0.3]))
-        .collect();
+
+    // A shadow ray starts at each hit and goes on to infinity. t is rounded once, by 4 EPSILON at most as it is below
+    // 16, and the start once more, by 1 EPSILON as it is below 4: with 10 of them it is above its triangle for sure.
+    let start = |i: usize| [down[i].origin[0], height(i) + 10.0 * f32::EPSILON, down[i].origin[2]];
+    let to_sun: Vec<Ray> = (0..down.len()).map(|i| Ray::new(start(i), [1.0, 0.8, 0.3])).collect();
     let is_dark = tracer.any_hits(&to_sun)?;
     for row in 0..side {
         let symbol = |i: usize| if is_dark[i] { '#' } else { ['.', '-', '=', '+'][height(i).round() as usize] };

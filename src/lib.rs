@@ -1,12 +1,15 @@
 //! An exact and fast ray tracer for triangle scenes, on any OpenCL device.
 //!
+//! A ray tracer finds which triangle a ray (an origin and a direction) meets first. Pictures, visibility and distances
+//! are made of such answers.
+//!
 //! From a file to a picture:
 //!
 //! ```no_run
 //! use raybrook::{Scene, Tracer, View};
 //!
 //! let scene = Scene::load("bunny.obj")?; // .toml, .obj, .ply, .stl, .gltf, .glb, .off, .3mf or .nff
-//! let mut tracer = Tracer::new(&scene)?; // the fastest device, the fastest exact method
+//! let mut tracer = Tracer::new(&scene)?; // the fastest device and method; exact: see below
 //! tracer.render(&View::new(640, 480))?.save("bunny.png")?;
 //! # Ok::<(), raybrook::Error>(())
 //! ```
@@ -37,14 +40,15 @@
 //!
 //! # What exact means
 //!
-//! A ray and a triangle are float32 numbers. Whether they meet, and which of two triangles is the nearer, are questions
-//! with one right answer, and that is the one that is given: float32 arithmetic with derived bounds of its errors
-//! decides what it can, exact integers decide the rest. No ray slips through an edge that two triangles share. t, u and
-//! v are the exact values, rounded once. So the hits are the same, to the bit, on every device and by every structure.
+//! Rays and triangles are float32 numbers. Whether a ray hits a triangle, and which of two hits is nearer, has one
+//! right answer, and you get it. Fast float32 arithmetic with derived error bounds decides the clear cases; exact
+//! integer arithmetic decides the close ones. No ray slips through an edge that two triangles share. t, u and v are the
+//! exact values, rounded once. So the hits are the same, to the bit, on every device and by every structure.
 //! [`Precision::Fast`] gives that up for a plain float32 test.
 //!
-//! Every kernel has a scalar twin in Rust, the reference, which repeats its arithmetic operation for operation, and
-//! which traces where there is no OpenCL device.
+//! A *kernel* is code that runs on the device. Each has a *twin*: a plain Rust function that does the same operations
+//! in the same order. The twins together are the *reference*: tests compare kernels with it, and it traces where there
+//! is no OpenCL device.
 //!
 //! # What can be chosen
 //!
@@ -58,8 +62,8 @@
 //! | [`precision`](TracerBuilder::precision) | [`Precision::Exact`], [`Precision::Fast`] | exact |
 //! | [`progress`](TracerBuilder::progress) | a function | none |
 //! | [`stop`](TracerBuilder::stop) | a flag that stops calls | none |
-//! | [`fall_back`](TracerBuilder::fall_back) | whether the reference goes on where a device is lost | no |
-//! | [`memory_limit`](TracerBuilder::memory_limit) | bytes | nine tenths of what is left |
+//! | [`fall_back`](TracerBuilder::fall_back) | whether to continue on the processor, by the reference, if the device fails | no |
+//! | [`memory_limit`](TracerBuilder::memory_limit) | bytes | 90 % of the free memory |
 //! | [`cache`](TracerBuilder::cache), [`cache_folder`](TracerBuilder::cache_folder) | whether and where compiled kernels are kept | the user's cache |
 //!
 //! # How the code is arranged
@@ -83,14 +87,14 @@
 //! | [`pack`](low_level::pack) | scene and structure as flat arrays in tracing space, for kernels and twin alike |
 //! | [`device`](low_level::device) | OpenCL: list, choose, compile, upload, launch |
 //! | [`mod@reference`](low_level::reference) | the scalar twin, and an oracle in f64 with a hierarchy of its own |
-//! | [`tracer`](low_level::tracer), [`renderer`](low_level::renderer) | the interface of device and reference; from a scene to one that is ready |
+//! | [`tracer`](low_level::tracer), [`renderer`](low_level::renderer) | the common interface of device and reference; opens one of them for a scene |
 //! | [`crossings`](low_level::crossings), [`closest`](low_level::closest), [`winding`](low_level::winding) | crossings of surfaces, points inside; closest points and distances; winding numbers |
-//! | [`extreme`](low_level::extreme) | rays whose numbers tracing space cannot hold |
+//! | [`extreme`](low_level::extreme) | rays with extremely large or small numbers |
 //! | [`adaptive`](low_level::adaptive), [`features`](low_level::features) | pictures of bounded error; what a scene needs of the kernels that shade |
 //! | [`options`](low_level::options) | what can be chosen, and what goes together |
-//! | [`choose`](low_level::choose) | what is taken where nothing is asked for, and why: by a model, or by what was measured |
+//! | [`choose`](low_level::choose) | automatic choices and their reasons: by a model, or by what was measured |
 //! | [`budget`](low_level::budget), [`parallel`](low_level::parallel) | how much memory may be taken; loops on all cores |
-//! | [`layers`](low_level::layers), [`planes`](low_level::planes), [`animation`](low_level::animation) | what a picture knows beside light, and its files; pictures one after the other |
+//! | [`layers`](low_level::layers), [`planes`](low_level::planes), [`animation`](low_level::animation) | depth, normals and other data of each pixel, and their files; pictures one after the other |
 //! | [`film`](low_level::film), [`output`](low_level::output), [`rays`](low_level::rays) | files of pictures and rays |
 //! | [`several`](low_level::several) | work by several devices at once |
 //! | [`runs`](low_level::runs), [`journal`](low_level::journal) | batches of rays in runs; files that long work is kept in |
@@ -103,9 +107,10 @@
 //! * Traversal never reads shading data. Kernels reach the scene's arrays only through the macros of `cl/memory/`.
 //! * `cl/shared/compiler.cl` comes before every program: no compiler may regroup, fuse or assume away anything,
 //!   whatever its options.
-//! * No recursion on the device; no built-in of free rounding (`dot`, `normalize`, `pow`, …) in `cl/`.
-//! * No absolute epsilon anywhere, `cl/intersect/thesis.cl` apart, which shows why: bounds are derived, and live in
-//!   `cl/shared/ray.cl`, `cl/shared/slab.cl` and the files of exact hits.
+//! * No recursion on the device; in `cl/` no built-in whose rounding OpenCL leaves open (`dot`, `normalize`, `pow`, …).
+//! * No fixed tolerance anywhere but in `cl/intersect/thesis.cl`, which is kept to show why. Error bounds are derived,
+//!   in `cl/shared/ray.cl`, `cl/shared/slab.cl` and the files of exact hits; `src/bounds.rs` has the values of those
+//!   that builders and kernels share.
 //! * A hit does not depend on the order in which triangles are tested: at the same t the lower triangle number wins.
 //!
 //! The project grew out of J. Dvořák, *Streaming Raytracer na GPU*, master's thesis, FIT VUT Brno 2008: a kd-tree, one

@@ -73,8 +73,8 @@ impl View {
     }
 
     /// Which way is up, a direction of any length. Where neither view nor scene says it, z is up in `.stl` and `.3mf`
-    /// files, y in scene files and glTF, and in others what the program that wrote the file, or the model's shape, tells
-    /// for sure: else y.
+    /// files, y in scene files and glTF, and in others what the program that wrote the file, or the model's shape,
+    /// tells for sure: else y.
     #[must_use]
     pub fn up(self, up: [f32; 3]) -> View {
         View { aim: Aim { up: Some(up.into()), ..self.aim }, ..self }
@@ -113,7 +113,8 @@ impl View {
     }
 
     /// Only a part of the picture: `width` x `height` pixels from column `x` and row `y` on, with the bits that the
-    /// whole picture has there. With [`View::samples`] nothing else is rendered; with an error all of it is.
+    /// whole picture has there. With [`View::samples`] only the part is rendered, with an error the blocks that have
+    /// pixels in it.
     #[must_use]
     pub fn crop(self, x: u32, y: u32, width: u32, height: u32) -> View {
         View { crop: Some(Crop { place: (x, y), size: (width, height) }), ..self }

@@ -79,7 +79,7 @@ impl ImageFormat {
             Some("pfm") => Ok(ImageFormat::Pfm),
             _ => {
                 let message = format!("the name '{}' must end in .png, .exr or .pfm", path.display());
-                Err(Error::option("-o", message))
+                Err(Error::option("output", message))
             }
         }
     }
@@ -507,7 +507,7 @@ mod tests {
         for name in ["a.jpg", "png", "a.", ".png", "a"] {
             let path = folder.path().join(name);
             for error in [check_output(&path, None).unwrap_err(), sample().write(&path, None).unwrap_err()] {
-                assert!(matches!(&error, Error::Option { option, .. } if option == "-o"), "{name}: {error:?}");
+                assert!(matches!(&error, Error::Option { option, .. } if option == "output"), "{name}: {error:?}");
                 assert_eq!(error.exit_code(), 2);
             }
         }

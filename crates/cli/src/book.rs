@@ -36,16 +36,23 @@ fn signature(argument: &Arg) -> String {
     }
 }
 
-/// What the help says, in one line; names of values in lines of their own.
+/// What the help says: its paragraphs in one line, and the items of its list in lines of their own. Paragraphs have an
+/// empty line between them; lines that follow the first one of a paragraph are items, `name: what it is`.
 fn text(argument: &Arg) -> String {
     let help = argument.get_long_help().or_else(|| argument.get_help()).map(ToString::to_string).unwrap_or_default();
-    let is_value = |line: &&str| line.split_once(": ").is_some_and(|(name, _)| !name.contains(' '));
-    let (values, words): (Vec<_>, Vec<_>) = help.lines().filter(|line| !line.is_empty()).partition(is_value);
-    let mut text = words.join(" ").replace('|', "\\|").replace('<', "&lt;");
-    for (name, about) in values.iter().filter_map(|line| line.split_once(": ")) {
-        write!(text, "\n  - `{name}`: {about}").unwrap();
+    let paragraphs = help.replace('<', "&lt;");
+    let (mut words, mut items) = (Vec::new(), String::new());
+    for paragraph in paragraphs.split("\n\n") {
+        let mut lines = paragraph.lines();
+        words.extend(lines.next());
+        for line in lines {
+            let (name, about) = line.split_once(": ").expect("an item: its name, and what it is");
+            let is_value = argument.get_possible_values().iter().any(|value| value.get_name() == name);
+            let tick = if is_value { "`" } else { "" };
+            write!(items, "\n  - {tick}{name}{tick}: {about}").unwrap();
+        }
     }
-    text
+    words.join(" ") + &items
 }
 
 fn arguments(command: &Command) -> impl Iterator<Item = &Arg> {
@@ -112,7 +119,7 @@ fn the_page_of_options_is_fresh() {
     if std::env::var_os("UPDATE").is_some() {
         std::fs::write(&path, format!("{before}{BEGIN}{new}{END}{after}")).unwrap();
     } else {
-        assert!(old == new, "{PAGE} is stale: run `UPDATE=1 cargo test --workspace --bins the_page`");
+        assert!(old == new, "{PAGE} is stale: run `UPDATE=1 cargo test -p raybrook-cli`");
     }
 }
 

@@ -12,7 +12,7 @@ use raybrook::low_level::tracer::Spent;
 
 #[derive(clap::Args)]
 pub struct ExplainArgs {
-    /// Tell what was chosen, and why.
+    /// Print the automatic choices and their reasons.
     ///
     /// On standard error: structure, packet size, triangle test, numbers of the build, features of the kernels,
     /// work-group size, and of pictures the camera; given on the command line, by the scene, tuned for the device by

@@ -77,16 +77,19 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 const AFTER_HELP: &str = "\
-Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different ones; 2 wrong option or argument; 3 the scene or another input is \
-missing or wrong, or takes more memory than there is; 4 no such device, or the device failed, or the picture takes more memory than there is; 5 an output could not be \
-written; 124 --time-limit or --deadline was met, and the same command goes on; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
+Exit codes: 0 done; 1 `check` found a difference above its tolerance, `stress` a wrong answer, or `tune` different \
+answers; 2 wrong option or argument; 3 the scene or another input is missing or wrong, or takes more memory than there \
+is; 4 no such device, or the device failed, or the picture takes more memory than there is; 5 an output could not be \
+written; 124 --time-limit or --deadline was met, and the same command goes on; 129, 130, 143 stopped by SIGHUP, \
+SIGINT, SIGTERM.
 
-Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of what `tune` found (default: \
-$XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they may take (default: 512; those not used for \
-longest are removed first, 0 keeps nothing); RAYBROOK_DRIVER_LIMIT how many seconds a call of the device's driver may take (default: 30 for \
-a release, 600 and more for others; 0 waits for ever); NO_COLOR switches colours off.";
+Environment: RAYBROOK_DEVICE sets the default of --device; RAYBROOK_CACHE_DIR the folder of compiled kernels and of \
+what `tune` found (default: $XDG_CACHE_HOME/raybrook or ~/.cache/raybrook), RAYBROOK_CACHE_MB how many megabytes they \
+may take (default: 512; those not used for longest are removed first, 0 keeps nothing); RAYBROOK_DRIVER_LIMIT how many \
+seconds a call of the device's driver may take (default: 30 for a release, 600 and more for others; 0 waits for ever); \
+NO_COLOR switches colours off.";
 
-/// Fast and right ray tracing of triangle scenes on any OpenCL device, checked against a scalar reference.
+/// Fast and exact ray tracing of triangle scenes on graphics cards and processors.
 #[derive(Parser)]
 #[command(name = "raybrook", version, about, after_help = AFTER_HELP)]
 struct Cli {
@@ -137,13 +140,13 @@ enum Command {
     Inside(inside::InsideArgs),
     /// Find what of a scene is closest to the points of a NumPy .npz file, and how far it is.
     Distance(distance::DistanceArgs),
-    /// Render on a device and on the reference, and compare; or with --truth, have a judge compare.
+    /// Render on a device and on the reference, and compare; or with --truth, check the picture by independent code.
     Check(check::CheckArgs),
-    /// Tell what is in a scene and how its tree turns out.
+    /// Tell what is in a scene, and figures of its search structure.
     Info(info::InfoArgs),
     /// List the OpenCL devices, or what is missing to have one.
     Devices(devices::DevicesArgs),
-    /// List the interchangeable parts and what goes together with what.
+    /// List the parts of methods, and which of them cannot be combined.
     Methods(methods::MethodsArgs),
     /// Trace hard rays whose exact answers are known, and count the wrong ones.
     Stress(stress::StressArgs),
@@ -153,7 +156,8 @@ enum Command {
     /// Measure which structure and packet size are fastest on a device, and remember that for later runs. Closest hits
     /// and pictures stay the same, whatever is found.
     Tune(tune::TuneArgs),
-    /// Have a device's kernels compiled, so that later runs begin at once: at installation, or in a container's image.
+    /// Compile a device's kernels in advance, so that later runs begin at once: at installation, or in a container's
+    /// image.
     WarmUp(warm_up::WarmUpArgs),
     /// Print what a shell needs to complete commands and options.
     Completions(shell::CompletionsArgs),
@@ -167,14 +171,15 @@ const DEVICE_VARIABLE: &str = "RAYBROOK_DEVICE";
 /// Where to trace.
 #[derive(Args)]
 struct DeviceArgs {
-    /// gpu, cpu, reference (no OpenCL), or a number or part of a name of `raybrook devices` [default: the fastest].
+    /// Where to compute: gpu, cpu, reference (without OpenCL), or a number or part of a name from `raybrook devices`
+    /// [default: the fastest].
     ///
     /// The default is the fastest GPU, else a CPU, else the reference, which is scalar code on all cores. `render` and
     /// `trace` take several, such as 0,2 or gpu+cpu, or all, which is all GPUs where there are any: they share the
     /// work, and the bits are the same.
     #[arg(long, help_heading = heading::DEVICE, value_name = "DEVICE", env = DEVICE_VARIABLE, hide_env_values = true)]
     device: Option<String>,
-    /// Compile kernels anew, ignore what `raybrook tune` found, and keep nothing.
+    /// Neither read nor write the cache: compiled kernels, and what `raybrook tune` found.
     #[arg(long, help_heading = heading::DEVICE)]
     no_cache: bool,
     #[command(flatten)]
@@ -214,19 +219,21 @@ struct PictureArgs {
     /// Width and height in pixels [default: the scene's, else 1024x768].
     #[arg(long, help_heading = heading::PICTURE, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
-    /// Error that the picture may have, in steps of 8 bits [default: the scene's, else 1].
+    /// Allowed error (noise), in steps of 8-bit brightness, 0 to 255; smaller is better and slower [default: the
+    /// scene's, else 1].
     ///
     /// It is the root of the mean square, in steps of 8-bit sRGB. More samples go only where they lower it, up to 256 a
     /// pixel, and from 2 on some pixels are interpolated.
     #[arg(long, help_heading = heading::PICTURE, value_name = "E", conflicts_with = "samples")]
     error: Option<f32>,
-    /// Samples per pixel, in place of --error [default: as many as --error takes].
+    /// Samples per pixel, in place of --error [default: chosen by --error].
     ///
     /// They lie in a fixed pattern. `corners`: one ray through each corner, so that 513x513 rays lie around 512x512
     /// pixels.
     #[arg(long, help_heading = heading::PICTURE, value_name = "N|corners")]
     samples: Option<Samples>,
-    /// Longest chain of mirrored and refracted rays; 1: camera rays alone [default: the scene's, else 8].
+    /// Longest chain of rays through mirrors and glass, the camera ray counted; 1: none is mirrored or refracted
+    /// [default: the scene's, else 8].
     #[arg(long, help_heading = heading::PICTURE, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
     /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel,
@@ -272,10 +279,10 @@ struct SceneArgs {
 /// How much memory may be taken.
 #[derive(Args, Clone, Copy)]
 struct MemoryArgs {
-    /// Most memory to take, such as 8G or 512M [default: nine tenths of what is left].
+    /// Memory limit, such as 8G or 512M [default: 90 % of the free memory].
     ///
-    /// What would take the program to more is refused before it is taken. The default is nine tenths of what the
-    /// machine has available, its container has left, or ulimit leaves.
+    /// What would take the program to more is refused before it is taken. Free is what the machine has available, its
+    /// container has left, or ulimit leaves, whichever is least.
     #[arg(long, help_heading = heading::DEVICE, value_name = "SIZE", value_parser = parse_bytes)]
     memory_limit: Option<u64>,
 }

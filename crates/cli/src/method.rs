@@ -41,7 +41,7 @@ fn method() -> Arg {
     let names = [
         ("structure", StructureKind::names()),
         ("build of a kd-tree", Build::names()),
-        ("way through a kd-tree", Traversal::names()),
+        ("traversal of a kd-tree", Traversal::names()),
         ("triangle test", Intersector::names()),
     ];
     let lists: Vec<_> = names.iter().map(|(part, names)| format!("{part}: {names}")).collect();
@@ -52,10 +52,11 @@ fn method() -> Arg {
         .long(METHOD)
         .value_name("PARTS")
         .help_heading(Heading::Accuracy.name())
-        .help("Structure, traversal and triangle test, joined by '+', such as bvh8 or kd+ropes+plucker [default: auto]")
+        .help("How hits are found, such as bvh8; for experts: see `raybrook methods` [default: the fastest exact one]")
         .long_help(format!(
-            "Structure, traversal and triangle test, joined by '+' in any order, such as bvh8 or kd+ropes+plucker [default: what is \
-             fastest on the device, with exact hits]. What is left out is left to the program. `raybrook methods` explains the parts:\n{}",
+            "How hits are found: structure, build, traversal and triangle test, joined by '+' in any order, such as \
+             bvh8 or kd+ropes+plucker [default: the fastest on the device, with exact hits]. What is left out is left \
+             to the program. `raybrook methods` explains the parts:\n{}",
             lists.join("\n")
         ))
         .hide_possible_values(true)
@@ -67,10 +68,12 @@ fn precision() -> Arg {
         .long(PRECISION)
         .value_name("exact|fast")
         .help_heading(Heading::Accuracy.name())
-        .help("exact: hits as exact arithmetic has them; fast: the fastest float32 test, which loses some [default: exact]")
+        .help("exact: every hit is right; fast: rounding makes a few wrong [default: exact]")
         .long_help(
-            "exact: hits as exact arithmetic has them [default]; fast: the fastest float32 test, which loses some hits: \
-             moller-trumbore. On a CPU, where rays of both go in packets, fast is about as fast as exact",
+            "Whether every hit is right [default: exact]\n\
+             exact: Every hit is the one that exact arithmetic finds.\n\
+             fast: The fastest float32 test, moller-trumbore: rounding loses a few hits, and makes a few wrong. On a \
+             CPU, where rays of both go in packets, it is about as fast as exact.",
         )
         .conflicts_with(Intersector::OPTION)
         .hide_possible_values(true)
